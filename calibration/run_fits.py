@@ -22,7 +22,7 @@ import numpy as np
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.inference import fit_each
+from jblast.inference import Fit, fit_each
 from jblast.observations import read
 from jblast.observations.grouping import by_shot
 from jblast.report.world_files import run_world
@@ -51,7 +51,9 @@ def fits_of(seed: int, folder: Path, scene: Path) -> list[tuple[float, float, bo
     found = fit_each(by_shot(read(folder / "observations.csv")), scene_to_fit(scene))
     rows = []
     for shot, mass in truth.items():
-        one = found[shot].summary.estimates["charge_mass_kg"]
+        fit = found[shot]
+        assert isinstance(fit, Fit)
+        one = fit.summary.estimates["charge_mass_kg"]
         # the sd of ln(mass) from the interval, which is 2 x 1.645 sd wide
         sd = np.log(one.q95 / one.q05) / 3.29
         rows.append((np.log(one.value / mass) / sd, sd, one.q05 <= mass <= one.q95))

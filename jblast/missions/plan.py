@@ -303,13 +303,18 @@ def check_mission(scene: str | os.PathLike[str]) -> None:
     Raises:
         InputError: As in `read_plan`.
     """
-    try:
-        document = tomllib.loads(read_text(scene, "a scene in TOML"))
-        name = document["vehicle"]["mission"]
-    except (ValueError, RecursionError, KeyError, TypeError):
-        return
+    vehicle = tables_of(scene).get("vehicle")
+    name = vehicle.get("mission") if isinstance(vehicle, dict) else None
     if isinstance(name, str):
         read_plan(Path(scene).parent / name)
+
+
+def tables_of(scene: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the unchecked tables of a scene file; none if it is broken."""
+    try:
+        return tomllib.loads(read_text(scene, "a scene in TOML"))
+    except (ValueError, RecursionError):
+        return {}
 
 
 def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:

@@ -283,6 +283,11 @@ class WorldRun:
         """The sampled world."""
         return self.run.world
 
+    @property
+    def detected(self) -> Detections | None:
+        """Summary of the detections; None without detectors."""
+        return None if self.detections is None else _detections(self)
+
 
 def world_text(run: WorldRun) -> str:
     """Return the blasts, and a table of perception times by sense and blast."""
@@ -302,9 +307,9 @@ def world_text(run: WorldRun) -> str:
 
 def _detected_lines(run: WorldRun) -> list[str]:
     """Return the sentence on detections; none without detectors."""
-    if run.detections is None:
+    found = run.detected
+    if found is None:
         return []
-    found = _detections(run)
     words = (
         f"Detectors: {found.detected} detected, {found.missed} missed, "
         f"{found.false_alarms} false alarms"
@@ -389,7 +394,7 @@ def world_answer(run: WorldRun) -> WorldAnswer:
         mission=mission_answer(flown, scene=source, seed=seed)
         if isinstance(flown, MissionFlight)
         else None,
-        detections=None if run.detections is None else _detections(run),
+        detections=run.detected,
     )
 
 
