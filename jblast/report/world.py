@@ -286,7 +286,9 @@ class WorldRun:
     @property
     def detected(self) -> Detections | None:
         """Summary of the detections; None without detectors."""
-        return None if self.detections is None else _detections(self)
+        if self.detections is None:
+            return None
+        return summary_of(self.run, self.detections)
 
 
 def world_text(run: WorldRun) -> str:
@@ -398,15 +400,15 @@ def world_answer(run: WorldRun) -> WorldAnswer:
     )
 
 
-def _detections(run: WorldRun) -> Detections:
-    found = run.detections or ()
+def summary_of(run: Run, found: Sequence[RunDetection]) -> Detections:
+    """Return the summary of the detections of a run."""
     real = [one for one in found if one.shot]
     known = {(one.sensor, one.shot) for one in real}
     # sensors that are searched: those of the microphones, and the camera
     kinds = {s.name: s.kind for s in run.world.scene.sensors} | {CAMERA: CAMERA}
     sought = {
         (one.entity, one.shot)
-        for one in run.run.perceived
+        for one in run.perceived
         if (kinds.get(one.entity), one.sense) in SEARCHED
     }
     delays = sorted(one.latency_s for one in real)

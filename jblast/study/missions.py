@@ -568,7 +568,8 @@ def _once(
         ground_up_m=GROUND_UP_M,
         backend=options.backend,
     )
-    period, estimate, shown = jnp.asarray(step), None, flight.states
+    # after a divergence rows are NaN, which a state may not be: the last one stays
+    period, estimate, shown = jnp.asarray(step), None, _states(flight, 1)
     if instruments is not None:
         estimate = followed_along(controller, flight, period)
         shown = estimate.shown

@@ -8,6 +8,7 @@ tolerance. Otherwise it is a false alarm.
 """
 
 import math
+from collections import deque
 from collections.abc import Iterable, Sequence
 from functools import cache
 
@@ -34,6 +35,13 @@ few frames at 100 frames a second."""
 LEAST_RATE_HZ = 100.0
 """Smallest sampling rate of a searched microphone [Hz]: the longest pulses have nine
 samples within their positive phase."""
+KEPT_S = 2.0
+"""Time for which the numbers of saturated pixels are kept [s]: longer than the decision
+on a flash, 0.6 s at 100 frames a second.
+
+A fireball is far brighter than anything in daylight for which a camera is exposed. The
+edges of ground, sky and smoke before a fast moving camera are not: without this check
+they cause a false alarm every few seconds of a mission."""
 LIGHT = np.outer(LUMINANCE, srgb_to_linear(np.arange(256) / 255.0)).astype(np.float32)
 """Luminance of red, green and blue, each of 8 bits."""
 
@@ -80,6 +88,8 @@ class RunDetectors:
         self._ended: set[str] = set()
         self._eye: FlashWatch | None = None
         self._early: list[Frames] = []
+        # times of the last frames, and their numbers of saturated pixels
+        self._saturated: deque[tuple[float, int]] = deque()
         self._now_s = 0.0
 
     def take(self, packet: Packet) -> tuple[RunDetection, ...]:
@@ -141,6 +151,11 @@ class RunDetectors:
 
     def _looked(self, frames: Frames) -> tuple[Flash, ...]:
         """Search frames, as soon as two give their rate."""
+        for time, image in zip(frames.time_s, frames.images, strict=True):
+            count = np.count_nonzero(image[..., 0] == 255)
+            self._saturated.append((float(time), count))
+        while self._saturated and self._saturated[0][0] < self._now_s - KEPT_S:
+            self._saturated.popleft()
         self._early.append(frames)
         times = np.concatenate([part.time_s for part in self._early])
         if self._camera is None or (self._eye is None and times.size < 2):
@@ -161,12 +176,21 @@ class RunDetectors:
     def _seen(self, flashes: Iterable[Flash]) -> list[RunDetection]:
         if self._eye is not None:
             self.rejected += len(self._eye.rejected)
+        bright = [one for one in flashes if self._saturates(one.growth.time_s)]
         return [
             self._detection(
                 CAMERA, "flash", one.growth.time_s, one.growth.sigma_s, one.statistic
             )
-            for one in flashes
+            for one in bright
         ]
+
+    def _saturates(self, time_s: float) -> bool:
+        """Return whether more pixels are saturated after a time than before it."""
+        before, after = (
+            [n for time, n in self._saturated if begin <= time - time_s < end]
+            for begin, end in ((-0.1, -0.02), (-0.02, 0.1))
+        )
+        return max(after, default=0) > max(before, default=0)
 
     def _detection(
         self, sensor: str, kind: str, time_s: float, sigma_s: float, statistic: float

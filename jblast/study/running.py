@@ -79,6 +79,9 @@ from jblast.world.perceived import out_of_view
 AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
 """Duration after the last wave [s] without and with a vehicle, which needs time to
 recover."""
+LOST_M_S = 150.0
+"""Speed from which on a vehicle counts as lost [m/s]: multicopters fly at most half as
+fast, and at the speed of sound it would meet its blasts several times."""
 PACKET_S = 0.2
 """Duration of a packet [s]: 20 frames at 100 Hz, which are rendered together; the delay
 of a live view is hardly noticed."""
@@ -318,9 +321,10 @@ def prepare_run(
         estimator=estimator,
         controllers=controllers,
     )
-    flight, tracks = None, {}
+    flight, motion, tracks = None, None, {}
     if flown is not None:
-        flight = flight_of(flown)
+        flight = _until_lost(flight_of(flown))
+        motion = _motion_of(flown, flight)
         tracks = tracks_of(world.scene, flight)
     if arrivals is None or tracks:
         arrivals = arrivals_in(world, tracks)
@@ -342,7 +346,7 @@ def prepare_run(
         seconds,
         flown,
         flight,
-        None if flown is None else _motion_of(flown, seconds),
+        motion,
         tracks,
         arrivals,
         seen,
@@ -591,9 +595,20 @@ def resting(flight: Trajectory, seconds: float) -> Trajectory:
     return Trajectory(**columns, lost=flight.lost)
 
 
-def _motion_of(flown: Flights | MissionFlight, seconds: float) -> Motion:
+def _until_lost(flight: Trajectory) -> Trajectory:
+    """Return a flight whose rows are NaN from its loss on."""
+    fast = np.linalg.norm(flight.velocity_m_s, axis=-1) > LOST_M_S
+    lost = jnp.asarray(np.logical_or.accumulate(fast))[:, None]
+    columns = {
+        name: jnp.where(lost, jnp.nan, getattr(flight, name))
+        for name in flight.__dataclass_fields__
+        if name not in ("time_s", "lost")
+    }
+    return replace(flight, **columns)
+
+
+def _motion_of(flown: Flights | MissionFlight, flight: Trajectory) -> Motion:
     """Return the rows of a flight, up to its loss."""
-    flight = flight_of(flown)
     if isinstance(flown, MissionFlight):
         aim = np.asarray(flown.guided.set_point_m)
         error, followed = flown.path_error_m, flown.followed
@@ -603,7 +618,6 @@ def _motion_of(flown: Flights | MissionFlight, seconds: float) -> Motion:
         followed = next(iter(flown.holds.values())).followed
     place = flight.position_m if followed is None else followed.shown.position_m
     known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
-    known &= np.asarray(flight.time_s) < seconds
     columns = [getattr(flight, name) for name in Motion._fields[:8]]
     return Motion(*(np.asarray(x)[known] for x in (*columns, aim, error, place)))
 
