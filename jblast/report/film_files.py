@@ -18,13 +18,14 @@ from typing import Literal, NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from jblast.errors import InputError, argument
-from jblast.files import refuse_existing, writing
+from jblast.files import refuse_existing, replacing, writing
 from jblast.progress import counted, stages
-from jblast.report.contact_sheet import sheet_frames, time_label, write_contact_sheet
+from jblast.report.figure_style import INK
 from jblast.report.film import FilmEvents, FilmFiles
-from jblast.sensors.camera.events.ideal import Events, frame_differences, grey_bytes
+from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.events.stream import stream_events
@@ -329,27 +330,6 @@ class FilmWriter:
         written = write_events(path, events, *size, duration_s=stop - start)
         return written, stamps
 
-    def write_frame_differences(self) -> tuple[Written, Stamps]:
-        """Write events from differences of frames, as the thesis does.
-
-        Each event may be one frame late.
-        """
-        film = self.film
-        start, stop = float(film.times[0]), float(film.times[-1])
-        greys = (
-            (float(time) - start, grey_bytes(frame))
-            for which, frames in film.frames()
-            for time, frame in zip(film.times[which], frames, strict=True)
-        )
-        size = film.camera.width, film.camera.height
-        written = write_events(
-            self.outputs.events,
-            frame_differences(greys),
-            *size,
-            duration_s=stop - start,
-        )
-        return written, Stamps(1.0 / self.outputs.video_hz, "of the frame")
-
     def _instants(self, threshold: float, light_error: float) -> Iterator[Block]:
         """Yield times from frame 0 on with grey light, and report progress."""
         start, stop = float(self.film.times[0]), float(self.film.times[-1])
@@ -382,3 +362,78 @@ class FilmWriter:
         write_contact_sheet(
             self.outputs.sheet, [self.shown[n] for n in numbers], labels
         )
+
+
+COLUMNS = 4
+ROWS = 3
+WIDTH = 320
+"""Width of a frame on the sheet [px]; frames are enlarged at most twice."""
+GAP = 12
+"""Space between frames [px]."""
+FONT_SIZE = 16
+"""Size of the labels [px]."""
+
+
+def sheet_frames(
+    times: Float[np.ndarray, " frame"], bursts: Sequence[float]
+) -> list[int]:
+    """Return the numbers of the frames to show.
+
+    These are the first frame, and frames whose times since the first visible burst
+    increase by equal factors: a fireball grows fast at first, then slowly.
+    """
+    most = COLUMNS * ROWS
+    last = len(times) - 1
+    after = [b for b in bursts if times[0] <= b <= times[last]]
+    first = int(np.searchsorted(times, min(after, default=times[0]), side="right"))
+    left = last - first + 1
+    if left < most:
+        later = np.arange(first, last + 1)
+    else:
+        steps = np.geomspace(1.0, left, most - 1)
+        # neighbours that round to one frame move up to the next free one
+        steps = np.maximum(np.rint(steps), np.arange(1, most))
+        later = first - 1 + steps.astype(int)
+    return sorted({0, *later.tolist()})[:most]
+
+
+def write_contact_sheet(
+    path: str | Path,
+    frames: Sequence[np.ndarray],
+    labels: Sequence[str],
+) -> None:
+    """Write frames of linear light, or of sRGB bytes, in rows, each above its label.
+
+    Args:
+        path: Output file; an existing one is replaced.
+        frames: Frames of one size, full scale 1.
+        labels: Label of each frame.
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = frames[0].shape[:2]
+    across = min(WIDTH, 2 * width)
+    size = across, max(1, round(height * across / width))
+    columns = min(COLUMNS, len(frames))
+    rows = math.ceil(len(frames) / columns)
+    cell = across + GAP, size[1] + GAP + FONT_SIZE + 6
+    sheet = Image.new("RGB", (columns * cell[0] + GAP, rows * cell[1] + GAP), "white")
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT_SIZE)
+    for k, (frame, label) in enumerate(zip(frames, labels, strict=True)):
+        x, y = GAP + k % columns * cell[0], GAP + k // columns * cell[1]
+        bytes_ = frame if frame.dtype == np.uint8 else srgb_bytes(frame)
+        picture = Image.fromarray(bytes_)
+        sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), (x, y))
+        draw.text((x, y + size[1] + 3), label, fill=INK, font=font)
+    with replacing(path) as temporary:
+        sheet.save(temporary, format="PNG")
+
+
+def time_label(time: float) -> str:
+    """Return a time with three digits and its unit: "1.5 ms"."""
+    size = abs(time)
+    if size >= 1.0:
+        return f"{time:.3g} s"
+    if size >= 1e-3:
+        return f"{1e3 * time:.3g} ms"
+    return f"{1e6 * time:.3g} \N{MICRO SIGN}s" if size > 0 else "0"

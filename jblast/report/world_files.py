@@ -1,7 +1,7 @@
 """Output files of `jblast world`: truth, perception, readings, flight, sound and film.
 
 `run_world` draws a world and writes one sense after another. Sensors with sampling
-options have their readings picked from their files (`world.picked_records`).
+options have their readings picked from their files (`world.picked`).
 """
 
 import contextlib
@@ -20,12 +20,13 @@ from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.observations.records.recording import Recording
 from jblast.progress import stages
-from jblast.report.contact_sheet import (
+from jblast.report.film_files import (
+    FilmOutputs,
+    cleared,
     sheet_frames,
     time_label,
     write_contact_sheet,
 )
-from jblast.report.film_files import FilmOutputs, cleared
 from jblast.report.fit.files import check_directory
 from jblast.report.flight_files import flight_csv, mission_csv
 from jblast.report.listen import (
@@ -66,7 +67,7 @@ from jblast.study.running import (
 )
 from jblast.waves.fireball import fireball_duration
 from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
-from jblast.world.picked_records import joined, picked_readings, sampled_sensors
+from jblast.world.picked import joined, picked_readings, sampled_sensors
 
 Item = TypeVar("Item")
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"

@@ -55,12 +55,12 @@ from jblast.signals.noise import (
     NoiseFollower,
     NoiseSpectrum,
     bin_variances,
+    checked_samples,
     noise_spectrum,
     white_noise,
     window_size,
 )
 from jblast.signals.pulse_fit import AFTER_S, BEFORE_S, LEVEL_S, PulseFit, PulseTest
-from jblast.signals.samples import checked_samples
 from jblast.signals.search import (
     CHAIN_S,
     MASKED_LENGTHS,

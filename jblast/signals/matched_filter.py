@@ -66,9 +66,11 @@ from jblast.errors import InputError, argument
 from jblast.signals.noise import (
     NoiseSpectrum,
     bin_variances,
+    checked_positive,
+    checked_samples,
+    checked_template,
     noise_spectrum as measured_spectrum,
 )
-from jblast.signals.samples import checked_positive, checked_samples, checked_template
 
 RELATIVE_RESIDUAL = 1e-8
 """Relative residual of a solution. Its error changes the signal-to-noise ratio by the

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError, argument
-from jblast.signals.samples import checked_positive, checked_samples
+from jblast.signals.noise import checked_positive, checked_samples
 
 SHORT_S = 0.005
 """Default of the short window [s], a convention: the order of the positive phase of

@@ -35,8 +35,13 @@ from jblast.signals.matched_filter import (
     matched_kernel,
     threshold_for,
 )
-from jblast.signals.noise import NoiseSpectrum, noise_spectrum as measured_spectrum
-from jblast.signals.samples import checked_positive, checked_samples, checked_template
+from jblast.signals.noise import (
+    NoiseSpectrum,
+    checked_positive,
+    checked_samples,
+    checked_template,
+    noise_spectrum as measured_spectrum,
+)
 
 LONGEST_S = 60.0
 """Longest duration of a template [s]: that of a nuclear blast; its samples and the

@@ -13,11 +13,6 @@ from jblast.world.drawn import (
     with_nevers as with_nevers,
     world_key as world_key,
 )
-from jblast.world.imus import (
-    ImuRecord as ImuRecord,
-    imu_records as imu_records,
-    picked_jolts as picked_jolts,
-)
 from jblast.world.perceived import (
     Arrivals as Arrivals,
     Perceived as Perceived,
@@ -25,6 +20,11 @@ from jblast.world.perceived import (
     arrivals_of as arrivals_of,
     perceived as perceived,
     readings_of as readings_of,
+)
+from jblast.world.picked import (
+    ImuRecord as ImuRecord,
+    imu_records as imu_records,
+    picked_jolts as picked_jolts,
 )
 from jblast.world.presets import (
     PRESETS as PRESETS,

@@ -64,7 +64,7 @@ from jblast.signals.flash.watch import (
     stays_for,
 )
 from jblast.signals.matched_filter import HOUR_S
-from jblast.signals.samples import checked_positive
+from jblast.signals.noise import checked_positive
 
 TUNED_RATE_HZ = 1000.0
 """Frame rate for which the test is tuned [Hz]."""

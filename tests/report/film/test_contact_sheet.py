@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from jblast.report.contact_sheet import (
+from jblast.report.film_files import (
     sheet_frames,
     time_label,
     write_contact_sheet,
