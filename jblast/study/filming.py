@@ -21,7 +21,6 @@ from jblast.sensors.camera.files.recordings import (
     MovingBackground,
     read_camera_path,
 )
-from jblast.world import scene_to_run
 
 if TYPE_CHECKING:
     from jblast.scene import Scene, UncertainScene
@@ -108,6 +107,7 @@ def film_of(
     import jax
 
     from jblast.sensors.camera.film import Film
+    from jblast.study.running import scene_to_run
 
     source, options = os.fspath(scene_file), options or FilmOptions()
     uncertain = scene_to_run(source, seed=options.seed)

@@ -70,7 +70,6 @@ from jblast.world import (
     perceived,
     preset_named,
     read_world_by,
-    scene_to_run,
     tracks_of,
     with_nevers,
 )
@@ -358,6 +357,30 @@ def prepare_run(
         notes,
         uncertain.place,
     )
+
+
+def scene_to_run(
+    path: str | os.PathLike[str], *, seconds: float | None = None, seed: int = 0
+) -> UncertainScene:
+    """Read a scene for a simulation; random blasts are sampled as by `jblast world`.
+
+    Args:
+        path: Scene file; without [charge] its blast never detonates.
+        seconds: End of the world [s].
+        seed: Seed of random blasts.
+
+    Returns:
+        The scene; with random blasts all of its priors are sampled too.
+
+    Raises:
+        InputError: As in `read_scene` and `draw_world`.
+    """
+    uncertain, world = read_scene_or_world(path, needs_charge=False)
+    if world is None:
+        return uncertain
+    until = math.inf if seconds is None else seconds
+    drawn = draw_world(uncertain, world, seed, until_s=until)
+    return replace(uncertain, scene=drawn.scene, beliefs={})
 
 
 @kept_between_runs()

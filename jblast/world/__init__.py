@@ -8,7 +8,6 @@ from jblast.world.drawn import (
     draw_world as draw_world,
     scene_of_one_blast as scene_of_one_blast,
     scene_to_fit as scene_to_fit,
-    scene_to_run as scene_to_run,
     tracks_of as tracks_of,
     with_nevers as with_nevers,
     world_key as world_key,

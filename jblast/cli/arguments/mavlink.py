@@ -44,8 +44,8 @@ from jblast.study.missions import (
     home_of,
     standing_record,
 )
+from jblast.study.running import scene_to_run
 from jblast.vehicle import vehicle_of
-from jblast.world import scene_to_run
 
 AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
 """Default ports, by convention of PX4's simulators and of ground stations."""

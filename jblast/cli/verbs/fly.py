@@ -161,8 +161,7 @@ def run(options: argparse.Namespace) -> int:
         check_directory(options.out, options.force, "the flight")
     check_logs(options)
     from jblast.study.missions import MissionFlight
-    from jblast.study.running import fly_scene, has_mission
-    from jblast.world import scene_to_run
+    from jblast.study.running import fly_scene, has_mission, scene_to_run
 
     uncertain = scene_to_run(options.scene, seconds=options.seconds, seed=options.seed)
     # Before the flight, which may take minutes with many vehicles.
