@@ -25,7 +25,8 @@ An exactly silent beginning has no noise. The density is therefore at least that
 white noise of a given level; sound above it is learnt when it begins.
 
 An arrival is reported when no louder one can follow within the longest pulse, of which
-the filter needs all samples: after twice the longest pulse and up to two blocks.
+the filter needs all samples: after twice the longest pulse and up to a block, or when
+the noise is learnt. Packets add their own length.
 """
 
 import math
@@ -73,8 +74,8 @@ from jblast.signals.search import (
 )
 
 LEARN_S = 1.0
-"""First part of a stream, in which the noise is learnt [s]: ten windows in the mean,
-with which the threshold of long pulses is a third higher."""
+"""First part of a stream, in which the noise is learnt [s]: its median is worth the mean
+of ten windows, with which the threshold of long pulses is half as high again."""
 MEDIAN_SHARE = 0.48
 """Variance of the mean of exponential variables over that of their scaled median: the
 share of the time that a median is worth."""
@@ -83,11 +84,13 @@ REFINED = 3.0
 again, until `MEMORY_S` is reached."""
 DRIFT = 0.1
 """Relative change of an output's standard deviation at which filters are computed again
-later. The rate of false alarms then is up to 50 times or a fiftieth of the requested
+later. The rate of false alarms is then up to 30 times or a fortieth of the requested
 one; at once the threshold in the noise just before an arrival corrects it."""
 LEAST_NOISE = 20e-6
 """Smallest standard deviation of noise: the hearing threshold of 20 uPa for samples in
 pascals, two thirds of a step of 16 bits for samples of full scale 1."""
+RECORDED_NOISE = 1e-5
+"""The same over the standard deviation of a whole recording, in any unit."""
 MAX_WINDOWS = 4
 """Largest number of pulses whose models of the form test are stored, up to 20 MB each
 at 48 kHz."""
@@ -377,6 +380,7 @@ def search_bank_as_stream(
         front_samples=front_samples,
         any_form=any_form,
         noise=noise,
+        least_noise=RECORDED_NOISE * float(np.std(channel.samples)),
     )
     found, rejected, outputs = [], [], []
     step = max(round(channel.rate_hz), 1)

@@ -175,9 +175,6 @@ class NoiseFollower:
 
     Attributes:
         offset: Mean of the samples.
-        quiet_s: Length of the noise in the mean [s].
-        unquiet_s: Length of sound since the last window without arrivals [s].
-        block: Number of samples of a block.
     """
 
     def __init__(self, rate_hz: float, offset: float):
@@ -188,7 +185,7 @@ class NoiseFollower:
             offset: Mean of the samples.
         """
         self._rate_hz, self._size = rate_hz, window_size(rate_hz)
-        self.offset, self.block = offset, 2 * self._size
+        self.offset = offset
         self._last = np.zeros(0)
         self._recent: deque[np.ndarray] = deque(maxlen=self._count(RELEARN_S))
         self._sum = np.zeros(self._size // 2 + 1)
