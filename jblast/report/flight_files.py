@@ -28,7 +28,7 @@ from jblast.report.mission_figures import (
 )
 from jblast.study.flight_results import Flights, hold_words, target_of, trajectory_of
 from jblast.study.flights import BOTH_HOLDS
-from jblast.study.missions import MissionFlight
+from jblast.study.missions import MissionFlight, above_ground
 from jblast.vehicle import Trajectory, path_error
 
 JSON = "fly.json"
@@ -131,5 +131,5 @@ def mission_csv(flight: MissionFlight) -> str:
     }
     thinned = Trajectory(**parts, lost=whole.lost)
     comment = f"{flight.vehicle.model}, mission, clock of the scene"
-    aim = np.asarray(flight.guided.set_point_m)[::every]
+    aim = above_ground(flight.guided.set_point_m)[::every]
     return trajectory_csv(thinned, flight.path_error_m[::every], comment, aim)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.autopilot.estimator import Followed, Thrown
 from jblast.autopilot.logs import Estimate, FlightRecord
@@ -391,9 +391,7 @@ def fly_mission(
     rows = flown(mission, spec, scene, load, options, instruments)
     flight, guided, estimate = cut(rows, options)
     seconds = float(flight.time_s[-1])
-    # guidance sets a point below the ground to make the vehicle land: no path error
-    aim = np.maximum(np.asarray(guided.set_point_m), [-np.inf, -np.inf, GROUND_UP_M])
-    error = np.asarray(path_error(flight, aim))
+    error = np.asarray(path_error(flight, above_ground(guided.set_point_m)))
     crash, crashed_s = crash_of(flight)
     every = max(1, round(ENCOUNTER_ROW_S / options.step_s))
     states = _states(flight, every)
@@ -442,6 +440,13 @@ def fly_mission(
         crash=crash,
         notes=notes,
     )
+
+
+def above_ground(
+    set_point_m: Float[ArrayLike, "time 3"],
+) -> Float[np.ndarray, "time 3"]:
+    """Return set points; those below the ground, for landing, on it."""
+    return np.maximum(np.asarray(set_point_m), [-np.inf, -np.inf, GROUND_UP_M])
 
 
 def _states(flight: Trajectory, every: int) -> State:

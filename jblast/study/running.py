@@ -56,6 +56,7 @@ from jblast.study.missions import (
     MISSION_STEP_S,
     TOLERANCE_M as MISSION_TOLERANCE_M,
     MissionFlight,
+    above_ground,
     fly_mission,
 )
 from jblast.vehicle import STEP_S, Trajectory, path_error, read_custom_profile
@@ -96,7 +97,7 @@ class Motion(NamedTuple):
         quaternion: Rotation from body (forward, left, up) to world axes, scalar last.
         body_rate_rad_s: Angular velocity along body axes.
         rotor_speed_rad_s: Speeds of the rotors.
-        force_n: Force of the blasts and the air on the vehicle, world axes.
+        force_n: Sum of thrust, weight, air and blasts, world axes; without the ground.
         moment_n_m: Moment likewise, body axes.
         set_point_m: Set point of the position controller.
         path_error_m: Distance from the set point.
@@ -633,7 +634,7 @@ def _until_lost(flight: Trajectory) -> Trajectory:
 def _motion_of(flown: Flights | MissionFlight, flight: Trajectory) -> Motion:
     """Return the rows of a flight, up to its loss."""
     if isinstance(flown, MissionFlight):
-        aim = np.asarray(flown.guided.set_point_m)
+        aim = above_ground(flown.guided.set_point_m)
         error, followed = flown.path_error_m, flown.followed
     else:
         aim = np.broadcast_to(target_of(flown.vehicle), flight.position_m.shape)
