@@ -74,8 +74,9 @@ from jblast.signals.search import (
 )
 
 LEARN_S = 1.0
-"""First part of a stream, in which the noise is learnt [s]: its median is worth the mean
-of ten windows, with which the threshold of long pulses is half as high again."""
+"""First part of a stream, in which the noise is learnt [s]: its median is worth the
+mean of ten windows. The first thresholds of short pulses are 1.1 times as high as later
+ones, of the longest pulses 2.2 times."""
 MEDIAN_SHARE = 0.48
 """Variance of the mean of exponential variables over that of their scaled median: the
 share of the time that a median is worth."""

@@ -190,7 +190,7 @@ class RunDetectors:
             [n for time, n in self._saturated if begin <= time - time_s < end]
             for begin, end in ((-0.1, -0.02), (-0.02, 0.1))
         )
-        return max(after, default=0) > max(before, default=0)
+        return bool(max(after, default=0) > max(before, default=0))
 
     def _detection(
         self, sensor: str, kind: str, time_s: float, sigma_s: float, statistic: float
