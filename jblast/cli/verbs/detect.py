@@ -116,8 +116,8 @@ def add_arguments(verb: VerbParser) -> None:
     verb.advanced.add_argument(
         "--stream",
         action="store_true",
-        help="block by block filter, as for a live stream; the noise level is that of "
-        "the first 10 s",
+        help="block by block filter, as for a live stream; the noise is that of the "
+        "first 10 s, without a template that of the sound so far",
     )
     verb.outputs.add_argument(
         "--out",
