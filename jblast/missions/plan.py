@@ -294,27 +294,27 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
     raise InputError(f"{path}: line 1: expected {EXPECTED}; got {got}")
 
 
-def check_mission(scene: str | os.PathLike[str]) -> None:
+def check_mission(scene: str | os.PathLike[str]) -> dict[str, Any]:
     """Read the plan of a scene's vehicle, if it has one, without JAX.
 
     Args:
         scene: Scene file; its own errors are those of `scene.read_scene`.
 
+    Returns:
+        The unchecked tables of the scene; none if it is broken.
+
     Raises:
         InputError: As in `read_plan`.
     """
-    vehicle = tables_of(scene).get("vehicle")
+    try:
+        document = tomllib.loads(read_text(scene, "a scene in TOML"))
+    except (ValueError, RecursionError):
+        return {}
+    vehicle = document.get("vehicle")
     name = vehicle.get("mission") if isinstance(vehicle, dict) else None
     if isinstance(name, str):
         read_plan(Path(scene).parent / name)
-
-
-def tables_of(scene: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the unchecked tables of a scene file; none if it is broken."""
-    try:
-        return tomllib.loads(read_text(scene, "a scene in TOML"))
-    except (ValueError, RecursionError):
-        return {}
+    return document
 
 
 def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:

@@ -13,6 +13,7 @@ import math
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -777,6 +778,15 @@ class Detectors(Protocol):
         ...
 
 
+def _ahead(parts: Iterator[Packet]) -> Iterator[Packet]:
+    """Yield packets, and compute the next one while the last one is processed."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(next, parts, None)
+        while (packet := coming.result()) is not None:
+            coming = pool.submit(next, parts, None)
+            yield packet
+
+
 def record_run(
     run: Run, subscribers: Sequence[Subscriber], detectors: Detectors | None = None
 ) -> None:
@@ -788,7 +798,7 @@ def record_run(
         detectors: Detectors, whose reports are part of the packets.
     """
     try:
-        for packet in packets_of(run):
+        for packet in _ahead(packets_of(run)):
             if detectors is not None:
                 found = detectors.take(packet)
                 if packet.end_s >= run.seconds:

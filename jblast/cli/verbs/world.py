@@ -111,16 +111,15 @@ def add_arguments(verb: VerbParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the world, write, print; return the exit code."""
     from jblast.cli.jax_start import start_jax
-    from jblast.missions.plan import check_mission, tables_of
+    from jblast.missions.plan import check_mission
     from jblast.progress import stages
 
     shares = {"starting": 1.0, "flying": 6.0, "recording": 9.0}
     begin = stages(shares | ({"fitting": 9.0} if options.fit else {}))
     begin("starting")
     check(options)  # fails here, before JAX starts
-    check_mission(options.scene)
     # Optimised code for a camera: a frame takes a fifth of the time.
-    films = "camera" in tables_of(options.scene)
+    films = "camera" in check_mission(options.scene)
     start_jax(quick=not films)
     from jblast.report.world import world_answer, world_text
     from jblast.report.world_files import run_world
