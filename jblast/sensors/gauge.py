@@ -175,9 +175,9 @@ def sampled_by(signal: Signal) -> SampledRecorder:
         laws: Mapping[str, str] | None = None,
         track: Track | None = None,
     ) -> Iterator[Packet]:
-        rate, size = rate_of(sensor), {"packet_s": packet_s, "packets_hz": packets_hz}
+        timing: dict[str, Any] = {"packet_s": packet_s, "packets_hz": packets_hz}
         streams = [
-            packets(_block, one, state, rate, start_s=start_s, **size)
+            packets(_block, one, state, rate_of(sensor), start_s=start_s, **timing)
             for one, state in _start(signal, scene, sensor, key, start_s, laws, track)
         ]
         if len(streams) == 1:

@@ -152,7 +152,7 @@ class RunDetectors:
     def _looked(self, frames: Frames) -> tuple[Flash, ...]:
         """Search frames, as soon as two give their rate."""
         for time, image in zip(frames.time_s, frames.images, strict=True):
-            count = np.count_nonzero(image[..., 0] == 255)
+            count = int(np.count_nonzero(image[..., 0] == 255))
             self._saturated.append((float(time), count))
         while self._saturated and self._saturated[0][0] < self._now_s - KEPT_S:
             self._saturated.popleft()

@@ -91,7 +91,10 @@ def events(film):
             rows += [(time, x, y, int(sign > 0)) for time in t]
     t, x, y, p = np.array(sorted(rows)).T
     small = x.astype(np.uint16), y.astype(np.uint16)
-    return RecordedEvents(*small, t.astype(np.int64), p.astype(np.uint8), *SHAPE[::-1])
+    height, width = SHAPE
+    return RecordedEvents(
+        *small, t.astype(np.int64), p.astype(np.uint8), width=width, height=height
+    )
 
 
 def test_events_as_they_come_have_the_flashes_of_the_file(events):
