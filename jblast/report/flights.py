@@ -256,7 +256,7 @@ def _interval(flags: np.ndarray) -> str:
     return f"{100 * np.mean(flags):.4g} % [{low:.4g} to {high:.4g} %]"
 
 
-def number_words(name: str, values: ArrayLike) -> str:
+def number_words(name: str, values: ArrayLike | float) -> str:
     """Return a number with its unit, or the quantiles of several."""
     known = np.asarray(values)
     if not known.ndim:

@@ -17,7 +17,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -610,13 +609,12 @@ def resting(flight: Trajectory, seconds: float) -> Trajectory:
     """Return a flight that lasts to the end of the run: the vehicle stays at rest."""
     if not float(flight.time_s[-1]) < seconds:
         return flight
-    last = jax.tree.map(lambda x: x[-1:], replace(flight, lost=flight.time_s[-1:]))
-    last = replace(last, time_s=jnp.full_like(last.time_s, seconds))
     columns = {
-        name: jnp.concatenate([getattr(flight, name), getattr(last, name)])
+        name: jnp.concatenate([getattr(flight, name), getattr(flight, name)[-1:]])
         for name in flight.__dataclass_fields__
         if name != "lost"
     }
+    columns["time_s"] = columns["time_s"].at[-1].set(seconds)
     return Trajectory(**columns, lost=flight.lost)
 
 

@@ -33,7 +33,7 @@ def scene(jblast, text=SCENE):
 def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
     options = ("--out", jblast.path("out"), "--plan-out", jblast.path("b.waypoints"))
     code, out, err = jblast("fly", scene(jblast), *options, "--debug")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, ""), err
     first, second, *_ = out.splitlines()
     assert first.startswith("Crazyflie on ")
     assert "landed, disarmed after" in second
@@ -70,7 +70,7 @@ def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
 def test_by_its_instruments_it_lands_as_well_and_each_blast_is_told(jblast):
     options = ("--estimator", "ekf", "--out", jblast.path("out"), "--json")
     code, out, err = jblast("fly", scene(jblast), *options, "--debug")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, ""), err
     document = json.loads(out)
     Draft202012Validator(schema("fly_mission")).validate(document)
     assert document["completed"]
