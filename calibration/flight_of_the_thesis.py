@@ -14,6 +14,7 @@ import resource
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +101,7 @@ def flight_figure(runs: dict[str, Run]) -> Figure:
     for column, (name, run) in zip(grid.T, runs.items(), strict=True):
         motion = run.motion
         assert motion is not None
-        sound = [p.samples["on_board"] for p in packets_of(run_without_film(run))]
+        sound = [p.samples["on_board"] for p in packets_of(replace(run, film=None))]
         pressure = np.concatenate([part.values[:, 0] for part in sound])
         times = np.arange(pressure.size) / sound[0].rate_hz
         path, wave, force, torque = column
@@ -127,13 +128,6 @@ def flight_figure(runs: dict[str, Run]) -> Figure:
     for axes, label in zip(grid[:, 0], words, strict=True):
         axes.set_ylabel(label)
     return figure
-
-
-def run_without_film(run: Run) -> Run:
-    """Return the same run without its frames."""
-    from dataclasses import replace
-
-    return replace(run, film=None)
 
 
 def error_figure(runs: dict[str, Run]) -> Figure:

@@ -25,7 +25,7 @@ class FilmEvents:
     threshold: tuple[float, float]
     noise: Switch
     written: Written = field(metadata=AMONG)
-    stamps: Literal["solved for", "interpolated", "of the frame"]
+    stamps: Literal["solved for", "interpolated"]
     stamp_error_s: float
 
 

@@ -238,7 +238,7 @@ class Stamps(NamedTuple):
     """
 
     error_s: float
-    how: Literal["solved for", "interpolated", "of the frame"]
+    how: Literal["solved for", "interpolated"]
 
 
 def saved(path: Path, frame: np.ndarray) -> np.ndarray:

@@ -163,7 +163,7 @@ class FilmMade:
     width: int
     height: int
     written: Written = field(metadata=AMONG)
-    stamps: Literal["solved for", "interpolated", "of the frame"]
+    stamps: Literal["interpolated", "of the frame"]
     stamp_error_s: float
 
 

@@ -114,6 +114,8 @@ def film_of(
     if uncertain.scene.camera is None:
         raise InputError(f"{source}: expected a [camera], got none")
     scene = draw_scene(jax.random.key(options.seed), uncertain)
+    if all(charge.never for charge in scene.charges):
+        raise InputError(f"{source}: [charge]: expected a blast to film, got none")
     for charge in scene.charges:
         if charge.range_m is not None:
             raise InputError(
@@ -395,10 +397,10 @@ def camera_path(
 
 def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     """Return the path of a simulated flight of the scene's vehicle."""
-    from jblast.sensors.camera.geometry import CameraPath
     from jblast.study.flight_results import Options
     from jblast.study.flights import checked_scene, drawn_scenes, flight_seconds
     from jblast.study.running import flight_of, fly_scene, has_mission, resting
+    from jblast.world.perceived import camera_path as carrier_path
 
     seconds = None
     if not has_mission(uncertain):
@@ -410,13 +412,7 @@ def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
     trajectory = flight_of(fly_scene(uncertain, seconds=seconds, seed=seed))
     if seconds is None:
         trajectory = resting(trajectory, end)
-    # a diverged vehicle has no path from there on
-    kept = np.isfinite(np.asarray(trajectory.position_m)).all(axis=-1)
-    return CameraPath(
-        trajectory.time_s[kept],
-        trajectory.position_m[kept],
-        trajectory.quaternion[kept],
-    )
+    return carrier_path(trajectory)
 
 
 def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":

@@ -14,6 +14,7 @@ import os
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -37,7 +38,6 @@ from jblast.sensors import Track
 from jblast.sensors.camera import landscape
 from jblast.sensors.camera.events.ideal import WEIGHTS, frame_differences
 from jblast.sensors.camera.film import Film
-from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.camera.run_film import filmed_packets
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
@@ -74,7 +74,7 @@ from jblast.world import (
     tracks_of,
     with_nevers,
 )
-from jblast.world.perceived import out_of_view
+from jblast.world.perceived import camera_path, out_of_view
 
 AFTER_S, AFTER_FLIGHT_S = 0.5, 5.0
 """Duration after the last wave [s] without and with a vehicle, which needs time to
@@ -488,10 +488,7 @@ def _film_of(
         return None
     path, background = None, BACKGROUND
     if camera.mount and flight is not None:
-        known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
-        rows = (flight.time_s, flight.position_m, flight.quaternion)
-        path = CameraPath(*(row[known] for row in rows))
-        background = landscape()
+        path, background = camera_path(flight), landscape()
         seconds = min(seconds, float(path.time[-1]))
     hz = float(camera.frames_hz)
     # 1e-6 of a frame: the product of a duration and a rate may round below an integer
@@ -795,7 +792,10 @@ def record_run(
         subscribers: Consumers of the packets.
         detectors: Detectors, whose reports are part of the packets.
     """
-    try:
+    with ExitStack() as stack:
+        # all of them are finished, also after an error of one
+        for subscriber in subscribers:
+            stack.callback(subscriber.finish)
         for packet in _ahead(packets_of(run)):
             if detectors is not None:
                 found = detectors.take(packet)
@@ -804,6 +804,3 @@ def record_run(
                 packet.detections = tuple(found)
             for subscriber in subscribers:
                 subscriber.take(packet)
-    finally:
-        for subscriber in subscribers:
-            subscriber.finish()

@@ -86,7 +86,12 @@ def _path(scene: Scene, flight: Trajectory | None) -> CameraPath:
         return CameraPath(
             jnp.array([0.0, 1.0]), jnp.stack([held, held]), jnp.stack([level, level])
         )
-    known = jnp.isfinite(flight.position_m).all(axis=-1)
+    return camera_path(flight)
+
+
+def camera_path(flight: Trajectory) -> CameraPath:
+    """Return the path of a camera's carrier, up to its loss."""
+    known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
     rows = (flight.time_s, flight.position_m, flight.quaternion)
     return CameraPath(*(row[known] for row in rows))
 

@@ -123,10 +123,25 @@ def picked_jolts(
             readings = _readings(record, pick, first, crossing_s)
             rows += [(sensor.name, *one[:3], name, one[3]) for one in readings]
             places += [place] * len(readings)
+    return _log(rows, places, "jolts of an imu with sampling options"), missed
+
+
+def _log(
+    rows: Sequence[tuple[str, str, float, float, str, bool]],
+    places: Sequence[Float[np.ndarray, "3"]],
+    words: str,
+) -> Observations | None:
+    """Return a log of picked readings; None without a row.
+
+    Args:
+        rows: Sensor, quantity, value, sigma, blast, and a flag for lower bounds.
+        places: Position of the sensor at each reading.
+        words: Description of the readings.
+    """
     if not rows:
-        return None, missed
+        return None
     names, quantities, values, sigmas, shots, bounds = zip(*rows, strict=True)
-    log = observed(
+    return observed(
         names,
         quantities,
         values,
@@ -134,9 +149,8 @@ def picked_jolts(
         position=np.stack(places),
         shot=shots,
         lower_bound=np.array(bounds),
-        comments=("jolts of an imu with sampling options are picked",),
+        comments=(f"{words} are picked",),
     )
-    return log, missed
 
 
 def _pick(
@@ -340,20 +354,8 @@ def picked_readings(
             rows.append((sensor.name, quantity, value, sigma, name, bound))
             row = arrivals.entities.index(sensor.name)
             places.append(arrivals.places_m[AIR][row, shot])
-    if not rows:
-        return PickedReadings(None, missed)
-    names, quantities, values, sigmas, shots, bounds = zip(*rows, strict=True)
-    readings = observed(
-        names,
-        quantities,
-        values,
-        sigmas,
-        position=np.stack(places),
-        shot=shots,
-        lower_bound=np.array(bounds),
-        comments=("air shocks at sensors with sampling options are picked",),
-    )
-    return PickedReadings(readings, missed)
+    words = "air shocks at sensors with sampling options"
+    return PickedReadings(_log(rows, places, words), missed)
 
 
 def sampled_sensors(world: DrawnWorld) -> tuple[Sensor, ...]:

@@ -207,8 +207,8 @@ def test_subscribers_are_finished_after_an_error(run):
             ended.append("broken")
 
     with pytest.raises(InputError, match="broken"):
-        record_run(run, [Broken()])
-    assert ended == ["broken"]
+        record_run(run, [Broken(), Broken()])
+    assert ended == ["broken", "broken"]
 
 
 def test_an_estimator_without_a_vehicle_is_refused(folder):

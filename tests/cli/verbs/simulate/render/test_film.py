@@ -236,3 +236,11 @@ def test_an_explosion_set_stands_in_the_place_of_the_ball(jblast, tmp_path):
     )
     assert code == 0
     assert "drawn at a height of 1.77 m" in text
+
+
+def test_a_scene_without_a_blast_has_no_film(jblast):
+    camera = "[camera]\nposition_m = [0, -40, 2]\nlook_at_m = [0, 0, 4]\n"
+    sizes = "width = 32\nheight = 24\nfocal_px = 30\n"
+    scene = jblast.file("bare.toml", camera + sizes)
+    told = jblast.refused("render", scene, "--out", jblast.path("film"))
+    assert "[charge]: expected a blast to film, got none" in told
