@@ -113,7 +113,7 @@ def recommended_text(
     for quantity, best in recommended_values(question, answer).items():
         unit = unit_for(quantity, best.value, system=question.units)
         notes_ = [] if best.valid else ["extrapolated"]
-        notes_ += ["valid laws disagree"] if quantity in disagree else []
+        notes_ += ["laws disagree"] if quantity in disagree else []
         rows.append(
             (
                 quantity_words(quantity),

@@ -90,9 +90,9 @@ def test_a_density_that_is_no_number_names_the_observation():
     posterior, normal, told, _ = five_solved()
     measured = posterior.measured.at[3].set(jnp.nan)
     broken = eqx.tree_at(lambda p: p.measured, posterior, measured)
-    with pytest.raises(InputError, match=r"none for row 4 \(peak_overpressure_pa\)"):
+    with pytest.raises(InputError, match=r"got NaN for row 4 \(peak_overpressure_pa\)"):
         ensemble(broken, normal, told)
-    with pytest.raises(InputError, match=r"none for m1, pressure"):
+    with pytest.raises(InputError, match=r"got NaN for m1, pressure"):
         ensemble(broken, normal, told, rows=["", "", "", "m1, pressure"])
 
 

@@ -46,7 +46,7 @@ def test_the_approximation_alone_warns_where_its_intervals_are_off(jblast):
         *("fit", log, "--scene", scene, "--out", out, "--posterior", "laplace")
     )
     assert (code, err) == (0, "")
-    warned = "the 90 % intervals are those of a normal approximation, with an error of"
+    warned = "90 % intervals are those of a normal approximation, with an error of"
     assert warned in " ".join(text.split())
     assert warned in jblast.text("out/report.html")
     answer = json.loads(jblast.text("out/fit.json"))

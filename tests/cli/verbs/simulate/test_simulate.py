@@ -21,8 +21,10 @@ def test_what_is_simulated_is_fitted_back_for_several_seeds(jblast):
         code, out, _ = jblast(
             "fit", log, "--free", "charge_mass_kg", "--law", "kingery_bulmash", "--json"
         )
-        assert code == 0
-        mass = json.loads(out)["estimates"]["charge_mass_kg"]
+        answer = json.loads(out)
+        # a seed may draw so small a charge that the law is extrapolated
+        assert code == (4 if answer["extrapolated"] else 0)
+        mass = answer["estimates"]["charge_mass_kg"]
         off.append(not mass["q05"] < float(truth.split("=")[1]) < mass["q95"])
     # each misses with a chance of 0.1: three or more of six in one case of 63
     assert sum(off) <= 2

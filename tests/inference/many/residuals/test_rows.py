@@ -60,6 +60,8 @@ def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
     parameters = parameters_of(uncertain)
     layout = layout_of(observations, scene)
     posterior = posterior_of(parameters, layout, observations, LAWS, "student")
+    # batches take the scatter of neighbouring paths as independent
+    posterior = dataclasses.replace(posterior, neighbours=False)
     rows = rows_of(parameters, layout, LAWS, "student")
     values = jnp.asarray(observations.value)
     z = jnp.array([3.0, 5.0, 0.01, 5.8, 2.0, -0.02])
