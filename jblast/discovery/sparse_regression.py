@@ -11,8 +11,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import pysindy
 from jaxtyping import Bool, Float
+
+with warnings.catch_warnings():
+    # PySINDy loads numpyro where it is installed, whose progress bar warns in notebooks
+    warnings.filterwarnings("ignore", "IProgress not found")
+    import pysindy
 
 SIGNIFICANT = 3.0
 """Standard deviations by which a coefficient must differ from zero: by chance 0.3 %."""

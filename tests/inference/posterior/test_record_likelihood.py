@@ -51,19 +51,26 @@ def test_where_a_pick_is_normal_samples_say_what_it_says(noise):
     of_picks, of_samples = both(200.0, noise)
     picks, samples = densities(of_picks, LOG_MASS), densities(of_samples, LOG_MASS)
     off = np.asarray(samples - picks)
-    # errors of 0.2 % in readings leave the pulse linear to some 1e-3 in ln-density; the
-    # level goes with the errors of picks, which where a front lies in its sample widens
-    np.testing.assert_allclose(off, off.mean(), atol=0.005)
-    assert abs(off.mean()) < 0.03
+    # errors of 0.2 % in readings leave the pulse linear to some 1e-3 in ln-density. A
+    # pick is a mean over forms of the pulse: this moves the mass by 0.02 of its sd, or
+    # 0.04 in ln. The level goes with the errors of picks.
+    np.testing.assert_allclose(off, off.mean(), atol=0.04)
+    assert abs(off.mean()) < 0.05
 
 
 @pytest.mark.slow
 def test_of_noisy_records_the_answer_moves_by_little():
     of_picks, of_samples = both(20.0)
-    apart = np.asarray(densities(of_samples, LOG_MASS) - densities(of_picks, LOG_MASS))
-    # two of six fronts rise within a sample; over these 3 sd of ln mass the two
-    # densities drift apart by less than their own widths could show
-    assert np.ptp(apart) < 0.15
+    means, sds = [], []
+    for posterior in of_picks, of_samples:
+        density = np.asarray(densities(posterior, LOG_MASS))
+        weight = np.exp(density - density.max())
+        mean = np.average(LOG_MASS, weights=weight)
+        means.append(mean)
+        sds.append(np.sqrt(np.average((LOG_MASS - mean) ** 2, weights=weight)))
+    # samples assume one form of the pulse, picks are means over several
+    assert abs(means[0] - means[1]) < 0.7 * sds[0]
+    assert sds[1] == pytest.approx(sds[0], rel=0.15)
 
 
 def one_record(samples):
@@ -138,8 +145,8 @@ def test_laplaces_method_is_near_the_integral_over_all_effects():
     # as the likelihood counts: no roots of two pi for nuisances, v and e normal
     integral -= 0.5 * n * np.log(2 * np.pi) + float(records.evidence[0])
     assert error < 0.02
-    # Laplace's method about a rise that noise blurs is off by some per cent
-    assert float(value) == pytest.approx(integral, abs=0.1)
+    # Laplace's method about a rise that noise blurs is off by a tenth
+    assert float(value) == pytest.approx(integral, abs=0.15)
 
 
 @pytest.mark.slow

@@ -91,8 +91,9 @@ def test_recordings_of_any_length_and_rate_are_the_pick_of_their_samples():
     first, second = pick_records(recordings)
     assert first.record is recordings[0]
     np.testing.assert_allclose(first.pick.air_arrival_s, 0.5, atol=0.2 / RATE)
+    # without noise the mean over the forms of pulses moves it by a part of a sample
     np.testing.assert_allclose(
-        second.pick.air_arrival_s, 7.0 + TRUTH.arrival, atol=1e-6
+        second.pick.air_arrival_s, 7.0 + TRUTH.arrival, atol=0.3 / RATE
     )
     assert second.quality == "good"
 

@@ -1,6 +1,7 @@
 """Statistics alone: what a store without rows says is what all the rows would."""
 
 import dataclasses
+import shutil
 
 import numpy as np
 import pytest
@@ -117,7 +118,10 @@ def test_parts_and_other_seeds_are_merged(tmp_path):
     run_into(study, tmp_path / "whole")
     run_into(study, tmp_path / "part", limit=2048)
     run_into(study, tmp_path / "rest")
-    (tmp_path / "rest" / "summary" / "air_arrival_s.counts" / "0.0.0.0").unlink()
+    shutil.copytree(tmp_path / "rest", tmp_path / "lost")
+    (tmp_path / "lost" / "summary" / "air_arrival_s.counts" / "0.0.0.0").unlink()
+    with pytest.raises(InputError, match=r"expected a chunk of the store, got none"):
+        merged([tmp_path / "part", tmp_path / "lost"], tmp_path / "both")
     both = merged([tmp_path / "part", tmp_path / "rest"], tmp_path / "both")
     assert both.attributes["complete"]
     assert chunks(tmp_path / "both") == chunks(tmp_path / "whole")
