@@ -1,24 +1,27 @@
 """Detectors of a run: each microphone and the camera searched as packets come.
 
 A microphone is searched with the bank of pulses and the test of form
-(`signals.live.SoundWatch`), the frames of the camera for flashes
-(`signals.flash.FlashWatch`). A detection is attributed to the blast
-whose true arrival at the sensor is nearest, by air or through the ground, within a
-tolerance. Otherwise it is a false alarm.
+(`signals.live.SoundWatch`). The saturated pixels of the camera are searched for flashes
+(`signals.flash.FlashWatch`): a fireball is far brighter than anything in daylight for
+which a camera is exposed, and the edges of ground, sky and smoke, which move as a
+vehicle turns, are not. A detection is attributed to the blast whose true arrival at the
+sensor is nearest, by air or through the ground, within a tolerance. Otherwise it is a
+false alarm.
 """
 
 import math
 from collections import deque
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from jblast.scene import Instrument, Scene
-from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 from jblast.signals.flash import Flash, FlashWatch, flash_threshold
-from jblast.signals.flash.search import LAMP_STATISTIC, SLOW_HZ
+from jblast.signals.flash.search import SLOW_HZ
+from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
 from jblast.signals.live import LEAST_NOISE, LiveDetection, SoundWatch
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
 from jblast.signals.search import bank_of_pulses
@@ -35,15 +38,11 @@ few frames at 100 frames a second."""
 LEAST_RATE_HZ = 100.0
 """Smallest sampling rate of a searched microphone [Hz]: the longest pulses have nine
 samples within their positive phase."""
-KEPT_S = 2.0
-"""Time for which the numbers of saturated pixels are kept [s]: longer than the decision
-on a flash, 0.6 s at 100 frames a second.
-
-A fireball is far brighter than anything in daylight for which a camera is exposed. The
-edges of ground, sky and smoke before a fast moving camera are not: without this check
-they cause a false alarm every few seconds of a mission."""
-LIGHT = np.outer(LUMINANCE, srgb_to_linear(np.arange(256) / 255.0)).astype(np.float32)
-"""Luminance of red, green and blue, each of 8 bits."""
+LEAST_RADIUS_PX = 2.0
+"""Radius of the smallest fireball that is detected in slow frames [px]: below it single
+pixels, as of glints, would be reported."""
+SMALLEST = math.log1p(math.pi * LEAST_RADIUS_PX**2 / MIN_PIXELS) - 2 * DRIFT
+"""Its statistic, if its first frame shows it grown and it stays for another."""
 
 
 class RunDetectors:
@@ -54,7 +53,6 @@ class RunDetectors:
 
     Attributes:
         arrivals: True arrivals.
-        rejected: Number of arrivals of sound, and of flashes, that were rejected.
     """
 
     def __init__(
@@ -74,7 +72,6 @@ class RunDetectors:
             false_alarms_per_hour: Mean rate of false alarms of each sensor [1/h].
         """
         self.arrivals, self._shots, self._rate = arrivals, shots, false_alarms_per_hour
-        self.rejected = 0
         self._instruments = {
             one.name: one.instrument
             for one in scene.sensors
@@ -91,20 +88,25 @@ class RunDetectors:
         # times of the last frames, and their numbers of saturated pixels
         self._saturated: deque[tuple[float, int]] = deque()
         self._now_s = 0.0
+        # microphones are searched beside the camera, on other cores
+        self._pool = ThreadPoolExecutor(max(1, len(self._instruments)))
 
     def take(self, packet: Packet) -> tuple[RunDetection, ...]:
         """Process the next packet; return the detections that it completes."""
         self._now_s = packet.end_s
-        found: list[RunDetection] = []
-        for name, samples in packet.samples.items():
-            if name in self._instruments and samples.rate_hz >= LEAST_RATE_HZ:
-                found += self._heard(name, samples)
-        if packet.frames is not None:
-            found += self._seen(self._looked(packet.frames))
+        searches = [
+            self._pool.submit(self._heard, name, samples)
+            for name, samples in packet.samples.items()
+            if name in self._instruments and samples.rate_hz >= LEAST_RATE_HZ
+        ]
+        found = [] if packet.frames is None else self._looked(packet.frames)
+        for search in searches:
+            found += search.result()
         return tuple(sorted(found, key=lambda one: one.time_s))
 
     def finish(self) -> tuple[RunDetection, ...]:
         """Return the remaining detections at the end of the run."""
+        self._pool.shutdown()
         found: list[RunDetection] = []
         for name, (watch, _) in self._ears.items():
             if name not in self._ended:
@@ -136,8 +138,7 @@ class RunDetectors:
 
     def _sounds(self, name: str, found: Iterable[LiveDetection]) -> list[RunDetection]:
         """Return the detections of the last push to a microphone's search."""
-        watch, start_s = self._ears[name]
-        self.rejected += len(watch.rejected)
+        _, start_s = self._ears[name]
         return [
             self._detection(
                 name,
@@ -149,18 +150,13 @@ class RunDetectors:
             for one in found
         ]
 
-    def _looked(self, frames: Frames) -> tuple[Flash, ...]:
+    def _looked(self, frames: Frames) -> list[RunDetection]:
         """Search frames, as soon as two give their rate."""
-        for time, image in zip(frames.time_s, frames.images, strict=True):
-            count = int(np.count_nonzero(image[..., 0] == 255))
-            self._saturated.append((float(time), count))
-        while self._saturated and self._saturated[0][0] < self._now_s - KEPT_S:
-            self._saturated.popleft()
         self._early.append(frames)
         times = np.concatenate([part.time_s for part in self._early])
         if self._camera is None or (self._eye is None and times.size < 2):
-            return ()
-        images = [_light(image) for part in self._early for image in part.images]
+            return []
+        images = [_saturated(image) for part in self._early for image in part.images]
         exposure_s = float(self._camera.exposure_s)
         if self._eye is None:
             hz = (times.size - 1) / float(times[-1] - times[0])
@@ -168,29 +164,18 @@ class RunDetectors:
             if hz < SLOW_HZ:
                 # a fireball is fully grown in its first frames, as the light of a lamp
                 # is: of `MEASURED` scenes of lamps, 22 in an hour exceed it
-                threshold = min(threshold, LAMP_STATISTIC)
+                threshold = min(threshold, SMALLEST)
             self._eye = FlashWatch(hz, threshold, exposure_s=exposure_s)
         self._early = []
-        return self._eye.push(times + 0.5 * exposure_s, images)
+        return self._seen(self._eye.push(times + 0.5 * exposure_s, images))
 
     def _seen(self, flashes: Iterable[Flash]) -> list[RunDetection]:
-        if self._eye is not None:
-            self.rejected += len(self._eye.rejected)
-        bright = [one for one in flashes if self._saturates(one.growth.time_s)]
         return [
             self._detection(
                 CAMERA, "flash", one.growth.time_s, one.growth.sigma_s, one.statistic
             )
-            for one in bright
+            for one in flashes
         ]
-
-    def _saturates(self, time_s: float) -> bool:
-        """Return whether more pixels are saturated after a time than before it."""
-        before, after = (
-            [n for time, n in self._saturated if begin <= time - time_s < end]
-            for begin, end in ((-0.1, -0.02), (-0.02, 0.1))
-        )
-        return bool(max(after, default=0) > max(before, default=0))
 
     def _detection(
         self, sensor: str, kind: str, time_s: float, sigma_s: float, statistic: float
@@ -219,9 +204,8 @@ def _least_noise(instrument: Instrument | None) -> float:
     return max(LEAST_NOISE, step / math.sqrt(12))
 
 
-def _light(
+def _saturated(
     image: UInt8[np.ndarray, "height width 3"],
 ) -> Float[np.ndarray, "height width"]:
-    """Return the luminance of an sRGB image, full scale 1."""
-    red, green, blue = (LIGHT[i].take(image[..., i]) for i in range(3))
-    return red + green + blue
+    """Return 1 for pixels with saturated red, as of a fire, else 0."""
+    return (image[..., 0] == 255).astype(np.float32)

@@ -97,17 +97,32 @@ def test_a_broken_microphone_ends_its_search(scene):
     assert [one.shot for one in found] == ["shot 1"]
 
 
-def test_a_flash_is_seen_in_frames_of_8_bits(scene):
-    frames = round(SECONDS * FRAMES_HZ)
-    _, light = growing(burst_s=1.9004, frames=frames, rate=FRAMES_HZ, noise=0.002)
+def film_of(light):
     values = np.round(255 * linear_to_srgb(light)).astype(np.uint8)
-    images = np.repeat(values[..., None], 3, axis=3)
+    return np.repeat(values[..., None], 3, axis=3)
+
+
+@pytest.mark.parametrize("radius_px", [2.5, 15.0])
+def test_a_flash_is_seen_in_frames_of_8_bits(scene, radius_px):
+    frames = round(SECONDS * FRAMES_HZ)
+    _, light = growing(
+        burst_s=1.9004, last=radius_px, frames=frames, rate=FRAMES_HZ, noise=0.002
+    )
     detectors = RunDetectors(scene, arrivals(), SHOTS)
-    found = run(detectors, sound_of([]), images)
+    found = run(detectors, sound_of([]), film_of(light))
     assert [(one.sensor, one.kind, one.shot) for one in found] == [
         ("camera", "flash", "shot 1")
     ]
     assert abs(found[0].time_s - 4.9004) < 3 * found[0].sigma_s < 0.02
     # 60 frames after the alarm
     assert 0.6 < found[0].latency_s < 0.75
-    assert detectors.rejected == 0
+
+
+def test_the_edge_of_a_bright_sky_is_no_flash(scene):
+    frames = round(SECONDS * FRAMES_HZ)
+    # the horizon before a camera that turns and shakes, by up to 20 px a frame
+    edge = np.random.default_rng(0).uniform(20.0, 40.0, (frames, 1, 1))
+    light = np.where(np.arange(60)[:, None] < edge, 0.9, 0.1) * np.ones((1, 1, 80))
+    assert (
+        run(RunDetectors(scene, arrivals(), SHOTS), sound_of([]), film_of(light)) == []
+    )

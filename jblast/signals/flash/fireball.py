@@ -374,8 +374,15 @@ def _within(spot: Bool[np.ndarray, "height width"], share: Image) -> Image:
     """Return the shares in a spot and in the pixels at its edge, else zero."""
     from scipy import ndimage
 
+    # a spot is a small part of most images: only its surroundings are looked at
+    about = tuple(
+        slice(max(int(used[0]) - 1, 0), int(used[-1]) + 2)
+        for used in (np.flatnonzero(spot.any(axis=axis)) for axis in (1, 0))
+    )
+    within = np.zeros_like(share)
     # the pixels around a spot contain the rest of its edge, to a fraction of a pixel
-    return np.where(ndimage.binary_dilation(spot), share, 0.0)
+    within[about] = np.where(ndimage.binary_dilation(spot[about]), share[about], 0.0)
+    return within
 
 
 def _spread(columns: Float[np.ndarray, " width"], low: float) -> tuple[float, float]:
