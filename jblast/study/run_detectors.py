@@ -10,7 +10,6 @@ false alarm.
 """
 
 import math
-from collections import deque
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -19,8 +18,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from jblast.scene import Instrument, Scene
-from jblast.signals.flash import Flash, FlashWatch, flash_threshold
-from jblast.signals.flash.search import SLOW_HZ
+from jblast.signals.flash import Flash, FlashWatch
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
 from jblast.signals.live import LEAST_NOISE, LiveDetection, SoundWatch
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
@@ -40,9 +38,10 @@ LEAST_RATE_HZ = 100.0
 samples within their positive phase."""
 LEAST_RADIUS_PX = 2.0
 """Radius of the smallest fireball that is detected in slow frames [px]: below it single
-pixels, as of glints, would be reported."""
+pixels, as of glints, would be reported. At 1,000 frames a second it is 5 px."""
 SMALLEST = math.log1p(math.pi * LEAST_RADIUS_PX**2 / MIN_PIXELS) - 2 * DRIFT
-"""Its statistic, if its first frame shows it grown and it stays for another."""
+"""Threshold of flashes: the statistic of such a fireball, if its first frame shows it
+grown and it stays for another."""
 
 
 class RunDetectors:
@@ -69,7 +68,7 @@ class RunDetectors:
             scene: Sensors and camera.
             arrivals: True arrivals.
             shots: Names of the blasts, in order of the arrivals.
-            false_alarms_per_hour: Mean rate of false alarms of each sensor [1/h].
+            false_alarms_per_hour: Mean rate of false alarms of each microphone [1/h].
         """
         self.arrivals, self._shots, self._rate = arrivals, shots, false_alarms_per_hour
         self._instruments = {
@@ -85,8 +84,6 @@ class RunDetectors:
         self._ended: set[str] = set()
         self._eye: FlashWatch | None = None
         self._early: list[Frames] = []
-        # times of the last frames, and their numbers of saturated pixels
-        self._saturated: deque[tuple[float, int]] = deque()
         self._now_s = 0.0
         # microphones are searched beside the camera, on other cores
         self._pool = ThreadPoolExecutor(max(1, len(self._instruments)))
@@ -160,12 +157,7 @@ class RunDetectors:
         exposure_s = float(self._camera.exposure_s)
         if self._eye is None:
             hz = (times.size - 1) / float(times[-1] - times[0])
-            threshold = flash_threshold(self._rate)
-            if hz < SLOW_HZ:
-                # a fireball is fully grown in its first frames, as the light of a lamp
-                # is: of `MEASURED` scenes of lamps, 22 in an hour exceed it
-                threshold = min(threshold, SMALLEST)
-            self._eye = FlashWatch(hz, threshold, exposure_s=exposure_s)
+            self._eye = FlashWatch(hz, SMALLEST, exposure_s=exposure_s)
         self._early = []
         return self._seen(self._eye.push(times + 0.5 * exposure_s, images))
 

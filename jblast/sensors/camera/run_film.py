@@ -204,6 +204,7 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
     order = np.argsort(times)
     begins = min(float(charge.time_s) for charge in film.scene.charges)
     still = None
+    waiting: deque[tuple[Any, Any, Any]] = deque()
     with ThreadPoolExecutor(workers) as pool:
         for begin in range(0, len(order), size):
             some = order[begin : begin + size]
@@ -211,7 +212,9 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
             if not moves and now[-1] + float(camera.exposure_s) <= begins:
                 # a fixed camera sees its background only: nothing is rendered
                 still = still or _developed(drawn[1], drawn[1], srgb)
-                every = [np.broadcast_to(x, (len(some), *x.shape)) for x in still]
+                done = iter(
+                    [[np.broadcast_to(x, (len(some), *x.shape)) for x in still]]
+                )
             else:
                 # padded to full shares of the threads: one program serves all
                 padded = np.pad(now, (0, workers * share - len(now)), mode="edge")
@@ -219,11 +222,21 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
                 done = pool.map(
                     lambda part: [*map(np.asarray, _filmed(view, part))], shares
                 )
-                every = [
-                    np.concatenate(x)[: len(some)] for x in zip(*done, strict=True)
-                ]
-            grey, pictures = every
-            yield now, is_frame, grey, pictures
+            # the next block is rendered while this one is used
+            waiting.append((now, is_frame, done))
+            if len(waiting) > 1:
+                yield _finished(*waiting.popleft())
+        yield _finished(*waiting.popleft())
+
+
+def _finished(
+    times: np.ndarray, is_frame: np.ndarray, shares: Iterator[Sequence[Any]]
+) -> tuple[Any, Any, Any, Any]:
+    """Return times, mask of frames, grey light and pictures of a rendered block."""
+    grey, pictures = (
+        np.concatenate(x)[: len(times)] for x in zip(*shares, strict=True)
+    )
+    return times, is_frame, grey, pictures
 
 
 def _stacked(charges: Sequence[Charge]) -> list[Charge]:

@@ -28,12 +28,14 @@ FORD: dict[str, str] = {
 REACH, STEP = 5.0, 0.0125
 """How far from the mode each coordinate goes, and in what steps. Both are less for a
 coordinate, as a time, of which a tenth of a standard deviation is less than a step."""
-DATES = {"six_clips": {"date": "2024-05-17", "zone": "UTC"}}
+DATES = {"six_clips": ("2024-05-17", "UTC")}
+"""Date and zone of times of day."""
 
 
 def kept_log(name: str) -> tuple[Observations, UncertainScene]:
     """Read a log of `calibration/data` and its scene, as `fit` takes them."""
-    log = read(DATA / f"{name}.csv", **DATES.get(name, {}))
+    date, zone = DATES.get(name, (None, None))
+    log = read(DATA / f"{name}.csv", date=date, zone=zone)
     scene = DATA / f"{name}.toml"
     uncertain = for_log(read_scene(scene) if scene.exists() else default_scene(), log)
     log = located(log, uncertain)
