@@ -91,11 +91,15 @@ class RunDetectors:
     def take(self, packet: Packet) -> tuple[RunDetection, ...]:
         """Process the next packet; return the detections that it completes."""
         self._now_s = packet.end_s
-        searches = [
-            self._pool.submit(self._heard, name, samples)
+        heard = [
+            (name, samples)
             for name, samples in packet.samples.items()
             if name in self._instruments and samples.rate_hz >= LEAST_RATE_HZ
         ]
+        for name, samples in heard:
+            if name not in self._ears:
+                self._ears[name] = self._watch(name, samples), samples.start_s
+        searches = [self._pool.submit(self._heard, *one) for one in heard]
         found = [] if packet.frames is None else self._looked(packet.frames)
         for search in searches:
             found += search.result()
@@ -112,17 +116,17 @@ class RunDetectors:
             found += self._seen(self._eye.finish())
         return tuple(sorted(found, key=lambda one: one.time_s))
 
+    def _watch(self, name: str, samples: Samples) -> SoundWatch:
+        return SoundWatch(
+            self._bank(samples.rate_hz),
+            samples.rate_hz,
+            self._rate,
+            least_noise=_least_noise(self._instruments[name]),
+        )
+
     def _heard(self, name: str, samples: Samples) -> list[RunDetection]:
         if name in self._ended:
             return []
-        if name not in self._ears:
-            watch = SoundWatch(
-                self._bank(samples.rate_hz),
-                samples.rate_hz,
-                self._rate,
-                least_noise=_least_noise(self._instruments[name]),
-            )
-            self._ears[name] = watch, samples.start_s
         watch, _ = self._ears[name]
         values = np.asarray(samples.values[:, 0], float)
         broken = np.flatnonzero(~np.isfinite(values))
