@@ -49,12 +49,12 @@ def run(options: argparse.Namespace) -> int:
     begin = stages(shares | {"drawing": 3.0})
     begin("starting")
     start_jax(quick=True)
-    from jblast.report.world_page import write_page
+    from jblast.report.world_page import answers_text, write_page
 
     if options.out:
         refuse_existing(options.out, force=options.force)
-    out, _ = write_page(
+    out, answers = write_page(
         options.folder, options.scene, fit=options.fit, out=options.out, begin=begin
     )
-    sys.stdout.write(f"Written: {out}\n")
+    sys.stdout.write(f"{answers_text(answers)}Written: {out}\n")
     return 0

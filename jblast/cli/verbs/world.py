@@ -9,6 +9,8 @@ sound/, camera/ and run.json.
 """
 
 import argparse
+import os
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -114,8 +116,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.missions.plan import check_mission
     from jblast.progress import stages
 
-    shares = {"starting": 1.0, "flying": 6.0, "recording": 9.0}
-    begin = stages(shares | ({"fitting": 9.0} if options.fit else {}))
+    begin = stages({"starting": 1.0, "flying": 6.0, "recording": 9.0})
     begin("starting")
     check(options)  # fails here, before JAX starts
     # Optimised code for a camera: a frame takes a fifth of the time.
@@ -123,7 +124,6 @@ def run(options: argparse.Namespace) -> int:
     start_jax(quick=not films)
     from jblast.report.world import world_answer, world_text
     from jblast.report.world_files import run_world
-    from jblast.report.world_page import answers_text, write_page
 
     viewers: list[Viewer] = []
     controllers = options.controllers and names_between_commas(options.controllers)
@@ -142,20 +142,27 @@ def run(options: argparse.Namespace) -> int:
         command=options.words,
         begin=begin,
     )
-    answers = ()
+    del begin  # fits have their own progress, a viewer has none
+    fits, code = "", 0
     if options.fit:
-        begin("fitting")
-        _, answers = write_page(options.out, options.scene, fit=True)
+        # a process of its own: optimised code for frames takes minutes to compile here
+        words = ("report", options.out, "--scene", options.scene, "--fit")
+        done = subprocess.run(
+            [sys.executable, "-m", "jblast", *map(os.fspath, words)],
+            stdout=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+        fits, code = done.stdout, done.returncode
     if options.json:
         sys.stdout.write(world_answer(came).to_json())
     else:
-        sys.stdout.write(world_text(came) + answers_text(answers))
+        sys.stdout.write(world_text(came) + fits)
         sys.stdout.write(f"\nWritten: {options.out}\n")
-    del begin  # the work is done: no progress beside the viewer
     sys.stdout.flush()
     for viewer in viewers:
         viewer.wait()
-    return 0
+    return code
 
 
 def check(options: argparse.Namespace) -> None:
