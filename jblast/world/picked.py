@@ -29,7 +29,7 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.observations import Observations, observed
 from jblast.observations.grouping import stacked
 from jblast.observations.records.recording import PressureRecord, Recording
-from jblast.scene import Imu, Sensor
+from jblast.scene import Charge, Imu, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.imu import Felt, JoltPick, base_of, felt, pick_jolt, read
 from jblast.signals.picks import RecordPick, pick_records
@@ -37,11 +37,16 @@ from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.pick_log import log_value, omitted_quantities
 from jblast.vehicle import State, Trajectory, vehicle_of
 from jblast.vehicle.quadrotor import required_body
+from jblast.waves import kingery_bulmash_blast_wind
 from jblast.world.drawn import DrawnWorld
 from jblast.world.perceived import Arrivals, interval_about
 
 MAX_DIRECTION_ERROR_RAD = 0.5
 """Standard error above which a direction is not reported; 29 degrees, declared."""
+MAX_SPEED_SHARE = 0.1
+"""Speed of the vehicle, over that of the blast wind, above which only the time of a
+jolt is reported. The law of jolts is for a hovering vehicle. Drag grows with the square
+of the relative wind, so it is then off by a fifth: the scatter that the law has."""
 
 
 class ImuRecord(NamedTuple):
@@ -119,8 +124,11 @@ def picked_jolts(
                 missed += 1
                 continue
             place = arrivals.places_m[AIR][row, shot]
-            name = world.scene.charges[shot].name
+            charge = world.scene.charges[shot]
+            name = charge.name
             readings = _readings(record, pick, first, crossing_s)
+            if not _hovers(record.flight, charge, comes[shot], place):
+                readings = readings[:1]
             rows += [(sensor.name, *one[:3], name, one[3]) for one in readings]
             places += [place] * len(readings)
     return _log(rows, places, "jolts of an imu with sampling options"), missed
@@ -199,6 +207,17 @@ def _pick(
         wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
     )
     return pick, int(some[0])
+
+
+def _hovers(
+    flight: Trajectory, charge: Charge, comes_s: float, place_m: np.ndarray
+) -> bool:
+    """Return whether a vehicle is slow, compared with the wind of a blast."""
+    when = jnp.asarray([comes_s])
+    speed = float(jnp.linalg.norm(_at(when, flight.time_s, flight.velocity_m_s)))
+    distance = np.linalg.norm(place_m - np.asarray(charge.position_m))
+    mass = charge.tnt_mass("peak_overpressure_pa")
+    return speed < MAX_SPEED_SHARE * float(kingery_bulmash_blast_wind(distance, mass))
 
 
 def _crossing_s(world: DrawnWorld) -> float:
