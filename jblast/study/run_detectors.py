@@ -15,7 +15,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
-from jaxtyping import Float, UInt8
 
 from jblast.scene import Instrument, Scene
 from jblast.signals.flash import Flash, FlashWatch
@@ -98,7 +97,13 @@ class RunDetectors:
         ]
         for name, samples in heard:
             if name not in self._ears:
-                self._ears[name] = self._watch(name, samples), samples.start_s
+                watch = SoundWatch(
+                    self._bank(samples.rate_hz),
+                    samples.rate_hz,
+                    self._rate,
+                    least_noise=_least_noise(self._instruments[name]),
+                )
+                self._ears[name] = watch, samples.start_s
         searches = [self._pool.submit(self._heard, *one) for one in heard]
         found = [] if packet.frames is None else self._looked(packet.frames)
         for search in searches:
@@ -115,14 +120,6 @@ class RunDetectors:
         if self._eye is not None:
             found += self._seen(self._eye.finish())
         return tuple(sorted(found, key=lambda one: one.time_s))
-
-    def _watch(self, name: str, samples: Samples) -> SoundWatch:
-        return SoundWatch(
-            self._bank(samples.rate_hz),
-            samples.rate_hz,
-            self._rate,
-            least_noise=_least_noise(self._instruments[name]),
-        )
 
     def _heard(self, name: str, samples: Samples) -> list[RunDetection]:
         if name in self._ended:
@@ -157,7 +154,12 @@ class RunDetectors:
         times = np.concatenate([part.time_s for part in self._early])
         if self._camera is None or (self._eye is None and times.size < 2):
             return []
-        images = [_saturated(image) for part in self._early for image in part.images]
+        # red is the brightest colour of a fire
+        images = [
+            (image[..., 0] == 255).astype(np.float32)
+            for part in self._early
+            for image in part.images
+        ]
         exposure_s = float(self._camera.exposure_s)
         if self._eye is None:
             hz = (times.size - 1) / float(times[-1] - times[0])
@@ -198,10 +200,3 @@ def _least_noise(instrument: Instrument | None) -> float:
         return LEAST_NOISE
     step = 2 * float(instrument.full_scale) / 2**instrument.bits
     return max(LEAST_NOISE, step / math.sqrt(12))
-
-
-def _saturated(
-    image: UInt8[np.ndarray, "height width 3"],
-) -> Float[np.ndarray, "height width"]:
-    """Return 1 for pixels with saturated red, as of a fire, else 0."""
-    return (image[..., 0] == 255).astype(np.float32)

@@ -148,7 +148,8 @@ def run(options: argparse.Namespace) -> int:
         # a process of its own: optimised code for frames takes minutes to compile here
         words = ("report", options.out, "--scene", options.scene, "--fit")
         done = subprocess.run(
-            [sys.executable, "-m", "jblast", *map(os.fspath, words)],
+            # -P: a file of the working folder must not stand for a module
+            [sys.executable, "-P", "-m", "jblast", *map(os.fspath, words)],
             stdout=subprocess.PIPE,
             text=True,
             check=False,

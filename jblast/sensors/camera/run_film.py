@@ -18,7 +18,7 @@ variable number of turns, so that one program serves the whole run.
 import math
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
@@ -212,9 +212,7 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
             if not moves and now[-1] + float(camera.exposure_s) <= begins:
                 # a fixed camera sees its background only: nothing is rendered
                 still = still or _developed(drawn[1], drawn[1], srgb)
-                done = iter(
-                    [[np.broadcast_to(x, (len(some), *x.shape)) for x in still]]
-                )
+                done = [[np.broadcast_to(x, (len(some), *x.shape)) for x in still]]
             else:
                 # padded to full shares of the threads: one program serves all
                 padded = np.pad(now, (0, workers * share - len(now)), mode="edge")
@@ -230,7 +228,7 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
 
 
 def _finished(
-    times: np.ndarray, is_frame: np.ndarray, shares: Iterator[Sequence[Any]]
+    times: np.ndarray, is_frame: np.ndarray, shares: Iterable[Sequence[Any]]
 ) -> tuple[Any, Any, Any, Any]:
     """Return times, mask of frames, grey light and pictures of a rendered block."""
     grey, pictures = (
