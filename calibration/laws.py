@@ -1,6 +1,6 @@
 """Which laws there are, where they hold, and how far they lie apart.
 
-    python -m calibration.laws          # writes calibration/results/laws.md and figures
+    python -m calibration.laws          # writes laws.md and figures of DRAWN
     python -m calibration.laws tail     # the tail of `shock_kinematics`
 
 Data: the registry of laws, jblast/waves/data/kingery_bulmash.csv. Every word of the
@@ -33,18 +33,17 @@ import jblast.sensors
 import jblast.waves
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
-from jblast.constants import GRANITE_P_SPEED, STANDARD_SOUND_SPEED
+from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.files import write_text
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
 from jblast.report.calculator.figures import (
-    NOT_DRAWN,
     draw_curve,
     law_colours,
     name_curves,
 )
 from jblast.report.figure_style import INK, MUTED, log_ticks, new_figure, quiet, titled
-from jblast.report.words import Unit, capitalised, quantity_words, split_name, unit_for
+from jblast.report.words import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import scene_path, with_rows
@@ -58,14 +57,12 @@ MASS = 15.0
 UNSCALED = ("weak_shock_iso", "wu_hao")
 """Those that do."""
 SCALED_DISTANCE = np.geomspace(0.05, 1e4, 600)
-SCALED_TIME = np.geomspace(1e-6, 1e-2, 600)
+DRAWN = ("peak_overpressure_pa", "air_arrival_s")
+"""Quantities with a figure."""
 BURSTS: tuple[Burst, Burst] = ("surface", "free-air")
 ON_THE_GROUND = ("ford_2021",)
 """Laws whose range asks for no burst, found with charges on or near the ground."""
-SPEEDS = {
-    "air_arrival_s": STANDARD_SOUND_SPEED,
-    "ground_arrival_s": GRANITE_P_SPEED,
-}
+SPEEDS = {"air_arrival_s": STANDARD_SOUND_SPEED}
 """Arrivals are drawn over range/speed [m/s]: over decades of range they hide all."""
 
 
@@ -88,7 +85,7 @@ Curves = Mapping[str, Curve]
 
 REFERENCES = ("shock_kinematics", "kingery_bulmash", "ufc_3_340_02")
 """The first that gives a quantity is what the others are compared with."""
-MOST_APART = {"air_arrival_s": 15.0, "shock_speed_m_s": 15.0}
+MOST_APART = {"air_arrival_s": 15.0}
 """Where the comparison is cut off [%]; others at `CUT_OFF`."""
 CUT_OFF = 45.0
 LEAST_SLOWNESS = 0.03
@@ -105,14 +102,12 @@ HEAD = """# The laws
 Written by `python -m calibration.laws` from the registry, `jblast/registry.py`.
 
 Z is the scaled distance R/W^(1/3) for W kilograms of TNT at sea level. The figures are
-for dry air at 15 °C and 101325 Pa; times and impulses are divided by W^(1/3), arrivals
-by the time that sound, or a P wave in granite, takes. Only Wu and Hao's laws and what
-the air absorbs in `weak_shock_iso` are no functions of Z: they are drawn for 15 kg, the
-absorption for 50 % relative humidity. Ford's are drawn for a charge on the ground,
-Sedov's for a ratio of specific heats of 1.4. A law without a set for the other burst is
-missing there. The lower panels compare laws where both hold, and are cut off at 45 %,
-at 15 % for arrivals and shock speeds: near the charge the laws of nuclear shots and of
-point sources, whose own mass is nothing, are far from those of TNT.
+for dry air at 15 °C and 101325 Pa; arrivals are divided by the time that sound takes.
+What the air absorbs in `weak_shock_iso` and Wu and Hao's laws are no functions of Z:
+they are drawn for 15 kg, the absorption for 50 % relative humidity. A law without a set
+for the other burst is missing there. The lower panels compare laws where both hold, and
+are cut off at 45 %, at 15 % for arrivals: near the charge the laws of nuclear shots and
+of point sources, whose own mass is nothing, are far from those of TNT.
 
 A law is `jblast.waves.FUNCTION`, of a jolt `jblast.sensors.FUNCTION`; its scatter is
 one standard deviation of what a whole shot shares, and of each record.
@@ -159,7 +154,7 @@ def public_name(law: Law) -> str:
 def _section(quantity: str, meaning: str, laws: list[Law]) -> str:
     title = capitalised(quantity_words(quantity))
     lines = [f"## {title}", "", f"`{quantity}`: {meaning}.", ""]
-    if quantity not in NOT_DRAWN:
+    if quantity in DRAWN:
         lines += [f"![{title} by every law]({figure_name(quantity)})", ""]
     lines += ["| law | function | range | source | scatter |", "|---|---|---|---|---|"]
     lines += [
@@ -181,7 +176,7 @@ def _save(figure: Figure, file: Path) -> None:
 def main() -> None:
     """Write it."""
     start_jax()
-    for quantity in dict.fromkeys(law.quantity for law in drawn_laws()):
+    for quantity in DRAWN:
         file = RESULTS / figure_name(quantity)
         _save(law_figure(quantity, panels(quantity)), file)
         print(f"wrote {file.name}, {file.stat().st_size / 1e3:.0f} kB")
@@ -196,8 +191,7 @@ def law_figure(quantity: str, panels: Mapping[str, Curves]) -> Figure:
         quantity: Its name.
         panels: Its curves by burst.
     """
-    over_time = quantity == "shock_radius_m"
-    x = SCALED_TIME if over_time else SCALED_DISTANCE
+    x = SCALED_DISTANCE
     shown = _where_laws_hold(panels, x)
     x = x[shown]
     panels = {
@@ -221,7 +215,7 @@ def law_figure(quantity: str, panels: Mapping[str, Curves]) -> Figure:
         _panel(axes, x, scaled, _value_limits(quantity, panels, unit))
         axes.set_ylabel(_label(quantity, unit))
         log_ticks(axes.yaxis, axes.get_ylim())
-        titled(axes, "" if over_time else f"{capitalised(burst)} burst")
+        titled(axes, f"{capitalised(burst)} burst")
     limits = _difference_limits(quantity, compared) if rows == 2 else (0.0, 0.0)
     for column, (burst, differences) in zip(grid.T, compared.items(), strict=True):
         axes = column[-1]
@@ -233,7 +227,7 @@ def law_figure(quantity: str, panels: Mapping[str, Curves]) -> Figure:
             axes.set_axis_off()
             axes.text(0.5, 0.5, "one law only", ha="center", fontsize=9, color=MUTED)
             axes = column[0]
-        axes.set_xlabel(f"time (s/{ROOT})" if over_time else f"Z (m/{ROOT})")
+        axes.set_xlabel(f"Z (m/{ROOT})")
     title = capitalised(quantity_words(quantity))
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=INK)
     figure.supxlabel(_key(quantity, panels), fontsize=9, color=MUTED)
@@ -324,8 +318,6 @@ def _difference_limits(quantity: str, compared: Mapping[str, Curves]) -> Limits:
 def _label(quantity: str, unit: Unit) -> str:
     if quantity in SPEEDS:
         return f"arrival × {SPEEDS[quantity]:g} m/s / R"
-    if split_name(quantity)[1] in ("_s", "_pa_s", "_m"):
-        return f"{unit.symbol}/{ROOT}"
     return unit.symbol
 
 
@@ -336,34 +328,11 @@ def _key(quantity: str, panels: Mapping[str, Curves]) -> str:
         for name in UNSCALED
         if any(name in curves for curves in panels.values())
     ]
-    if quantity == "shock_radius_m":
-        parts.append("all but sedov_taylor: arrivals read the other way round")
-    if len(panels) > 1:
-        return "    ".join(parts)
-    return "    ".join(parts[:2]) + "\n" + "    ".join(parts[2:])
-
-
-def drawn_laws(quantity: str = "") -> tuple[Law, ...]:
-    """Return the laws that a figure shows.
-
-    Args:
-        quantity: Of this one alone; "" for all.
-    """
-    return tuple(
-        law
-        for law in LAWS.values()
-        if law.quantity not in NOT_DRAWN and quantity in ("", law.quantity)
-    )
+    return "    ".join(parts)
 
 
 def panels(quantity: str) -> dict[str, Curves]:
-    """Return the curves of a quantity by burst, without laws that hold nowhere there.
-
-    Radii at a time stand under "free-air" alone, over `SCALED_TIME`.
-    """
-    if quantity == "shock_radius_m":
-        arrivals = _curves("air_arrival_s", "free-air")
-        return {"free-air": {**_curves(quantity, "free-air"), **_turned(arrivals)}}
+    """Return the curves of a quantity by burst, without laws valid nowhere there."""
     by_burst = {burst: _curves(quantity, burst) for burst in BURSTS}
     return {burst: curves for burst, curves in by_burst.items() if curves}
 
@@ -371,7 +340,8 @@ def panels(quantity: str) -> dict[str, Curves]:
 def _curves(quantity: str, burst: Burst) -> Curves:
     path, factor = _path(burst), _factor(quantity)
     found = {}
-    for law in sorted(drawn_laws(quantity), key=lambda law: law.name):
+    laws = (law for law in LAWS.values() if law.quantity == quantity)
+    for law in sorted(laws, key=lambda law: law.name):
         if burst == "free-air" and law.name in ON_THE_GROUND:
             continue
         value = factor * np.asarray(call(law.function, path))
@@ -392,35 +362,17 @@ def _path(burst: Burst) -> WavePath:
     `HUMIDITY`.
     """
     scene = Scene(charge=Charge(burst=burst), air=Air(relative_humidity=0.0))
-    ranges, times = (jnp.asarray(_size() * x) for x in (SCALED_DISTANCE, SCALED_TIME))
+    ranges = jnp.asarray(_size() * SCALED_DISTANCE)
     path = with_rows(scene_path(scene), ranges, jnp.full_like(ranges, MASS))
     humidity = jnp.asarray(HUMIDITY)
-    return dataclasses.replace(
-        path, time_since_detonation=times, relative_humidity=humidity
-    )
+    return dataclasses.replace(path, relative_humidity=humidity)
 
 
 def _factor(quantity: str) -> float | Float[np.ndarray, " point"]:
     """Return what turns a value at the charge into the one that is drawn."""
     if quantity in SPEEDS:
         return SPEEDS[quantity] / (_size() * SCALED_DISTANCE)
-    grows = split_name(quantity)[1] in ("_s", "_pa_s", "_m")
-    return 1.0 / _size() if grows else 1.0
-
-
-def _turned(arrivals: Curves) -> Curves:
-    """Return arrivals read the other way round: how far the shock is at a time."""
-    found = {}
-    for name, arrival in arrivals.items():
-        time = arrival.value * SCALED_DISTANCE / STANDARD_SOUND_SPEED
-        along = np.log(SCALED_TIME), np.log(time)
-        radius = np.exp(np.interp(*along, np.log(SCALED_DISTANCE)))
-        valid = np.interp(*along, arrival.valid.astype(float)) == 1.0
-        reached = (time.min() <= SCALED_TIME) & (time.max() >= SCALED_TIME)
-        valid &= reached
-        if valid.any():
-            found[name] = Curve(np.where(reached, radius, np.nan), valid)
-    return found
+    return 1.0
 
 
 def tail() -> None:

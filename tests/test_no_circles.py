@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from calibration.rooms import imported
+from tests.tools.imports import imported
 
 ROOT = Path(__file__).parents[1]
 FILES = {

@@ -14,7 +14,7 @@ QUICK = {
 
 jaxlib aborts at an unknown flag, so that other versions get none.
 """
-# Gain and cost are measured by calibration/compiling.py.
+# On two cores it breaks even with full compilation at 26 fits of one layout.
 UNOPTIMISED = (
     "--xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1"
 )

@@ -14,7 +14,7 @@ $$s_{i+1} = A s_i + b\,x_i, \qquad y_i = c \cdot s_i + d\,x_i$$
 
 and so are `CHUNK` samples together: a triangular matrix of the impulse response acts on
 the samples, and powers of $A$ on the state. These are matrix products, with one step
-per chunk; `calibration/filters.py` compares this with one step per sample.
+per chunk.
 
 Full scale $F$. Compressed, a signal $x$ becomes
 
