@@ -4,6 +4,8 @@ BIN := .venv/bin
 # compiled Python is kept: without it every start takes seconds longer
 export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+# shapes and types of arguments: to check them takes as long as to import
+TYPED = --jaxtyping-packages=jblast,beartype.beartype
 .PHONY: help fit test quick test-slow test-all check docs tutorials format lock bench-start clean
 
 help:
@@ -33,10 +35,10 @@ quick: .venv/dev
 # FIRST names what comes first, as do the notebooks, the longest file: at the end one
 # worker would wait for them. After UNTIL (seconds since 1970) no test begins.
 test-slow: .venv/dev
-	$(PYTEST) -m slow --first="$(FIRST) tests/test_notebooks.py" $(if $(UNTIL),--until=$(UNTIL))
+	$(PYTEST) $(TYPED) -m slow --first="$(FIRST) tests/test_notebooks.py" $(if $(UNTIL),--until=$(UNTIL))
 
 test-all: .venv/dev
-	$(PYTEST)
+	$(PYTEST) $(TYPED)
 
 check: .venv/dev
 	$(BIN)/python -m ruff format --check .

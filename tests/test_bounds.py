@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from jblast.parameters import UNBOUNDED, Bounds
+from jblast.parameters import Bounds
 
 
 @pytest.mark.parametrize(
@@ -20,10 +20,6 @@ def test_bounds_allow_what_their_words_say(bounds, words, within, beyond):
     assert bounds.words() == words
     assert all(bounds.allows(value) for value in within)
     assert not any(bounds.allows(value) for value in beyond)
-
-
-def test_no_bounds_refuse_nothing():
-    assert all(UNBOUNDED.allows(value) for value in (math.nan, math.inf, -math.inf))
 
 
 def test_of_an_array_bounds_say_where():

@@ -2,10 +2,7 @@
 
 import importlib
 import inspect
-import subprocess
-import sys
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas
@@ -13,12 +10,10 @@ import pytest
 
 import jblast
 from jblast.errors import InputError
-from jblast.inference import batch_of
 from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import write
-from jblast.scene import Sensor, default_scene, scene_of
+from jblast.scene import Sensor, scene_of
 from jblast.sensors import planned_layout
-from jblast.study.flights import Options
 
 NAMES = (
     *("fit", "fit_each", "fit_many", "read", "read_scene", "pick_files", "detect"),
@@ -76,19 +71,6 @@ def log(known):
     return jblast.simulate(known, seed=1)
 
 
-def test_the_names_are_these():
-    assert set(jblast.__all__) == set(NAMES)
-    assert set(NAMES) <= set(dir(jblast))
-    with pytest.raises(AttributeError, match="no attribute 'fits'"):
-        jblast.fits  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
-
-
-@pytest.mark.parametrize("name", ["report", "study", "world"])
-def test_a_verb_that_is_a_package_is_no_function(name):
-    assert inspect.ismodule(importlib.import_module(f"jblast.{name}"))
-    assert inspect.ismodule(getattr(jblast, name))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_each_name_is_no_module_of_ours_and_says_how_it_is_used(name):
     with pytest.raises(ModuleNotFoundError):
@@ -97,15 +79,6 @@ def test_each_name_is_no_module_of_ours_and_says_how_it_is_used(name):
     parts = ("Attributes:",) if name[0].isupper() else ("Args:", "Returns:", "Raises:")
     assert all(part in told for part in (*parts, "Example:")), told
     assert f"jblast.{name}(" in told.partition("Example:")[2]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_type_checkers_see_what_is_imported(name):
-    source = inspect.getsource(jblast).partition("if TYPE_CHECKING:")[2]
-    seen = source.partition("__version__")[0]
-    home = jblast._HOMES[name]
-    assert f"{name} as {name}" in seen
-    assert f"from {home} import" in seen
 
 
 def test_a_log_is_simulated_written_and_read(log, tmp_path):
@@ -129,29 +102,7 @@ def test_objects_that_are_no_scene_or_log_are_refused():
         fit_input(pandas.Series([1.0]))
 
 
-def test_python_runs_the_package_as_the_command():
-    command = [sys.executable, "-m", "jblast", "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert jblast.__version__ in done.stdout
-
-
-@pytest.mark.slow
-def test_a_log_is_fitted(log, unknown):
-    answer = jblast.fit(log, unknown, posterior="laplace")
-    mass = answer.summary.estimates["charge_mass_kg"]
-    assert mass.q05 < 15.0 < mass.q95
-
-
-@pytest.mark.slow  # by default inference/many/test_batch.py
-def test_many_logs_are_fitted(known, unknown):
-    logs = [jblast.simulate(known, seed) for seed in (1, 2)]
-    fits = jblast.fit_many(unknown, *batch_of(logs, unknown))
-    assert fits.converged.all()
-    # 5 % of a pressure are some 8 % of a mass
-    np.testing.assert_allclose(fits.values["charge_mass_kg"], 15.0, rtol=0.5)
-
-
-@pytest.mark.slow  # by default the scenes of README, test_docs.py
+@pytest.mark.slow  # by default the scenes of README, test_pages.py
 def test_a_layout_reads_what_the_calculator_says():
     scene = jblast.Scene(
         jblast.Charge(mass_kg=15.0),
@@ -165,12 +116,6 @@ def test_a_layout_reads_what_the_calculator_says():
     np.testing.assert_allclose(read.value, laws["kingery_bulmash"].value, rtol=1e-9)
 
 
-@pytest.mark.slow
-def test_a_layout_is_bounded(unknown):
-    bound = jblast.bound(unknown, {"charge_mass_kg": 15.0})
-    assert bound.exit_code == 0
-
-
 def test_a_method_is_chosen(known):
     assert jblast.choose(known, "air_arrival_s", 0.05).met
 
@@ -181,15 +126,3 @@ def test_a_fireball_is_seen_and_sends_events(known):
     assert frames.shape == (4, 6, 8, 3)
     assert float(frames[-1].max()) > float(frames[0].max())
     assert int(jblast.events(scene, scene.camera, times, capacity=1000).count) > 0
-
-
-def test_where_nothing_flies_that_is_said():
-    with pytest.raises(InputError, match=r"\[vehicle\].*got none"):
-        jblast.fly(default_scene())
-
-
-@pytest.mark.slow
-def test_a_vehicle_flies(known):
-    flights = jblast.fly(known, Options(seconds=0.1, step_s=1e-3))
-    assert set(flights.holds) == {"with_integral", "without_integral"}
-    assert jax.tree.leaves(flights.holds)

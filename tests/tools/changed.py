@@ -15,15 +15,14 @@ ROOT = Path(__file__).parents[2]
 ROOM_OF = {
     "notebooks": "tests/test_notebooks.py",
     "calibration": "tests/calibration",
-    ".ci": "tests/test_packaging.py",
+    ".ci": "tests/test_install.py",
     "docs": "tests/test_schemas.py",
 }
 """Where the tests are of what stands outside jblast/ and tests/."""
 ALWAYS = (
-    "tests/test_import_order.py",
-    "tests/test_packaging.py",
-    "tests/test_set_up.py",
-    "tests/test_docs.py",
+    "tests/test_structure.py",
+    "tests/test_install.py",
+    "tests/test_pages.py",
 )
 
 
