@@ -42,7 +42,7 @@ test-all: .venv/dev
 
 # types take most of the time, and one core
 check: .venv/dev
-	@$(MAKE) --no-print-directory --jobs=2 --output-sync=target check-types check-text
+	@$(MAKE) --no-print-directory --jobs=2 check-types check-text
 
 check-types:
 	$(BIN)/python -m pyright --pythonpath $(BIN)/python
