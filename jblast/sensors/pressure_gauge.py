@@ -38,6 +38,7 @@ from jblast.sensors.samples import (
 from jblast.types import as_float_array
 from jblast.waves.propagation import ambient
 from jblast.waves.pulse import Pulse, pulse_mean
+from jblast.waves.shock import normally_reflected_pressure
 
 
 class PressureGauge(NamedTuple):
@@ -146,7 +147,7 @@ def _block(
         p = pulse_mean(seen_in_block(wave, gauge, index), edges[:-1], edges[1:])
         if still is not None:
             # on the mean of a sample, which for a ramp within it is off to second order
-            p = 2.0 * p * (7.0 * still + 4.0 * p) / (7.0 * still + p)
+            p = normally_reflected_pressure(p, still)
         pressure += p
     # whole seconds first: float32 resolves the sum of small times, not of a long clock
     whole, rest = block_start(index, rate)

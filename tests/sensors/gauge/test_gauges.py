@@ -13,7 +13,8 @@ from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import anemometer, geophone, pressure_gauge
 from jblast.sensors.wave_paths import DEFAULT_RECORD_LAWS
-from jblast.waves import blast_wind, normally_reflected_pressure
+from jblast.waves import blast_wind
+from jblast.waves.shock import normally_reflected_pressure
 
 RATE, KEY = 20_000.0, jax.random.key(3)
 SCENE = Scene(Charge(mass_kg=15.0, time_s=0.5))

@@ -14,7 +14,7 @@ from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import RecordedSound, Track, microphone
 from jblast.sensors.microphone import WavePaths
 from jblast.sensors.wave_paths import DEFAULT_GROUND_LAWS
-from jblast.waves.propagation import absorb
+from tests.waves.propagation.absorbing import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
 SCENE = Scene(Charge(mass_kg=15.0))
@@ -71,9 +71,9 @@ def test_air_absorbs_where_the_scene_says_so_and_the_stream_forgets_nothing():
         heard(replace(humid, air=replace(humid.air, absorption=False))),
         RATE,
         np.hypot(300.0, 20.0),
-        temperature=humid.air.temperature,
-        pressure=humid.air.pressure,
-        relative_humidity=humid.air.relative_humidity,
+        humid.air.temperature,
+        humid.air.pressure,
+        humid.air.relative_humidity,
     )
     peak = np.abs(plain).max()
     assert np.abs(absorbed - plain).max() > 0.02 * peak
