@@ -27,6 +27,12 @@ from matplotlib.offsetbox import AnnotationBbox, OffsetImage
 from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
+from calibration.bake import (
+    GOLDEN_ANGLE,
+    fibonacci_lattice,
+    offset_lattice,
+    packing_distance,
+)
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure
@@ -44,12 +50,6 @@ from jblast.sensors.camera import (
     luminance,
     render,
     render_carried,
-)
-from jblast.sensors.camera.bake.recipe import (
-    GOLDEN_ANGLE,
-    fibonacci_lattice,
-    offset_lattice,
-    packing_distance,
 )
 from jblast.sensors.camera.surroundings import landscape
 from jblast.waves.fireball import fireball, fireball_duration

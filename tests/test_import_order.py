@@ -40,7 +40,7 @@ WITHIN = {
     ),
     "sensors.camera": (
         *("image", "geometry", "fireball", "billboards", "baked_explosion"),
-        *("surroundings", "rendering", "events", "files", "film", "bake"),
+        *("surroundings", "rendering", "events", "files", "film"),
     ),
     "signals": ("flash", "picks"),
     "inference": (

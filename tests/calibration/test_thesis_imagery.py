@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.bake import fibonacci_lattice, packing_distance
 from calibration.thesis_imagery import NUMBERS, ROLL, flight
 from jblast.scene.camera import quaternion_matrix
-from jblast.sensors.camera.bake.recipe import fibonacci_lattice, packing_distance
 
 ROOT = Path(__file__).parents[2]
 KEPT = ROOT / "calibration" / "results" / "thesis_imagery.txt"
