@@ -123,22 +123,6 @@ def dynamic_pressure(
     return 2.5 * p * (p / (7.0 * ambient + p))
 
 
-def normally_reflected_pressure(
-    overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    """Return the overpressure on a rigid wall at normal incidence [Pa].
-
-    Twice the incident one for a weak shock, eight times for a strong one.
-
-    Args:
-        overpressure: Incident $p$ [Pa]; negative in a suction.
-        ambient_pressure: $P_0$ [Pa], positive.
-    """
-    p, ambient = as_float_arrays(overpressure, ambient_pressure)
-    return 2.0 * p * ((7.0 * ambient + 4.0 * p) / (7.0 * ambient + p))
-
-
 @dataclass(frozen=True)
 class WeakShockTail:
     """Weak-shock tail of a pressure curve.
