@@ -56,7 +56,6 @@ def views_text() -> str:
         ("nearest view, float64", True, {}),
         ("nearest view, float32", False, {}),
         ("without light on the ground, f32", False, {"flash": False}),
-        ("three views, float32", False, {"sides": 3}),
         ("smooth ball, float32", False, {"ball": True}),
     ]
     for label, wide, changed in cases:
@@ -66,18 +65,15 @@ def views_text() -> str:
     return "\n".join(lines)
 
 
-def core_rate(
-    *, flash: bool = True, sides: int = 1, ball: bool = False, frames: int = FRAMES
-) -> float:
+def core_rate(*, flash: bool = True, ball: bool = False, frames: int = FRAMES) -> float:
     """Return frames a second of a processor's time.
 
     Args:
         flash: Whether the fire lights the ground.
-        sides: Views that a picture is mixed of.
         ball: The smooth ball in place of views.
         frames: Of the film.
     """
-    views = None if ball else replace(explosion_views(), sides=sides)
+    views = None if ball else explosion_views()
     return 1.0 / processor_seconds(views, filmed(frames, flash=flash))
 
 
@@ -188,9 +184,6 @@ def batches_text(batch: int = BATCH, *, width: int = 640, height: int = 480) -> 
     row("nearest view, grey", batched(views, film, grey=True, smoothed=False))
     whole = batched(views, film, window=False, smoothed=False)
     row("nearest view, RGB, whole images", whole)
-    three = explosion_views(towards=np.asarray(film.camera.position), sides=3)
-    row("three views, RGB", batched(three, film))
-    row("the same, not low-passed", batched(three, film, smoothed=False))
     shape = (height, width, 3)
 
     @jax.jit

@@ -17,14 +17,13 @@ BENCHMARKS = (
     "flights",
     "events",
     "views",
-    "event_kernel",
     "flight_kernel",
     "world",
     "environments",
     "study",
 )
 """Each has a function `NAME_text`, in the module of its name or of its subject."""
-SUBJECTS = {"event_kernel": "events", "flight_kernel": "flights"}
+SUBJECTS = {"flight_kernel": "flights"}
 SPLIT = {"fit_many", "euler", "flights", "world", "environments", "study"}
 """Those that use every core as a device of its own."""
 

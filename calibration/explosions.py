@@ -10,7 +10,7 @@ off the law's, over charges, views and times; and the charge that the radii of t
 charges at three distances give back.
 
 Views: what does the shipped set of views of an explosion look like? No random numbers:
-the set that `jblast bake` made and that comes with jblast, in the light of the law's
+the set that `bake` made and that comes with jblast, in the light of the law's
 temperature at each phase, before a clear sky. Prints of each frame its phase, the
 visible radius over the side of a picture (least and greatest of all views), and the
 share of the opaque pixels that glow (heat above 0.6). Writes
@@ -28,6 +28,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.optimize import least_squares
 
 from calibration import run_part
+from calibration.bake import Layers, frames_of_sheet, read_sheet
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_TEMPERATURE
 from jblast.report.words import aligned
@@ -38,8 +39,6 @@ from jblast.sensors.camera import (
     explosion_views,
     render,
 )
-from jblast.sensors.camera.bake.baking import read_sheet
-from jblast.sensors.camera.bake.coding import Layers, frames_of_sheet
 from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.fireball import WHITE, Appearance
 from jblast.sensors.camera.image import picture_gain

@@ -94,7 +94,7 @@ from jblast.waves.propagation import (
     sound_speed_in_air,
     standard_atmosphere,
 )
-from jblast.waves.shock import FAR_END, shock_mach_number, weak_shock_tail
+from jblast.waves.shock import FAR_END, weak_shock_tail
 
 EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 200.0, FAR_END, 1000.0)
 """Of the spans [m/kg^(1/3)]; the first begins where the reference does."""
@@ -329,7 +329,7 @@ def _evidence(
             peak = _value("peak_overpressure_pa", "kingery_bulmash", z, burst)
             sound = np.asarray(standard_path(z, burst).sound_speed)
             theirs = _value(quantity, "kingery_bulmash", z, burst)
-            ratio = theirs / (sound * np.asarray(shock_mach_number(peak)))
+            ratio = theirs / (sound * _mach_number(peak))
             return [(_worst(ratio), "their speed over their pressure's")]
         return [(_worst(_mach(z, burst, LATE) / _mach(z, burst, EARLY)), JOINS)]
     incident = INCIDENT.get(quantity, quantity)
@@ -409,7 +409,12 @@ def _pressure(z: np.ndarray, burst: Burst, join: float) -> np.ndarray:
 
 
 def _mach(z: np.ndarray, burst: Burst, join: float) -> np.ndarray:
-    return np.asarray(shock_mach_number(_pressure(z, burst, join)))
+    return _mach_number(_pressure(z, burst, join))
+
+
+def _mach_number(peak: np.ndarray) -> np.ndarray:
+    """Return the speed of a front over that of sound in standard air."""
+    return np.sqrt(1.0 + 6.0 / 7.0 * np.asarray(peak) / STANDARD_PRESSURE)
 
 
 def _arrival_joined_at_the_end(z: np.ndarray, burst: Burst) -> np.ndarray:

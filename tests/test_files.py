@@ -245,7 +245,6 @@ ALLOWED = {
     "autopilot/logs.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
     "observations/records/matlab.py": "to the standard output of a reader process",
-    "sensors/camera/bake/blender_simulate.py": "within Blender, which has no jblast",
     **dict.fromkeys(
         (
             "sensors/camera/files/recorded_events.py",

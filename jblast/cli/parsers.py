@@ -251,12 +251,6 @@ VERBS = (
         "jblast render scene.toml --out film --views explosion",
     ),
     Verb(
-        "bake",
-        "film",
-        "make images of an explosion from all directions, with Blender",
-        "jblast bake --out explosion --seed 7",
-    ),
-    Verb(
         "events",
         "film",
         "convert frames to the events of an event camera",

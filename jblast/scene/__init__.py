@@ -53,7 +53,6 @@ from jblast.scene.uncertain import (
     draw_scene as draw_scene,
     freed as freed,
     parameter_named as parameter_named,
-    place_of as place_of,
     value_of as value_of,
     with_laws as with_laws,
     with_values as with_values,

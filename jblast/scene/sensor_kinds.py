@@ -111,13 +111,6 @@ class SensorKind:
         """Column to print and draw."""
         return self.magnitude or self.columns[0]
 
-    def instrument_keys(self) -> tuple[str, ...]:
-        """Return the keys of its instrument; none without samples."""
-        if not self.has_samples:
-            return ()
-        keys = (key.format(self.unit) for key in INSTRUMENT_KEYS)
-        return (*keys, SATURATION)
-
     def samples(self) -> Recorder:
         """Import and return its recorder."""
         # At the first use: recorders import the physics of waves.

@@ -188,11 +188,6 @@ def parameter_named(name: str) -> Parameter:
     return CLOCK if base == CLOCK_OFFSET else PARAMETERS[base]
 
 
-def place_of(name: str) -> Parameter:
-    """Return `parameter_named(name)`; kept as the earlier name of that function."""
-    return parameter_named(name)
-
-
 def names_in(scene: Scene) -> tuple[str, ...]:
     """Return the names of all numbers of a scene."""
     labels = [scene.label(charge) for charge in scene.charges]
@@ -208,7 +203,7 @@ def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
     """Return the scene with some of its numbers replaced."""
     names = list(values)
     return eqx.tree_at(
-        lambda s: [leaf_of(s, name) for name in names],
+        lambda s: [value_of(s, name) for name in names],
         scene,
         [as_float_array(values[name]) for name in names],
         # None is no leaf of a PyTree; a number that was derived can be replaced so.
@@ -216,13 +211,8 @@ def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
     )
 
 
-def value_of(scene: Scene, name: str) -> Float[Array, ""] | None:
-    """Return one of a scene's numbers; None if the scene derives it from others."""
-    return leaf_of(scene, name)
-
-
-def leaf_of(scene: Scene, name: str) -> Any:
-    """Return the leaf of one of a scene's numbers, which may be a batch or None."""
+def value_of(scene: Scene, name: str) -> Any:
+    """Return one of a scene's numbers, which may be a batch; None if it is derived."""
     base, _, label = name.partition(".")
     if base == CLOCK_OFFSET:
         for clock in _each(scene.clocks):

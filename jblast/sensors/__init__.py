@@ -30,7 +30,6 @@ if TYPE_CHECKING:
         pressure_gauge as pressure_gauge,
     )
     from jblast.sensors.arrivals import (
-        RecordedSound as RecordedSound,
         Track as Track,
         even_overpressure as even_overpressure,
         heard as heard,
@@ -55,7 +54,6 @@ if TYPE_CHECKING:
 HOMES = {
     "DEFAULT_RECORD_LAWS": "jblast.sensors.wave_paths",
     "Heard": "jblast.sensors.wave_paths",
-    "RecordedSound": "jblast.sensors.arrivals",
     "Track": "jblast.sensors.arrivals",
     "anemometer": "jblast.sensors.anemometer",
     "choose_laws": "jblast.sensors.law_choice",

@@ -15,14 +15,12 @@ wave 30 m long passes in 0.1 s).
 Waves are listed and checked outside jit. A sensor must be slower than sound, so that it
 meets each wave once.
 
-The overpressure at a position over time is the sum of these waves. Each is the pulse of
-its laws, or a recorded sound with the arrival and peak of the laws. A sample is the
-mean over its time, so that the samples sum to the impulse and no front between two of
+The overpressure at a position over time is the sum of these waves. A sample is the mean
+over its time, so that the samples sum to the impulse and no front between two of
 them is lost. `even_overpressure` returns evenly spaced samples at a fixed position,
 three times as fast. Absorption by air is not included.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, TypeVar
 
@@ -43,7 +41,6 @@ from jblast.sensors.wave_paths import (
     alone,
     arrival_time,
     low_charges_settled,
-    peak_at,
     record_laws,
     wave_at,
     waves_at,
@@ -132,7 +129,6 @@ def heard(
     place: Standpoint,
     laws: Mapping[str, str] | None = None,
     *,
-    reflection: float | Float[Array, ""] = 1.0,
     ground: bool = False,
 ) -> tuple[Heard, ...]:
     """Return every wave that arrives at a position, charge by charge.
@@ -145,8 +141,6 @@ def heard(
         place: East, north, up [m], or a `Track`.
         laws: Laws of arrival, peak, duration and impulse by quantity; absent ones as in
             `record_laws`.
-        reflection: Coefficient of the ground under an elevated position; 0 leaves its
-            reflections out.
         ground: True to include the air wave above the moving ground.
 
     Raises:
@@ -164,7 +158,7 @@ def heard(
     # each charge alone, so that one compiled program serves all of them
     scene, found = low_charges_settled(scene), []
     for shot in range(len(scene.charges)):
-        waves = _waves_of_charge(alone(scene, shot), place, named, reflection, ground)
+        waves = _waves_of_charge(alone(scene, shot), place, named, ground)
         found += [wave._replace(shot=shot) for wave in waves]
     for wave in found:
         _check_wave(scene, wave)
@@ -176,11 +170,10 @@ def _waves_of_charge(
     scene: Scene,
     place: Float[Array, "3"] | Track,
     laws: Mapping[str, str],
-    reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
     """Return the waves of one charge, with the times that the sensor measures."""
-    found = waves_for(scene, place, laws, reflection, ground)
+    found = waves_for(scene, place, laws, ground)
     if isinstance(place, Track):
         found = tuple(passing(scene, place, laws, wave) for wave in found)
     return found
@@ -202,13 +195,12 @@ def waves_for(
     scene: Scene,
     place: Standpoint,
     laws: Mapping[str, str],
-    reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
     """Return the waves at a position or along a track, unchecked."""
     if isinstance(place, Track):
-        return meeting_waves(scene, place, laws, reflection, ground)
-    return waves_at(scene, jnp.asarray(place), laws, reflection, ground)
+        return meeting_waves(scene, place, laws, ground)
+    return waves_at(scene, jnp.asarray(place), laws, ground)
 
 
 def check_speed(scene: Scene, track: Track) -> None:
@@ -297,7 +289,6 @@ def meeting_waves(
     scene: Scene,
     track: Track,
     laws: Mapping[str, str],
-    reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
     """Return the waves that a moving sensor meets, with their values at the meeting.
@@ -306,18 +297,17 @@ def meeting_waves(
         scene: Charges, air, ground and sensors.
         track: Positions of the sensor.
         laws: Law names by quantity.
-        reflection: Coefficient of the ground.
         ground: True to include the waves of the moving ground.
     """
     found = []
-    for shot, way in ways(scene, reflection, ground):
+    for shot, way in ways(scene, ground):
         # defaults bind the loop's values: a plain closure would see those of the last
         # turn
         def arrival(time: Array, shot: int = shot, way: Way = way) -> Array:
             return arrival_time(scene, track.at(time), laws, shot, way)
 
         time = meeting_time(arrival, arrival(track.time[0]))
-        found.append(wave_at(scene, track.at(time), laws, shot, way, reflection))
+        found.append(wave_at(scene, track.at(time), laws, shot, way))
     return tuple(found)
 
 
@@ -413,73 +403,13 @@ def _meeting_positions(
     return track.at(origin), place("air"), place("ground")
 
 
-class RecordedSound(eqx.Module):
-    """Recorded sound of a blast at a known distance, from its arrival on.
-
-    Attributes:
-        samples: Overpressure [Pa], each the mean over its sample, the first from the
-            arrival on.
-        rate: Sampling rate [Hz].
-        distance: Distance from the charge to the recording [m]. At another distance the
-            sound is scaled by the law of the peak; its shape is unchanged.
-
-    Raises:
-        InputError: There is no sample, or one is not finite; the rate or the distance
-            is not positive.
-    """
-
-    samples: Float[Array, " sample"] = eqx.field(converter=as_float_array)
-    rate: float = eqx.field(static=True, converter=float)
-    distance: Float[Array, ""] = eqx.field(converter=as_float_array)
-
-    def __check_init__(self):
-        if self.samples.ndim != 1 or not self.samples.size:
-            raise InputError(
-                "recorded sound: expected a row of samples, got shape "
-                f"{self.samples.shape}"
-            )
-        if not 0 < self.rate < math.inf:
-            raise InputError(
-                f"recorded sound: expected a positive rate, got {self.rate:g} Hz"
-            )
-        if isinstance(self.samples, Tracer) or isinstance(self.distance, Tracer):
-            return
-        values = np.asarray(self.samples)
-        if not np.isfinite(values).all():
-            row = int(np.argmin(np.isfinite(values)))
-            raise InputError(
-                "recorded sound: expected finite samples, got "
-                f"{values[row]:g} at sample {row + 1}"
-            )
-        distance = float(np.asarray(self.distance))
-        if not 0 < distance < math.inf:
-            raise InputError(
-                f"recorded sound: expected a positive distance, got {distance:g} m"
-            )
-
-    def mean(
-        self, start: Float[Array, " sample"], stop: Float[Array, " sample"]
-    ) -> Float[Array, " sample"]:
-        """Return the mean overpressure from start to stop since the arrival [Pa]."""
-        # NumPy's float64 times would widen a float32 record
-        dtype = self.samples.dtype
-        edges = jnp.asarray(np.arange(self.samples.size + 1) / self.rate, dtype)
-        # The mean is a difference of the running integral: two look-ups, whatever the
-        # length of the interval.
-        until = jnp.pad(jnp.cumsum(self.samples) / self.rate, (1, 0))
-        passed = [jnp.interp(time, edges, until) for time in (start, stop)]
-        return (passed[1] - passed[0]) / (stop - start)
-
-
 def overpressure(
     scene: Scene,
     place: Standpoint,
     edges: Float[ArrayLike, " edge"],
     laws: Mapping[str, str] | None = None,
     *,
-    reflection: float | Float[Array, ""] = 1.0,
     ground: bool = False,
-    sound: RecordedSound | None = None,
 ) -> Float[Array, " sample"]:
     """Return the mean overpressure over each sample [Pa].
 
@@ -493,11 +423,7 @@ def overpressure(
         edges: Bounds of the samples on the common clock [s], rising: one more than
             samples. In single precision use a clock that starts near the record.
         laws: By quantity; absent ones as in `record_laws`.
-        reflection: Coefficient of the ground under an elevated position; 0 leaves its
-            reflections out.
         ground: True to include the air wave above the moving ground.
-        sound: Recorded sound that replaces the laws' air pulse, with their arrival and
-            peak. The ground wave is unchanged.
 
     Raises:
         InputError: A law is unknown, the position is not one, or edges do not rise.
@@ -519,9 +445,7 @@ def overpressure(
                 f"edges: expected rising times [s], got {pair[1]:g} after {pair[0]:g}"
             )
     named = record_laws(scene, laws, ground=ground)
-    return _overpressure(
-        low_charges_settled(scene), place, edges, named, reflection, ground, sound
-    )
+    return _overpressure(low_charges_settled(scene), place, edges, named, ground)
 
 
 def even_overpressure(
@@ -532,7 +456,6 @@ def even_overpressure(
     count: int,
     laws: Mapping[str, str] | None = None,
     *,
-    reflection: float | Float[Array, ""] = 1.0,
     ground: bool = False,
 ) -> Float[Array, " sample"]:
     """Return evenly spaced samples at a fixed position, three times as fast [Pa].
@@ -544,7 +467,6 @@ def even_overpressure(
         rate: Sampling rate [Hz].
         count: Number of samples.
         laws: As for `overpressure`.
-        reflection: Coefficient of the ground.
         ground: True to include the air wave above the moving ground.
 
     Raises:
@@ -553,15 +475,13 @@ def even_overpressure(
     place = place_of(place)
     named = record_laws(scene, laws, ground=ground)
     scene, start = low_charges_settled(scene), as_float_array(start)
-    return _even_overpressure(
-        scene, place, start, rate, count, named, reflection, ground
-    )
+    return _even_overpressure(scene, place, start, rate, count, named, ground)
 
 
 @eqx.filter_jit
-def _even_overpressure(scene, place, start, rate, count, laws, reflection, ground):
+def _even_overpressure(scene, place, start, rate, count, laws, ground):
     total = jnp.zeros(count, start.dtype)
-    for wave in waves_for(scene, place, laws, reflection, ground):
+    for wave in waves_for(scene, place, laws, ground):
         if wave.kind == "ground":
             # edges from 0, the arrival shifted: in float32 small times are resolved
             # better
@@ -574,8 +494,8 @@ def _even_overpressure(scene, place, start, rate, count, laws, reflection, groun
 
 
 @eqx.filter_jit
-def _overpressure(scene, place, edges, laws, reflection, ground, sound):
-    waves = waves_for(scene, place, laws, reflection, ground)
+def _overpressure(scene, place, edges, laws, ground):
+    waves = waves_for(scene, place, laws, ground)
     if isinstance(place, Track):
         since = [phase(scene, place, laws, wave, edges) for wave in waves]
     else:
@@ -583,16 +503,9 @@ def _overpressure(scene, place, edges, laws, reflection, ground, sound):
     # superposition of weak waves
     total = jnp.zeros(edges.size - 1, edges.dtype)
     for wave, time in zip(waves, since, strict=True):
-        if sound is None or wave.kind == "ground":
-            # The pulse begins at 0, as the phase counts from the arrival.
-            now = jnp.zeros((), time.dtype)
-            total = total + wave_mean(
-                wave.pulse._replace(arrival_time=now), time[:-1], time[1:]
-            )
-        else:
-            # ratio of one law at two distances, so its bias cancels
-            scale = wave.pulse.peak / peak_at(scene, sound.distance, laws, wave)
-            total = total + scale * sound.mean(time[:-1], time[1:])
+        # The pulse begins at 0, as the phase counts from the arrival.
+        pulse = wave.pulse._replace(arrival_time=jnp.zeros((), time.dtype))
+        total = total + wave_mean(pulse, time[:-1], time[1:])
     return total
 
 

@@ -21,20 +21,10 @@ Full scale $F$. Compressed, a signal $x$ becomes
 $$y = x\,(1 + (x/F)^8)^{-1/8},$$
 
 which is within 0.05 % of $x$ up to half of the full scale, smooth everywhere, 0.92 $F$
-at the full scale and never above it. To read a peak, a compressed sample is expanded
-again, $x = y\,(1 - (y/F)^8)^{-1/8}$, up to the full scale. Above it, small noise of $y$
-corresponds to any $x$, so the reading is a lower bound.
-
-The moving average is the filter by which the thesis smooths the radiation of the
-ground (Parab's thesis, algorithm 2, lines 33 to 36; that the window is odd and that
-$f_c$ is 25 Hz comes from the public plugin). A sample becomes the mean of an odd number
-of samples around it, $f_s / (2 f_c)$ or one more, and of fewer at the ends. It is not
-causal: a front appears half a window early. Its 3 dB corner is $0.886 f_c$, not $f_c$,
-and nothing passes at $2 f_c$.
+at the full scale and never above it.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -43,8 +33,7 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Key
 
-from jblast.observations import Observations, observed
-from jblast.scene import Instrument, Sensor
+from jblast.scene import Instrument
 from jblast.sensors.samples import (
     ColouredNoise,
     coloured_noise,
@@ -56,16 +45,12 @@ from jblast.types import as_float_array
 
 CHUNK = 32
 """Samples that are filtered together: one matrix product and one step of the scan."""
-HIGHEST_ORDER = 4
-"""Highest order of a filter, 24 dB per octave: a declared limit."""
 SHARPNESS = 8
 """Exponent of the compression: larger is closer to clipping, smaller bends earlier. At
 8 a signal of half the full scale is off by 0.05 %, below any calibration error."""
 FAR_BEYOND = 1e4
 """Multiple of full scale at which a compressed signal equals it to the last bit: the
 deficit is 1e-32 / 8. A larger input is limited to it, so that powers stay finite."""
-CUTOFF_HZ = 25.0
-"""The plugin's $f_c$ [Hz]."""
 
 
 class CausalFilter(NamedTuple):
@@ -150,22 +135,18 @@ def causal_filter(
     rate: float,
     high_pass: Float[ArrayLike, ""] | None = None,
     low_pass: Float[ArrayLike, ""] | None = None,
-    order: int = 2,
 ) -> CausalFilter:
-    """Return a Butterworth filter with -3 dB at each corner.
+    """Return a Butterworth filter of second order with -3 dB at each corner.
 
     Args:
         rate: Sampling rate [Hz].
         high_pass: Corner below which it attenuates [Hz], or None.
         low_pass: Corner above which it attenuates [Hz], or None.
-        order: Order of each side, 1 to 4: 6 dB per octave each.
 
     Raises:
-        ValueError: A corner is not between zero and half the rate, or the order is out
-            of range. Corners are not checked inside `jit`.
+        ValueError: A corner is not between zero and half the rate. Corners are not
+            checked inside `jit`.
     """
-    if not 1 <= order <= HIGHEST_ORDER:
-        raise ValueError(f"order: expected 1 to {HIGHEST_ORDER}, got {order}")
     # an empty system passes its input: sections are appended to it
     a, b, c, d = (
         jnp.zeros((0, 0)),
@@ -185,22 +166,12 @@ def causal_filter(
             )
         # the tangent pre-warps the corner, which the bilinear transform would shift
         gain = jnp.tan(jnp.pi / rate * as_float_array(corner))
-        sections = [_one_pole(gain, name)] if order % 2 else []
-        # 1/Q of the pole pairs of a Butterworth filter: 2 cos of their angles
-        sections += [
-            _two_poles(
-                gain,
-                2.0 * math.cos(math.pi * (2 * i + 1 + order % 2) / (2 * order)),
-                name,
-            )
-            for i in range(order // 2)
-        ]
-        for a2, b2, c2, d2 in sections:
-            # in series: the system so far feeds the section
-            nothing = jnp.zeros((a.shape[0], a2.shape[0]))
-            a = jnp.block([[a, nothing], [b2 @ c, a2]])
-            b = jnp.concatenate([b, b2 @ d])
-            c, d = jnp.concatenate([d2 @ c, c2], axis=1), d2 @ d
+        a2, b2, c2, d2 = _two_poles(gain, name)
+        # in series: the system so far feeds the section
+        nothing = jnp.zeros((a.shape[0], a2.shape[0]))
+        a = jnp.block([[a, nothing], [b2 @ c, a2]])
+        b = jnp.concatenate([b, b2 @ d])
+        c, d = jnp.concatenate([d2 @ c, c2], axis=1), d2 @ d
     return _in_chunks(a, b, c, d)
 
 
@@ -241,45 +212,9 @@ def filter_block(
     return state, jnp.concatenate([filtered.reshape(-1), end])
 
 
-def filter_gain(
-    filtering: CausalFilter, rate: float, frequency: Float[ArrayLike, " frequency"]
-) -> Float[Array, " frequency"]:
-    """Return the gain of the amplitude of a continuous tone [-].
-
-    Args:
-        filtering: The filter.
-        rate: Sampling rate [Hz].
-        frequency: Frequencies [Hz].
-    """
-    step = filtering.powers[1]
-    turned = 2.0 * jnp.pi / rate * as_float_array(frequency)
-    turn = lax.complex(jnp.cos(turned), jnp.sin(turned))
-    first, out, direct, step, identity = (
-        x.astype(turn.dtype)
-        for x in (
-            filtering.kept[:, -1:],
-            filtering.heard[0],
-            filtering.response[0, 0],
-            step,
-            jnp.eye(step.shape[0]),
-        )
-    )
-    system = turn[:, None, None] * identity[None] - step[None]
-    moved = jnp.linalg.solve(system, jnp.broadcast_to(first, (turn.size, *first.shape)))
-    return jnp.abs(moved[..., 0] @ out + direct)
-
-
-def _one_pole(gain, name: str):
-    """Return $A, b, c, d$ of a first-order section."""
-    share = gain / (1.0 + gain)
-    a, b = (1.0 - 2.0 * share)[None, None], (2.0 * share)[None, None]
-    if name == "low_pass":
-        return a, b, (1.0 - share)[None, None], share[None, None]
-    return a, b, (share - 1.0)[None, None], (1.0 - share)[None, None]
-
-
-def _two_poles(gain, damping: float, name: str):
+def _two_poles(gain, name: str):
     """Return $A, b, c, d$ of a second-order section."""
+    damping = math.sqrt(2.0)  # 1/Q of a Butterworth filter
     a1 = 1.0 / (1.0 + gain * (gain + damping))
     a2 = gain * a1
     a3 = gain * a2
@@ -377,103 +312,3 @@ def clipping(
     # within 4 ulp: the limit itself is rounded when a sample is written
     beyond = jnp.abs(samples) >= level * (1 - 4 * jnp.finfo(samples.dtype).eps)
     return Clipping(jnp.any(beyond, axis=-1), level)
-
-
-class PeakReading(NamedTuple):
-    """Peak of a record, for a row of a log.
-
-    Attributes:
-        value: Largest sample; if it was clipped, a lower bound.
-        sigma: Standard error of the value, same unit.
-        lower_bound: True if it is a lower bound.
-    """
-
-    value: Float[Array, "..."]
-    sigma: Float[Array, "..."]
-    lower_bound: Bool[Array, "..."]
-
-
-def peak_reading(
-    samples: Float[Array, "*batch sample"],
-    instrument: Instrument,
-    *,
-    relative_sigma: Float[ArrayLike, ""] = 0.05,
-) -> PeakReading:
-    """Return the peak of a record; a lower bound if it was clipped.
-
-    Clipped suction does not make the peak a bound.
-
-    Args:
-        samples: Recorded samples.
-        instrument: Instrument that recorded them.
-        relative_sigma: Relative error of its calibration.
-    """
-    largest = jnp.max(samples, axis=-1)
-    clipped = clipping(largest[..., None], instrument).clipped & (largest > 0)
-    value = largest
-    if instrument.full_scale is not None and instrument.saturation == "compress":
-        full_scale = instrument.full_scale
-        share = jnp.where(clipped, 0.0, largest / full_scale)
-        expanded = largest * (1 - share**SHARPNESS) ** (-1 / SHARPNESS)
-        value = jnp.where(clipped, full_scale, expanded)
-    return PeakReading(value, jnp.asarray(relative_sigma) * jnp.abs(value), clipped)
-
-
-def peak_log(
-    sensors: Sequence[Sensor], readings: Sequence[PeakReading], *, shot: str = ""
-) -> Observations:
-    """Return peaks as a log: one row of peak overpressure per sensor.
-
-    Args:
-        sensors: Recording sensors with their positions.
-        readings: Peak of each sensor's record [Pa].
-        shot: Name of the event, if a log has several.
-    """
-    n = len(sensors)
-    bound = np.array([bool(reading.lower_bound) for reading in readings], bool)
-    return observed(
-        [sensor.name for sensor in sensors],
-        ("peak_overpressure_pa",) * n,
-        [float(reading.value) for reading in readings],
-        [float(reading.sigma) for reading in readings],
-        position=np.array([sensor.position_m for sensor in sensors]).reshape(n, 3),
-        shot=(shot,) * n,
-        lower_bound=bound if bound.any() else None,
-    )
-
-
-def averaged_samples(rate: float, cutoff: float = CUTOFF_HZ) -> int:
-    """Return the odd number of samples in the average.
-
-    Args:
-        rate: Sampling rate $f_s$ [Hz].
-        cutoff: $f_c$ [Hz], positive.
-
-    Raises:
-        ValueError: The cutoff is not positive.
-    """
-    if not cutoff > 0:
-        raise ValueError(f"cutoff: expected a positive frequency, got {cutoff:g} Hz")
-    return int(rate / (2 * cutoff)) // 2 * 2 + 1
-
-
-def moving_average(
-    samples: Float[ArrayLike, " sample"],
-    rate: float,
-    cutoff: float = CUTOFF_HZ,
-) -> Float[Array, " sample"]:
-    """Return the moving average of a signal.
-
-    Args:
-        samples: Signal.
-        rate: Sampling rate [Hz].
-        cutoff: Cutoff $f_c$ of the thesis [Hz].
-    """
-    samples = as_float_array(samples)
-    n, half = samples.shape[0], averaged_samples(rate, cutoff) // 2
-    # no running sum: in single precision it loses a quiet end behind a loud start
-    window = jnp.ones(2 * half + 1, samples.dtype)
-    sums = jnp.convolve(jnp.pad(samples, half), window, mode="valid")
-    row = jnp.arange(n)
-    counted = jnp.minimum(row, half) + jnp.minimum(n - 1 - row, half) + 1
-    return sums / counted.astype(samples.dtype)

@@ -26,7 +26,7 @@ from jblast.observations import Observations
 from jblast.observations.placement import camera_place
 from jblast.quantities import BY_CAMERA, DIRECTIONS, PLACELESS, TIMED, components
 from jblast.scene import Charge, Scene, Sensor, parameter_named
-from jblast.scene.uncertain import leaf_of, names_in
+from jblast.scene.uncertain import names_in, value_of
 
 VMAP = "; for a batch of scenes use jax.vmap"
 CONSTANT_ROWS = 1000
@@ -227,7 +227,7 @@ def check_scene(scene: Scene) -> None:
         InputError: A number has a shape; the message states its name and both shapes.
     """
     for name in names_in(scene):
-        value = leaf_of(scene, name)
+        value = value_of(scene, name)
         if value is not None:
             label = name.partition(".")[2]
             of = f" of {label}" if label else ""

@@ -23,13 +23,6 @@ with an amplitude proportional to its thrust. The speed is linear between knots,
 phase is a parabola. It is integrated exactly, in turns without whole turns, so that its
 error does not grow over hours. Samples are means over their duration. Harmonics above
 half the sampling rate, which would alias, are left out.
-
-The thesis sends packets of a loop from a ring buffer of fixed size (section 3.3.2). A
-packet at the head of the background loop is sent, clipped, and appended at the end, as
-long as the whole stays below three loops. A blast is added to the waiting samples (case
-1). One that ends after the last loop first extends it, to a loop past the blast's end
-(case 2). Here only the background of the packet is appended: if the packet were
-recycled as printed, a blast would repeat in every loop.
 """
 
 import math
@@ -45,7 +38,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 
 from jblast.errors import InputError, shown
 from jblast.scene import Ambient, Instrument, Scene, Sensor
-from jblast.sensors.arrivals import RecordedSound, Track, counted_from, heard, wave_mean
+from jblast.sensors.arrivals import Track, counted_from, heard, wave_mean
 from jblast.sensors.gauge import edges_of, rate_of
 from jblast.sensors.instrument import Chain, chain_block, chain_start, instrument_chain
 from jblast.sensors.samples import (
@@ -53,7 +46,6 @@ from jblast.sensors.samples import (
     DB_OF_OCTAVE,
     ColouredNoise,
     Packet,
-    Ring,
     block_start,
     blocks,
     coloured_noise,
@@ -63,7 +55,7 @@ from jblast.sensors.samples import (
     packets,
     sample_count,
 )
-from jblast.sensors.wave_paths import Heard, peak_at, record_laws
+from jblast.sensors.wave_paths import Heard
 from jblast.types import as_float_array
 from jblast.waves.propagation import (
     TAIL_S,
@@ -75,32 +67,24 @@ from jblast.waves.pulse import GroundPulse, Pulse
 
 WIND_SLOPE = -5.0 / 3.0 * DB_OF_OCTAVE
 """Spectral slope of wind noise [dB/octave]: Kolmogorov's inertial range."""
-_peak_at = eqx.filter_jit(peak_at)
 CROSS_FADE_S = 0.05
 """Cross-fade of a loop's end and start [s], at most a quarter of the loop. It is the
 period of 20 Hz, the lowest audible tone; a longer one only shortens the loop."""
 UNDERFLOW = 760.0
 """Time constants after which a ground pulse is exactly zero in double precision."""
-MOST_LOOPS = 3
-"""Capacity of the ring buffer, in loops (thesis, section 3.3.2)."""
 
 
 class WavePaths(NamedTuple):
     """Paths by which a blast reaches the microphone.
 
     Attributes:
-        reflection: Coefficient of the ground under an elevated position; 0 leaves
-            reflections out.
         ground: True to include the wave in the ground.
         absorption: True to apply absorption by air where the laws do not include it
             (`Heard.absorbed`).
-        sound: Recorded sound that replaces the laws' pulses.
     """
 
-    reflection: float | Float[Array, ""] = 1.0
     ground: bool = True
     absorption: bool = True
-    sound: RecordedSound | None = None
 
 
 EVERY_PATH = WavePaths()
@@ -240,8 +224,6 @@ def stream(
 def _span(wave: "BlastWave", rate: float) -> tuple[float, float]:
     """Return the beginning of a wave and the end of its filtered sound [s]."""
     pulse = wave.pulse
-    if wave.sound is not None:
-        return -math.inf, math.inf
     if isinstance(pulse, GroundPulse):
         lasts = UNDERFLOW * float(pulse.time_constant)
     else:
@@ -258,14 +240,10 @@ class BlastWave(NamedTuple):
     Attributes:
         pulse: Pressure over time.
         transfer: Transfer function of absorption by air, or None.
-        sound: Recorded sound that replaces the pulse, or None.
-        scale: Factor of that sound [-].
     """
 
     pulse: Pulse | GroundPulse
     transfer: Complex[Array, " frequency"] | None = None
-    sound: RecordedSound | None = None
-    scale: Float[Array, ""] | None = None
 
     def later(self, *times: Float[Array, ""]) -> "BlastWave":
         """Return the wave with its arrival on a later clock."""
@@ -488,29 +466,19 @@ def blast_waves(
         wave_paths: Paths of the waves.
 
     Raises:
-        InputError: As in `heard`, or a recorded sound is combined with a track.
+        InputError: As in `heard`.
     """
-    sound = wave_paths.sound
-    if sound is not None and isinstance(place, Track):
-        raise InputError(
-            "sound: expected a fixed position for a recorded sound, got a track"
-        )
     found = []
-    for wave in heard(
-        scene, place, laws, reflection=wave_paths.reflection, ground=wave_paths.ground
-    ):
+    for wave in heard(scene, place, laws, ground=wave_paths.ground):
         if wave.kind == "ground":
             found.append(BlastWave(wave.pulse))
             continue
-        transfer = scale = None
+        transfer = None
         # inside jit the flag is unknown, so every wave gets the filter
         absorbed = isinstance(wave.absorbed, Tracer) or bool(np.asarray(wave.absorbed))
         if wave_paths.absorption and absorbed:
             transfer = _transfer(scene, wave, rate)
-        if sound is not None:
-            named = record_laws(scene, laws)
-            scale = wave.pulse.peak / _peak_at(scene, sound.distance, named, wave)
-        found.append(BlastWave(wave.pulse, transfer, sound, scale))
+        found.append(BlastWave(wave.pulse, transfer))
     return tuple(found)
 
 
@@ -552,8 +520,6 @@ def _mean_pressure(
     # a finite arrival past the block: an infinite one would give NaN in the pulse
     arrival = jnp.where(never, 2.0 * edges[-1], pulse.arrival_time)
     start, stop = edges[:-1], edges[1:]
-    if wave.sound is not None and wave.scale is not None:
-        return wave.scale * wave.sound.mean(start - arrival, stop - arrival)
     return wave_mean(pulse._replace(arrival_time=arrival), start, stop)
 
 
@@ -671,82 +637,3 @@ def rotor_tones(
     tone = jnp.sin(2 * math.pi * turns[:, :, None] * harmonic + phase.offset[None])
     loudness = (speed / rotors.reference_speed) ** 2
     return jnp.einsum("sr,h,srh->s", loudness, rotors.amplitude, mean * tone)
-
-
-class LoopPackets:
-    """A background loop sent in packets, with blasts added to it."""
-
-    def __init__(self, loop: Float[np.ndarray, " sample"]):
-        """Start with one waiting loop.
-
-        Args:
-            loop: Samples of the background.
-
-        Raises:
-            ValueError: It has no samples.
-        """
-        if not loop.size:
-            raise ValueError("loop: expected one or more samples, got none")
-        self._loop = np.array(loop)
-        self._ring = Ring(MOST_LOOPS * loop.size, loop.dtype)
-        self._ring.write(self._loop)
-        self._appended = 0  # samples of the loop that follow the last one waiting
-
-    @property
-    def waiting(self) -> int:
-        """Number of waiting samples; at most three loops."""
-        return self._ring.waiting
-
-    @property
-    def reach(self) -> int:
-        """Largest distance of a blast's end from the head, in samples."""
-        return self._ring.capacity - self._loop.size
-
-    def send(self, size: int) -> Float[np.ndarray, " sample"]:
-        """Return a packet from the head; append as much background if it fits.
-
-        Args:
-            size: Samples of the packet, at most one loop.
-
-        Raises:
-            ValueError: The packet is longer than the loop.
-        """
-        if not 0 <= size <= self._loop.size:
-            raise ValueError(
-                f"packet: expected 0 to {self._loop.size} samples (one loop), "
-                f"got {size}"
-            )
-        packet = self._ring.read(size)
-        # as in the thesis: below three loops the background grows by each packet sent
-        if self._ring.waiting + size < self._ring.capacity:
-            self._append(size)
-        return packet
-
-    def add_blast(self, at: int, samples: Float[np.ndarray, " sample"]) -> None:
-        """Add a blast to the background.
-
-        Args:
-            at: Index of its first sample, counted from the head.
-            samples: Samples of the blast.
-
-        Raises:
-            ValueError: It begins in the past, or ends beyond `reach`.
-        """
-        end = at + samples.size
-        if at < 0 or end > self.reach:
-            raise ValueError(
-                f"blast: expected an end within {self.reach} samples of the head (two "
-                f"loops), got {samples.size} samples at {at}"
-            )
-        # case 2 of the thesis: extended to one loop past the blast's end
-        if end > self._ring.waiting:
-            self._append(end + self._loop.size - self._ring.waiting)
-        self._ring.add(at, samples)
-
-    def _append(self, size: int) -> None:
-        """Append samples of the loop, continuing where the last append ended."""
-        if size <= 0:
-            return
-        rows = (self._appended + np.arange(size)) % self._loop.size
-        self._ring.write(self._loop[rows])
-        self._appended = (self._appended + size) % self._loop.size

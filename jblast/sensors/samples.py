@@ -146,20 +146,20 @@ def packets(
     # a nested generator, so that the arguments above are checked at the call already
     def run(state: Any) -> Iterator[Packet]:
         """Make blocks when they are needed."""
-        ring: Ring | None = None
-        numbers, first = count(), 0
+        parts: list[np.ndarray] = []
+        numbers, first, waiting = count(), 0, 0
         for index in count():
             last = math.ceil((index + 1) * size)
-            while ring is None or ring.waiting < last - first:
+            while waiting < last - first:
                 block = np.array([next(numbers)])
                 state, samples = made_by(setup, state, block)
-                made = np.asarray(samples).reshape(-1)
-                # room for a packet and the block that completes it
-                ring = ring or Ring(math.ceil(size) + 1 + BLOCK, made.dtype)
-                ring.write(made)
+                parts.append(np.asarray(samples).reshape(-1))
+                waiting += BLOCK
+            made = np.concatenate(parts)
             # a fraction: sums of a float step would drift over hours
             start = Fraction(start_s) + first / _exact(rate)
-            yield Packet(index, first, float(start), ring.read(last - first))
+            yield Packet(index, first, float(start), made[: last - first])
+            parts, waiting = [made[last - first :]], waiting - (last - first)
             first = last
 
     return run(state)
@@ -272,80 +272,3 @@ def noise_block(
     # overlap-save: the taps reach one block back, so the second half has no wrap-around
     spectrum = jnp.fft.rfft(jnp.concatenate([state, white]))
     return white, jnp.fft.irfft(spectrum * noise.response)[BLOCK:]
-
-
-class Ring:
-    """Buffer of samples between producer and consumer.
-
-    Attributes:
-        waiting: Number of samples written and not yet read.
-    """
-
-    def __init__(self, capacity: int, dtype: np.dtype | type = float):
-        """Make an empty buffer."""
-        if capacity < 1:
-            raise ValueError(f"capacity: expected one sample or more, got {capacity}")
-        self._samples = np.zeros(capacity, dtype)
-        self._first = 0
-        self.waiting = 0
-
-    @property
-    def capacity(self) -> int:
-        """Largest number of samples in the buffer."""
-        return self._samples.size
-
-    def write(self, samples: Float[np.ndarray, " sample"]) -> None:
-        """Append samples.
-
-        Raises:
-            ValueError: They do not fit; nothing is written.
-        """
-        if self.waiting + samples.size > self.capacity:
-            raise ValueError(
-                f"expected at most {self.capacity - self.waiting} samples, the free "
-                f"space, got {samples.size}"
-            )
-        at = (self._first + self.waiting + np.arange(samples.size)) % self.capacity
-        self._samples[at] = samples
-        self.waiting += samples.size
-
-    def add(self, at: int, samples: Float[np.ndarray, " sample"]) -> None:
-        """Add to waiting samples.
-
-        Args:
-            at: Offset of the first sample from the oldest one.
-            samples: Samples to add.
-
-        Raises:
-            ValueError: The range exceeds the waiting samples.
-        """
-        if at < 0 or at + samples.size > self.waiting:
-            raise ValueError(
-                f"expected a range within the {self.waiting} waiting samples, got "
-                f"{samples.size} at {at}"
-            )
-        rows = (self._first + at + np.arange(samples.size)) % self.capacity
-        self._samples[rows] += samples
-
-    def read(self, count: int) -> Float[np.ndarray, " sample"]:
-        """Return the oldest samples and remove them.
-
-        Raises:
-            ValueError: There are fewer; nothing is removed.
-        """
-        samples = self.peek(count)
-        self._first = (self._first + count) % self.capacity
-        self.waiting -= count
-        return samples
-
-    def peek(self, count: int) -> Float[np.ndarray, " sample"]:
-        """Return the oldest samples without removing them.
-
-        Raises:
-            ValueError: There are fewer.
-        """
-        if not 0 <= count <= self.waiting:
-            raise ValueError(
-                f"expected a count of 0 to {self.waiting} waiting samples, got {count}"
-            )
-        return self._samples[(self._first + np.arange(count)) % self.capacity]

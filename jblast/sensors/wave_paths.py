@@ -5,12 +5,11 @@ scene and laws. Two numbers do not depend on the choice of laws. The suction is 
 `waves.blast_pulse`, reduced by the same factor where a law predicts less pressure than
 `shock_kinematics`. The rise time is that of a weak shock (`waves/waveform.py`).
 
-The reflection comes from the image of the charge below a flat ground. It exists for
-charges with free-air curves (the curves of a surface burst contain the ground) and for
-positions above the ground. It is a separate wave by the same laws at the longer
-distance, its pressure times the reflection coefficient of the ground, 1 for a rigid
-one. This is the regular reflection of sound. Where the direct wave is strong the true
-reflection is stronger, and past the triple point the two waves merge.
+The reflection comes from the image of the charge below a flat, rigid ground. It exists
+for charges with free-air curves (the curves of a surface burst contain the ground) and
+for positions above the ground. It is a separate wave by the same laws at the longer
+distance. This is the regular reflection of sound. Where the direct wave is strong the
+true reflection is stronger, and past the triple point the two waves merge.
 
 Ground. Arrival, displacement and velocity are those of `sensors.record` for the same
 scene and laws. The arrival is that at the position itself, which above the ground
@@ -86,7 +85,6 @@ def waves_at(
     scene: Scene,
     position: Float[Array, "3"],
     laws: Mapping[str, str],
-    reflection: float | Float[Array, ""],
     ground: bool,
 ) -> tuple[Heard, ...]:
     """Return every wave that arrives at a position.
@@ -98,12 +96,10 @@ def waves_at(
         scene: Charges, air, ground and sensors.
         position: East, north, up [m].
         laws: Law names by quantity, for all paths.
-        reflection: Coefficient of the ground; a plain 0 leaves reflections out.
         ground: True to include the waves of the moving ground.
     """
     return tuple(
-        wave_at(scene, position, laws, shot, way, reflection)
-        for shot, way in ways(scene, reflection, ground)
+        wave_at(scene, position, laws, shot, way) for shot, way in ways(scene, ground)
     )
 
 
@@ -113,7 +109,6 @@ def wave_at(
     laws: Mapping[str, str],
     shot: int,
     way: Way,
-    reflection: float | Float[Array, ""],
 ) -> Heard:
     """Return one wave at a position; an absent wave has infinite arrival.
 
@@ -123,11 +118,10 @@ def wave_at(
         laws: Law names by quantity.
         shot: Index of its charge.
         way: Path of the wave.
-        reflection: Coefficient of the ground.
     """
     # air and reflected waves have the same laws; only the ground wave needs motion
     if way != "ground":
-        return air_wave(scene, position, laws, shot, way, reflection)
+        return air_wave(scene, position, laws, shot, way)
     seen, place = as_seen(scene, position, shot, way)
     (motion,) = ground_waves(seen, place, laws)
     there = is_there(scene, position, shot, way)
@@ -151,7 +145,6 @@ def air_wave(
     laws: Mapping[str, str],
     shot: int,
     way: Way,
-    reflection: float | Float[Array, ""] = 1.0,
 ) -> Heard:
     """Return one wave in air at a position; an absent wave has infinite arrival.
 
@@ -161,7 +154,6 @@ def air_wave(
         laws: Law names by quantity, all of `AIR_QUANTITIES`.
         shot: Index of its charge.
         way: Path of the wave.
-        reflection: Coefficient of the ground.
     """
     seen, place = as_seen(scene, position, shot, way)
     layout = rows_of_place(place, AIR_QUANTITIES)
@@ -176,7 +168,7 @@ def air_wave(
     pulse = pulse_of(arrival, peak, impulse, duration, rise, *suction)
     there = is_there(scene, position, shot, way)
     # an absent wave has no pressure; its arrival is infinite
-    factor = jnp.where(there, 1.0 if way == "air" else reflection, 0.0)
+    factor = jnp.where(there, 1.0, 0.0)
     pulse = pulse._replace(
         arrival_time=jnp.where(there, arrival, jnp.inf),
         peak=factor * pulse.peak,
@@ -188,18 +180,6 @@ def air_wave(
     holds = jnp.broadcast_to(call(law.valid, path), (1,))[0]
     absorbed = ~holds | scene.air.absorption
     return Heard(pulse, way, shot, path.slant_range[0], absorbed, jnp.ones(()))
-
-
-def peak_at(
-    scene: Scene, distance: Float[Array, ""], laws: Mapping[str, str], wave: Heard
-) -> Float[Array, ""]:
-    """Return the peak of a wave at another distance, by the same law [Pa]."""
-    # the layout below states the range, so the position is not used
-    nowhere = jnp.zeros(3, jnp.result_type(distance))
-    seen, place = as_seen(scene, nowhere, wave.shot, wave.kind)
-    layout = rows_of_place(place, ("peak_overpressure_pa",))
-    layout = replace(layout, slant_range=jnp.reshape(distance, (1,)))
-    return record(seen, layout, laws).value[0]
 
 
 def _suction(
@@ -260,24 +240,19 @@ def pressure_of_velocity(air: Air) -> Float[Array, ""]:
     return density * sound_speed_of(air)
 
 
-def ways(
-    scene: Scene, reflection: float | Float[Array, ""], ground: bool
-) -> tuple[tuple[int, Way], ...]:
+def ways(scene: Scene, ground: bool) -> tuple[tuple[int, Way], ...]:
     """Return charge index and path of each wave that may arrive at a position.
 
     Args:
         scene: Charges, air, ground and sensors.
-        reflection: Coefficient of the ground; a plain 0 leaves reflections out.
         ground: True to include the waves of the moving ground.
     """
-    # a traced coefficient may be zero only at run time, so its waves stay
-    off = not isinstance(reflection, Tracer) and not np.any(reflection)
     found: list[tuple[int, Way]] = []
     for shot, charge in enumerate(scene.charges):
         found.append((shot, "air"))
         # no reflection for a range without a position, nor for curves that contain it
         alone_or_low = charge.range_m is not None or charge.burst == "surface"
-        if not (off or alone_or_low or _stands_low(charge)):
+        if not (alone_or_low or _stands_low(charge)):
             found.append((shot, "reflected"))
         # the ground wave exists for every charge, also for one in free air
         if ground:

@@ -41,7 +41,7 @@ from jblast.scene import (
     parameter_named,
     scene_of,
 )
-from jblast.scene.uncertain import leaf_of
+from jblast.scene.uncertain import value_of
 from jblast.sensors.flight_sensors import Barometer
 from jblast.study.flight_results import (
     FlightLoad,
@@ -593,7 +593,7 @@ def drawn_values(
     uncertain: UncertainScene, scenes: Scene
 ) -> dict[str, Float[np.ndarray, "..."]]:
     """Return the sampled parameters, by name."""
-    return {name: np.asarray(leaf_of(scenes, name)) for name in uncertain.beliefs}
+    return {name: np.asarray(value_of(scenes, name)) for name in uncertain.beliefs}
 
 
 def named_controllers(

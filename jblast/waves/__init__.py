@@ -105,18 +105,12 @@ from jblast.waves.paths import (
     slant_range as slant_range,
 )
 from jblast.waves.propagation import (
-    DECIBELS_PER_NEPER as DECIBELS_PER_NEPER,
     air_density as air_density,
     effective_sound_speed as effective_sound_speed,
-    hemispherical_spreading_loss as hemispherical_spreading_loss,
     iso_9613_absorption as iso_9613_absorption,
-    iso_9613_valid as iso_9613_valid,
     sound_speed_in_air as sound_speed_in_air,
-    spherical_spreading_loss as spherical_spreading_loss,
     standard_atmosphere as standard_atmosphere,
     stokes_absorption as stokes_absorption,
-    stokes_kirchhoff_absorption as stokes_kirchhoff_absorption,
-    transmission_loss as transmission_loss,
 )
 from jblast.waves.pulse import (
     Pulse as Pulse,
@@ -135,13 +129,6 @@ from jblast.waves.scaling import (
 from jblast.waves.shock import (
     blast_wind as blast_wind,
     dynamic_pressure as dynamic_pressure,
-    normally_reflected_pressure as normally_reflected_pressure,
-    oblique_reflected_pressure as oblique_reflected_pressure,
-    oblique_reflected_pressure_arl as oblique_reflected_pressure_arl,
-    shock_density_ratio as shock_density_ratio,
-    shock_mach_number as shock_mach_number,
-    shock_overpressure as shock_overpressure,
-    shock_temperature_ratio as shock_temperature_ratio,
 )
 from jblast.waves.waveform import (
     BlastPulse as BlastPulse,

@@ -10,7 +10,6 @@ separate operations, both in compilation and in each call.
 
 import functools
 import inspect
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
@@ -24,8 +23,6 @@ from jaxtyping import Float
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
 
 NOT_NEGATIVE = Bounds(at_least=0.0)
-# An angle of incidence: 0 is face-on, a right angle side-on.
-QUADRANT = Bounds(at_least=0.0, at_most=math.pi / 2)
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -110,11 +107,8 @@ ARGUMENTS: dict[str, Argument] = {
     "rise_time": _positive("s", 1e-5, 1e-3),
     "negative_pressure": _positive("Pa", 1e2, 5e4),
     "negative_duration": _positive("s", 5e-3, 5e-2),
-    "incidence_angle": Argument("rad", (0.05, 1.5), QUADRANT),
-    "mach_number": Argument("1", (1.01, 10.0), Bounds(at_least=1.0)),
     # propagation of sound
     "frequency": Argument("Hz", (1.0, 1e4), NOT_NEGATIVE),
-    "reference_range": _positive("m", 0.1, 10.0),
 }
 """By name. `burst` is "surface" or "free-air"."""
 

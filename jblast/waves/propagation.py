@@ -1,4 +1,4 @@
-r"""Air as a medium of sound: state, sound speed, spreading and absorption.
+r"""Air as a medium of sound: state, sound speed and absorption.
 
 Humid air is an ideal mixture of dry air and water vapour with the mole fraction
 
@@ -7,16 +7,16 @@ $$x = h\,p_{sat}(T)/P$$
 where $h$ is the relative humidity and $p_{sat}$ the saturation pressure of ISO
 9613-1:1993, annex B. Sound speed and density follow from it.
 
-A plane wave of one frequency decays as $\exp(-\alpha x)$. Stokes, Stokes-Kirchhoff and
-ISO 9613-1 give $\alpha$ in nepers per metre; a neper is 8.686 dB. Classical theory has
-viscosity and conduction alone. Below some 10 kHz nearly all of the loss is the
-relaxation of oxygen and nitrogen, which depends on humidity and is in ISO 9613-1 only:
-270 times Stokes below 50 Hz, 131 times at 500 Hz, 14 times at 8 kHz (20 C, 70 %).
+A plane wave of one frequency decays as $\exp(-\alpha x)$. Stokes and ISO 9613-1 give
+$\alpha$ in nepers per metre; a neper is 8.686 dB. Stokes has viscosity alone. Below
+some 10 kHz nearly all of the loss is the relaxation of oxygen and nitrogen, which
+depends on humidity and is in ISO 9613-1 only: 270 times Stokes below 50 Hz, 131 times
+at 500 Hz, 14 times at 8 kHz (20 C, 70 %).
 
 The standard gives the magnitude $|H(f)| = e^{-\alpha(f) d}$ that remains after a
-distance $d$, and no phase. `absorb` uses the causal filter of least delay with this
-magnitude: its phase is the Hilbert transform of $\ln|H|$ (Kramers and Kronig). For the
-relaxations of the standard this is the dispersion of the air,
+distance $d$, and no phase. `absorption_transfer` is the causal filter of least delay
+with this magnitude: its phase is the Hilbert transform of $\ln|H|$ (Kramers and
+Kronig). For the relaxations of the standard this is the dispersion of the air,
 
 $$\frac{A f^2}{f_\nu + f^2/f_\nu} = \mathrm{Re}\,\frac{A f_\nu\,jf}{f_\nu + jf}$$
 
@@ -24,20 +24,13 @@ whose right-hand side is causal: the front travels at the speed of sound of froz
 molecules, and the slow part of the signal follows. The term in $f^2$ has no causal
 filter at all frequencies, only one up to half the sampling rate. It delays the signal
 by $\ln 2\,f_s\,c\,d/\pi^2$ for an absorption of $c f^2$ (0.3 ms at 5 km and 48 kHz).
-
-Spreading losses are relative to the level of the charge at the reference range $R_0$ in
-free air, for both bursts, so that their losses compare. The transmission loss is the
-sum of spreading and absorption for one frequency of linear sound in still, uniform air.
-It contains no wind or temperature gradients, which bend rays, no soft ground or
-barriers, and no steepening, which feeds the high frequencies of a strong blast. The
-peak of a shock falls faster than linear sound (`laws/weak_shock.py`).
 """
 
 import math
 
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float
 
 from jblast.constants import (
     AIR_HEAT_CAPACITY_RATIO,
@@ -64,29 +57,11 @@ Its vibrations add 0.04 at 300 K, which moves a sound speed by less than 0.01 %.
 """
 TRIPLE_POINT = 273.16
 """Temperature of the triple point of water [K]. ISO 9613-1:1993, annex B."""
-DECIBELS_PER_NEPER = 20.0 / math.log(10.0)
-"""Decibels in a neper, 8.685889638 [dB]. By definition of both."""
-BULK_TO_SHEAR_VISCOSITY = 0.6
-r"""$\mu_B/\eta$ of air [-]: rotation of the molecules. Greenspan (1959), J. Acoust.
-Soc. Am. 31:155, read second-hand; it makes the first term of ISO 9613-1 come out."""
-PRANDTL_NUMBER = 0.71
-r"""$\eta c_p/\kappa$ of air near 20 C [-]. Textbook value, two digits."""
 REFERENCE_TEMPERATURE = 293.15
 """Reference temperature of ISO 9613-1:1993 [K]."""
-ISO_DECIBELS_PER_NEPER = 8.686
-"""The rounded `DECIBELS_PER_NEPER` of ISO 9613-1:1993 [dB]."""
-# Where ISO 9613-1:1993 states an accuracy of 10 % (clause 7): -20 to 50 C, below 200
-# kPa. The frequencies are those of its tables.
-ISO_FREQUENCIES = (50.0, 10e3)
-ISO_TEMPERATURES = (253.15, 323.15)
-ISO_HIGHEST_PRESSURE = 200e3
 # The slowest relaxation, of nitrogen in dry air at 9 Hz, falls by e^-14 in this time.
 TAIL_S = 0.25
-"""Padding behind a signal, so that its end does not wrap round to its start [s]."""
-STOKES_FREQUENCY = 500.0 / (2.0 * math.pi)
-"""The only frequency of absorption in the thesis, 500 rad/s [Hz]."""
-HEMISPHERE_GAIN = 10.0 * math.log10(2.0)
-"""Twice the intensity, root two in amplitude: 3.01 dB."""
+"""Length of the filter of the absorption, as padding behind a signal [s]."""
 
 
 @checked
@@ -280,44 +255,6 @@ def stokes_absorption(
 
 
 @checked
-def stokes_kirchhoff_absorption(
-    frequency: Float[ArrayLike, "..."],
-    air_density: Float[ArrayLike, "..."],
-    sound_speed: Float[ArrayLike, "..."],
-    temperature: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the classical absorption: viscosity, rotation and conduction [Np/m].
-
-    $$\alpha = \frac{\omega^2}{2 \rho_0 c_0^3} \left[ \tfrac43 \eta + \mu_B
-      + \kappa \left( \frac{1}{c_v} - \frac{1}{c_p} \right) \right]$$
-
-    with $\mu_B = 0.6\,\eta$ and $\kappa = \eta c_p/0.71$, so that the last term is
-    $\eta (\gamma - 1)/0.71$. It is 1.87 times Stokes, and the first term of ISO 9613-1
-    (no relaxation): within 0.2 % at 20 C, 4.2 % between -20 and 50 C.
-
-    Args:
-        frequency: $f = \omega/2\pi$ [Hz], positive.
-        air_density: $\rho_0$ [kg/m3].
-        sound_speed: $c_0$ [m/s].
-        temperature: $T$ [K].
-
-    References:
-        Kirchhoff (1868), Ann. Phys. 210:177, in the form of textbooks.
-    """
-    frequency, air_density, sound_speed = as_float_arrays(
-        frequency, air_density, sound_speed
-    )
-    conduction = (AIR_HEAT_CAPACITY_RATIO - 1.0) / PRANDTL_NUMBER
-    return (
-        0.5
-        * (4.0 / 3.0 + BULK_TO_SHEAR_VISCOSITY + conduction)
-        * _shear_viscosity(temperature)
-        * _square_over_cube(frequency, sound_speed)
-        / air_density
-    )
-
-
-@checked
 def iso_9613_absorption(
     frequency: Float[ArrayLike, "..."],
     temperature: Float[ArrayLike, "..."],
@@ -336,8 +273,8 @@ def iso_9613_absorption(
 
     with $\theta = T/293.15$ K, $p_r = 101325$ Pa and $h$ the vapour's mole fraction in
     per cent. The standard gives dB/m, with 8.686 dB to the neper. The result here is in
-    nepers; multiply by `ISO_DECIBELS_PER_NEPER` for the numbers of the standard. It
-    states 10 % uncertainty where `iso_9613_valid`; outside, it is extrapolated.
+    nepers. The standard states 10 % uncertainty from 50 Hz to 10 kHz, -20 to 50 C,
+    below 200 kPa; outside, the result is extrapolated.
 
     Args:
         frequency: $f$ [Hz], positive.
@@ -368,26 +305,6 @@ def iso_9613_absorption(
         + 0.1068 * jnp.exp(-3352.0 / temperature) / (nitrogen + square / nitrogen)
     )
     return square * (1.84e-11 * theta**0.5 / atmospheres + relaxation)
-
-
-def iso_9613_valid(
-    frequency: Float[ArrayLike, "..."],
-    temperature: Float[ArrayLike, "..."],
-    pressure: Float[ArrayLike, "..."],
-) -> Bool[Array, "..."]:
-    """Return True where ISO 9613-1 states 10 %: 50 Hz to 10 kHz, -20 to 50 C, < 2 bar.
-
-    The standard also bounds the vapour and the frequency over the pressure. These
-    bounds are known from memory only and are not checked.
-    """
-    frequency, temperature, pressure = as_float_arrays(frequency, temperature, pressure)
-    return (
-        (frequency >= ISO_FREQUENCIES[0])
-        & (frequency <= ISO_FREQUENCIES[1])
-        & (temperature >= ISO_TEMPERATURES[0])
-        & (temperature <= ISO_TEMPERATURES[1])
-        & (pressure < ISO_HIGHEST_PRESSURE)
-    )
 
 
 def _shear_viscosity(temperature: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
@@ -434,140 +351,3 @@ def absorption_transfer(
     phase = jnp.fft.rfft(jnp.pad(2.0 * causal, (1, count // 2))).imag
     gain = jnp.exp(log_gain)
     return lax.complex(gain * jnp.cos(phase), gain * jnp.sin(phase))
-
-
-def absorb(
-    samples: Float[ArrayLike, " sample"],
-    rate: float,
-    distance: Float[ArrayLike, ""],
-    *,
-    temperature: Float[ArrayLike, ""],
-    pressure: Float[ArrayLike, ""],
-    relative_humidity: Float[ArrayLike, ""],
-) -> Float[Array, " sample"]:
-    """Return a signal after absorption by the air, without spreading; as many samples.
-
-    Args:
-        samples: Samples of the signal, which is zero before the first.
-        rate: Sampling rate [Hz].
-        distance: Length of the path through the air [m], not negative.
-        temperature: Temperature [K].
-        pressure: Pressure [Pa].
-        relative_humidity: Relative humidity, 0 to 1.
-    """
-    samples = as_float_array(samples)
-    n = samples.shape[0]
-    # a power of two for the transform; the padding keeps the end from wrapping round
-    count = 2 ** math.ceil(math.log2(n + TAIL_S * rate + 1))
-    transfer = absorption_transfer(
-        count, rate, distance, temperature, pressure, relative_humidity
-    )
-    # In the precision of the samples, whatever that of the distance.
-    spectrum = jnp.fft.rfft(samples, count)
-    return jnp.fft.irfft(spectrum * transfer.astype(spectrum.dtype), count)[:n]
-
-
-def absorb_by_stokes(
-    samples: Float[ArrayLike, " sample"],
-    distance: Float[ArrayLike, ""],
-    *,
-    air_density: Float[ArrayLike, ""],
-    sound_speed: Float[ArrayLike, ""],
-    temperature: Float[ArrayLike, ""],
-) -> Float[Array, " sample"]:
-    r"""Return a signal with the absorption of the thesis, times $e^{-\alpha R}$.
-
-    $\alpha$ is that of Stokes at 500 rad/s, which is negligible over 35 m.
-
-    Args:
-        samples: Samples of the signal.
-        distance: Length of the path through the air $R$ [m].
-        air_density: Density [kg/m3].
-        sound_speed: Speed of sound [m/s].
-        temperature: Temperature [K].
-
-    References:
-        Parab's thesis, eqs. 3.1 and 3.2.
-    """
-    alpha = stokes_absorption(STOKES_FREQUENCY, air_density, sound_speed, temperature)
-    return as_float_array(samples) * jnp.exp(-alpha * as_float_array(distance))
-
-
-@checked
-def spherical_spreading_loss(
-    slant_range: Float[ArrayLike, "..."],
-    reference_range: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the loss of level of a source in free air [dB].
-
-    $$L = 20 \lg (R/R_0)$$
-
-    from amplitude as $1/R$: 6.02 dB per doubling. Negative inside $R_0$.
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        reference_range: Range $R_0$ where the level is known [m], positive.
-    """
-    slant_range, reference_range = as_float_arrays(slant_range, reference_range)
-    return 20.0 * jnp.log10(slant_range / reference_range)
-
-
-@checked
-def hemispherical_spreading_loss(
-    slant_range: Float[ArrayLike, "..."],
-    reference_range: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the loss of level of a source on hard ground [dB].
-
-    $$L = 20 \lg (R/R_0) - 10 \lg 2$$
-
-    The same energy passes through half the sphere, so the level is 3.01 dB higher than
-    that of the same source in free air. A level measured at $R_0$ on the ground already
-    includes that gain: use `spherical_spreading_loss`. The gain is smaller over ground
-    that absorbs or moves. The gain of a blast is divided between pressure and duration:
-    W counts as 2 W, and the peak gains 2 dB, not 3.
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        reference_range: Range $R_0$ of the level in free air [m], positive.
-    """
-    return spherical_spreading_loss(slant_range, reference_range) - HEMISPHERE_GAIN
-
-
-@checked
-def transmission_loss(
-    frequency: Float[ArrayLike, "..."],
-    slant_range: Float[ArrayLike, "..."],
-    reference_range: Float[ArrayLike, "..."],
-    temperature: Float[ArrayLike, "..."],
-    pressure: Float[ArrayLike, "..."],
-    relative_humidity: Float[ArrayLike, "..."],
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    r"""Return the level at $R_0$ in free air minus that at the sensor [dB].
-
-    $$L = 20 \lg (R/R_0) + 8.6859\,\alpha\,(R - R_0) \;[\, -\, 10 \lg 2\,]$$
-
-    with $\alpha$ of ISO 9613-1 and the last term on the surface: the reference is the
-    same source in free air for both bursts (see the introduction).
-
-    Args:
-        frequency: $f$ [Hz], positive; $\alpha$ is good to 10 % from 50 Hz to 10 kHz.
-        slant_range: Range $R$ [m], positive.
-        reference_range: Range $R_0$ where the level in free air is known [m].
-        temperature: $T$ [K].
-        pressure: $P$ [Pa].
-        relative_humidity: Fraction, 0 to 1.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-
-    References:
-        ISO 9613-1:1993 for the absorption; conservation of energy.
-    """
-    slant_range, reference_range = as_float_arrays(slant_range, reference_range)
-    spreading = (
-        hemispherical_spreading_loss if burst == "surface" else spherical_spreading_loss
-    )(slant_range, reference_range)
-    absorption = iso_9613_absorption(
-        frequency, temperature, pressure, relative_humidity
-    )
-    return spreading + DECIBELS_PER_NEPER * absorption * (slant_range - reference_range)

@@ -4,7 +4,7 @@ Mass, momentum and energy are conserved across the front, in an ideal gas of $\g
 1.4. With $x = p/P_0$ the relations of Rankine and Hugoniot are
 
 $$M^2 = 1 + \tfrac67 x, \quad \frac{u}{c_0} = \frac{5x}{7M}, \quad
-\frac{\rho}{\rho_0} = \frac{7+6x}{7+x}, \quad \frac{T}{T_0} = \frac{(1+x)(7+x)}{7+6x}$$
+\frac{\rho}{\rho_0} = \frac{7+6x}{7+x}$$
 
 $$q = \tfrac12\rho u^2 = \frac{5}{2}\frac{p^2}{7P_0+p}, \qquad
 p_r = 2p\,\frac{7P_0+4p}{7P_0+p} = 2p + \tfrac{12}{5} q$$
@@ -13,28 +13,6 @@ Each is written so that nothing cancels however weak the shock. Real air above s
 bar is not ideal: the reflected pressure of Kingery and Bulmash exceeds $p_r$ by 3.4 %
 at Z = 0.7, 11 % at 0.5 and 53 % at 0.1 (free air); past Z = 1 the two agree to 1.6 %
 (1.1 % on the surface).
-
-On a face at an angle $\alpha$ the peak lies between the reflected pressure $p_r$ of a
-face turned to the charge ($\alpha$ = 0) and the incident $p_{so}$ of a face that the
-front sweeps along (90 degrees). Two forms are in use. ARL-TR-1310 prints, and LS-DYNA
-documents,
-
-$$p = p_r \cos^2\alpha + p_{so}\,(1 + \cos^2\alpha - 2\cos\alpha)$$
-
-while a port of ConWep and OpenRadioss compute
-
-$$p = p_r \cos^2\alpha + p_{so}\,(1 + \cos\alpha - 2\cos^2\alpha)$$
-
-and call the print a misprint (OpenRadioss, pull request 1134). They agree at 0 and 90
-degrees and differ by $3 p_{so}\cos\alpha\,(1 - \cos\alpha)$: 0.75 $p_{so}$ at 60.
-`oblique_reflected_pressure` is the second. The printed form falls below the incident
-pressure: for $\cos\alpha < 2/(1 + p_r/p_{so})$, down to $p_{so}\,p_r/(p_r + p_{so})$ at
-$\cos\alpha = p_{so}/(p_r + p_{so})$. For a weak shock ($p_r = 2 p_{so}$) that is 0.667
-$p_{so}$ at 70.5 degrees, and less than $p_{so}$ from 48.2 on; for the strongest
-($p_r = 8 p_{so}$) 0.889 at 83.6, from 77.2 on. No wall does that. The second rises from
-grazing to normal for every $p_r \ge 2 p_{so}$, in the weak limit as
-$p_{so}(1 + \cos\alpha)$. Neither contains the Mach stem, which past some 40 degrees can
-exceed both.
 
 Far away a spherical shock with a sharp front decays, in still air without absorption,
 along the weak-shock tail
@@ -104,39 +82,6 @@ FAR_SCATTER_EXPONENT = 4.0
 
 
 @checked
-def shock_mach_number(
-    peak_overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    r"""Return the speed of the front over that of sound, $M = \sqrt{1+\tfrac67x}$ [-].
-
-    The arguments here and below:
-
-    Args:
-        peak_overpressure: $p$ [Pa], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-    """
-    p, ambient = as_float_arrays(peak_overpressure, ambient_pressure)
-    return jnp.sqrt(1.0 + 6.0 / 7.0 * (p / ambient))
-
-
-@checked
-def shock_overpressure(
-    mach_number: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    r"""Return the peak overpressure, $p = \tfrac76 P_0 (M-1)(M+1)$ [Pa].
-
-    Args:
-        mach_number: Speed of the front over that of sound $M$ [-], at least 1.
-        ambient_pressure: $P_0$ [Pa], positive.
-    """
-    m, ambient = as_float_arrays(mach_number, ambient_pressure)
-    # Factored: M^2 - 1 cancels for a weak shock.
-    return 7.0 / 6.0 * ambient * (m - 1.0) * (m + 1.0)
-
-
-@checked
 def blast_wind(
     peak_overpressure: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
@@ -169,26 +114,6 @@ def plane_wave_wind(
 
 
 @checked
-def shock_density_ratio(
-    peak_overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    r"""Return the density behind the front over that ahead, at most 6 [-]."""
-    p, ambient = as_float_arrays(peak_overpressure, ambient_pressure)
-    return (7.0 * ambient + 6.0 * p) / (7.0 * ambient + p)
-
-
-@checked
-def shock_temperature_ratio(
-    peak_overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    r"""Return the absolute temperature behind the front over that ahead [-]."""
-    p, ambient = as_float_arrays(peak_overpressure, ambient_pressure)
-    return (1.0 + p / ambient) * ((7.0 * ambient + p) / (7.0 * ambient + 6.0 * p))
-
-
-@checked
 def dynamic_pressure(
     peak_overpressure: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
@@ -196,67 +121,6 @@ def dynamic_pressure(
     r"""Return the dynamic pressure of the wind, $q = \tfrac12\rho u^2$ [Pa]."""
     p, ambient = as_float_arrays(peak_overpressure, ambient_pressure)
     return 2.5 * p * (p / (7.0 * ambient + p))
-
-
-@checked
-def normally_reflected_pressure(
-    peak_overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    """Return the peak overpressure on a rigid wall at normal incidence [Pa].
-
-    Twice the incident one for a weak shock, eight times for a strong one.
-    """
-    p, ambient = as_float_arrays(peak_overpressure, ambient_pressure)
-    return 2.0 * p * ((7.0 * ambient + 4.0 * p) / (7.0 * ambient + p))
-
-
-@checked
-def oblique_reflected_pressure(
-    peak_overpressure: Float[ArrayLike, "..."],
-    reflected_pressure: Float[ArrayLike, "..."],
-    incidence_angle: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the peak overpressure on a face at an angle [Pa].
-
-    $$p = p_r \cos^2\alpha + p_{so}\,(1 + \cos\alpha - 2\cos^2\alpha)$$
-
-    Args:
-        peak_overpressure: Incident $p_{so}$ [Pa], positive.
-        reflected_pressure: Pressure on a face towards the charge $p_r$ [Pa], positive.
-        incidence_angle: Angle between the normal of the face and the direction of the
-            charge, $\alpha$ [rad], 0 to pi/2.
-    """
-    incident, reflected, angle = as_float_arrays(
-        peak_overpressure, reflected_pressure, incidence_angle
-    )
-    cos = jnp.cos(angle)
-    # 1 + cos - 2 cos^2, without the cancellation near normal incidence
-    return reflected * cos**2 + incident * (1.0 - cos) * (1.0 + 2.0 * cos)
-
-
-@checked
-def oblique_reflected_pressure_arl(
-    peak_overpressure: Float[ArrayLike, "..."],
-    reflected_pressure: Float[ArrayLike, "..."],
-    incidence_angle: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the peak overpressure on a face by the form printed in ARL-TR-1310 [Pa].
-
-    $$p = p_r \cos^2\alpha + p_{so}\,(1 + \cos^2\alpha - 2\cos\alpha)$$
-
-    Args:
-        peak_overpressure: Incident $p_{so}$ [Pa], positive.
-        reflected_pressure: Pressure on a face towards the charge $p_r$ [Pa], positive.
-        incidence_angle: Angle between the normal of the face and the direction of the
-            charge, $\alpha$ [rad], 0 to pi/2.
-    """
-    incident, reflected, angle = as_float_arrays(
-        peak_overpressure, reflected_pressure, incidence_angle
-    )
-    cos = jnp.cos(angle)
-    # 1 + cos^2 - 2 cos as a square, which does not cancel near normal incidence.
-    return reflected * cos**2 + incident * (1.0 - cos) ** 2
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ between two records and exits with 1 if anything does:
 - sounds, frames, events and stores: at all. They are compared byte by byte.
 
 Words may change: text on the terminal, pages and figures are not compared, only
-whether they are there. `serve` needs a client and `bake` needs Blender; tests of their
-own run them. `chart` prints times of this machine.
+whether they are there. `serve` needs a client; tests of its own run it. `chart` prints
+times of this machine.
 """
 
 import argparse

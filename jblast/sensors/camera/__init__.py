@@ -42,7 +42,6 @@ from jblast.sensors.camera.files.recordings import (
 from jblast.sensors.camera.files.views import (
     explosion_views as explosion_views,
     read_views as read_views,
-    single_view as single_view,
 )
 from jblast.sensors.camera.fireball import (
     Appearance as Appearance,

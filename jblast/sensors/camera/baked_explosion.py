@@ -29,15 +29,7 @@ The wind carries the middle as it carries the law's ball, lower parts less and u
 parts more, by the height in the picture; the foot does not move. After the last phase
 the last picture remains, and fades within half of that time.
 
-A direction is shown by the nearest view on the unit sphere; or by the three views at
-the corners of the spherical triangle around it, by barycentric weights
-
-$$d = \sum_i \lambda_i u_i, \qquad w_i = \lambda_i \Big/ \sum_j \lambda_j$$
-
-The triangles are those of the convex hull of all views and of their mirror images in
-the ground. Every direction is in one, and a direction from below is shown by the view
-from as far above. Weights are continuous everywhere, with a kink at the edges of
-triangles.
+A direction is shown by the nearest view on the unit sphere.
 
 A picture with several texels per pixel would flicker if it were sampled between pixels.
 Its convolution with $[1, 2, 1]/4$, the texels then 1, 2, 4 ... apart, has the variance
@@ -50,7 +42,7 @@ References:
     Parab's thesis, 3.2.2: views on the upper hemisphere, the nearest shown.
 """
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -114,9 +106,6 @@ class Pictures(ViewSet):
             its visible radius [-].
         phase: Time of each frame since the burst over the fireball's duration, rising.
         anchor: (x, y) of the burst in each view's pictures [px].
-        corners: Views around each triangle of the sphere of directions.
-        inverses: Inverses of the matrices whose columns are these directions.
-        sides: Number of views that are mixed: the nearest, or three around it.
         windows: True to calculate only the part of an image that may show some of a
             picture. Under `vmap`, where all branches are evaluated, it is slower.
         smoothed: True to remove detail finer than a pixel from pictures shown smaller
@@ -133,23 +122,16 @@ class Pictures(ViewSet):
     height: Float[Array, " frame"] = eqx.field(converter=as_float_array)
     phase: Float[Array, " frame"] = eqx.field(converter=as_float_array)
     anchor: Float[Array, "view 2"] = eqx.field(converter=as_float_array)
-    corners: Int[Array, "triangle 3"]
-    inverses: Float[Array, "triangle 3 3"] = eqx.field(converter=as_float_array)
-    sides: Literal[1, 3] = eqx.field(static=True, default=1)
     windows: bool = eqx.field(static=True, default=True)
     smoothed: bool = eqx.field(static=True, default=True)
 
-    def views_towards(
-        self, towards: Float[Array, "3"]
-    ) -> tuple[Int[Array, " side"], Float[Array, " side"]]:
-        """Return the views shown in a direction from the blast, and their weights.
+    def view_towards(self, towards: Float[Array, "3"]) -> Int[Array, ""]:
+        """Return the view nearest to a direction from the blast; the first of equals.
 
         Args:
             towards: Vector from the blast to the camera, of any length.
         """
-        if self.sides == 1:
-            return nearest_side(self.direction, towards)
-        return three_sides(self.corners, self.inverses, towards)
+        return jnp.argmax(self.direction @ towards)
 
     def frames_at(
         self, phase: Float[Array, ""]
@@ -199,8 +181,8 @@ class ExplosionViews(Pictures):
         """Return the image of a scene's charges along rays, nearer ones in front.
 
         Differentiable in all numbers of scene, camera and time except at kinks: where a
-        ray passes a texel's centre, at a frame's phase, and at the edge between three
-        views; and at jumps: where the nearest view changes, or something hides it.
+        ray passes a texel's centre, and at a frame's phase; and at jumps: where the
+        nearest view changes, or something hides it.
         """
         return laid_over(
             [
@@ -245,36 +227,29 @@ def explosion_layer(
     glow = light / appearance.white
     day = (appearance.daylight / appearance.white).astype(glow.dtype)
     frames, parts = views.frames_at(phase)
-    sides, shares = views.views_towards(-plane.sight)
+    view = views.view_towards(-plane.sight)
+    axes = axes_of(views, plane, view)
     corners, size = corner_rays(rays), rays.direction.shape[1:]
-    cells, layers = jnp.zeros((), bool), []
-    for view, share in zip(sides, shares, strict=True):
-        axes = axes_of(views, plane, view)
-        met, pictures = met_by(axes, plane, corners), []
-        for frame, part in zip(frames, parts, strict=True):
-            laid = laid_on(views, plane, axes, view, frame)
-            x, y = met.on(laid)
-            pitch = ray_pitch(x, y, met.ever, (laid.x, laid.y), size)
-            # smoothing and interpolation spread the silhouette by up to two pixels
-            margin = 2.0 * jnp.maximum(pitch, 1.0)
-            box = views.box[view, frame] + margin * jnp.array([-1.0, 1.0, -1.0, 1.0])
-            cells |= touched(x, y, met.ever, corners.farthest <= 0.0, box)
-            picture = texel_light(views.frames[view, frame], glow, day)
-            picture = picture.astype(rays.direction.dtype)
-            picture = low_passed(picture, pitch) if views.smoothed else picture
-            pictures.append((laid, share * part * picture))
-        layers.append((axes, pictures))
+    met = met_by(axes, plane, corners)
+    cells, pictures = jnp.zeros((), bool), []
+    for frame, part in zip(frames, parts, strict=True):
+        laid = laid_on(views, plane, axes, view, frame)
+        x, y = met.on(laid)
+        pitch = ray_pitch(x, y, met.ever, (laid.x, laid.y), size)
+        # smoothing and interpolation spread the silhouette by up to two pixels
+        margin = 2.0 * jnp.maximum(pitch, 1.0)
+        box = views.box[view, frame] + margin * jnp.array([-1.0, 1.0, -1.0, 1.0])
+        cells |= touched(x, y, met.ever, corners.farthest <= 0.0, box)
+        picture = texel_light(views.frames[view, frame], glow, day)
+        picture = picture.astype(rays.direction.dtype)
+        picture = low_passed(picture, pitch) if views.smoothed else picture
+        pictures.append((laid, part * picture))
 
     def look(part: Rays) -> Float[Array, "row column 4"]:
-        total = jnp.zeros((*part.farthest.shape, 4), part.direction.dtype)
-        for axes, pictures in layers:
-            met = met_by(axes, plane, part)
-            seen = sum(
-                _interpolated(picture, *met.on(laid)) for laid, picture in pictures
-            )
-            visible = met.ever & (met.distance < part.farthest)
-            total = total + jnp.where(visible[..., None], seen, 0.0)
-        return total
+        met = met_by(axes, plane, part)
+        seen = sum(_interpolated(picture, *met.on(laid)) for laid, picture in pictures)
+        visible = met.ever & (met.distance < part.farthest)
+        return jnp.where(visible[..., None], seen, 0.0)
 
     if views.windows:
         layer = in_window(cells & (phase > 0.0), rays, look)
@@ -294,15 +269,15 @@ def is_met(
         ball = cloud(scene, charge, charge.time_s + phase * life)
         plane = plane_of(charge, rays, ball)
         frames, _ = views.frames_at(phase)
-        sides, _ = views.views_towards(-plane.sight)
-        axes = axes_of(views, plane, sides[0])
-        laid = laid_on(views, plane, axes, sides[0], frames[0])
+        view = views.view_towards(-plane.sight)
+        axes = axes_of(views, plane, view)
+        laid = laid_on(views, plane, axes, view, frames[0])
         size = rays.direction.shape[1:]
         few, met = (met_by(axes, plane, r) for r in (corner_rays(rays), rays))
         x, y = few.on(laid)
         pitch = ray_pitch(x, y, few.ever, (laid.x, laid.y), size)
         x, y = met.on(laid)
-        first, last, top, bottom = views.box[sides[0], frames[0]]
+        first, last, top, bottom = views.box[view, frames[0]]
         inside = (x > first - pitch) & (x < last + pitch)
         inside &= (y > top - pitch) & (y < bottom + pitch)
         return jnp.any(inside & met.ever)
@@ -357,85 +332,6 @@ def texel_light(
 
 def _entries(table, index):
     return table.at[index].get(mode="promise_in_bounds")
-
-
-def nearest_side(
-    directions: Float[Array, "view 3"], towards: Float[Array, "3"]
-) -> tuple[Int[Array, "1"], Float[Array, "1"]]:
-    """Return the nearest view, with weight one; the first of equals.
-
-    Args:
-        directions: Directions of the views, from the blast.
-        towards: Vector from the blast to the camera.
-    """
-    view = jnp.argmax(directions @ towards)[None]
-    return view, jnp.ones(1, towards.dtype)
-
-
-def three_sides(
-    corners: Int[Array, "triangle 3"],
-    inverses: Float[Array, "triangle 3 3"],
-    towards: Float[Array, "3"],
-) -> tuple[Int[Array, "3"], Float[Array, "3"]]:
-    """Return the three views around a direction, and their weights.
-
-    Args:
-        corners: Views at the corners of each triangle.
-        inverses: Inverse of the matrix whose columns are a triangle's corners.
-        towards: Vector from the blast to the camera.
-    """
-    # barycentric coordinates in all triangles; the right one has no negative share
-    shares = inverses @ towards
-    shares = shares / jnp.sum(jnp.abs(shares), axis=1, keepdims=True)
-    best = jnp.argmax(jnp.min(shares, axis=1))
-    # negative by rounding, or if the set has no views on that side
-    inside = jnp.maximum(shares[best], 0.0)
-    return corners[best], inside / jnp.sum(inside)
-
-
-def triangles(
-    directions: Float[np.ndarray, "view 3"],
-) -> tuple[Int[np.ndarray, "triangle 3"], Float[np.ndarray, "triangle 3 3"]]:
-    """Return the triangles between views: their corners, and the inverse matrices.
-
-    Args:
-        directions: Unit vectors from the blast. One or two alone form no triangle; the
-            first then stands for all directions.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    mirrored = directions * np.array([1.0, 1.0, -1.0])
-    low = np.abs(directions[:, 2]) < 1e-6  # in the ground: its own mirror image
-    views = np.concatenate([np.arange(len(directions)), np.flatnonzero(~low)])
-    points = np.concatenate([directions, mirrored[~low]])
-    try:
-        faces = ConvexHull(points).simplices
-    except (QhullError, ValueError):  # fewer than four, or all in a plane
-        return np.zeros((1, 3), int), np.eye(3)[None]
-    matrices = np.swapaxes(points[faces], 1, 2)
-    # a face through the origin, between views on opposite sides, has no inverse
-    whole = np.abs(np.linalg.det(matrices)) > 1e-9
-    return views[faces[whole]], np.linalg.inv(matrices[whole])
-
-
-def shown_towards(
-    directions: Float[np.ndarray, "view 3"],
-    towards: Float[np.ndarray, "camera 3"],
-    sides: int,
-) -> Int[np.ndarray, " shown"]:
-    """Return the views of a set that are shown in some directions, sorted.
-
-    Args:
-        directions: Directions of all views.
-        towards: Vectors from the blast to cameras.
-        sides: Number of views that are mixed.
-    """
-    if sides == 1:
-        return np.unique(np.argmax(towards @ directions.T, axis=1))
-    corners, inverses = triangles(directions)
-    shares = np.einsum("tij,cj->cti", inverses, towards)
-    shares /= np.abs(shares).sum(axis=2, keepdims=True)
-    return np.unique(corners[np.argmax(shares.min(axis=2), axis=1)])
 
 
 class Plane(NamedTuple):

@@ -27,7 +27,6 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
@@ -46,8 +45,6 @@ the few operations of `distort` add up to less."""
 STEPS = 64
 """Points between centre and ray at which the fold is searched. A fold that opens and
 closes between two of them is not found."""
-HALVINGS = 52
-"""Halvings of the bracket: to the last bit of float64."""
 
 
 class Projected(eqx.Module):
@@ -277,47 +274,6 @@ def unfolded(
 
     clear = jnp.ones(point.shape[:-1], bool)
     return jax.lax.fori_loop(0, STEPS, step, clear)
-
-
-@jax.jit
-def fold_radius(
-    distortion: Float[Array, "5"], direction: Float[Array, "... 2"]
-) -> Float[Array, "..."]:
-    """Return the radius at which the model first folds over along a direction.
-
-    It is bracketed at 1024 angles from the axis, 0.09 degrees apart, then bisected. It
-    is not differentiated: its gradient is zero.
-
-    Args:
-        distortion: k1, k2, p1, p2, k3 [-].
-        direction: Direction from the centre; its length does not matter.
-
-    Returns:
-        Radius without distortion, in the plane at distance 1 [-]; infinite without a
-        fold.
-    """
-    distortion = jax.lax.stop_gradient(distortion)
-    length = jnp.sqrt(jnp.sum(jnp.square(direction), axis=-1, keepdims=True))
-    unit = jax.lax.stop_gradient(direction / length)
-
-    def clear(radius):
-        return _clear(unit * radius[..., None], distortion)
-
-    def halve(_, bracket):
-        inside, beyond = bracket
-        middle = 0.5 * (inside + beyond)
-        before = clear(middle)
-        return jnp.where(before, middle, inside), jnp.where(before, beyond, middle)
-
-    # even in angle, so that wide lenses are searched as finely as narrow ones
-    radii = jnp.asarray(np.tan(np.arange(1024) * (np.pi / 2 / 1024)), unit.dtype)
-    at = jax.vmap(lambda radius: clear(jnp.broadcast_to(radius, unit.shape[:-1])))
-    folded = ~at(radii)  # never at the centre, where the Jacobian is the unit matrix
-    first = jnp.argmax(folded, axis=0)
-    # the sign changes between the last clear radius and the first folded one
-    bracket = radii[jnp.maximum(first - 1, 0)], radii[first]
-    inside, _ = jax.lax.fori_loop(0, HALVINGS, halve, bracket)
-    return jnp.where(jnp.any(folded, axis=0), inside, jnp.inf)
 
 
 def _clear(

@@ -1,4 +1,4 @@
-r"""Light in pixels: compositing, black bodies, tone curve, bloom and comparison.
+r"""Light in pixels: compositing, black bodies, tone curve and bloom.
 
 Images are linear light. Alpha is composited in linear light (Porter and Duff 1984,
 "over"):
@@ -37,26 +37,11 @@ values are limited to full scale, so that much of the sun or of a fire appears a
 it. Energy is conserved: light that would leave the picture is reflected at its edge, in
 place of the light that comes in from outside. The widths are declared, not measured.
 
-Two pictures are compared by
-
-$$\text{PSNR} = -10 \log_{10} \frac{1}{n} \sum (x - y)^2$$
-
-in decibels, full scale 1, and by
-
-$$\text{SSIM} = \frac{(2 \mu_x \mu_y + C_1)(2 \sigma_{xy} + C_2)}
-{(\mu_x^2 + \mu_y^2 + C_1)(\sigma_x^2 + \sigma_y^2 + C_2)}$$
-
-of means, variances and covariance under a Gaussian of 11 x 11 pixels, 1.5 pixels wide,
-about each pixel. Beyond its edge the picture continues as its mirror image.
-
 References:
     Khronos Group (2024), Khronos PBR Neutral Tone Mapper, specification
     (github.com/KhronosGroup/ToneMapping).
     Krawczyk, Myszkowski and Seidel (2005), Lightness perception in tone reproduction
     for high dynamic range images. Computer Graphics Forum 24(3): 635, eq. 11.
-    Wang, Bovik, Sheikh and Simoncelli (2004), Image quality assessment: from error
-    visibility to structural similarity. IEEE Trans. Image Processing 13(4), eq. 13,
-    $K_1 = 0.01$ and $K_2 = 0.03$.
 """
 
 import math
@@ -67,7 +52,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.ndimage import map_coordinates
-from jaxtyping import Array, ArrayLike, Bool, Float, UInt8
+from jaxtyping import Array, ArrayLike, Float, UInt8
 
 from jblast.errors import InputError
 from jblast.scene import Camera
@@ -121,14 +106,6 @@ Background = (
 )
 """A grey, a colour, an image, an image per time, or a function of time that JAX can
 trace (the frame source): linear light, full scale 1."""
-WIDTH = 1.5
-"""Standard deviation of the window [px] (Wang et al. 2004)."""
-WINDOW_REACH = 5
-"""Half width of the window [px]: 11 x 11 pixels (Wang et al. 2004)."""
-# Constants of the structural similarity of Wang et al. (2004), IEEE Trans. Image
-# Process. 13:600: (0.01 L)^2 and (0.03 L)^2 with full scale L = 1.
-C1, C2 = 0.01**2, 0.03**2
-Grey = Float[np.ndarray, "height width"]
 
 
 def over(
@@ -262,23 +239,13 @@ def blackbody_light(
         Linear red, green, blue [cd/m2], not negative; 0.2126 red + 0.7152 green +
         0.0722 blue is the luminance.
     """
-    xyz, scale = _relative_xyz(as_float_array(temperature))
+    xyz, scale = relative_xyz(as_float_array(temperature))
     ratio = xyz @ jnp.asarray(LINEAR_SRGB.T, xyz.dtype) / xyz[..., 1:2]
     # smooth maximum of the ratio and 0
     shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + STEP_WIDTH**2))
     # rescaled, so that the smooth step leaves the luminance unchanged
     weight = luminance(shown)
     return (scale * xyz[..., 1] / weight)[..., None] * shown
-
-
-def blackbody_xyz(temperature: Float[ArrayLike, "..."]) -> Float[Array, "... 3"]:
-    """Return the tristimulus values X, Y, Z of a black body [cd/m2]; Y is luminance.
-
-    Args:
-        temperature: $T$ [K], positive.
-    """
-    xyz, scale = _relative_xyz(as_float_array(temperature))
-    return scale[..., None] * xyz
 
 
 def matching_functions() -> Float[np.ndarray, "wavelength 3"]:
@@ -292,7 +259,7 @@ def matching_functions() -> Float[np.ndarray, "wavelength 3"]:
     return functions
 
 
-def _relative_xyz(
+def relative_xyz(
     temperature: Float[Array, "..."],
 ) -> tuple[Float[Array, "... 3"], Float[Array, "..."]]:
     r"""Return X, Y, Z over a scale [cd/m2], and the scale, which may underflow.
@@ -462,48 +429,3 @@ def resampled(
         return map_coordinates(channel, at, order=1, mode="constant")
 
     return jax.vmap(one, in_axes=-1)(picture)
-
-
-def psnr(one: Grey, other: Grey, where: Bool[np.ndarray, "height width"]) -> float:
-    """Return the ratio of full scale to the difference of two pictures [dB].
-
-    Args:
-        one: Display values (sRGB, not linear light), 0 to 1.
-        other: Likewise.
-        where: Pixels that count, at least one.
-
-    Returns:
-        Infinite for equal pictures.
-    """
-    square = float(np.mean(np.square(one - other)[where]))
-    return float("inf") if square == 0.0 else -10.0 * float(np.log10(square))
-
-
-def ssim(one: Grey, other: Grey, where: Bool[np.ndarray, "height width"]) -> float:
-    """Return the mean structural similarity of two pictures, 1 for the same.
-
-    Args:
-        one: Display values (sRGB, not linear light), 0 to 1.
-        other: Likewise.
-        where: Pixels whose windows count, at least one.
-    """
-    return float(np.mean(structural_similarity(one, other)[where]))
-
-
-def structural_similarity(one: Grey, other: Grey) -> Grey:
-    """Return the structural similarity about each pixel, -1 to 1."""
-    mean, mean_other = _local(one), _local(other)
-    # one pass by moments: pictures are within 0 to 1, so little is cancelled
-    variance = _local(np.square(one)) - np.square(mean)
-    variance_other = _local(np.square(other)) - np.square(mean_other)
-    covariance = _local(one * other) - mean * mean_other
-    means = 2.0 * mean * mean_other + C1, np.square(mean) + np.square(mean_other) + C1
-    spreads = 2.0 * covariance + C2, variance + variance_other + C2
-    return means[0] * spreads[0] / (means[1] * spreads[1])
-
-
-def _local(image: Grey) -> Grey:
-    """Return the mean under the window."""
-    from scipy.ndimage import gaussian_filter
-
-    return gaussian_filter(image, WIDTH, truncate=WINDOW_REACH / WIDTH, mode="reflect")

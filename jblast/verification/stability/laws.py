@@ -35,7 +35,6 @@ from jblast.verification.stability.failure import (
 )
 from jblast.waves import (
     finite_rise_pressure,
-    iso_9613_absorption,
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_pressure,
@@ -49,15 +48,12 @@ from jblast.waves import (
     shock_kinematics_arrival_time,
     shock_kinematics_pressure,
     slant_range,
-    stokes_absorption,
-    transmission_loss,
     wu_hao_air_arrival_time,
 )
 from jblast.waves.curves import BLEND_WIDTH, LogCurve, Segment
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from jblast.waves.laws.kinney_graham import kinney_graham_duration_valid
 from jblast.waves.laws.wu_hao import wu_hao_air_valid
-from jblast.waves.propagation import DECIBELS_PER_NEPER
 
 # A pulse of some kg of TNT at a few tens of metres; the peak is 1, units scale out.
 DURATION, DECAY = 10e-3, 1.5
@@ -340,7 +336,6 @@ def law_failures() -> list[FailureMode]:
         *kingery_bulmash_failures(),
         *kinney_graham_failures(),
         *point_source_failures(),
-        *stokes_failures(),
     ]
 
 
@@ -447,58 +442,6 @@ def kinney_graham_failures() -> list[FailureMode]:
             beyond=f"{100 * ratio(40.0):.0f} % {of} at Z = 40",
             response=verified("marks", marked and holds, method),
             message="law_valid false",
-        ),
-    ]
-
-
-def stokes_failures() -> list[FailureMode]:
-    """Find ranges and frequencies at which Stokes' absorption alone is too small."""
-
-    def stokes(distance, frequency=THESIS_FREQUENCY):
-        alpha = stokes_absorption(
-            frequency, DENSITY, STANDARD_SOUND_SPEED, AIR["temperature"]
-        )
-        return DECIBELS_PER_NEPER * float(alpha) * (distance - 1.0)
-
-    def total(distance):
-        loss = transmission_loss(
-            THESIS_FREQUENCY, distance, 1.0, **AIR, burst="free-air"
-        )
-        return float(loss)
-
-    def too_small(frequency):
-        alpha = stokes_absorption(
-            frequency, DENSITY, STANDARD_SOUND_SPEED, AIR["temperature"]
-        )
-        return float(iso_9613_absorption(frequency, **AIR) / alpha)
-
-    distance = crossing(lambda r: total(r) - stokes(r) - 3.0, 1.0, 10.0)
-    ten = crossing(lambda f: too_small(f) - 10.0, 100.0, 1e5)
-    method = "stokes_absorption"
-    return [
-        FailureMode(
-            area="laws",
-            method=method,
-            failure="no spreading: equally loud at every range",
-            boundary=distance,
-            unit="times the range of the source level",
-            beyond=f"3 dB too loud there; from 1 m to 1 km it loses {stokes(1e3):.4f} "
-            f"dB ({THESIS_FREQUENCY:.0f} Hz) instead of {total(1e3):.0f} dB",
-            # 60 dB are the spreading from 1 m to 1 km
-            response=verified("holds", total(1e3) > 59.0 + stokes(1e3), method),
-            message="transmission_loss has spreading, and absorption by ISO 9613-1",
-        ),
-        FailureMode(
-            area="laws",
-            method=method,
-            failure="no relaxation: ten times too small",
-            boundary=ten,
-            unit="Hz and below",
-            beyond=f"ISO 9613-1 gives {too_small(THESIS_FREQUENCY):.0f} times as much "
-            f"at {THESIS_FREQUENCY:.0f} Hz, {too_small(1e3):.0f} times at 1 kHz",
-            # spreading alone loses 6.02 dB when the range doubles
-            response=verified("holds", total(2e3) - total(1e3) > 6.02, method),
-            message="transmission_loss has absorption by ISO 9613-1",
         ),
     ]
 

@@ -41,9 +41,7 @@ def test_it_comes_when_record_says_with_the_velocity_that_record_says(path):
     assert arrival < 0.5 * air.pulse.arrival_time
     fine = float(ground.pulse.time_constant) / 1000
     edges = float(arrival) + fine * np.arange(-10, 9000)
-    pressure = np.asarray(
-        overpressure(scene(path), PLACE, edges, ground=True, reflection=0.0)
-    )
+    pressure = np.asarray(overpressure(scene(path), PLACE, edges, ground=True))
     before_air = edges[1:] < air.pulse.arrival_time
     pressure = pressure[before_air]
     assert np.all(pressure[:10] == 0.0)

@@ -1,12 +1,11 @@
 """What cannot be heard is refused by name."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
-from jblast.sensors import RecordedSound, heard, overpressure, record_laws
+from jblast.sensors import heard, overpressure, record_laws
 from jblast.sensors.wave_paths import DEFAULT_RECORD_LAWS
 
 SCENE = Scene(Charge(mass_kg=15.0))
@@ -42,40 +41,6 @@ def test_laws_that_make_no_pulse_are_refused():
     laws = {"positive_impulse_pa_s": "ford_2021"}
     with pytest.raises(InputError, match="expected laws whose impulse"):
         heard(near, [0.3, 0.0, 0.0], laws)
-
-
-def test_a_recorded_sound_comes_when_the_wave_does_as_loud_as_its_law_says():
-    rate = 10e3
-    shape = np.sin(np.arange(60) / 5.0) * 50.0
-    sound = RecordedSound(shape, rate, 40.0)
-    (there,), (near,) = heard(SCENE, [40.0, 0.0, 0.0]), heard(SCENE, PLACE)
-    shift = np.arange(-10, 70) / rate
-    at_its_place = overpressure(
-        SCENE, [40.0, 0.0, 0.0], there.pulse.arrival_time + shift, sound=sound
-    )
-    # to a rounding of the clock over a sample
-    np.testing.assert_allclose(at_its_place[10:-9], shape, atol=1e-8)
-    assert np.all(np.abs(at_its_place[:10]) < 1e-8)
-    assert np.all(np.abs(at_its_place[-9:]) < 1e-8)
-    elsewhere = overpressure(SCENE, PLACE, near.pulse.arrival_time + shift, sound=sound)
-    louder = float(near.pulse.peak / there.pulse.peak)
-    np.testing.assert_allclose(elsewhere, louder * at_its_place, atol=1e-7)
-    assert louder > 2.0
-
-
-@pytest.mark.parametrize(
-    ("samples", "rate", "distance", "words"),
-    [
-        ([], 1e3, 1.0, "expected a row of samples"),
-        ([1.0], 0.0, 1.0, "expected a positive rate"),
-        ([1.0], -1.0, 1.0, "expected a positive rate"),
-        ([np.nan], 1e3, 1.0, "got nan"),
-        ([1.0], 1e3, 0.0, "expected a positive distance"),
-    ],
-)
-def test_a_sound_that_is_none_is_refused(samples, rate, distance, words):
-    with pytest.raises(InputError, match=words):
-        RecordedSound(jnp.asarray(samples), rate, distance)
 
 
 @pytest.mark.parametrize("place", [[], [1.0, 2.0], [1.0, 2.0, 3.0, 4.0]])

@@ -18,7 +18,7 @@ from jblast.sensors.camera import (
 )
 from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.files.recordings import background_frames
-from jblast.sensors.camera.files.views import single_view
+from jblast.sensors.camera.files.views import read_views
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.image import LUMINANCE
@@ -155,13 +155,13 @@ def test_angle_off_the_axis():
 @pytest.mark.slow  # 61 views are drawn
 @pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
 def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
-    clip = single_view(
-        Path(REFERENCE or "") / "blast_clip",
-        frames_hz=30.0,
-        metres_per_pixel=0.05,
-        charge_mass_kg=15.0,
-        anchor=(164.0, 277.0),  # the foot of the explosion
+    (tmp_path / "views.toml").write_text(
+        "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 15.0\n"
+        "anchor_px = [164.0, 277.0]\n"  # the foot of the explosion
+        f"[[view]]\nframes = '{Path(REFERENCE or '') / 'blast_clip'}'\n"
+        "azimuth_deg = 180.0\n"
     )
+    clip = read_views(tmp_path)
     assert clip.frames.shape == (1, 61, 320, 320, 4)
     eye = camera(
         position=(0.0, -40.0, 3.0),

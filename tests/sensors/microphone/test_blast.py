@@ -4,17 +4,15 @@ from dataclasses import replace
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jblast
-from jblast.errors import InputError
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
-from jblast.sensors import RecordedSound, Track, microphone
+from jblast.sensors import Track, microphone
 from jblast.sensors.microphone import WavePaths
 from jblast.sensors.wave_paths import DEFAULT_GROUND_LAWS
-from jblast.waves.propagation import absorb
+from tests.waves.propagation.absorbing import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
 SCENE = Scene(Charge(mass_kg=15.0))
@@ -71,9 +69,9 @@ def test_air_absorbs_where_the_scene_says_so_and_the_stream_forgets_nothing():
         heard(replace(humid, air=replace(humid.air, absorption=False))),
         RATE,
         np.hypot(300.0, 20.0),
-        temperature=humid.air.temperature,
-        pressure=humid.air.pressure,
-        relative_humidity=humid.air.relative_humidity,
+        humid.air.temperature,
+        humid.air.pressure,
+        humid.air.relative_humidity,
     )
     peak = np.abs(plain).max()
     assert np.abs(absorbed - plain).max() > 0.02 * peak
@@ -96,19 +94,6 @@ def test_inside_jit_air_absorbs_as_much_or_nothing():
         alone = heard(scene)
         traced = np.asarray(jax.jit(inside)(scene))
         assert traced == pytest.approx(alone, abs=1e-8 * np.abs(alone).max())
-
-
-def test_a_recorded_sound_stands_for_the_pulse_scaled_by_the_law():
-    plain = heard()
-    recorded = np.array([2.0, 4.0, -1.0, 0.5])
-    sound = RecordedSound(recorded, RATE, jnp.hypot(300.0, 20.0))
-    samples = heard(wave_paths=WavePaths(ground=False, sound=sound))
-    first = np.flatnonzero(plain)[0]
-    assert np.flatnonzero(samples)[0] == first
-    assert samples[first : first + 6].sum() == pytest.approx(recorded.sum(), rel=1e-6)
-    track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
-    with pytest.raises(InputError, match="a fixed position for a recorded sound"):
-        heard(wave_paths=WavePaths(sound=sound), track=track)
 
 
 @pytest.mark.slow  # test_track.py hears air alone so
@@ -135,10 +120,6 @@ def test_one_who_comes_nearer_hears_all_of_it_sooner_and_shorter():
 @pytest.mark.slow  # each way is a program; test_overpressure.py has that of the air
 def test_never_is_never_by_any_way():
     never = Scene(Charge(time_s=np.inf), air=Air(absorption=True))
-    for wave_paths in (
-        WavePaths(),
-        WavePaths(sound=RecordedSound(np.ones(9), RATE, 10.0)),
-    ):
-        assert not heard(never, wave_paths).any()
+    assert not heard(never, WavePaths()).any()
     track = Track(np.array([0.0, 1.0]), np.tile(MICROPHONE.position_m, (2, 1)))
     assert not heard(never, WavePaths(), track=track).any()

@@ -4,11 +4,7 @@ import pytest
 
 from jblast.waves.euler import Ambient, IdealGas, Primitives
 from jblast.waves.euler.step import extrapolated, fitted_front
-from jblast.waves.shock import (
-    blast_wind,
-    shock_density_ratio,
-    shock_mach_number,
-)
+from jblast.waves.shock import blast_wind
 
 AIR = Ambient(jnp.asarray(2.0), jnp.asarray(1.5), IdealGas())
 
@@ -18,7 +14,7 @@ def test_gas_in_the_state_behind_a_shock_drives_that_shock(ratio):
     # a third way to the relations: jblast.waves.shock
     sound = float(np.sqrt(1.4 * 2.0 / 1.5))
     behind = [
-        1.5 * float(shock_density_ratio(ratio, 1.0)),
+        1.5 * (7 + 6 * ratio) / (7 + ratio),
         float(blast_wind(ratio, 1.0, sound)),
         2.0 * (1.0 + ratio),
     ]
@@ -26,7 +22,7 @@ def test_gas_in_the_state_behind_a_shock_drives_that_shock(ratio):
     front = fitted_front(cells, IdealGas(), AIR)
     assert float(front.pressure) == pytest.approx(behind[2], rel=1e-13)
     assert float(front.velocity) == pytest.approx(behind[1], rel=1e-9)
-    speed = sound * float(shock_mach_number(ratio, 1.0))
+    speed = sound * float(np.sqrt(1 + 6 / 7 * ratio))
     assert float(front.speed) == pytest.approx(speed, rel=1e-13)
 
 

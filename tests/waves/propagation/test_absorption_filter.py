@@ -7,12 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.waves import stokes_absorption
-from jblast.waves.propagation import (
-    absorb,
-    absorb_by_stokes,
-    absorption_transfer,
-)
+from jblast.waves.propagation import absorption_transfer
+from tests.waves.propagation.absorbing import absorb
 
 RATE, BEFORE = 48e3, 1000
 IMPULSE = np.zeros(48_000)
@@ -48,14 +44,7 @@ def heard(distance, temperature, humidity, dtype=np.float64):
 
 @jax.jit
 def jitted(samples, distance, temperature, pressure, humidity):
-    return absorb(
-        samples,
-        RATE,
-        distance,
-        temperature=temperature,
-        pressure=pressure,
-        relative_humidity=humidity,
-    )
+    return absorb(samples, RATE, distance, temperature, pressure, humidity)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -117,12 +106,3 @@ def test_gradients_are_those_of_differences():
         shift = step * np.eye(3)[i]
         difference = (loudness(at + shift) - loudness(at - shift)) / (2 * step)
         np.testing.assert_allclose(slopes[i], difference, rtol=1e-6)
-
-
-def test_the_thesis_absorbs_all_frequencies_alike_and_next_to_nothing():
-    numbers = {"air_density": 1.2, "sound_speed": 340.0, "temperature": 293.0}
-    samples = np.array([1.0, -2.0])
-    alpha = float(stokes_absorption(500 / (2 * np.pi), 1.2, 340.0, 293.0))
-    out = absorb_by_stokes(samples, 35.0, **numbers)
-    np.testing.assert_allclose(out, samples * np.exp(-35.0 * alpha), rtol=1e-14)
-    assert alpha == pytest.approx(6.75e-8, rel=0.06)  # as the plugin's numbers give

@@ -7,35 +7,35 @@ from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_pressure,
     kingery_bulmash_reflected_pressure,
 )
-from jblast.waves.shock import (
-    blast_wind,
-    dynamic_pressure,
-    normally_reflected_pressure,
-    shock_density_ratio,
-    shock_mach_number,
-    shock_overpressure,
-    shock_temperature_ratio,
-)
+from jblast.waves.shock import blast_wind, dynamic_pressure
 from tests.tools.slopes import check_slopes
 
 AMBIENT, SOUND = 9e4, 330.0
 DENSITY = 1.4 * AMBIENT / SOUND**2
 OVERPRESSURES = AMBIENT * np.geomspace(1e-6, 1e4, 41)
 OF_PRESSURE = (
-    shock_mach_number,
     blast_wind,
-    shock_density_ratio,
-    shock_temperature_ratio,
     dynamic_pressure,
-    normally_reflected_pressure,
 )
+
+
+def mach_number(p):
+    return np.sqrt(1 + 6 / 7 * p / AMBIENT)
+
+
+def reflected_pressure(p, ambient=AMBIENT):
+    return 2 * p * (7 * ambient + 4 * p) / (7 * ambient + p)
+
+
+def density_behind(p):
+    return DENSITY * (7 * AMBIENT + 6 * p) / (7 * AMBIENT + p)
 
 
 def test_mass_momentum_and_energy_are_conserved_across_the_front():
     p = OVERPRESSURES
-    front = SOUND * np.asarray(shock_mach_number(p, AMBIENT))
+    front = SOUND * mach_number(p)
     wind = np.asarray(blast_wind(p, AMBIENT, SOUND))
-    density = DENSITY * np.asarray(shock_density_ratio(p, AMBIENT))
+    density = density_behind(p)
     # seen from the front, air comes in at U and leaves at U - u; rounding
     np.testing.assert_allclose(density * (front - wind), DENSITY * front, rtol=1e-14)
     np.testing.assert_allclose(DENSITY * front * wind, p, rtol=1e-14)
@@ -47,18 +47,10 @@ def test_mass_momentum_and_energy_are_conserved_across_the_front():
     )
 
 
-def test_the_temperature_is_that_of_the_ideal_gas():
-    p = OVERPRESSURES
-    expected = (1 + p / AMBIENT) / np.asarray(shock_density_ratio(p, AMBIENT))
-    np.testing.assert_allclose(
-        shock_temperature_ratio(p, AMBIENT), expected, rtol=1e-14
-    )
-
-
 def test_the_dynamic_pressure_is_half_the_density_times_the_wind_squared():
     p = OVERPRESSURES
     wind = np.asarray(blast_wind(p, AMBIENT, SOUND))
-    density = DENSITY * np.asarray(shock_density_ratio(p, AMBIENT))
+    density = density_behind(p)
     np.testing.assert_allclose(
         dynamic_pressure(p, AMBIENT), 0.5 * density * wind**2, rtol=1e-14
     )
@@ -67,8 +59,8 @@ def test_the_dynamic_pressure_is_half_the_density_times_the_wind_squared():
 def test_the_reflected_front_brings_the_wind_to_rest():
     p = OVERPRESSURES[10:]  # below p/P0 = 3e-4 p_r - p is lost in rounding
     behind = AMBIENT + p
-    sound = SOUND * np.sqrt(np.asarray(shock_temperature_ratio(p, AMBIENT)))
-    second = np.asarray(normally_reflected_pressure(p, AMBIENT)) - p
+    sound = np.sqrt(1.4 * behind / density_behind(p))
+    second = reflected_pressure(p) - p
     np.testing.assert_allclose(
         blast_wind(second, behind, sound), blast_wind(p, AMBIENT, SOUND), rtol=1e-12
     )
@@ -77,7 +69,7 @@ def test_the_reflected_front_brings_the_wind_to_rest():
 def test_the_reflected_pressure_is_twice_the_incident_and_12_5_of_the_dynamic():
     p = OVERPRESSURES
     np.testing.assert_allclose(
-        normally_reflected_pressure(p, AMBIENT),
+        reflected_pressure(p),
         2 * p + 2.4 * np.asarray(dynamic_pressure(p, AMBIENT)),
         rtol=1e-14,
     )
@@ -87,8 +79,6 @@ def test_limits_of_weak_and_strong_shocks():
     weak, strong = 1e-7 * AMBIENT, 1e9 * AMBIENT
     # to first order in p/P0, and in P0/p
     for law, low, high in (
-        (normally_reflected_pressure, 2.0 * weak, 8.0 * strong),
-        (shock_density_ratio, 1.0, 6.0),
         (dynamic_pressure, 2.5 * weak**2 / (7 * AMBIENT), 2.5 * strong),
     ):
         assert float(law(weak, AMBIENT)) == pytest.approx(low, rel=1e-6)
@@ -98,17 +88,8 @@ def test_limits_of_weak_and_strong_shocks():
         weak / (DENSITY * SOUND), rel=1e-6
     )
     assert float(blast_wind(strong, AMBIENT, SOUND)) == pytest.approx(
-        5 / 6 * SOUND * float(shock_mach_number(strong, AMBIENT)), rel=1e-6
+        5 / 6 * SOUND * mach_number(strong), rel=1e-6
     )
-
-
-def test_overpressure_is_the_inverse_of_the_mach_number():
-    p = AMBIENT * np.geomspace(1e-2, 1e4, 20)
-    # M - 1 of 4e-3 keeps 13 digits
-    np.testing.assert_allclose(
-        shock_overpressure(shock_mach_number(p, AMBIENT), AMBIENT), p, rtol=1e-12
-    )
-    assert float(shock_overpressure(1.0, AMBIENT)) == 0.0
 
 
 @pytest.mark.parametrize("law", OF_PRESSURE)
@@ -119,13 +100,6 @@ def test_single_precision_keeps_six_digits_however_weak_the_shock(law):
     assert single.dtype == jnp.float32
     # a handful of roundings of 6e-8
     np.testing.assert_allclose(single, law(p.astype(float), AMBIENT), rtol=5e-7)
-
-
-def test_single_precision_keeps_the_overpressure_of_a_weak_shock():
-    mach = np.float32(1.0) + np.float32(2.0**-20)
-    expected = 7 / 6 * AMBIENT * (float(mach) ** 2 - 1)
-    got = shock_overpressure(jnp.asarray(mach), jnp.asarray(AMBIENT, "float32"))
-    assert float(got) == pytest.approx(expected, rel=3e-7)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +115,7 @@ def test_single_precision_keeps_the_overpressure_of_a_weak_shock():
 def test_kingery_and_bulmash_reflect_more_close_in_as_printed(z, low, high):
     incident = kingery_bulmash_pressure(z, 1.0, burst="free-air")
     reflected = kingery_bulmash_reflected_pressure(z, 1.0, burst="free-air")
-    excess = float(reflected / normally_reflected_pressure(incident)) - 1
+    excess = float(reflected / reflected_pressure(incident, 101325.0)) - 1
     # the printed ranges span both bursts; half of a digit on each side
     half = 0.0005 if z == 0.7 else 0.005
     assert low - half <= excess <= high + half
@@ -152,7 +126,7 @@ def test_kingery_and_bulmash_reflect_as_an_ideal_gas_past_1(burst, apart):
     z = np.geomspace(1.0, 40.0, 200)
     incident = kingery_bulmash_pressure(z, 1.0, burst=burst)
     reflected = kingery_bulmash_reflected_pressure(z, 1.0, burst=burst)
-    ratio = reflected / normally_reflected_pressure(incident)
+    ratio = reflected / reflected_pressure(incident, 101325.0)
     assert np.abs(ratio - 1.0).max() == pytest.approx(apart, abs=5e-4)
 
 
@@ -162,11 +136,6 @@ def test_derivatives_of_two_orders_are_those_of_finite_differences(law):
         return jnp.log(law(jnp.exp(log_relative) * 1.0e5, 1.0e5))
 
     check_slopes(in_logs, (jnp.log(jnp.array([0.01, 0.3, 4.0])),), order=2)
-
-
-def test_a_shock_slower_than_sound_is_refused():
-    with pytest.raises(ValueError, match=r"mach_number must be at least 1, got 0\.9"):
-        shock_overpressure(0.9, AMBIENT)
 
 
 @pytest.mark.parametrize("law", OF_PRESSURE)

@@ -147,11 +147,6 @@ def _depth(bits: int | None) -> str:
     return "floats" if bits is None else f"{bits} bits"
 
 
-def read_frame(path: Path, *, srgb: bool = False) -> np.ndarray:
-    """Return one frame as `read_frames` does."""
-    return frame_and_bits(path, srgb=srgb)[0]
-
-
 def frame_and_bits(path: Path, *, srgb: bool = False) -> tuple[np.ndarray, int | None]:
     """Return one frame as `read_frames` does, and its bit depth; None for floats."""
     if path.suffix.lower() == ARRAYS:

@@ -51,7 +51,7 @@ import tomllib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -61,8 +61,6 @@ from jblast.errors import InputError, nearest, read_text, shown
 from jblast.scene.reader.tables import finite, fixed_list
 from jblast.sensors.camera.baked_explosion import (
     ExplosionViews,
-    shown_towards,
-    triangles,
 )
 from jblast.sensors.camera.billboards import Views, upright
 from jblast.sensors.camera.files.images import (
@@ -153,43 +151,6 @@ def read_views(directory: str | Path) -> Views:
     )
 
 
-def single_view(
-    directory: str | Path,
-    *,
-    frames_hz: float,
-    metres_per_pixel: float,
-    charge_mass_kg: float,
-    anchor: tuple[float, float] | None = None,
-    srgb: bool = True,
-) -> Views:
-    """Read a folder of frames without an index as a single view.
-
-    Args:
-        directory: PNG frames with alpha, in the order of their names.
-        frames_hz: Frame k shows the blast k / frames_hz after the burst [1/s].
-        metres_per_pixel: Scale at the burst [m/px].
-        charge_mass_kg: TNT equivalent of the charge in the pictures [kg].
-        anchor: (x, y) of the burst [px]; by default the middle of the picture.
-        srgb: True if colours are sRGB, false for linear light.
-
-    Raises:
-        InputError: As in `read_views`; or a number is not positive.
-    """
-    frames = read_pictures(frame_files(directory))
-    height, width = frames.shape[1:3]
-    middle = ((width - 1) / 2, (height - 1) / 2)
-    return Views(
-        frames=jnp.asarray(frames[None]),
-        direction=np.array([[0.0, -1.0, 0.0]]),  # a single view is always the nearest
-        up=np.array([[0.0, 0.0, 1.0]]),
-        metres_per_pixel=np.array([positive(metres_per_pixel, "metres_per_pixel")]),
-        anchor=np.array([middle if anchor is None else anchor], float),
-        frames_hz=positive(frames_hz, "frames_hz"),
-        charge_mass=positive(charge_mass_kg, "charge_mass_kg"),
-        srgb=srgb,
-    )
-
-
 def _files(directory: Path, frames: Any, where: str) -> list[Path]:
     """Return the files of a view: those of a folder, or those in a list."""
     if isinstance(frames, str) and frames:
@@ -255,7 +216,6 @@ def explosion_views(
     directory: str | Path | None = None,
     *,
     towards: ArrayLike | Sequence[ArrayLike] | None = None,
-    sides: Literal[1, 3] = 1,
 ) -> ExplosionViews:
     """Read an explosion set, or those of its views that some cameras need.
 
@@ -264,7 +224,6 @@ def explosion_views(
         towards: Directions from blasts to cameras, east, north, up, one or rows of
             them; None for all views. From other directions the nearest of the views
             that were read is shown.
-        sides: Number of views that are mixed.
 
     Raises:
         InputError: There is no index, or it is not as above; a file is missing,
@@ -280,7 +239,7 @@ def explosion_views(
     if towards is not None:
         rows = np.reshape(np.asarray(towards, float), (-1, 3))
         # a set is large: views that no camera needs are not decoded
-        chosen = shown_towards(index.directions, rows, sides)
+        chosen = np.unique(np.argmax(rows @ index.directions.T, axis=1))
     # WebP decoding releases the interpreter lock
     with ThreadPoolExecutor() as pool:
         frames = list(pool.map(lambda v: _frames(index, v), chosen.tolist()))
@@ -289,13 +248,6 @@ def explosion_views(
         part[chosen]
         for part in (index.anchors, index.directions, index.ups, index.radii)
     )
-    corners, inverses = triangles(index.directions)
-    # triangles whose three views are read; a convex hull of these would have others
-    kept = np.flatnonzero(np.all(np.isin(corners, chosen), axis=1))
-    kept = kept if len(kept) else np.zeros(1, int)
-    # renumbered for the views that were read
-    corners = np.minimum(np.searchsorted(chosen, corners[kept]), len(chosen) - 1)
-    inverses = inverses[kept]
     boxes, heights = _extents(texels, anchors[:, 1])
     # least squares over the views: height = h cos(elevation), for one h per frame
     level = ups[:, 2]
@@ -309,9 +261,6 @@ def explosion_views(
         height=(level @ (heights / radii) / max(float(level @ level), 1e-6)),
         phase=index.phases,
         anchor=anchors,
-        corners=jnp.asarray(corners),
-        inverses=inverses,
-        sides=sides,
     )
 
 

@@ -16,7 +16,6 @@ SOURCE_TABLES = {
     "point_source_s1x4",
     "rotorpy_flights",
     "seismic_ford2021",
-    "sloane_packings",
 }
 """No logs, but what calibration scripts read."""
 

@@ -10,9 +10,9 @@ from PIL import Image
 from jblast.errors import InputError
 from jblast.sensors.camera.files import images
 from jblast.sensors.camera.files.images import (
+    frame_and_bits,
     frame_files,
     read_colours,
-    read_frame,
     read_png,
     write_png,
 )
@@ -44,7 +44,7 @@ def test_alpha_stays_linear(tmp_path):
 def test_grey_is_one_channel_and_is_read_as_three(tmp_path):
     path = tmp_path / "0000.png"
     write_png(path, LIGHT[None, :, None])
-    np.testing.assert_array_equal(read_frame(path)[0], VALUES)
+    np.testing.assert_array_equal(frame_and_bits(path)[0][0], VALUES)
     assert read_colours(path).shape == (1, 7, 3)
 
 

@@ -3,7 +3,7 @@ import pytest
 from PIL import Image
 
 from jblast.errors import InputError
-from jblast.sensors.camera.files.views import read_views, single_view
+from jblast.sensors.camera.files.views import read_views
 
 TOP = "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 5.0\n"
 SOUTH = '[[view]]\nframes = "south"\nazimuth_deg = 180.0\n'
@@ -57,15 +57,6 @@ def test_the_up_of_a_picture_may_be_said_or_follows_from_the_azimuth(folder):
     views = read_views(folder(TOP + east + turned))
     # looking down from the east, north is to the right and west is up
     np.testing.assert_allclose(views.up, [[-1, 0, 0], [1, 0, 0]], atol=1e-15)
-
-
-def test_a_bare_folder_is_one_view(folder):
-    views = single_view(
-        folder("") / "high", frames_hz=25.0, metres_per_pixel=0.2, charge_mass_kg=2.0
-    )
-    assert views.frames.shape == (1, 3, 4, 6, 4)
-    np.testing.assert_array_equal(views.anchor, [[2.5, 1.5]])
-    assert views.srgb
 
 
 BAD = {

@@ -12,11 +12,16 @@ from jblast.sensors.camera.image import (
     SECOND_RADIATION,
     WAVELENGTHS,
     blackbody_light,
-    blackbody_xyz,
     matching_functions,
+    relative_xyz,
 )
 
 WEIGHTS = np.array(LUMINANCE)
+
+
+def blackbody_xyz(temperature):
+    xyz, scale = relative_xyz(jnp.asarray(temperature, float))
+    return scale[..., None] * xyz
 
 
 def chromaticity(temperature):

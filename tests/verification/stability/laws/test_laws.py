@@ -18,19 +18,15 @@ from jblast.verification.stability.laws import (
     law_failures,
     point_source_failures,
     printed_value,
-    stokes_failures,
     wu_hao_failures,
 )
 from jblast.waves import (
-    iso_9613_absorption,
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kinney_graham_duration,
     point_source_pressure,
     sedov_taylor_shock_pressure,
     shock_kinematics_pressure,
-    stokes_absorption,
-    transmission_loss,
     wu_hao_air_arrival_time,
 )
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
@@ -167,20 +163,6 @@ def test_tnt_is_no_point_source_and_a_fit_by_one_says_so():
     said = "applies to a point source, and a charge of TNT is not one"
     assert any(said in warning for warning in all_words(told["TNT"].warnings))
     assert not any(isinstance(w, NoPointSource) for w in told["nuclear"].warnings)
-
-
-def test_stokes_leaves_a_blast_as_loud_at_1_km_as_at_1_m():
-    spreading, relaxation = stokes_failures()
-    air = (288.15, 101325.0, 0.5)
-    alpha = float(stokes_absorption(80.0, 1.225, SOUND, 288.15))
-    assert math.exp(-alpha * 999.0) > 0.9999
-    loss = transmission_loss(80.0, 1e3, 1.0, *air, burst="free-air")
-    assert float(loss) > 60.0
-    assert spreading.boundary == pytest.approx(10 ** (3.0 / 20.0), rel=1e-3)
-    for factor, short in ((0.9, True), (1.1, False)):
-        frequency = factor * relaxation.boundary
-        stokes = stokes_absorption(frequency, 1.225, SOUND, 288.15)
-        assert bool(iso_9613_absorption(frequency, *air) > 10.0 * stokes) == short
 
 
 @pytest.mark.slow

@@ -160,9 +160,7 @@ def test_before_the_burst_there_is_nothing_and_in_the_end_it_fades(puffs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sides", [1, 3])
-def test_windows_show_what_whole_images_show(puffs, sides, monkeypatch):
-    views = replace(puffs, sides=sides)
+def test_windows_show_what_whole_images_show(puffs, monkeypatch):
     eyes = [
         camera(),
         camera(focal=30.0),
@@ -172,12 +170,12 @@ def test_windows_show_what_whole_images_show(puffs, sides, monkeypatch):
         camera(place=(3.0, -3.0, 60.0)),
     ]
     monkeypatch.setattr(fireball_module, "WHOLE_IMAGE", 10**6)
-    whole = [np.asarray(layer(views, scene_of(), eye, 0.1)) for eye in eyes]
+    whole = [np.asarray(layer(puffs, scene_of(), eye, 0.1)) for eye in eyes]
     monkeypatch.setattr(fireball_module, "WHOLE_IMAGE", 64)
     eqx.clear_caches()
     jax.clear_caches()
     for eye, wanted in zip(eyes, whole, strict=True):
-        found = np.asarray(layer(views, scene_of(), eye, 0.1))
+        found = np.asarray(layer(puffs, scene_of(), eye, 0.1))
         np.testing.assert_allclose(found, wanted, atol=1e-12)
         assert wanted[..., 3].max() > 0.5
 
@@ -242,9 +240,7 @@ UNKNOWN = jnp.array([15.0, 0.3, 0.4, 0.5, 0.7, -40.0, 6.0, 0.013])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sides", [1, 3])
-def test_gradients_are_those_of_differences(puffs, sides):
-    views = replace(puffs, sides=sides)
+def test_gradients_are_those_of_differences(puffs):
     weights = jnp.asarray(np.random.default_rng(0).random((1, HEIGHT, WIDTH, 3)))
     still = camera(focal=400.0)
 
@@ -252,7 +248,7 @@ def test_gradients_are_those_of_differences(puffs, sides):
     def light(z):
         scene = scene_of(z[0], (z[1], z[2], z[3]))
         eye = eqx.tree_at(lambda c: c.position, still, z[4:7])
-        seen = render(scene, eye, z[7:], views=views, ground=False)
+        seen = render(scene, eye, z[7:], views=puffs, ground=False)
         return jnp.sum(weights * seen)
 
     gradient = np.asarray(jax.jit(jax.grad(light))(UNKNOWN))

@@ -125,16 +125,12 @@ def aim(camera, view: dict, scale: float) -> None:
 def set_output(scene, config: dict) -> None:
     """Set the options of rendering and of output files."""
     cycles, render, image = scene.cycles, scene.render, scene.render.image_settings
-    render.engine = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE"}[config["engine"]]
+    render.engine = "CYCLES"
     cycles.device, cycles.use_denoising = "CPU", False
     cycles.use_adaptive_sampling = False
-    # single scattering: the strength of sky and sun (`recipe.LIGHT`) is chosen for it
+    # single scattering: the strength of sky and sun (`bake.LIGHT`) is chosen for it
     cycles.max_bounces = cycles.volume_bounces = 0
     cycles.volume_max_steps = 512
-    # finest slices of Eevee's gas: by default 8 pixels share one
-    scene.eevee.taa_render_samples = config["samples"]["shade"]
-    scene.eevee.use_volumetric_shadows = True
-    scene.eevee.volumetric_tile_size, scene.eevee.volumetric_samples = "2", 256
     render.film_transparent, render.use_persistent_data = True, True
     render.resolution_x = render.resolution_y = config["size"]
     render.resolution_percentage = 100
@@ -165,15 +161,13 @@ def set_light(bpy, scene, light: dict, Vector) -> None:
 def set_materials(bpy, domain, config: dict) -> tuple[dict, dict]:
     """Return the material of each layer, and their inputs that change by frame."""
     inputs: dict[str, list] = {"hot": [], "fade": [], "extinction": []}
-    # Eevee has no grid of heat: there only burning gas glows, not hot gas
-    flames = config["engine"] == "eevee"
-    made = {n: material(bpy, n, config["look"], inputs, flames) for n in LAYERS}
+    made = {n: material(bpy, n, config["look"], inputs) for n in LAYERS}
     domain.data.materials.clear()
     domain.data.materials.append(made["glow"])
     return made, inputs
 
 
-def material(bpy, name: str, look: dict, inputs: dict, flames: bool):
+def material(bpy, name: str, look: dict, inputs: dict):
     """Return a material that glows and absorbs, or one that scatters and absorbs."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
@@ -220,9 +214,8 @@ def material(bpy, name: str, look: dict, inputs: dict, flames: bool):
 
     extinction = calculated("MULTIPLY", grid("density"), value("extinction"))
     if name == "glow":
-        warmth, most = (grid("flame"), 1.0) if flames else (grid("heat"), value("hot"))
         # relative to the frame's own hot gas: the simulation's unit has no meaning
-        share = calculated("DIVIDE", warmth, most, clamp=True)
+        share = calculated("DIVIDE", grid("heat"), value("hot"), clamp=True)
         heat = calculated("POWER", share, look["contrast"])
         heat = calculated("MULTIPLY", heat, value("fade"))
         # a black body's light by Wien's law, which the reader of the file inverts

@@ -1,1 +1,0 @@
-"""Sets of views of an explosion: simulated, rendered and written down."""
