@@ -20,7 +20,7 @@ from jblast.cli.jax_start import start_jax
 
 if TYPE_CHECKING:
     from jblast.autopilot.mavlink import Link
-    from jblast.autopilot.mock import Mock
+    from tests.tools.mock_autopilot import Mock
 
 SECONDS = 600.0
 TIMES_S = (30.0, 200.0, 400.0)
@@ -38,9 +38,9 @@ def main(seconds: float) -> str:
         turns_of,
     )
     from jblast.autopilot.mavlink import Link, read_address
-    from jblast.autopilot.mock import Mock, RoundedHold, fly_mock
     from jblast.scene import Charge, Scene, VehicleSpec
     from jblast.vehicle import hold_of, simulate, vehicle_of
+    from tests.tools.mock_autopilot import Mock, RoundedHold, fly_mock
 
     spec = VehicleSpec("iris", position=np.array([8.0, 0.0, 10.0]))
     charges = [
