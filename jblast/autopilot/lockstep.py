@@ -467,7 +467,7 @@ class SimulatorSteps(eqx.Module):
 
     def _step(self) -> OneStep:
         period = jnp.asarray(PERIOD_S, float)
-        return OneStep(self.flight, period, "rk4", False, None)
+        return OneStep(self.flight, period, False, None)
 
 
 def turns_of(

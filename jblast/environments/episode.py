@@ -443,7 +443,7 @@ def one_step(params: EnvironmentParams, episode: Episode) -> OneStep:
         loads=(),
         ground_up_m=params.ground_up_m,
     )
-    return OneStep(flight, params.step_s, "rk4", control_held=False, axis=None)
+    return OneStep(flight, params.step_s, control_held=False, axis=None)
 
 
 def tick_of(params: EnvironmentParams, state: EnvironmentState) -> Ticks:

@@ -136,7 +136,7 @@ def _title(flights: Flights) -> str:
         who = f"{flights.count:,} x {who}"
     return (
         f"{who} holding ({place}) m for {flights.seconds:g} s "
-        f"({options.integrator}, steps of {printed_number('step_s', options.step_s)})"
+        f"(rk4, steps of {printed_number('step_s', options.step_s)})"
     )
 
 
@@ -531,7 +531,7 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         yaw_rad=float(vehicle.yaw),
         seconds=flights.seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
+        integrator="rk4",
         backend=options.backend,
         tolerance_m=options.tolerance_m,
         load=options.load if options.profile is None else "custom profile",

@@ -51,7 +51,7 @@ def _title(flight: MissionFlight) -> list[str]:
     options = flight.options
     who = f"{flight.vehicle.model.capitalize()} on {flight.mission.plan.source}"
     length = printed_number("step_s", options.step_s)
-    step = f"({options.integrator}, steps of {length})"
+    step = f"(rk4, steps of {length})"
     if flight.crash:
         end = f"crashed ({flight.crash})"
     elif math.isfinite(flight.disarmed_s):
@@ -242,7 +242,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         home_m=(east, north, up),
         seconds=flight.seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
+        integrator="rk4",
         backend=options.backend,
         tolerance_m=options.tolerance_m,
         load=options.load if options.profile is None else "custom profile",

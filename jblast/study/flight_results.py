@@ -206,7 +206,6 @@ class Options:
     Attributes:
         seconds: Duration; None for 5 s beyond the last arrival (`study.flights`).
         step_s: Time step of the integrator.
-        integrator: "rk4" or "euler".
         backend: Backend of `vehicle.simulate`.
         tolerance_m: Path error within which a vehicle has recovered.
         profile: Custom profile in place of the laws.
@@ -216,7 +215,6 @@ class Options:
 
     seconds: float | None = None
     step_s: float = STEP_S
-    integrator: str = "rk4"
     backend: str = "auto"
     tolerance_m: float = TOLERANCE_M
     profile: Profile | None = None

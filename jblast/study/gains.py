@@ -13,12 +13,11 @@ influence stay. The margins of all loops are constraints with their own derivati
 Sequential quadratic programming (Kraft 1988, SciPy's SLSQP) searches from the scene's
 gains, whose margins may be too small, to the nearest local optimum.
 
-The flights of the search use the semi-implicit Euler rule, whose program is a third of
-that of RK4, and a few of many sampled flights. Of the best gains found, the result is
-the set with the best value over the many flights, among those whose largest peak does
-not exceed the largest with the scene's gains, if there are any. Unseen flights are
-computed as by `jblast fly`. Blasts that crash the vehicle with the scene's own gains
-are left out of the tuning, but not out of the evaluation.
+The flights of the search are a few of many sampled flights. Of the best gains found,
+the result is the set with the best value over the many flights, among those whose
+largest peak does not exceed the largest with the scene's gains, if there are any.
+Unseen flights are computed as by `jblast fly`. Blasts that crash the vehicle with the
+scene's own gains are left out of the tuning, but not out of the evaluation.
 """
 
 from collections.abc import Callable
@@ -526,9 +525,8 @@ def tuning_flights(
     Raises:
         InputError: All flights crash.
     """
-    # five steps in the motor lag, the shortest time constant, keep Euler's rule stable
-    step = min(TUNING_STEP_S, motor_lag_s / 5)
-    options = Options(step_s=step, integrator="euler")
+    # five steps in the motor lag, the shortest time constant
+    options = Options(step_s=min(TUNING_STEP_S, motor_lag_s / 5))
     drawn, _ = drawn_flights(
         uncertain, spec, SAMPLED_PER_FLIGHT * count, seed, options, controller
     )
@@ -665,7 +663,6 @@ def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
         start,
         duration_s=flights.seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
         control=controlled(flights.target_m, gains, flights.yaw_rad),
         wind=Each(StepGust(flights.wind, 0 * flights.arrival_s)),
         loads=(Each(flights.load),),

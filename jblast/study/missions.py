@@ -554,7 +554,6 @@ def _once(
         start,
         duration_s=seconds,
         step_s=step,
-        integrator=options.integrator,
         control=controller,
         wind=StepGust(steady_wind(scene), 0 * scene.air.wind_east),
         loads=(load,),

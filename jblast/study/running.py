@@ -393,7 +393,6 @@ def fly_scene(
     controllers: Sequence[str] | None = None,
     seconds: float | None = None,
     step_s: float | None = None,
-    integrator: str = Options.integrator,
     backend: str = Options.backend,
     estimator: str = Options.estimator,
     load: LoadLaw = Options.load,
@@ -413,7 +412,6 @@ def fly_scene(
             mission until the vehicle is disarmed.
         step_s: Time step of the integrator; default: 0.5 ms, with an estimator or on a
             mission 4 ms.
-        integrator: "rk4" or "euler".
         backend: "auto", "jax", "warp", "warp:cpu" or "warp:cuda:0".
         estimator: "ekf" for the state of a Kalman filter; "" for the true state.
         load: Laws of the load.
@@ -454,7 +452,6 @@ def fly_scene(
     options = Options(
         seconds=seconds,
         step_s=default_step if step_s is None else step_s,
-        integrator=integrator,
         backend=backend,
         tolerance_m=default_tolerance if tolerance_m is None else tolerance_m,
         profile=_profile(profile, profile_moments_about),

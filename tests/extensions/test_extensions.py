@@ -218,7 +218,7 @@ def test_flights_by_a_users_controller_are_kept(extension, tmp_path):
     def flown():
         return simulate(
             vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
-            integrator="euler", control=control,
+            control=control,
         )  # fmt: skip
 
     try:
@@ -266,6 +266,6 @@ def test_a_controller_without_warp_functions_is_flown_by_jax_with_a_warning(exte
     with pytest.warns(UserWarning, match="type Brake: JAX is used"):
         simulate(
             vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
-            integrator="euler", control=controller_of(SPEC, "brake"),
+            control=controller_of(SPEC, "brake"),
             backend="warp:cpu",
         )  # fmt: skip

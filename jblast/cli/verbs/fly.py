@@ -86,11 +86,6 @@ def add_arguments(verb: VerbParser) -> None:
         help="time step of the integrator [s] (default: 0.0005; of a mission 0.004)",
     )
     verb.advanced.add_argument(
-        "--integrator",
-        choices=("rk4", "euler"),
-        help="integrator; euler is semi-implicit (default: rk4)",
-    )
-    verb.advanced.add_argument(
         "--backend",
         metavar="auto|jax|warp",
         help="backend; warp:cpu and warp:cuda:0 name a device (default: auto)",
@@ -166,9 +161,7 @@ def run(options: argparse.Namespace) -> int:
         profile=options.profile,
         profile_moments_about=options.profile_moments_about,
         seed=options.seed,
-        **given(
-            options, integrator="integrator", backend="backend", estimator="estimator"
-        ),
+        **given(options, backend="backend", estimator="estimator"),
     )
     answer, words, write = (
         _mission(options, flown)

@@ -106,7 +106,7 @@ def test_the_peak_has_the_slopes_of_differences(tmp_path):
     uncertain = scene_of(tmp_path, "iris")
     spec = uncertain.scene.vehicle
     assert spec is not None
-    options = Options(step_s=1e-3, integrator="euler", seconds=1.5)
+    options = Options(step_s=1e-3, seconds=1.5)
     flights, _ = drawn_flights(uncertain, spec, 3, 0, options)
     gains = replace(named_gains("iris", integral=True), motor_lead=jnp.asarray(1.5))
     # of which some are more and some less than what is flown

@@ -11,8 +11,8 @@ from tests.cli.cli_files import Command
 CHARGE = "[charge]\nmass_kg = 1.0\n"
 VEHICLE = '[vehicle]\nmodel = "crazyflie"\nposition_m = [5.0, 0.0, 2.0]\n'
 OWN = "control = { integral = true }\n"
-SHORT = ("--seconds", "0.6", "--step", "0.002", "--integrator", "euler")
-"""So short that the vehicle is still away at the end; euler is the shorter program."""
+SHORT = ("--seconds", "0.6", "--step", "0.002")
+"""So short that the vehicle is still away at the end."""
 FILES = {"fly.json", "flight.csv", "path.png", "loads.png", "error.png"}
 
 
@@ -21,11 +21,8 @@ def flown(jblast: Command, *options: str, scene: str = CHARGE + VEHICLE + OWN):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "integrator", ["euler", pytest.param("rk4", marks=pytest.mark.slow)]
-)
-def test_the_answer_is_printed(jblast, integrator):
-    code, out, err = flown(jblast, "--integrator", integrator)
+def test_the_answer_is_printed(jblast):
+    code, out, err = flown(jblast)
     assert (code, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith("Crazyflie holding (5, 0, 2) m for 0.6 s")
@@ -160,12 +157,7 @@ BAD = {
     "a step too large": (
         CHARGE + VEHICLE,
         ("--step", "0.3"),
-        ["step_s: rk4 is stable up to"],
-    ),
-    "a step too large for euler": (
-        CHARGE + VEHICLE,
-        ("--step", "0.3", "--integrator", "euler"),
-        ["step_s: euler is stable up to"],
+        ["step_s: RK4 is stable up to"],
     ),
     "a step of nothing": (CHARGE + VEHICLE, ("--step", "0"), ["--step", "positive"]),
     "seconds that are words": (CHARGE + VEHICLE, ("--seconds", "x"), ["--seconds"]),
