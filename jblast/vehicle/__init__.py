@@ -38,12 +38,6 @@ from jblast.vehicle.loads.load import (
     Pulse as Pulse,
     StepGust as StepGust,
 )
-from jblast.vehicle.loads.thesis import (
-    CodedLoad as CodedLoad,
-    PrintedLoad as PrintedLoad,
-    coded_load as coded_load,
-    printed_load as printed_load,
-)
 from jblast.vehicle.metrics import (
     FlightMetrics as FlightMetrics,
     flight_metrics as flight_metrics,

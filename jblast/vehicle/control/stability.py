@@ -159,7 +159,7 @@ def is_stable(gains: Gains, motor_lag_s: float, period_s: float) -> bool:
         period_s: Period of the controller [s].
     """
     # An unused integral stays constant: its eigenvalue is 1, up to rounding.
-    largest = growth("rk4", chains(gains, float(motor_lag_s)), period_s, 1)
+    largest = growth(chains(gains, float(motor_lag_s)), period_s, 1)
     return largest <= 1 + 1e-9
 
 

@@ -611,7 +611,7 @@ def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
 
 
 def swings() -> Swings:
-    """Fly every named vehicle at every share of its limit, with control at each step."""
+    """Fly every named vehicle at every share of its limit, controlled at each step."""
     limits, vehicles, holds = [], [], []
     for name in NAMES:
         vehicle, gains = named(name), named_gains(name)
