@@ -8,7 +8,6 @@ from jblast.vehicle.control.cascade import Cascade as Cascade
 from jblast.vehicle.control.position_hold import (
     Controller as Controller,
     Gains as Gains,
-    ObservedHold as ObservedHold,
     PositionHold as PositionHold,
     gains_from_parameters as gains_from_parameters,
     named_gains as named_gains,

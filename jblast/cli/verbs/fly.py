@@ -70,8 +70,8 @@ def add_arguments(verb: VerbParser) -> None:
         "--controllers",
         metavar="NAME,...",
         help="controllers that fly through the same blasts: hold (SE(3), as in the "
-        "scene), with_integral, without_integral, cascade (as in PX4), observer (SE(3) "
-        "with a disturbance observer) (default: with_integral,without_integral)",
+        "scene), with_integral, without_integral, cascade (as in PX4) "
+        "(default: with_integral,without_integral)",
     )
     verb.model.add_argument(
         "--estimator",
