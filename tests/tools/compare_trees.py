@@ -235,7 +235,7 @@ COMMANDS = (
 )
 BY_WORD = {".html", ".md", ".toml", ".svg", ".txt", ".kml"}
 """Text and figures: only whether they are there."""
-DRAWN = {"path.png", "loads.png", "error.png", "map.png", "report.png", "sheet.png"}
+DRAWN = {"loads.png", "error.png", "map.png", "report.png", "sheet.png"}
 UNSTEADY = {"provenance", "versions", "took_s", "written", "command", "seconds_taken"}
 """Keys that tell when, where and by what an answer came."""
 

@@ -112,7 +112,7 @@ def add_arguments(verb: VerbParser) -> None:
         "--out",
         metavar="DIR",
         type=path,
-        help="folder for fly.json, flight.csv, path.png, loads.png and error.png; for "
+        help="folder for fly.json, flight.csv, loads.png and error.png; for "
         "several vehicles flights.csv, distribution.png and with --controllers "
         "controllers.png; for a mission fly.json, flight.csv, map.png, mission.png and "
         "mission.kml",

@@ -13,7 +13,7 @@ VEHICLE = '[vehicle]\nmodel = "crazyflie"\nposition_m = [5.0, 0.0, 2.0]\n'
 OWN = "control = { integral = true }\n"
 SHORT = ("--seconds", "0.6", "--step", "0.002")
 """So short that the vehicle is still away at the end."""
-FILES = {"fly.json", "flight.csv", "path.png", "loads.png", "error.png"}
+FILES = {"fly.json", "flight.csv", "loads.png", "error.png"}
 
 
 def flown(jblast: Command, *options: str, scene: str = CHARGE + VEHICLE + OWN):
@@ -70,7 +70,7 @@ def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
     out = jblast.path("flight")
     code, said, err = flown(jblast, "--out", out)
     assert (code, err) == (0, "")
-    assert "path.png" in said
+    assert "loads.png" in said
     assert {path.name for path in (jblast.directory / "flight").iterdir()} == FILES
     with open(jblast.path("flight/flight.csv"), encoding="utf-8") as file:
         assert next(file).startswith("# crazyflie, position hold with integral action")
@@ -86,17 +86,17 @@ def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
     assert flown(jblast, "--out", out, "--force")[0] == 0
 
 
-@pytest.mark.filterwarnings("default:path.png was not written")
+@pytest.mark.filterwarnings("default:loads.png was not written")
 def test_a_figure_that_fails_costs_only_itself(jblast, monkeypatch):
     def fails(flights):
         raise RuntimeError("no ink")
 
-    monkeypatch.setitem(flight_files.ONE, "path.png", fails)
+    monkeypatch.setitem(flight_files.ONE, "loads.png", fails)
     code, said, err = flown(jblast, "--out", jblast.path("out"))
     assert code == 0, err
-    assert "path.png was not written" in err
+    assert "loads.png was not written" in err
     written = {path.name for path in (jblast.directory / "out").iterdir()}
-    assert written == FILES - {"path.png"}
+    assert written == FILES - {"loads.png"}
     assert "recovery time" in said
 
 
