@@ -1,7 +1,6 @@
 """Samples a second of studies, and what the engine adds to what it runs.
 
     python -m calibration.benchmark_study [air|flights|fits|host ...] [--seconds N]
-    python -m calibration.benchmark_study scaling
 
 On a GPU by the wall clock; on a CPU by processor time over the number of cores, which
 is the wall clock of an idle machine, and tells alike beside others. The best of a few.
