@@ -68,7 +68,6 @@ CASES = (
     ("float32, with blasts", {"step_s": 1e-3}),
     ("float32, with blasts", {"step_s": 5e-4}),
     ("  of vehicles of their own", {"step_s": 1e-3, "own": True}),
-    ("  by Euler", {"step_s": 1e-3, "integrator": "euler"}),
     ("float32, no blast", {"step_s": 1e-3, "blasts": False}),
     ("float64, with blasts", {"step_s": 1e-3, "dtype": "float64"}),
     ("JAX, float32, with blasts", {"step_s": 1e-3, "backend": "jax"}),
@@ -233,7 +232,7 @@ def flight_kernel_text(count: int = COUNT) -> str:
 
 def _row(label: str, count: int, **case: Any) -> str:
     """Measure one way of flying."""
-    step, integrator = case["step_s"], case.get("integrator", "rk4")
+    step = case["step_s"]
     few, every = min(CHECKED, count), round(ROWS_S / step)
     fine = flights(
         few,
@@ -246,8 +245,7 @@ def _row(label: str, count: int, **case: Any) -> str:
     true = fine(store_every=round(max(ROWS_S, step) / FINE_S))
     error = float(jnp.max(jnp.linalg.norm(near.position_m - true.position_m, axis=-1)))
     kernel, whole = _seconds(flights(count, **case))
-    stages = 4 if integrator == "rk4" else 1
-    rate = count * round(SECONDS / step) * stages / kernel
+    rate = count * round(SECONDS / step) * 4 / kernel
     return (
         f"{label:28}{1e3 * step:8.3g}{1e3 * error:10.3g}{rate:12.3g}"
         f"{count * SECONDS / kernel:12.3g}{count * SECONDS / whole:18.3g}"
@@ -259,7 +257,6 @@ def flights(
     *,
     step_s: float,
     dtype: str = "float32",
-    integrator: str = "rk4",
     backend: str = "warp",
     blasts: bool = True,
     own: bool = False,
@@ -292,7 +289,6 @@ def flights(
             state,
             duration_s=SECONDS,
             step_s=step_s,
-            integrator=integrator,
             control=hold,
             command_step_s=HELD_S,
             loads=loads,

@@ -35,6 +35,7 @@ import argparse
 import dataclasses
 import sys
 import tempfile
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -397,6 +398,7 @@ def recovery() -> None:
 
 def flown(vehicle: str, count: int) -> Flights:
     """Fly a vehicle by every controller."""
+    import_module("tests.extensions.observer")  # registers its controller
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "scene.toml"
         file.write_text(SCENE.format(vehicle=vehicle), encoding="utf-8")

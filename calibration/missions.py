@@ -408,7 +408,7 @@ def estimated_costs() -> str:
     filtered = EstimatedControl(control, suite, start, jnp.asarray(0, jnp.uint32))
     period = jnp.asarray(MISSION_STEP_S)
 
-    def fly(by: Any, **options: Any) -> Any:
+    def fly(by: Any) -> Any:
         return simulate(
             named("iris"),
             start,
@@ -416,11 +416,9 @@ def estimated_costs() -> str:
             step_s=MISSION_STEP_S,
             control=by,
             ground_up_m=0.0,
-            **options,
         )
 
     truly, told = timed(lambda: fly(control))
-    euler, _ = timed(lambda: fly(control, integrator="euler"))
     guided, _ = timed(lambda: replay(control.guidance, told.states, period))
     estimated, flight = timed(lambda: fly(filtered))
     along, found = timed(lambda: followed_along(filtered, flight, period))
@@ -431,7 +429,6 @@ def estimated_costs() -> str:
             f"{jax.devices()[0].device_kind}, float64, after compilation:",
             "seconds of processor for 10 minutes, least of three (of the wall)",
             f"flown by the truth                    {per_ten_minutes(truly)}",
-            f"flown by the truth, --integrator euler {per_ten_minutes(euler)}",
             f"what the guidance said along it       {per_ten_minutes(guided)}",
             f"flown by the filter                   {per_ten_minutes(estimated)}",
             f"what it estimated along the flight    {per_ten_minutes(along)}",

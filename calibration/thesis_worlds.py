@@ -3,7 +3,7 @@
 python -m calibration.thesis_worlds
 
 The cases of Parab's thesis by three: as it prints them, as its plugins compute them
-(`jblast world --preset`), and as blasts are by jblast's own laws. A Hummingbird hovers
+(`calibration.thesis`), and as blasts are by jblast's own laws. A Hummingbird hovers
 with a microphone on it.
 
 1. Single cases: that of its table 4.1, corners of the worlds that it prints (charges
@@ -20,13 +20,20 @@ No noise. Seed 0 draws the cases.
 """
 
 import argparse
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.thesis import (
+    CODED,
+    PRINTED,
+    Physics,
+    frame_differences,
+    grey_bytes,
+)
+from calibration.thesis.loads import coded_angular_impulse
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.words import aligned
@@ -40,21 +47,15 @@ from jblast.scene import (
     look_at,
 )
 from jblast.scene.reader.scene import scene_from_document
-from jblast.sensors.camera.events.ideal import (
-    frame_differences,
-    grey_bytes,
-)
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.film import Film
 from jblast.sensors.listening import truth_of
-from jblast.study.flight_results import LOADS, Flown, LoadLaw, Options
+from jblast.study.flight_results import Flown, Options
 from jblast.study.flights import fly
-from jblast.vehicle import CustomProfile, start_of, vehicle_of
-from jblast.vehicle.loads.thesis import coded_angular_impulse
-from jblast.world import PRESETS
+from jblast.vehicle import start_of, vehicle_of
 
-WAYS: tuple[LoadLaw, ...] = ("thesis-as-printed", "thesis-as-coded", "laws")
-HEADS = {"thesis-as-printed": "printed", "thesis-as-coded": "coded"}
+LAWS = Physics({}, Options.load)
+WAYS = {"printed": PRINTED, "coded": CODED, "corrected": LAWS}
 UP_M, TIME_S, SECONDS = 3.0, 0.5, 8.0
 """Of the hovering vehicle; of the detonation; of a flight."""
 REFERENCE_PA, LISTENED = 20e-6, ("air_arrival_s", "ground_arrival_s")
@@ -95,12 +96,11 @@ def cases() -> list[Case]:
     return found
 
 
-def scene_of(case: Case, way: LoadLaw) -> Scene:
-    """Return a case as a scene, by a preset or not."""
-    physics: Mapping[str, Any] = {} if way == "laws" else PRESETS[way].physics
+def scene_of(case: Case, way: Physics) -> Scene:
+    """Return a case as a scene."""
     up = case.place_m[2]
     document: dict[str, Any] = {
-        **physics,
+        **way.tables,
         "charge": {
             "mass_kg": case.mass_kg,
             "position_m": list(case.place_m),
@@ -116,26 +116,27 @@ def scene_of(case: Case, way: LoadLaw) -> Scene:
     return scene_from_document(document, case.name).scene
 
 
-def heard(scene: Scene, way: LoadLaw) -> dict[str, float]:
+def heard(scene: Scene, way: Physics) -> dict[str, float]:
     """Return when and how loud a blast is, and when it pushes."""
     ear = (Sensor("ear", np.array([0.0, 0.0, UP_M]), "microphone"),)
     _, sound = truth_of(scene, ear, {}, (*LISTENED, PEAK))
-    pressed = scene if way == "laws" else PRESETS[way].scene_of(scene, "pressure")
-    _, pressure = truth_of(pressed, ear, {}, ("air_arrival_s",))
     values = {name: float(rows[0, 0]) for name, rows in sound.values.items()}
+    pressure = values["air_arrival_s"] - TIME_S
+    if way.pressure_speed_m_s is not None:
+        away = np.asarray(scene.charge.position_m) - ear[0].position_m
+        pressure = float(np.linalg.norm(away)) / way.pressure_speed_m_s
     return {
         "sound": 1e3 * (values["air_arrival_s"] - TIME_S),
         "ground": 1e3 * (values["ground_arrival_s"] - TIME_S),
-        "pressure": 1e3 * (float(pressure.values["air_arrival_s"][0, 0]) - TIME_S),
+        "pressure": 1e3 * pressure,
         "loudness": 20.0 * float(np.log10(values[PEAK] / REFERENCE_PA)),
     }
 
 
-def given(scene: Scene, way: LoadLaw) -> tuple[float, float]:
+def given(scene: Scene, way: Physics) -> tuple[float, float]:
     """Return the greatest momentum and angular momentum given to a held vehicle."""
     assert scene.vehicle is not None
-    load, vehicle = LOADS[way](scene), vehicle_of(scene.vehicle)
-    assert not isinstance(load, CustomProfile)
+    load, vehicle = way.load(scene), vehicle_of(scene.vehicle)
     state = start_of(scene.vehicle)
     arrival = jnp.min(load.arrival_time_s(state.position_m))
     edges = arrival - 0.005 + 5e-5 * jnp.arange(EDGES, dtype=float)
@@ -155,9 +156,9 @@ def given(scene: Scene, way: LoadLaw) -> tuple[float, float]:
     return float(push), float(turn)
 
 
-def flown(uncertain: UncertainScene, way: LoadLaw, count: int) -> Flown:
+def flown(uncertain: UncertainScene, way: Physics, count: int) -> Flown:
     """Return the flights of scenes by one load, with the scene's hold."""
-    options = Options(seconds=SECONDS, load=way)
+    options = Options(seconds=SECONDS, load=way.load)
     flights = fly(uncertain, options, vehicles=count, seed=SEED)
     return next(iter(flights.holds.values()))
 
@@ -171,7 +172,7 @@ def single() -> list[list[str]]:
         ]
     ]
     for case in cases():
-        for way in WAYS:
+        for words, way in WAYS.items():
             scene = scene_of(case, way)
             times, (push, turn) = heard(scene, way), given(scene, way)
             one = flown(UncertainScene(scene, source=case.name), way, 1).metrics
@@ -180,7 +181,7 @@ def single() -> list[list[str]]:
             rows.append(
                 [
                     case.name,
-                    HEADS.get(way, "corrected"),
+                    words,
                     *(f"{times[key]:.2f}" for key in ("sound", "pressure", "ground")),
                     f"{times['loudness']:.1f}",
                     f"{push:.4f}",
@@ -212,7 +213,7 @@ def drawn() -> list[list[str]]:
         ("printed", beside, (15.0, 0.0, 0.0)),
         ("coded", above, (15.0, 15.0, 15.0 + UP_M)),
     ):
-        for way in WAYS:
+        for words, way in WAYS.items():
             scene = scene_of(Case(name, 10.0, place), way)
             many = UncertainScene(scene, beliefs, source=name)
             metrics = flown(many, way, DRAWN).metrics
@@ -223,7 +224,7 @@ def drawn() -> list[list[str]]:
             rows.append(
                 [
                     name,
-                    HEADS.get(way, "corrected"),
+                    words,
                     *("-" if np.isnan(x) else f"{x:.3f}" for x in deviation),
                     f"{100 * crashed.mean():.1f}",
                     f"{100 * back.mean():.1f}",
@@ -252,9 +253,9 @@ def events() -> list[list[str]]:
         for time, frame in zip(film.times[which], some, strict=True)
     )
     blocks = list(frame_differences(greys))
-    coded = tuple(
-        np.concatenate([np.asarray(getattr(block, name)) for block in blocks])
-        for name in ("time", "polarity")
+    coded = (
+        np.concatenate([np.full(signs.size, time) for time, signs in blocks]),
+        np.concatenate([signs for _, signs in blocks]),
     )
     found = render_events(scene, camera, times)
     count = int(found.count)

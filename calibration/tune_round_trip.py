@@ -20,8 +20,7 @@ Gains: what gains are worth that were tuned by gradient through blasts, for thre
 vehicles. Each vehicle holds its place 5 m up in calm air while 0.2 to 2 kg of TNT go
 off on the ground, anywhere within 5 m to the east, west, north and south. Its gains are
 tuned by 32 such blasts, within margins of 6 dB and 35 degrees, and judged by 200
-others. The Crazyflie's motors lag by 0.072 s; it is tuned as it is, and once more with
-motors that may be led, by three at most.
+others.
 """
 
 import argparse
@@ -59,7 +58,7 @@ from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.listening import packets, plan
-from jblast.study.gains import TunedGains, TuningSettings, tune_gains
+from jblast.study.gains import TunedGains, tune_gains
 
 start_jax(quick=True)
 
@@ -128,13 +127,7 @@ class Case(NamedTuple):
 FIGURE = Path(__file__).parent / "results" / "tune.png"
 
 
-GAIN_CASES = (
-    ("iris", 1.0),
-    ("hummingbird", 1.0),
-    ("crazyflie", 1.0),
-    ("crazyflie", 3.0),
-)
-"""Vehicles, and by how much their motors may be led."""
+GAIN_CASES = ("iris", "hummingbird", "crazyflie")
 SIDE = {"uniform": [-5.0, 5.0]}
 CHARGE = {
     "mass_kg": {"uniform": [0.2, 2.0]},
@@ -362,12 +355,11 @@ def example_figure() -> None:
     write_figure(tune_figure(tuned), FIGURE)
 
 
-def tuned(model: str, motor_lead: float) -> TunedGains:
+def tuned(model: str) -> TunedGains:
     """Tune the gains of a vehicle.
 
     Args:
         model: Its name.
-        motor_lead: Most by which its motors' lag may be shortened.
     """
     start_jax(quick=True)
     vehicle = {
@@ -376,8 +368,7 @@ def tuned(model: str, motor_lead: float) -> TunedGains:
         "control": {"integral": True},
     }
     document = {"charge": CHARGE, "vehicle": vehicle}
-    settings = TuningSettings(motor_lead=motor_lead)
-    return tune_gains(scene_from_document(document, "scene"), settings)
+    return tune_gains(scene_from_document(document, "scene"))
 
 
 def gains() -> None:
@@ -395,11 +386,8 @@ def gains() -> None:
     figure = new_figure(4.4 * len(cases), 8.0)
     axes = figure.subplots(2, len(cases), squeeze=False)
     with ProcessPoolExecutor(asked.workers, get_context("spawn")) as workers:
-        answers = list(workers.map(tuned, *zip(*cases, strict=True)))
-    for (model, lead), found, (each, over_time) in zip(
-        cases, answers, axes.T, strict=True
-    ):
-        name = model if lead == 1 else f"{model}, led"
+        answers = list(workers.map(tuned, cases))
+    for name, found, (each, over_time) in zip(cases, answers, axes.T, strict=True):
         answer = gains_answer(found, "")
         print(f"# {name}: {cut_words(found)}")
         print(gains_text(answer), flush=True)

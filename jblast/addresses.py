@@ -11,7 +11,9 @@ MOST_PORT = 65535
 def host_and_port(
     text: str, where: str, expected: str, *, got: str = ""
 ) -> tuple[str, int]:
-    """Return the host of HOST:PORT, without the brackets of IPv6, and its port.
+    """Return host, without the brackets of IPv6, and port of a loopback HOST:PORT.
+
+    Servers have no authentication: any host that reaches the port controls them.
 
     Args:
         text: HOST:PORT or [HOST]:PORT.
@@ -20,7 +22,8 @@ def host_and_port(
         got: Text quoted in messages, if `text` is a part of it.
 
     Raises:
-        InputError: The text has another form, or its port is larger than `MOST_PORT`.
+        InputError: The text has another form, its port is larger than `MOST_PORT`, or
+            its host is not `localhost` or a loopback address.
     """
     # From the right, as IPv6 addresses have colons themselves.
     host, _, digits = text.rpartition(":")
@@ -30,19 +33,15 @@ def host_and_port(
         raise InputError(f"{where}: expected {expected}, got {shown(got or text)}")
     if port > MOST_PORT:
         raise InputError(f"{where}: expected a port of 0 to {MOST_PORT}, got {port}")
-    return bare, port
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether a host is `localhost` or a loopback address.
-
-    Other names are not resolved and give False.
-    """
-    if host == "localhost":
-        return True
     try:
         # Names are not resolved, because a resolver may be slow or answer otherwise
         # later.
-        return ipaddress.ip_address(host).is_loopback
+        loopback = bare == "localhost" or ipaddress.ip_address(bare).is_loopback
     except ValueError:
-        return False
+        loopback = False
+    if not loopback:
+        raise InputError(
+            f"{where}: expected a loopback address, as 127.0.0.1, got {shown(bare)}; "
+            "servers have no authentication, so use ssh -L to another machine"
+        )
+    return bare, port

@@ -140,8 +140,6 @@ class Law:
 
 
 LAWS: dict[tuple[str, str], Law] = {}
-RESERVED: dict[tuple[str, str], Law] = {}
-"""Laws found by name only and never listed: wrong, but needed to reproduce a source."""
 PACKAGED: dict[tuple[str, str], Law] = {}
 """Laws of the package itself."""
 
@@ -152,25 +150,14 @@ def register(law: Law) -> Law:
     return law
 
 
-def reserve(law: Law) -> Law:
-    """Add a law that is found by name only, not in any list, choice or chart."""
-    RESERVED[law.quantity, law.name] = law
-    return law
-
-
 def mark_packaged(*laws: Law) -> None:
     """Mark laws, or all registered so far, as those of the package itself."""
-    # Listed laws last, as they take precedence in `law_for`.
-    marked = laws or (*RESERVED.values(), *LAWS.values())
-    PACKAGED.update({(law.quantity, law.name): law for law in marked})
+    PACKAGED.update({(law.quantity, law.name): law for law in laws or LAWS.values()})
 
 
 def others() -> tuple[Law, ...]:
     """Return the laws that were registered from outside the package."""
-    every = (*LAWS.values(), *RESERVED.values())
-    return tuple(
-        law for law in every if PACKAGED.get((law.quantity, law.name)) is not law
-    )
+    return tuple(law for key, law in LAWS.items() if PACKAGED.get(key) is not law)
 
 
 def law_for(quantity: str, name: str) -> Law:
@@ -184,13 +171,12 @@ def law_for(quantity: str, name: str) -> Law:
             f"no law named {name!r} gives {quantity}; "
             f"expected one of {', '.join(names_for(quantity)) or '(none yet)'}"
         )
-    # A listed law precedes a reserved one of the same name.
-    return LAWS.get((quantity, name)) or RESERVED[quantity, name]
+    return LAWS[quantity, name]
 
 
 def is_law(quantity: str, name: str) -> bool:
-    """Return whether a law exists for a quantity, listed or not."""
-    return (quantity, name) in LAWS or (quantity, name) in RESERVED
+    """Return whether a law exists for a quantity."""
+    return (quantity, name) in LAWS
 
 
 def names_for(quantity: str) -> tuple[str, ...]:

@@ -56,13 +56,6 @@ def study(folder):
     read_columns(str(folder / "x.zarr"))
 
 
-def workers(folder):
-    from jblast.study.sampling.cluster import workers_here
-
-    with workers_here(1):
-        pass
-
-
 def scheduler(folder):
     from jblast.study.sampling.cluster import client_of
 
@@ -112,7 +105,6 @@ USES = [
     ("video", "av", video),
     ("aedat4", "dv_processing", aedat4),
     ("study", "zarr", study),
-    ("cluster", "distributed", workers),
     ("cluster", "distributed", scheduler),
     ("environments", "gymnasium", environment),
     ("serve", "grpc", serve),

@@ -242,7 +242,7 @@ BY_HAND = re.compile(
 """Ways to write a file."""
 THROUGH_FILES = re.compile(r"with (\(\s*)?replacing\(")
 ALLOWED = {
-    "autopilot/logs.py": "a log, which is added to as a flight goes on",
+    "autopilot/mavlink.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
     "observations/records/matlab.py": "to the standard output of a reader process",
     **dict.fromkeys(

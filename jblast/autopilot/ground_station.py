@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jblast.autopilot.course import INSERTED, Course, course_of, inserted
-from jblast.autopilot.logs import FlightRecord
+from jblast.autopilot.flight_record import FlightRecord
 from jblast.autopilot.mavlink import Link, LinkLost, Message, Sender, message_name
 from jblast.autopilot.protocols import Missions, Parameters
 from jblast.autopilot.telemetry import (

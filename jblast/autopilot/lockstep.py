@@ -34,11 +34,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from jblast.autopilot.logs import FlightRecord
 from jblast.autopilot.mavlink import Link, LinkLost, Message, Sender
 from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import InputError
-from jblast.observations.places import Frame
 from jblast.scene import Imu, Place, Scene, VehicleSpec
 from jblast.scene.camera import quaternion_product
 from jblast.sensors.flight_sensors import (
@@ -160,29 +158,6 @@ class Rotors(NamedTuple):
         # PX4 sends NaN for motors that are disarmed.
         turned[self.of_motor] = np.clip(np.nan_to_num(controls), 0.0, 1.0)
         return turned * self.fastest_rad_s
-
-
-def lockstep_record(flight: Lockstep, rotors: Rotors, place: Place) -> FlightRecord:
-    """Return the record of a flight.
-
-    Args:
-        flight: The flight.
-        rotors: Rotors of the vehicle.
-        place: Geodetic position of the scene's origin.
-    """
-    rows = np.array([row.state for row in flight.rows])
-    commands = np.array([row.command_rad_s for row in flight.rows])
-    return FlightRecord(
-        time_s=np.array([row.time_s for row in flight.rows]),
-        position_m=rows[:, :3],
-        velocity_m_s=rows[:, 3:6],
-        quaternion=rows[:, 6:10],
-        body_rate_rad_s=rows[:, 10:13],
-        controls=rows[:, 13:] / rotors.fastest_rad_s,
-        armed=np.asarray(commands.any(axis=1)),
-        item=np.zeros(len(rows), int),
-        frame=Frame(*place),
-    )
 
 
 class SimulatorState(NamedTuple):
@@ -492,7 +467,7 @@ class SimulatorSteps(eqx.Module):
 
     def _step(self) -> OneStep:
         period = jnp.asarray(PERIOD_S, float)
-        return OneStep(self.flight, period, "rk4", False, None)
+        return OneStep(self.flight, period, False, None)
 
 
 def turns_of(

@@ -7,10 +7,11 @@ import struct
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from types import ModuleType
+from pathlib import Path
+from types import ModuleType, TracebackType
 from typing import Any, NamedTuple
 
-from jblast.addresses import host_and_port, is_loopback
+from jblast.addresses import host_and_port
 from jblast.errors import InputError, argument, nearest, needed, shown
 
 MAGIC, MAGIC_1 = 0xFD, 0xFE
@@ -366,6 +367,45 @@ class Receiver:
         self._last[who] = sequence
 
 
+class TelemetryLog:
+    """A log in the format .tlog of MAVLink's tools, written during a flight.
+
+    Each frame follows its time, microseconds in eight bytes, big-endian. An
+    interruption leaves a valid file.
+
+    Args:
+        path: The file, which is overwritten.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+
+    def __init__(self, path: str | Path):
+        self.now_s = 0.0
+        try:
+            self._file = Path(path).open("wb")  # noqa: SIM115 - closed by the context
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be written: {error.strerror or error}"
+            ) from None
+
+    def keep(self, frame: bytes) -> None:
+        """Write a frame with the current time."""
+        stamp = struct.pack(">Q", round(1e6 * self.now_s))
+        self._file.write(stamp + frame)
+
+    def __enter__(self) -> "TelemetryLog":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+
 def read_address(text: str, name: str, port: int) -> Address:
     """Read an address; defaults are this machine and the usual port.
 
@@ -377,8 +417,6 @@ def read_address(text: str, name: str, port: int) -> Address:
     Raises:
         InputError: The address is invalid or not loopback.
     """
-    # MAVLink has no authentication: any host that reaches the port controls the
-    # vehicle.
     where = argument(name)
     kind, _, rest = text.partition(":")
     expected = "tcp:HOST:PORT or udp:HOST:PORT"
@@ -387,10 +425,4 @@ def read_address(text: str, name: str, port: int) -> Address:
     whole = rest if ":" in rest else f"{rest}:{port}"
     whole = f"127.0.0.1{whole}" if whole.startswith(":") else whole
     host, number = host_and_port(whole, where, expected, got=text)
-    if not is_loopback(host):
-        raise InputError(
-            f"{where}: expected a loopback address, as {kind}:127.0.0.1:{port}, got "
-            f"{shown(host)}; MAVLink has no authentication, so use an ssh tunnel to "
-            "another machine"
-        )
     return Address(kind, "127.0.0.1" if host == "localhost" else host, number)

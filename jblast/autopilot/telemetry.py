@@ -1,4 +1,4 @@
-"""Telemetry of a vehicle for a ground station, and the telemetry log of a flight.
+"""Telemetry of a vehicle for a ground station.
 
 Constants are those of MAVLink's common.xml: MAV_TYPE_QUADROTOR, MAV_AUTOPILOT_PX4, and
 PX4's modes of the main mode AUTO (px4_custom_mode.h).
@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from jblast.autopilot.logs import (
+from jblast.autopilot.flight_record import (
     FlightRecord,
     down,
     euler,
     right,
     scalar_first,
-    stamped,
 )
 from jblast.autopilot.mavlink import Sender
 from jblast.scene import Place
@@ -107,7 +106,7 @@ class Telemetry:
     """Telemetry messages of a flight's rows.
 
     Attributes:
-        record: The flight; messages have its estimated state.
+        record: The flight.
         last: Last row to send.
 
     Args:
@@ -118,14 +117,13 @@ class Telemetry:
     def __init__(self, record: FlightRecord, last: int | None = None):
         self.record = record
         self.last = record.time_s.size - 1 if last is None else last
-        state = record.estimated
-        self._quaternions = scalar_first(state.quaternion)
+        self._quaternions = scalar_first(record.quaternion)
         self._angles = euler(self._quaternions)
         self._rates = right(record.body_rate_rad_s)
-        self._places = record.geodetic(state.position_m)
-        self._ups = state.position_m[:, 2] - state.position_m[0, 2]
-        self._moves = down(state.velocity_m_s)
-        self._positions = down(state.position_m)
+        self._places = record.geodetic(record.position_m)
+        self._ups = record.position_m[:, 2] - record.position_m[0, 2]
+        self._moves = down(record.velocity_m_s)
+        self._positions = down(record.position_m)
 
     @property
     def end_s(self) -> float:
@@ -137,11 +135,6 @@ class Telemetry:
         # 1e-9 s for the rounding of a product of speed and clock time.
         after = np.searchsorted(self.record.time_s, time_s + 1e-9, side="right")
         return int(np.clip(after - 1, 0, self.last))
-
-    def frames(self, sender: Sender, row: int) -> list[bytes]:
-        """Return ATTITUDE and GLOBAL_POSITION_INT of a row."""
-        names = ("ATTITUDE", "GLOBAL_POSITION_INT")
-        return [sender.pack(name, **self._of_row(name, row)) for name in names]
 
     def frame(self, sender: Sender, name: str, row: int, now: VehicleStatus) -> bytes:
         """Return a message of `STREAMS`.
@@ -262,24 +255,3 @@ class Telemetry:
     def in_air(self, row: int) -> bool:
         """Return whether the vehicle is above the ground."""
         return bool(self.record.position_m[row, 2] > LANDED_UP_M)
-
-
-def telemetry_log(record: FlightRecord, *, has_mission: bool) -> bytes:
-    """Return the telemetry of a whole flight as the bytes of a .tlog."""
-    found: list[bytes] = []
-    sender, telemetry = Sender(SYSTEM, COMPONENT), Telemetry(record)
-    mode = MODE_MISSION if has_mission else MODE_HOLD
-    beats, item = -np.inf, -1
-    for row in record.rows_each(TELEMETRY_STEP_S).tolist():
-        time_s = float(record.time_s[row])
-        if time_s - beats >= HEARTBEAT_S - 1e-9:
-            armed = telemetry.armed(row)
-            frame = heartbeat(sender, armed=armed, mode=mode)
-            found.append(stamped(time_s, frame))
-            beats = time_s
-        frames = telemetry.frames(sender, row)
-        found += [stamped(time_s, frame) for frame in frames]
-        if has_mission and telemetry.item(row) != item:
-            item = telemetry.item(row)
-            found.append(stamped(time_s, sender.pack("MISSION_CURRENT", seq=item)))
-    return b"".join(found)

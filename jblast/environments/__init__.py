@@ -17,7 +17,6 @@ if TYPE_CHECKING:
         COMMANDS as COMMANDS,
         EnvironmentParams as EnvironmentParams,
         EnvironmentState as EnvironmentState,
-        Imu as Imu,
         Randomisation as Randomisation,
     )
     from jblast.environments.gymnasium_classes import (
@@ -33,7 +32,6 @@ _HOMES = {
     "COMMANDS": "jblast.environments.episode",
     "EnvironmentParams": "jblast.environments.episode",
     "EnvironmentState": "jblast.environments.episode",
-    "Imu": "jblast.environments.episode",
     "QuadrotorBlast": "jblast.environments.gymnasium_classes",
     "QuadrotorEnv": "jblast.environments.gymnasium_classes",
     "Randomisation": "jblast.environments.episode",

@@ -14,14 +14,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 
-from jblast.constants import FLIGHT_GRAVITY
 from jblast.environments.episode import (
     COMMANDS,
-    IMU_KEY,
     Action,
     EnvironmentParams,
     EnvironmentState,
-    Imu,
     Randomisation,
     commanded,
     default_world,
@@ -33,7 +30,7 @@ from jblast.environments.episode import (
     vehicle_in,
     window_of,
 )
-from jblast.environments.tasks import TASKS, Seen, distance
+from jblast.environments.tasks import TASKS, distance
 from jblast.errors import InputError, nearest
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec
@@ -44,7 +41,6 @@ from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.quadrotor import in_precision
 from jblast.vehicle.rollout import FlightState
-from jblast.vehicle.state import Vector, turned_back
 from jblast.world import Blasts
 
 STEP_S = 0.01
@@ -63,7 +59,6 @@ def environment_params(
     randomisation: Randomisation | None = None,
     guidance: Guidance | None = None,
     controller: str = "with_integral",
-    imu: Imu | None = None,
     target_m: tuple[float, float, float] | None = None,
     spread_m: float = 0.0,
     far_m: float = 8.0,
@@ -76,7 +71,7 @@ def environment_params(
     """Return the common parameters of an environment's lanes.
 
     Args:
-        task: "Hover", "Rates", "Mission" or "Detect".
+        task: "Hover", "Rates" or "Mission".
         vehicle: Name of the vehicle.
         command: Meaning of an action, a name of `COMMANDS`; None: the task's default.
         world: Distribution of the blasts, with a fixed number; None: two of 5 to 15
@@ -86,7 +81,6 @@ def environment_params(
         guidance: Guidance of the mission, for the task "Mission" only.
         controller: Name in `vehicle.CONTROLLERS` with the loops of the SE(3)
             controller, for the commands "velocity" and "hold".
-        imu: Errors of an observed IMU; None: no IMU.
         target_m: Hover target: east, north, up; None: the task's default.
         spread_m: Maximum initial distance from the target along each axis.
         far_m: Distance from the target at which an episode ends.
@@ -110,11 +104,6 @@ def environment_params(
             )
     kind = TASKS[task]
     command = command or kind.command
-    if kind.actions is not None and command != kind.command:
-        raise InputError(
-            f"command: expected {kind.command!r}, the only command of the task {task}, "
-            f"got {command!r}"
-        )
     if (guidance is None) == (task == "Mission"):
         raise InputError(
             "guidance: expected a guidance for the task Mission and none for others, "
@@ -138,7 +127,7 @@ def environment_params(
     ):
         if not value > 0:
             raise InputError(f"{name}: expected a positive number, got {value:g}")
-    limit = step_limit("rk4", float(flies.motor_lag_s), gains, 1)
+    limit = step_limit(float(flies.motor_lag_s), gains, 1)
     if step_s > limit:
         raise InputError(
             f"step_s: expected at most {limit:.4g} s, the stability limit of the "
@@ -154,7 +143,6 @@ def environment_params(
         air=Air() if air is None else air,
         randomisation=randomisation,
         guidance=guidance,
-        imu=imu,
         target_m=target,
         spread_m=spread_m,
         far_m=far_m,
@@ -196,7 +184,7 @@ class Step(NamedTuple):
 
 def actions_of(params: EnvironmentParams) -> int:
     """Return the length of an action."""
-    return TASKS[params.task].actions or COMMANDS[params.command]
+    return COMMANDS[params.command]
 
 
 def reset(
@@ -246,13 +234,12 @@ def begin(
         windows=windows,
         start_m=motion.position,
         task=task,
-        force_m_s2=(zero, zero, zero + FLIGHT_GRAVITY),
         farthest_m=zero,
         ended=jnp.zeros((), bool),
         key=key,
         number=number,
     )
-    return state, jnp.stack(observed(params, state))
+    return state, jnp.stack(TASKS[params.task].observe(params, state))
 
 
 def step(
@@ -331,7 +318,6 @@ class Moved(NamedTuple):
         steps: Number of steps in this episode.
         queue: Pending actions.
         task: State of the task.
-        force_m_s2: Specific force along the body's axes, mean of the step.
         farthest_m: Maximum distance from the target so far.
         ended: True if the episode has ended.
         seen: Numbers of the observation.
@@ -345,7 +331,6 @@ class Moved(NamedTuple):
     steps: Array
     queue: tuple[Action, ...]
     task: PyTree[Array]
-    force_m_s2: Vector
     farthest_m: Array
     ended: Array
     seen: tuple[Array, ...]
@@ -367,7 +352,6 @@ def step_of(state: EnvironmentState, found: Moved) -> Step:
         steps=found.steps,
         queue=found.queue,
         task=found.task,
-        force_m_s2=found.force_m_s2,
         farthest_m=found.farthest_m,
         ended=found.ended,
     )
@@ -402,15 +386,10 @@ def moved(
     clipped: Action = tuple(
         jnp.clip(jnp.where(bad, 0.0, part.astype(dtype)), -1.0, 1.0) for part in action
     )
-    flown = clipped
-    if task.actions is not None:
-        # The action of such a task is no command; the controller keeps its target.
-        flown = (jnp.zeros_like(params.step_s),) * COMMANDS[params.command]
-    queue = (flown, *state.queue)
+    queue = (clipped, *state.queue)
     late = _delayed(queue, state.episode.delay_steps)
     aim, memory = task.aim(params, state)
     command, integral = commanded(params, state, late, aim)
-    before = state.now.motion
     now = state.now._replace(
         command=command,
         memory=integral,
@@ -424,21 +403,15 @@ def moved(
     # The condition is always true: a branch is a separate program of small arrays,
     # which XLA runs sequentially (see `rollout.CHUNK_BYTES`).
     now = jax.lax.cond(tick.step > 0, go_on, lambda: now)
-    gained = tuple(
-        (b - a) / params.step_s
-        for a, b in zip(before.velocity, now.motion.velocity, strict=True)
-    )
-    pulled = (gained[0], gained[1], gained[2] + FLIGHT_GRAVITY)
     off = distance(now.motion, aim)
     after = state._replace(
         now=now,
         steps=state.steps + 1,
         queue=queue[: params.most_delay],
         task=memory,
-        force_m_s2=turned_back(now.motion.quaternion, pulled),
         farthest_m=jnp.maximum(state.farthest_m, off),
     )
-    judged = task.judge(params, after, clipped, aim)
+    judged = task.judge(params, after, aim)
     diverged = ~jnp.isfinite(sum(jax.tree.leaves(now.motion)))
     lost = bad | diverged
     terminated = judged.terminated | lost
@@ -450,10 +423,9 @@ def moved(
         steps=after.steps,
         queue=after.queue,
         task=after.task,
-        force_m_s2=after.force_m_s2,
         farthest_m=after.farthest_m,
         ended=after.ended,
-        seen=observed(params, after),
+        seen=task.observe(params, after),
         # A NaN reward would spoil the mean over a batch.
         reward=jnp.where(lost, 0.0, judged.reward),
         terminated=terminated,
@@ -477,38 +449,6 @@ def _delayed(queue: tuple[Action, ...], delay: Array) -> Action:
             for old, new in zip(earlier, found, strict=True)
         )
     return found
-
-
-def observed(params: EnvironmentParams, state: EnvironmentState) -> Seen:
-    """Return the observation of a lane as scalars.
-
-    With an IMU six numbers follow those of the task: mean specific force of the last
-    step [m/s2] and body rates [rad/s], along the body's axes, with bias and noise.
-
-    Args:
-        params: Parameters of the environment.
-        state: State of the lane.
-    """
-    seen = TASKS[params.task].observe(params, state)
-    if params.imu is None:
-        return seen
-    episode, imu, motion = state.episode, params.imu, state.now.motion
-    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), IMU_KEY)
-    key = jax.random.fold_in(jax.random.fold_in(key, 1), state.steps)
-    noise = jax.random.normal(key, (2, 3), params.step_s.dtype)
-    forces = [
-        force + bias + imu.force_noise_m_s2 * one
-        for force, bias, one in zip(
-            state.force_m_s2, episode.force_bias_m_s2, noise[0], strict=True
-        )
-    ]
-    rates = [
-        rate + bias + imu.rate_noise_rad_s * one
-        for rate, bias, one in zip(
-            motion.body_rate, episode.rate_bias_rad_s, noise[1], strict=True
-        )
-    ]
-    return (*seen, *forces, *rates)
 
 
 def _max_delay(delay: Float[Array, ""] | Prior, step_s: float) -> int:

@@ -60,7 +60,7 @@ from jblast.world import Blasts, blast_sequence
 COMMANDS = {"rotor_speeds": 4, "thrust_rates": 4, "velocity": 3, "hold": 3}
 """Length of an action by the name of its mode."""
 Action = tuple[Number, ...]
-BLASTS_KEY, VEHICLE_KEY, IMU_KEY, TASK_KEY, READINGS_KEY = range(5)
+BLASTS_KEY, VEHICLE_KEY = range(2)
 """Folded into an episode's key, one number per use."""
 MAX_DELAY_PER_METRE = 4.7
 """Maximum increase of the end of a wave per metre, in units of 1/c; see
@@ -82,28 +82,6 @@ class Aim(eqx.Module):
 
     point: SetPoint
     yaw_rad: Float[Array, ""]
-
-
-class Imu(eqx.Module):
-    """Errors of accelerometer and gyroscope; all declared, as of a cheap MEMS part.
-
-    Attributes:
-        force_noise_m_s2: Standard deviation of each reading of specific force.
-        rate_noise_rad_s: Standard deviation of each reading of the body rate.
-        force_bias_m_s2: Standard deviation of an episode's bias of specific force.
-        rate_bias_rad_s: Standard deviation of an episode's bias of the body rate.
-    """
-
-    force_noise_m_s2: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=0.1
-    )
-    rate_noise_rad_s: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=0.01
-    )
-    force_bias_m_s2: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.1)
-    rate_bias_rad_s: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=0.005
-    )
 
 
 def _number(value: ArrayLike | Prior) -> NumberOrPrior:
@@ -143,7 +121,6 @@ class EnvironmentParams(eqx.Module):
         air: Ambient air.
         randomisation: Other random parameters of episodes.
         guidance: Guidance of the mission; None without one.
-        imu: Errors of the IMU; None without one.
         target_m: Hover target.
         spread_m: Maximum initial distance from the target along each axis.
         far_m: Distance from the target at which an episode ends.
@@ -165,7 +142,6 @@ class EnvironmentParams(eqx.Module):
     air: Air
     randomisation: Randomisation
     guidance: Guidance | None
-    imu: Imu | None
     target_m: Float[Array, "3"] = eqx.field(converter=as_float_array)
     spread_m: Float[Array, ""] = eqx.field(converter=as_float_array)
     far_m: Float[Array, ""] = eqx.field(converter=as_float_array)
@@ -197,8 +173,6 @@ class Episode(NamedTuple):
         wind_m_s: East, north, up.
         delay_steps: Delay from action to command.
         blasts: Blasts of the episode.
-        force_bias_m_s2: Bias of the accelerometer; zero without an IMU.
-        rate_bias_rad_s: Bias of the gyroscope.
     """
 
     mass_factor: Number
@@ -207,8 +181,6 @@ class Episode(NamedTuple):
     wind_m_s: Vector
     delay_steps: Int[Array, ""]
     blasts: Blasts
-    force_bias_m_s2: Vector
-    rate_bias_rad_s: Vector
 
 
 class Windows(NamedTuple):
@@ -241,7 +213,6 @@ class EnvironmentState(NamedTuple):
         windows: Bounds on the times of its blasts.
         start_m: Initial position.
         task: State of the task.
-        force_m_s2: Specific force of the last step, body axes.
         farthest_m: Maximum distance from the target so far.
         ended: True if the next step begins another episode.
         key: Key of the lane; each episode folds its number into it.
@@ -255,7 +226,6 @@ class EnvironmentState(NamedTuple):
     windows: Windows
     start_m: Vector
     task: PyTree[Array]
-    force_m_s2: Vector
     farthest_m: Float[Array, ""]
     ended: Bool[Array, ""]
     key: PRNGKeyArray
@@ -369,11 +339,6 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
         occurrence.count,
     )
     none = jnp.zeros((), dtype)
-    force = rate = (none, none, none)
-    if params.imu is not None:
-        drawn = jax.random.normal(jax.random.fold_in(key, IMU_KEY), (2, 3), dtype)
-        force = three(params.imu.force_bias_m_s2 * drawn[0])
-        rate = three(params.imu.rate_bias_rad_s * drawn[1])
     return Episode(
         mass_factor=mass,
         inertia_factor=inertia,
@@ -383,8 +348,6 @@ def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
         # bound may round to one more step, for which the queue has no room.
         delay_steps=jnp.minimum(late, params.most_delay),
         blasts=jax.tree.map(lambda x: x.astype(dtype), blasts),
-        force_bias_m_s2=force,
-        rate_bias_rad_s=rate,
     )
 
 
@@ -443,7 +406,7 @@ def one_step(params: EnvironmentParams, episode: Episode) -> OneStep:
         loads=(),
         ground_up_m=params.ground_up_m,
     )
-    return OneStep(flight, params.step_s, "rk4", control_held=False, axis=None)
+    return OneStep(flight, params.step_s, control_held=False, axis=None)
 
 
 def tick_of(params: EnvironmentParams, state: EnvironmentState) -> Ticks:

@@ -51,7 +51,7 @@ class QuadrotorEnv(gymnasium.Env):
     """A single quadrotor in blasts: lane 0 of a `QuadrotorBlast` of the same seed.
 
     Args:
-        task: "Hover", "Rates", "Mission" or "Detect".
+        task: "Hover", "Rates" or "Mission".
         params: Parameters of the environment; they replace `task` and `options`.
         render_mode: None: the environments are not rendered.
         progress: True prints on stderr while the first `reset` and `step` compile; or
@@ -131,7 +131,7 @@ class QuadrotorBlast(VectorEnv):
 
     Args:
         num_envs: Number of environments, the lanes of a batch.
-        task: "Hover", "Rates", "Mission" or "Detect".
+        task: "Hover", "Rates" or "Mission".
         params: Parameters of the environment; they replace `task` and `options`.
         render_mode: None: the environments are not rendered.
         progress: True prints on stderr while the first `reset` and `step` compile; or

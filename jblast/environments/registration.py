@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-NAMES = ("Hover", "Rates", "Mission", "Detect")
+NAMES = ("Hover", "Rates", "Mission")
 VERSION = "v0"
 
 

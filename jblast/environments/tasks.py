@@ -16,25 +16,8 @@ begins on the ground at home, armed. Observations: position and velocity relativ
 set point (3, 3), attitude (9), body rates (3), and the vector from the set point to the
 leg's goal (3). Reward of a step: $1 - |e|$. An episode ends where the vehicle is
 farther off than `far_m`, or has landed at the mission's end.
-
-**Detect**: raise an alarm for a blast, from a microphone and an event camera on board.
-A position controller flies the vehicle; the action (1) is an alarm if it is positive.
-Observations of the last step:
-
-- level of the maximum overpressure at the vehicle, with noise of the rotors, over
-  20 µPa, in units of 100 dB;
-- the natural logarithm of 1 plus the number of camera events. A flash gives five events
-  for each pixel on the fireball's disc, $\frac{\pi}{4} (2 f r / R)^2$ pixels with $r =
-  1.75\,m Q^{1/3}$ and $f = 260$ pixels, in the step of the detonation. The background
-  adds ten events, and the sum has its square root as noise. This is a simple count:
-  `jblast.sensors.camera` draws events in full;
-- seconds since the last alarm, 1 at most.
-
-An alarm within 0.5 s of an arrival without an earlier alarm earns 1; one without an
-arrival costs 0.1; an arrival without an alarm in that time costs 1.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -44,18 +27,14 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.environments.episode import (
-    READINGS_KEY,
-    Action,
     Aim,
     EnvironmentParams,
     EnvironmentState,
-    load_of,
 )
 from jblast.missions import Guidance, Limits, Progress, grid_plan, mission_of
 from jblast.missions.guidance import ENDED, FLYING, SetPoint
 from jblast.scene import Place
 from jblast.vehicle import State
-from jblast.vehicle.loads.blast_wave import overpressure
 from jblast.vehicle.state import (
     Number,
     StateComponents,
@@ -66,18 +45,9 @@ from jblast.vehicle.state import (
     rotation,
     three,
 )
-from jblast.world import Blasts
 
 BODY_RATE_COST = 0.02
 """Cost of a body rate of 1 rad/s in a step; declared: small against the distance."""
-IN_TIME_S, FALSE_ALARM = 0.5, 0.1
-"""Time for an alarm after an arrival [s], and the cost of a false one; declared."""
-REFERENCE_PA, NOISE_PA, BACKGROUND = 20e-6, 2.0, 10.0
-"""Reference of sound levels [Pa]. Noise of the rotors [Pa] and camera events of the
-background in a step; both declared."""
-FIREBALL_M, FOCAL_PX, EVENTS_PER_PIXEL = 1.75, 260.0, 5.0
-"""Fireball's radius of 1 kg [m], focal length [px], events of a lit pixel; declared."""
-
 Seen = tuple[Number, ...]
 Started = tuple[StateComponents, PyTree[Array]]
 
@@ -103,21 +73,19 @@ class Task(NamedTuple):
         command: Default mode of command.
         target_m: Target: east, north, up.
         episode_s: Duration of an episode.
-        actions: Length of an action; None: that of the mode of command.
         start: Function of key and params: initial motion and task state.
         aim: Function of params and state: target in this step and next task state.
         observe: Function of params and state: observations.
-        judge: Function of params, state after the step, action and target.
+        judge: Function of params, state after the step and target.
     """
 
     command: str
     target_m: tuple[float, float, float]
     episode_s: float
-    actions: int | None
     start: Callable[[PRNGKeyArray, EnvironmentParams], Started]
     aim: Callable[[EnvironmentParams, EnvironmentState], tuple[Aim, PyTree[Array]]]
     observe: Callable[[EnvironmentParams, EnvironmentState], Seen]
-    judge: Callable[[EnvironmentParams, EnvironmentState, Action, Aim], Judged]
+    judge: Callable[[EnvironmentParams, EnvironmentState, Aim], Judged]
 
 
 def _start_hover(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
@@ -133,7 +101,7 @@ def _observe_hover(params: EnvironmentParams, state: EnvironmentState) -> Seen:
 
 
 def _judge_hover(
-    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+    params: EnvironmentParams, state: EnvironmentState, aim: Aim
 ) -> Judged:
     motion = state.now.motion
     off = distance(motion, aim)
@@ -167,7 +135,7 @@ def _observe_rates(params: EnvironmentParams, state: EnvironmentState) -> Seen:
 
 
 def _judge_rates(
-    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+    params: EnvironmentParams, state: EnvironmentState, aim: Aim
 ) -> Judged:
     x, y, z = _rate_errors(params, state)
     reward = 1.0 - (jnp.abs(x) + jnp.abs(y) + jnp.abs(z)) / 3
@@ -213,91 +181,11 @@ def _observe_mission(params: EnvironmentParams, state: EnvironmentState) -> Seen
 
 
 def _judge_mission(
-    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
+    params: EnvironmentParams, state: EnvironmentState, aim: Aim
 ) -> Judged:
     off = distance(state.now.motion, aim)
     over = (off > params.far_m) | (state.task.phase == ENDED)
     return Judged(1.0 - off, over, state.task)
-
-
-class AlarmState(NamedTuple):
-    """State of the task "Detect".
-
-    Attributes:
-        blasts: True for arrivals with an alarm, and for missed ones.
-        since_s: Time since the last alarm.
-    """
-
-    blasts: Bool[Array, " blast"]
-    since_s: Float[Array, ""]
-
-
-def _start_detect(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
-    count = params.world.occurrence.count  # pyright: ignore[reportAttributeAccessIssue] (checked by environment_params)
-    answered = AlarmState(jnp.zeros(count, bool), jnp.ones_like(params.step_s))
-    return _at_rest(params, params.target_m), answered
-
-
-def _observe_detect(params: EnvironmentParams, state: EnvironmentState) -> Seen:
-    place, step = jnp.stack(state.now.motion.position), params.step_s
-    end = state.steps.astype(step.dtype) * step
-    key = jax.random.fold_in(jax.random.fold_in(state.key, state.number), READINGS_KEY)
-    # Noise by the number of the step: the same in any batch.
-    noise = jax.random.normal(jax.random.fold_in(key, state.steps), (2,), step.dtype)
-
-    def of(numbers: Blasts) -> tuple[Array, Array]:
-        load = load_of(params, state.episode.wind_m_s, numbers)
-        (blast,) = load.blasts
-        since = end - load.arrival_time_s(place)[0]
-        begins = jnp.where(since < step, 0.0, since - step)
-        # The pressure falls from the front on, so its maximum is at the step's
-        # beginning.
-        share = overpressure(
-            load.wave_of(blast, place), jnp.where(since < 0, -1.0, begins)
-        )
-        away = jnp.sqrt(jnp.sum(jnp.square(place - blast.position_m)))
-        # The diameter of the fireball in pixels, by the pinhole camera.
-        disc = 2 * FOCAL_PX * FIREBALL_M * jnp.cbrt(blast.mass_kg) / away
-        # Light takes no time here: 100 m are 0.3 microseconds.
-        flash = (blast.time_s <= end) & (blast.time_s > end - step)
-        lit = EVENTS_PER_PIXEL * math.pi / 4 * jnp.square(disc)
-        return load.pressure_pa * jnp.abs(share), jnp.where(flash, lit, 0.0)
-
-    pressures, flashes = jax.vmap(of)(state.episode.blasts)
-    heard = jnp.abs(NOISE_PA * noise[0]) + jnp.sum(pressures)
-    events = BACKGROUND + jnp.sum(flashes)
-    # A normal approximation of the Poisson count: a Poisson sampler rejects, so that a
-    # batch would wait for its slowest lane.
-    events = jnp.maximum(events + jnp.sqrt(events) * noise[1], 0.0)
-    # The added 1 avoids the logarithm of zero; at audible pressures it changes nothing.
-    decibels = 20 * jnp.log10(heard / REFERENCE_PA + 1.0)
-    return decibels / 100, jnp.log1p(events), state.task.since_s
-
-
-def _judge_detect(
-    params: EnvironmentParams, state: EnvironmentState, action: Action, aim: Aim
-) -> Judged:
-    answered, step = state.task, params.step_s
-    end = state.steps.astype(step.dtype) * step
-    place = jnp.stack(state.now.motion.position)
-
-    def arrival(blast: Blasts) -> Array:
-        return load_of(params, state.episode.wind_m_s, blast).arrival_time_s(place)[0]
-
-    since = end - jax.vmap(arrival)(state.episode.blasts)
-    alarm = action[0] > 0
-    open_now = (since >= 0) & (since <= IN_TIME_S) & ~answered.blasts
-    missed = (since > IN_TIME_S) & ~answered.blasts
-    hit = alarm & jnp.any(open_now)
-    reward = jnp.where(hit, 1.0, jnp.where(alarm, -FALSE_ALARM, 0.0))
-    # Each arrival is counted once, because it is marked in the next state.
-    reward = reward - jnp.sum(missed.astype(step.dtype))
-    after = AlarmState(
-        answered.blasts | missed | (open_now & alarm),
-        jnp.where(alarm, 0.0, jnp.minimum(answered.since_s + step, 1.0)),
-    )
-    down = state.now.motion.position[2] <= params.ground_up_m
-    return Judged(reward.astype(step.dtype), down, after)
 
 
 def _at_target(
@@ -353,7 +241,6 @@ TASKS: dict[str, Task] = {
         "thrust_rates",
         (0.0, 0.0, 10.0),
         10.0,
-        None,
         _start_hover,
         _at_target,
         _observe_hover,
@@ -363,7 +250,6 @@ TASKS: dict[str, Task] = {
         "rotor_speeds",
         (0.0, 0.0, 60.0),
         2.0,
-        None,
         _start_rates,
         _at_target,
         _observe_rates,
@@ -373,21 +259,10 @@ TASKS: dict[str, Task] = {
         "hold",
         (0.0, 0.0, 0.0),
         60.0,
-        None,
         _start_mission,
         _aim_mission,
         _observe_mission,
         _judge_mission,
-    ),
-    "Detect": Task(
-        "hold",
-        (0.0, 0.0, 10.0),
-        10.0,
-        1,
-        _start_detect,
-        _at_target,
-        _observe_detect,
-        _judge_detect,
     ),
 }
 """Tasks by name."""

@@ -1,4 +1,4 @@
-"""The file of a plan: QGroundControl's `.plan` and `QGC WPL 110`, read and written.
+"""The file of a plan: QGroundControl's `.plan` and `QGC WPL 110`.
 
 QGroundControl's `.plan`, version 1, is JSON with the keys that its loader requires:
 fileType, version, groundStation, mission of version 2 with plannedHomePosition, items
@@ -210,14 +210,15 @@ class Plan:
         return f"ignored in {self.where}: {'; '.join(parts)}" if parts else ""
 
 
-def ground_control_text(plan: Plan) -> str:
-    """Return a plan in QGroundControl's format.
+def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
+    """Return a plan in QGroundControl's format, for a file with the suffix .plan.
 
     Ignored parts of the original file are written unchanged.
 
     Raises:
-        InputError: The plan has no home.
+        InputError: The plan has no home, or the file has another suffix.
     """
+    check_form(path)
     if plan.home is None:
         raise InputError(
             f"{plan.where}: home: expected latitude, longitude and height, required in "
@@ -244,32 +245,6 @@ def ground_control_text(plan: Plan) -> str:
     }
     document |= {**plan.rest, "mission": mission}
     return json.dumps(document, indent=4, allow_nan=False) + "\n"
-
-
-def waypoint_list_text(plan: Plan) -> str:
-    """Return a plan as a list of waypoints; home has number 0.
-
-    Raises:
-        InputError: The plan has no home, whose line comes first.
-    """
-    if plan.home is None:
-        raise InputError(
-            f"{plan.where}: home: expected latitude, longitude and height for the "
-            "first line, got nothing"
-        )
-    lat, lon, alt = plan.home
-    first = (None, None, None, None, lat, lon, alt)
-    rows = [_line(Item(0, WAYPOINT, GLOBAL, first), current=True)]
-    rows += [_line(item, current=False) for item in plan.items]
-    return "\n".join([f"{HEAD} {VERSION}", *rows]) + "\n"
-
-
-WRITERS = {
-    ".plan": ground_control_text,
-    ".waypoints": waypoint_list_text,
-    ".txt": waypoint_list_text,
-}
-"""Writers by suffix."""
 
 
 def read_plan(path: str | os.PathLike[str]) -> Plan:
@@ -317,33 +292,22 @@ def check_mission(scene: str | os.PathLike[str]) -> dict[str, Any]:
     return document
 
 
-def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
-    """Return a plan in the format of a file's suffix.
+def check_form(path: str | os.PathLike[str]) -> None:
+    """Check that a file's name has the suffix .plan.
 
     Raises:
-        InputError: The name has no known suffix, or the plan lacks a part that its
-            format requires.
-    """
-    return WRITERS[check_form(path)](plan)
-
-
-def check_form(path: str | os.PathLike[str]) -> str:
-    """Return the suffix of a file's name, one of `WRITERS`.
-
-    Raises:
-        InputError: The suffix is unknown.
+        InputError: The suffix is another one.
     """
     ending = Path(path).suffix.lower()
-    if ending not in WRITERS:
+    if ending != ".plan":
         raise InputError(
-            f"{path}: expected a name with the suffix {', '.join(WRITERS)}, got "
+            f"{path}: expected a name with the suffix .plan, got "
             f"{ending or 'no suffix'}"
         )
-    return ending
 
 
 def write_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
-    """Write a plan: .plan as QGroundControl's, .waypoints and .txt as QGC WPL 110.
+    """Write a plan in QGroundControl's format.
 
     Raises:
         InputError: As in `plan_text`.
@@ -396,18 +360,6 @@ def read_waypoint_list(text: str, source: str) -> Plan:
         items.append(item)
     check_numbers(items, source)
     return Plan(items=tuple(items), home=home, source=source)
-
-
-def _line(item: Item, *, current: bool) -> str:
-    # Unspecified values are 0 in this format, except the yaw, where 0 would be north.
-    values = [
-        ("nan" if n == 3 else "0")
-        if value is None
-        else repr(int(value) if value == int(value) else value)
-        for n, value in enumerate(item.params)
-    ]
-    head = [item.number, int(current), item.frame, item.command]
-    return "\t".join([*map(str, head), *values, str(int(item.auto_continue))])
 
 
 def _whole(text: str, at: str) -> int:

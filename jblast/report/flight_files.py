@@ -18,7 +18,6 @@ from jblast.report.flight_figures import (
     distribution_figure,
     error_figure,
     loads_figure,
-    path_figure,
 )
 from jblast.report.flights import flights_csv, trajectory_csv
 from jblast.report.mission_figures import (
@@ -33,7 +32,6 @@ from jblast.vehicle import Trajectory, path_error
 
 JSON = "fly.json"
 ONE: dict[str, Callable[[Flights], Figure]] = {
-    "path.png": path_figure,
     "loads.png": loads_figure,
     "error.png": error_figure,
 }

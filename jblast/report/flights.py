@@ -136,7 +136,7 @@ def _title(flights: Flights) -> str:
         who = f"{flights.count:,} x {who}"
     return (
         f"{who} holding ({place}) m for {flights.seconds:g} s "
-        f"({options.integrator}, steps of {printed_number('step_s', options.step_s)})"
+        f"(rk4, steps of {printed_number('step_s', options.step_s)})"
     )
 
 
@@ -475,7 +475,7 @@ class FlightsAnswer(Document):
         integrator: Name of the integrator.
         backend: Backend of the computation.
         tolerance_m: Path error within which a vehicle has recovered.
-        load: "laws", "custom profile" or the preset of a world.
+        load: "laws" or "custom profile".
         drawn: Values sampled from priors; quantiles of several.
         blasts: Each blast at the vehicles.
         thresholds: Thresholds by exposure.
@@ -531,10 +531,10 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         yaw_rad=float(vehicle.yaw),
         seconds=flights.seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
+        integrator="rk4",
         backend=options.backend,
         tolerance_m=options.tolerance_m,
-        load=options.load if options.profile is None else "custom profile",
+        load="laws" if options.profile is None else "custom profile",
         drawn={
             name: _spread(values) if several else float(values)
             for name, values in flights.drawn.items()

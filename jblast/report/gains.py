@@ -19,7 +19,6 @@ WORDS = {
     "ki_pos": "integral [1/s3]",
     "kp_att": "attitude [1/s2]",
     "kd_att": "body rate [1/s]",
-    "motor_lead": "motors' lead [-]",
 }
 
 
@@ -154,8 +153,7 @@ def _rows(answer: GainsAnswer) -> list[list[str]]:
     for key, words in WORDS.items():
         if key not in after.gains:
             continue
-        # a motor lead of 1 is none: it is not in the scene
-        old, new = before.gains.get(key, 1.0), after.gains[key]
+        old, new = before.gains[key], after.gains[key]
         if not isinstance(old, tuple) or not isinstance(new, tuple):
             rows.append([words, f"{old:.4g}", f"{new:.4g}", ""])
             continue

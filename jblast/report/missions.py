@@ -51,7 +51,7 @@ def _title(flight: MissionFlight) -> list[str]:
     options = flight.options
     who = f"{flight.vehicle.model.capitalize()} on {flight.mission.plan.source}"
     length = printed_number("step_s", options.step_s)
-    step = f"({options.integrator}, steps of {length})"
+    step = f"(rk4, steps of {length})"
     if flight.crash:
         end = f"crashed ({flight.crash})"
     elif math.isfinite(flight.disarmed_s):
@@ -174,7 +174,7 @@ class MissionAnswer(Document):
         integrator: Name of the integrator.
         backend: Backend of the computation.
         tolerance_m: Path error within which a vehicle has recovered.
-        load: "laws", "custom profile" or the preset of a world.
+        load: "laws" or "custom profile".
         drawn: Values sampled from priors.
         completed: Whether it ended without a crash, with each waypoint reached.
         disarmed_s: Time at which it was disarmed after landing; null if it was not.
@@ -242,10 +242,10 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         home_m=(east, north, up),
         seconds=flight.seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
+        integrator="rk4",
         backend=options.backend,
         tolerance_m=options.tolerance_m,
-        load=options.load if options.profile is None else "custom profile",
+        load="laws" if options.profile is None else "custom profile",
         drawn=flight.drawn,
         completed=flight.completed,
         disarmed_s=flight.disarmed_s,

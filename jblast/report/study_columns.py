@@ -153,7 +153,6 @@ class StudyColumns:
         inputs: Sampled parameters, by name.
         input_units: Their units.
         axes: Axes of the study, in the order of the store.
-        weights: Weights of the samples; None without weights.
         attributes: Attributes of the store.
         samples: Number of samples; number of variants and cells for statistics only.
         notes: Notes, as sentences.
@@ -166,7 +165,6 @@ class StudyColumns:
     inputs: Mapping[str, Float[np.ndarray, " sample"]]
     input_units: Mapping[str, str]
     axes: tuple[StudyAxis, ...]
-    weights: Float[np.ndarray, " sample"] | None
     attributes: Mapping[str, Any]
     samples: int
     notes: list[str] = field(default_factory=list)
@@ -221,7 +219,7 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
     if "sample" not in dataset.sizes:
         raise InputError(f"{source}: expected samples, got a data set without any")
     lanes: list[Lane] = []
-    inputs, units, axes, weights = {}, {}, [], None
+    inputs, units, axes = {}, {}, []
     sensors = (
         [str(one) for one in dataset["sensor"].values]
         if ("sensor" in dataset.sizes)
@@ -236,14 +234,11 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
             units[str(name)] = own
         elif role == "axis":
             axes.append(_axis(str(name), variable))
-        elif role == "weight":
-            weights = np.asarray(variable.values, float)
     found = StudyColumns(
         tuple(lanes),
         inputs,
         units,
         tuple(axes),
-        weights,
         dict(dataset.attrs),
         int(dataset.sizes["sample"]),
     )

@@ -475,7 +475,7 @@ def exceedance_figure(columns: StudyColumns) -> Figure | None:
     """Draw the share of samples above each value, with Wilson's 90 % interval."""
     parts = panels_of([lane for lane in columns.lanes if lane.kind == "number"])
     parts = [p for p in parts if any(np.isfinite(above_of(one)[0]).any() for one in p)]
-    if not parts or columns.weights is not None:
+    if not parts:
         return None
     figure, grid = grid_of(len(parts))
     for axes, lanes in zip(grid, parts, strict=True):
@@ -554,7 +554,7 @@ def convergence_figure(columns: StudyColumns) -> Figure | None:
         titled(axes, lane.title, "90 % intervals")
         rows = [_ends(lane, known[lane.title]) for _, known in columns.course]
         if columns.counted is None:
-            rows = [_running(columns, lane, int(end)) for end in ends]
+            rows = [_running(lane, int(end)) for end in ends]
         middle, low, high = np.array(rows).T
         axes.plot(ends, middle, color=BLUE, linewidth=1.4)
         axes.fill_between(ends, low, high, color=BLUE, alpha=0.15, linewidth=0)
@@ -565,15 +565,13 @@ def convergence_figure(columns: StudyColumns) -> Figure | None:
     return figure
 
 
-def _running(columns: StudyColumns, lane: Lane, end: int) -> tuple[float, ...]:
+def _running(lane: Lane, end: int) -> tuple[float, ...]:
     """Return estimate and interval of the first samples."""
-    weights = None if columns.weights is None else columns.weights[:end]
     values = lane.values[:end]
     if lane.kind == "yes_no":
         flags = np.where(np.isnan(values), -1, values).astype(np.int8)
-        return _ends(lane, YES_NO.finish(YES_NO.add(YES_NO.empty(), flags, weights)))
-    state = NUMBER.empty(weighted=weights is not None)
-    return _ends(lane, NUMBER.finish(NUMBER.add(state, values, weights)))
+        return _ends(lane, YES_NO.finish(YES_NO.add(YES_NO.empty(), flags)))
+    return _ends(lane, NUMBER.finish(NUMBER.add(NUMBER.empty(), values)))
 
 
 def _ends(lane: Lane, found: Mapping[str, Any]) -> tuple[float, ...]:

@@ -205,10 +205,10 @@ class OutcomeAnswer:
         axes: Value of each axis, as text; empty for all samples.
         units: Unit of a number; "1" for none.
         kind: "number" or "yes_no".
-        found: For a number `count`, `infinite`, `lost`, `effective_size`, `mean`,
-            `standard_error`, `variance`, `sd`, `minimum`, `maximum`, `q05`, `q50`,
-            `q95`; for yes or no `count`, `yes`, `lost`, `effective_size`,
-            `equivalent_size`, `share`, `standard_error`, `low`, `high` (Wilson, 90 %).
+        found: For a number `count`, `infinite`, `lost`, `mean`, `standard_error`,
+            `variance`, `sd`, `minimum`, `maximum`, `q05`, `q50`, `q95`; for yes or no
+            `count`, `yes`, `lost`, `share`, `standard_error`, `low`, `high` (Wilson, 90
+            %).
     """
 
     outcome: str
@@ -361,24 +361,21 @@ def summary_of(
 ) -> LaneSummary:
     """Return the statistics of some samples of a lane.
 
-    Without weights the quantiles are those of the samples, not of the sketch.
+    The quantiles are those of the samples, not of the sketch.
     """
     if lane.state is not None:
         which = slice(None) if mask is None else np.flatnonzero(mask)
         return LaneSummary(lane, cell, numbers(found_in(lane.kind, lane.state, which)))
     values = lane.values if mask is None else lane.values[mask]
-    weights = columns.weights
-    if weights is not None and mask is not None:
-        weights = weights[mask]
     if lane.kind == "yes_no":
         flags = np.where(np.isnan(values), -1, values).astype(np.int8)
-        state = YES_NO.add(YES_NO.empty(), flags, weights)
+        state = YES_NO.add(YES_NO.empty(), flags)
         return LaneSummary(lane, cell, numbers(YES_NO.finish(state)))
-    state = NUMBER.add(NUMBER.empty(weighted=weights is not None), values, weights)
+    state = NUMBER.add(NUMBER.empty(), values)
     found = NUMBER.finish(state, QUANTILES)
     quantiles = found.pop("quantiles")
     known = values[~np.isnan(values)]
-    if weights is None and known.size:
+    if known.size:
         quantiles = np.quantile(known, QUANTILES, method="inverted_cdf")
     named = zip(NAMES, quantiles, strict=True)
     return LaneSummary(lane, cell, numbers(found | dict(named)))

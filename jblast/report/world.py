@@ -18,7 +18,7 @@ from jblast.sensors.camera.files.event_files import Written
 from jblast.study.flight_results import Flights
 from jblast.study.missions import MissionFlight
 from jblast.study.running import Run, RunDetection
-from jblast.world import DrawnWorld, Perceived, Preset
+from jblast.world import DrawnWorld, Perceived
 from jblast.world.drawn import CAMERA
 from jblast.world.remote.serving import Options, Serving
 
@@ -33,7 +33,6 @@ DETECTED = (
 )
 SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
 """Kinds of sensors and senses that the detectors of a run search."""
-MARK = "as computed in the thesis, not as real blasts"
 
 
 @dataclass(frozen=True)
@@ -168,21 +167,6 @@ class FilmMade:
 
 
 @dataclass(frozen=True)
-class PresetTaken:
-    """Preset that replaces the laws of the blasts.
-
-    Attributes:
-        name: Name of the preset.
-        mark: Mark of such a run.
-        source: Source of the preset.
-    """
-
-    name: str
-    mark: str
-    source: str
-
-
-@dataclass(frozen=True)
 class Detections:
     """Blasts that the detectors of a run reported while it was recorded.
 
@@ -215,7 +199,7 @@ class WorldAnswer(Document):
         date: Date of the run.
         versions: Versions of jblast, jax and python.
         scene_sha256: SHA-256 of the scene's file.
-        preset: Preset that replaces the laws of the blasts; null for none.
+        preset: Always null.
         laws: Law of each quantity, for all senses.
         blasts: Blasts in order of time.
         perceived: Each first perception, in order of time.
@@ -237,7 +221,7 @@ class WorldAnswer(Document):
     date: str
     versions: Mapping[str, str]
     scene_sha256: str | None
-    preset: PresetTaken | None
+    preset: None
     laws: Mapping[str, str]
     blasts: tuple[BlastDrawn, ...]
     perceived: tuple[Perceived, ...]
@@ -296,8 +280,6 @@ def world_text(run: WorldRun) -> str:
     charges = run.world.charges
     count = len(charges)
     lines = [f"{count} blast{'' if count == 1 else 's'} in {run.run.seconds:g} s", ""]
-    if run.world.preset is not None:
-        lines[:0] = [preset_words(run.world.preset), ""]
     if charges:
         lines += [*aligned(_blasts(run), right=range(1, 6)), ""]
         lines += aligned(_senses(run), right=range(2, 2 + MAX_BLASTS))
@@ -364,7 +346,7 @@ def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
 
 def world_answer(run: WorldRun) -> WorldAnswer:
     """Return the answer on a world; null for what the scene does not contain."""
-    made, preset, flown = run.made, run.world.preset, run.run.flown
+    made, flown = run.made, run.run.flown
     source, seed = run.world.source, run.world.seed
     return WorldAnswer(
         scene=run.world.source,
@@ -374,9 +356,7 @@ def world_answer(run: WorldRun) -> WorldAnswer:
         date=made.date,
         versions=made.versions,
         scene_sha256=None if made.scene is None else made.scene.sha256,
-        preset=None
-        if preset is None
-        else PresetTaken(preset.name, MARK, preset.source),
+        preset=None,
         laws=dict(run.world.scene.law),
         blasts=tuple(
             BlastDrawn(charge.name, time, (east, north, up), mass)
@@ -423,18 +403,7 @@ def summary_of(run: Run, found: Sequence[RunDetection]) -> Detections:
 
 def warnings_of(run: WorldRun) -> list[str]:
     """Return warnings on the use of the run."""
-    warnings, preset = [], run.world.preset
-    if preset is not None:
-        warnings.append(
-            f"{preset_words(preset)} ({preset.source}); jblast fit uses the scene's "
-            "laws, which differ"
-        )
-        if preset.pressure_speed_m_s is not None:
-            warnings.append(
-                f"pressure and force travel at {preset.pressure_speed_m_s:g} m/s, the "
-                "sound by eq. 3.4: one blast arrives at two times, as in the thesis"
-            )
-    warnings += run.warnings
+    warnings = list(run.warnings)
     if not run.world.shots:
         warnings.append(
             "no blast was sampled: no perceptions"
@@ -474,8 +443,3 @@ def perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> st
     rows = [list(PERCEIVED)]
     rows += [[p.shot, p.entity, p.sense, f"{p.time_s:.12g}"] for p in perceived]
     return commented(comments) + comma_separated(rows)
-
-
-def preset_words(preset: Preset) -> str:
-    """Return the mark of a run with a preset, for all that it prints and writes."""
-    return f"preset {preset.name}: {MARK}"

@@ -45,7 +45,6 @@ from jblast.report.world import (
     blasts_csv,
     detections_csv,
     perceived_csv,
-    preset_words,
     world_answer,
 )
 from jblast.scene import Sensor
@@ -92,7 +91,6 @@ def run_world(
     *,
     seconds: float | None = None,
     seed: int = 0,
-    preset: str | None = None,
     estimator: str = "",
     controllers: Sequence[str] | None = None,
     detect: bool = False,
@@ -108,7 +106,6 @@ def run_world(
         out: Output directory.
         seconds: Duration; default: as in `study.running.prepare_run`.
         seed: Seed of all draws.
-        preset: Name in `world.PRESETS`; default: the laws.
         estimator: "ekf" for control by a state estimate; "" for the true state.
         controllers: Names of controllers; the first one flies the recorded flight.
         detect: Whether detectors search sound and frames while they are recorded.
@@ -135,13 +132,11 @@ def run_world(
         source,
         seconds=seconds,
         seed=seed,
-        preset=preset,
         estimator=estimator,
         controllers=controllers,
     )
     world = run.world
     head = [f"SIMULATED, not measured: {source}, seed {seed}"]
-    head += [] if world.preset is None else [preset_words(world.preset)]
     begin("recording")
     with writing(directory):
         writer = FolderWriter(run, directory, head)
@@ -361,8 +356,6 @@ class FilmFiles:
                 self._outputs.events, blocks, *size, duration_s=lasts
             )
         )
-        preset = run.world.preset
-        self._of_frames = preset is not None and preset.frame_differences
 
     def take(self, frames: Frames, events: CameraEvents) -> None:
         """Write the frames and events of a packet."""
@@ -402,7 +395,7 @@ class FilmFiles:
             width=camera.width,
             height=camera.height,
             written=written,
-            stamps="of the frame" if self._of_frames else "interpolated",
+            stamps="interpolated",
             stamp_error_s=1.0 / self._hz,
         )
 

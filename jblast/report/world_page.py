@@ -52,7 +52,7 @@ from jblast.report.words import (
 )
 from jblast.scene import Scene
 from jblast.scene.sensor_kinds import SENSOR_KINDS
-from jblast.world import preset_named, read_world_by, scene_to_fit
+from jblast.world import read_run_scene, scene_to_fit
 
 ALT_MAP = "Map of blasts, sensors and the vehicle's path."
 ALT_TIMELINE = "Flight, samples and events against time on one axis."
@@ -185,7 +185,7 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         answers: Fits of the readings of each blast, if requested.
     """
     document = run.document
-    count, preset = len(document["blasts"]), document.get("preset")
+    count = len(document["blasts"])
     tables = [_blasts(document), _perceived(document)]
     tables += [_answers(answers)] if answers else []
     tables += [_recovery(document["flight"])] if document["flight"] else []
@@ -199,7 +199,6 @@ def world_page(run: RunFolder, scene: Scene, answers: Sequence[ShotAnswer] = ())
         "templates/world.html",
         title=f"{count} blast{'' if count == 1 else 's'} in {document['seconds']:g} s",
         subtitle=f"{document['scene']}, seed {document['seed']}",
-        mark=f"Preset {preset['name']}: {preset['mark']}." if preset else "",
         tables=tables,
         pictures=[_picture(*one) for one in shown if one[0] is not None],
         warnings=document["warnings"],
@@ -633,8 +632,8 @@ def write_page(
         begin: Called with the name of each stage.
 
     Raises:
-        InputError: The folder is another one, the scene has changed or cannot be read,
-            or a run with a preset is to be fitted.
+        InputError: The folder is another one, or the scene has changed or cannot be
+            read.
     """
     world = read_run(Path(folder))
     # The run stores the path only; the file may have been moved since.
@@ -651,14 +650,7 @@ def write_page(
             f"{scene}: has changed since {folder} was made; expected SHA-256 "
             f"{world.document['scene_sha256']}, got {now.sha256}"
         )
-    preset = preset_named((world.document.get("preset") or {}).get("name"))
-    # The laws of a fit are those of real blasts: the masses would be wrong.
-    if fit and preset is not None:
-        raise InputError(
-            f"{argument('fit')}: expected a run without a preset, got preset "
-            f"{preset.name}, whose readings are not those of real blasts"
-        )
-    uncertain, _ = read_world_by(scene, preset)
+    uncertain, _ = read_run_scene(scene)
     answers = ()
     if fit:
         begin("fitting")

@@ -78,8 +78,6 @@ class SensorKind:
         site: Side of the ground on which it is placed; "": either.
         unmounted: Reason why a vehicle cannot carry it; "" if it can.
         senses: Pairs of wave (named by its arrival time) and sense.
-        by_pressure: True if it responds to the pressure of a blast, not to its sound; a
-            preset of `jblast world` may have another speed for it.
         is_picked: True if `jblast world` picks readings from its samples.
         is_tuned: True if `jblast tune` fits its records.
         hears_ambient: True if its samples contain the ambient sound.
@@ -96,7 +94,6 @@ class SensorKind:
     site: Literal["above", "in", ""] = ""
     unmounted: str = ""
     senses: tuple[tuple[str, str], ...] = ()
-    by_pressure: bool = False
     is_picked: bool = False
     is_tuned: bool = False
     hears_ambient: bool = False
@@ -172,7 +169,6 @@ SENSOR_KINDS = Registry[SensorKind](
         recorder="jblast.sensors.pressure_gauge",
         site="above",
         senses=(("air_arrival_s", "pressure"),),
-        by_pressure=True,
         is_picked=True,
         is_tuned=True,
     ),
@@ -198,7 +194,6 @@ SENSOR_KINDS = Registry[SensorKind](
         magnitude="wind_speed_m_s",
         site="above",
         senses=(("air_arrival_s", "wind"),),
-        by_pressure=True,
     ),
     SensorKind(
         name="geophone",
@@ -220,7 +215,6 @@ SENSOR_KINDS = Registry[SensorKind](
         words="accelerometer and gyroscope of a vehicle",
         keys=IMU_KEYS,
         senses=(("air_arrival_s", "jolt"),),
-        by_pressure=True,
     ),
 )
 """Kinds by name; `register` adds one from any module."""

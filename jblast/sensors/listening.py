@@ -9,9 +9,9 @@ of a sensor of any kind, whole or packet by packet.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -89,7 +89,6 @@ class Listening(NamedTuple):
         notes: Values drawn from priors, and the curve sets used.
         key: Random key of all noise.
         tracks: Positions over time of moving sensors, by name.
-        otherwise: Scene and laws of the sensor kinds that have their own, by kind.
     """
 
     scene: Scene
@@ -100,11 +99,6 @@ class Listening(NamedTuple):
     notes: tuple[str, ...]
     key: PRNGKeyArray
     tracks: Mapping[str, Track]
-    otherwise: Mapping[str, tuple[Scene, Mapping[str, str]]]
-
-    def heard_by(self, sensor: Sensor) -> tuple[Scene, Mapping[str, str]]:
-        """Return the scene and the laws of a sensor's record."""
-        return self.otherwise.get(sensor.kind, (self.scene, self.truth.laws))
 
 
 def instrument_of(sensor: Sensor) -> Instrument:
@@ -122,7 +116,6 @@ def plan(
     seed: int = 0,
     seconds: float | None = None,
     tracks: Mapping[str, Track] | None = None,
-    scene_of: Callable[[Scene, str], Scene] | None = None,
 ) -> Listening:
     """Return the plan of a scene's records.
 
@@ -131,7 +124,6 @@ def plan(
         seed: Seed of the priors and the noise.
         seconds: Duration; None lasts until the last blast has passed every sensor.
         tracks: Positions over time of sensors on a vehicle, by name.
-        scene_of: Returns the scene for sensors of a kind; None uses one for all.
 
     Raises:
         InputError: No sensor records samples, a sensor or a charge has no position, a
@@ -155,7 +147,7 @@ def plan(
     sensors = tuple(places[sensor.name] for sensor in sensors)
     # tracks of sensors that record nothing are ignored
     own = {i.name: tracks[i.name] for i in sensors if i.name in tracks}
-    scene, truth, otherwise = _truths(scene, sensors, own, scene_of)
+    scene, truth = truth_of(scene, sensors, own)
     drawn = [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
@@ -164,41 +156,7 @@ def plan(
         seconds = _until_gone_by(truth, source)
     _check_rates(sensors, seconds, source)
     notes = (*drawn, *truth.notes)
-    return Listening(
-        scene, sensors, skipped, seconds, truth, notes, noise_key, own, otherwise
-    )
-
-
-def _truths(
-    scene: Scene,
-    sensors: tuple[Sensor, ...],
-    tracks: Mapping[str, Track],
-    scene_of: Callable[[Scene, str], Scene] | None,
-) -> tuple[Scene, Truth, dict[str, tuple[Scene, Mapping[str, str]]]]:
-    """Return the settled scene, its truth, and deviating scenes and laws by kind."""
-    own_scene, truth = truth_of(scene, sensors, tracks)
-    otherwise: dict[str, tuple[Scene, Mapping[str, str]]] = {}
-    kinds = dict.fromkeys(sensor.kind for sensor in sensors) if scene_of else ()
-    for kind in kinds:
-        other = scene if scene_of is None else scene_of(scene, kind)
-        if other is scene:
-            continue
-        other, theirs = truth_of(other, sensors, tracks)
-        otherwise[kind] = other, theirs.laws
-        own = np.array([sensor.kind == kind for sensor in sensors])[:, None]
-        truth = truth._replace(
-            values=_rows_of(own, theirs.values, truth.values),
-            valid=_rows_of(own, theirs.valid, truth.valid),
-            places=_rows_of(own[..., None], theirs.places, truth.places),
-        )
-    return own_scene, truth, otherwise
-
-
-def _rows_of(
-    own: np.ndarray, ours: dict[str, Any], others: dict[str, Any]
-) -> dict[str, Any]:
-    """Return some sensors' rows of one truth, the others' of another."""
-    return {name: np.where(own, ours[name], rows) for name, rows in others.items()}
+    return Listening(scene, sensors, skipped, seconds, truth, notes, noise_key, own)
 
 
 def _sampling_sensors(
@@ -302,7 +260,7 @@ def packets(
     # noise depends on the sensor's position in the scene, not on the order of recording
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
-    scene, laws = listening.heard_by(sensor)
+    scene, laws = listening.scene, listening.truth.laws
     carried = {}  # only kinds that can be mounted accept a track
     if sensor.name in listening.tracks:
         carried = {"track": listening.tracks[sensor.name]}

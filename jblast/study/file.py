@@ -46,8 +46,8 @@ MAX_VALUES = 100_000
 """Largest number of values of an axis, by declaration: a mistyped count is no study."""
 RANGE_KEYS = ("from", "to", "count", "scale")
 SCALES = ("linear", "log")
-Design = Literal["random", "sobol", "latin", "grid"]
-DESIGNS: tuple[Design, ...] = ("random", "sobol", "latin", "grid")
+Design = Literal["random", "sobol"]
+DESIGNS: tuple[Design, ...] = ("random", "sobol")
 """Kinds of samples of the priors."""
 Keep = Literal["all", "summary"] | int
 MAX_SAMPLES = 2**40

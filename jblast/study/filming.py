@@ -57,15 +57,12 @@ class FilmOptions:
         views: "explosion", or the folder of another set of images; default: a smooth
             fireball.
         ground: Texture of the ground and its scale, FILE.png:METRES_PER_PIXEL.
-        sun: Azimuth and elevation of the sun [degree].
         flight: File of the path of the vehicle that carries the camera; default: the
             simulated flight of the scene's vehicle.
         depth: File of the depths of the background.
         daylight: Illuminance of the ground by sky and sun [lx]; default: the camera's,
             or full sun.
         flash: Whether the fire lights the ground.
-        bloom: Share of the light that the lens spreads.
-        supersample: Rays along each side of a pixel.
         threshold: Thresholds of events, brighter and darker; default: the camera's.
         most_frames: Largest number of frames without times or seconds.
     """
@@ -78,13 +75,10 @@ class FilmOptions:
     background: str | None = None
     views: str | None = None
     ground: str | None = None
-    sun: tuple[float, float] | None = None
     flight: str | None = None
     depth: str | None = None
     daylight: float | None = None
     flash: bool = True
-    bloom: float = 0.0
-    supersample: int = 1
     threshold: tuple[float, float] | None = None
     most_frames: int = 1000
 
@@ -123,10 +117,6 @@ def film_of(
                 "needs; got a range"
             )
     camera = _camera(uncertain.scene.camera, options)
-    if options.supersample < 1:
-        raise InputError(
-            f"{argument('supersample')}: expected at least 1, got {options.supersample}"
-        )
     views = views_named(options.views, scene, camera) if options.views else None
     times = _times(scene, float(camera.frames_hz), views, options)
     film = Film(
@@ -134,10 +124,8 @@ def film_of(
         camera,
         times,
         views=views,
-        supersample=options.supersample,
         depth=None if options.depth is None else read_depth(options.depth, camera),
         appearance=_appearance(options, camera),
-        bloom=options.bloom,
     )
     path = camera_path(source, options, uncertain, camera, times)
     ground = landscape_of(options, carried=path is not None)
@@ -422,16 +410,9 @@ def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
         InputError: The ground has another form than image and scale, or there is
             another background.
     """
-    from jblast.sensors.camera.surroundings import landscape, sun_at
+    from jblast.sensors.camera.surroundings import landscape
 
-    sun = None if options.sun is None else sun_at(*options.sun)
     sky = carried or options.background == SKY or options.ground is not None
-    if sun is not None and (options.background not in (None, SKY) or not sky):
-        raise InputError(
-            f"{argument('sun')}: expected {argument('background')} {SKY} or "
-            f"{argument('ground')} with it, got "
-            f"{'neither' if options.background is None else repr(options.background)}"
-        )
     if options.background not in (None, SKY):
         if options.ground is not None:
             raise InputError(
@@ -440,7 +421,7 @@ def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
             )
         return None
     if options.ground is None:
-        return landscape(sun=sun) if sky else None
+        return landscape() if sky else None
     name, colon, scale = options.ground.rpartition(":")
     try:
         metres = float(scale)
@@ -451,7 +432,7 @@ def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
             f"{argument('ground')}: expected IMAGE.png:METRES_PER_PIXEL, as "
             f"field.png:0.05, got {options.ground!r}"
         )
-    return landscape(read_colours(Path(name)), metres, sun=sun)
+    return landscape(read_colours(Path(name)), metres)
 
 
 def still_landscape(ground: "Landscape", camera: "Camera") -> np.ndarray:

@@ -2,7 +2,7 @@
 
 An encounter is the arrival of a blast at the vehicle: its time, its place and the curve
 set of the blast, as given or by height of burst. The load follows from jblast's laws,
-from those of the thesis, or from a custom profile. The exposure of a vehicle is the
+from a load of the user, or from a custom profile. The exposure of a vehicle is the
 peak overpressure, the peak acceleration by the blasts and the time within a fireball;
 under a custom profile the first and the last are not known. A batch of flights is
 summarised by quantiles over its draws and by the share of vehicles that neither crash
@@ -10,9 +10,9 @@ nor are lost. A blast outside the range of its laws is reported: its load is fin
 not reliable.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,16 +28,12 @@ from jblast.vehicle import (
     CONTROLLERS,
     STEP_S,
     BlastLoad,
-    CodedLoad,
     CustomProfile,
     FlightMetrics,
-    PrintedLoad,
     State,
     Trajectory,
     Vehicle,
     blast_load,
-    coded_load,
-    printed_load,
     vehicle_of,
 )
 from jblast.vehicle.from_scene import free_air_at
@@ -68,15 +64,8 @@ WINDOW_S = 5e-5
 cross a vehicle, so that the peak is resolved."""
 WINDOWS = np.arange(-20.0, 80.0)
 """Windows around an arrival, -1 to 4 ms: they cover the passage of a front."""
-ThesisLoad = PrintedLoad | CodedLoad
-FlightLoad = BlastLoad | CustomProfile | ThesisLoad
-LoadLaw = Literal["laws", "thesis-as-printed", "thesis-as-coded"]
-LOADS: Mapping[LoadLaw, Callable[[Scene], FlightLoad]] = {
-    "laws": blast_load,
-    "thesis-as-printed": printed_load,
-    "thesis-as-coded": coded_load,
-}
-"""Loads by law: those of jblast, or of the thesis as printed or as coded."""
+FlightLoad = BlastLoad | CustomProfile | Any
+"""Load of the blasts of a scene; a user's own is a `Pulse` with `arrival_time_s`."""
 
 
 class Exposure(NamedTuple):
@@ -206,21 +195,19 @@ class Options:
     Attributes:
         seconds: Duration; None for 5 s beyond the last arrival (`study.flights`).
         step_s: Time step of the integrator.
-        integrator: "rk4" or "euler".
         backend: Backend of `vehicle.simulate`.
         tolerance_m: Path error within which a vehicle has recovered.
         profile: Custom profile in place of the laws.
-        load: Laws of the load; "laws" are those of jblast.
+        load: Function from a scene to the load of its blasts on the vehicle.
         estimator: "ekf" for a Kalman filter of the instruments; "" for the true state.
     """
 
     seconds: float | None = None
     step_s: float = STEP_S
-    integrator: str = "rk4"
     backend: str = "auto"
     tolerance_m: float = TOLERANCE_M
     profile: Profile | None = None
-    load: LoadLaw = "laws"
+    load: Callable[[Scene], FlightLoad] = blast_load
     estimator: str = ""
 
 
@@ -428,20 +415,24 @@ def _in_fire(
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))
 
 
-def load_of(scene: Scene, profile: Profile | None, by: LoadLaw = "laws") -> FlightLoad:
+def load_of(
+    scene: Scene,
+    profile: Profile | None,
+    by: Callable[[Scene], FlightLoad] = blast_load,
+) -> FlightLoad:
     """Return the load of a scene's blasts by laws, or by a profile of its one charge.
 
     Args:
         scene: Scene.
         profile: Custom profile; None for laws.
-        by: Laws.
+        by: Laws, as in `Options.load`.
 
     Raises:
         InputError: As in `vehicle.blast_load` and
             `vehicle.loads.impulse_table.custom_profile`.
     """
     if profile is None:
-        return LOADS[by](scene)
+        return by(scene)
     charge = scene.charge
     load = custom_profile(
         profile.cases,
@@ -480,16 +471,11 @@ def encounter_at(
             (load.in_range(position_m, quaternion) | never)[None],
         )
 
-    if isinstance(load, ThesisLoad):
-        blasts = load.blasts
-        distance = blasts.distance_m(position_m)
-        unknown = jnp.full_like(distance, jnp.nan)
+    if not isinstance(load, BlastLoad):  # of a user: only its arrivals are known
+        arrival = load.arrival_time_s(position_m)
+        unknown = jnp.full_like(arrival, jnp.nan)
         return Encounter(
-            arrival_at(load, position_m, quaternion),
-            distance,
-            scaled_distance(distance, blasts.mass_kg),
-            unknown,
-            distance > 0,
+            arrival, unknown, unknown, unknown, jnp.ones_like(arrival, bool)
         )
 
     def met(blast: Blast) -> tuple[Array, ...]:

@@ -238,7 +238,6 @@ def flown_by(
         start,
         duration_s=seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
         control=flown_control
         if single or flown_control is control
         else Each(flown_control),

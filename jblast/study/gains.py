@@ -1,8 +1,8 @@
 """Gains of a position controller tuned by gradient, within stability margins.
 
-The unknowns are the logarithms of eight factors on the scene's gains, nine if the
-motors may be lead-compensated (`motor_lead`): of position, velocity and integral
-gain sideways and upwards, and of the attitude and body-rate gains. The objective is
+The unknowns are the logarithms of eight factors on the scene's gains: of position,
+velocity and integral gain sideways and upwards, and of the attitude and body-rate
+gains. The objective is
 half the mean, over sampled blasts, of ln of the peak deviation, plus half ln of the
 8-norm of these peaks, which weighs the strongest. Each peak is smooth (`smooth_peaks`)
 and differentiated in reverse mode through every step of its flight. Three terms are
@@ -13,12 +13,11 @@ influence stay. The margins of all loops are constraints with their own derivati
 Sequential quadratic programming (Kraft 1988, SciPy's SLSQP) searches from the scene's
 gains, whose margins may be too small, to the nearest local optimum.
 
-The flights of the search use the semi-implicit Euler rule, whose program is a third of
-that of RK4, and a few of many sampled flights. Of the best gains found, the result is
-the set with the best value over the many flights, among those whose largest peak does
-not exceed the largest with the scene's gains, if there are any. Unseen flights are
-computed as by `jblast fly`. Blasts that crash the vehicle with the scene's own gains
-are left out of the tuning, but not out of the evaluation.
+The flights of the search are a few of many sampled flights. Of the best gains found,
+the result is the set with the best value over the many flights, among those whose
+largest peak does not exceed the largest with the scene's gains, if there are any.
+Unseen flights are computed as by `jblast fly`. Blasts that crash the vehicle with the
+scene's own gains are left out of the tuning, but not out of the evaluation.
 """
 
 from collections.abc import Callable
@@ -87,8 +86,8 @@ TUNING_STEP_S = 1e-3
 """Longest time step: twice that of `jblast fly`, and half the cost of a gradient."""
 FLIGHT_EXTENSION_S = -2.0
 """Duration relative to `jblast fly`: 3 s after the last blast contain its peak."""
-FACTORS = 9
-"""Factors of a search: eight of gains, and the motor lead."""
+FACTORS = 8
+"""Factors of a search."""
 PEAK_NORM, FLIGHT_NORM = 24.0, 8.0
 """Powers of the norms over the rows of a flight, and over flights.
 
@@ -167,7 +166,6 @@ class TuningSettings:
         vehicles: Number of blasts of the search.
         unseen: Number of blasts of the evaluation.
         seed: Seed of the blasts.
-        motor_lead: Maximum motor-lag compensation; 1 keeps the lead of the scene.
         controller: Name in `vehicle.CONTROLLERS` of a controller with the loops of the
             SE(3) position controller; None for that of the scene.
     """
@@ -178,7 +176,6 @@ class TuningSettings:
     vehicles: int = 32
     unseen: int = 200
     seed: int = 0
-    motor_lead: float = 1.0
     controller: str | None = None
 
 
@@ -242,19 +239,10 @@ def tune_gains(
     flights = tuning_flights(
         uncertain, spec, gains, settings.vehicles, settings.seed, lag, controller
     )
-    bounds = [(-MAX_LN_FACTOR, MAX_LN_FACTOR)] * (FACTORS - 1) + [
-        _lead_bounds(gains, settings)
-    ]
-    start_gains = gains
-    if settings.motor_lead > 1 and gains.motor_lead is None:
-        start_gains = replace(gains, motor_lead=gains.lead)
-
     seen: list[tuple[float, np.ndarray]] = []
 
     def peak(x: np.ndarray) -> tuple[float, np.ndarray]:
-        (value, _), slope = _PEAK(
-            jnp.asarray(x), start_gains, flights.few, flights.ln_few
-        )
+        (value, _), slope = _PEAK(jnp.asarray(x), gains, flights.few, flights.ln_few)
         seen.append((float(value), np.array(x)))
         now(f"{settings.vehicles} blasts flown with gradients, {len(seen)} times")
         if not np.isfinite(value):
@@ -265,12 +253,10 @@ def tune_gains(
     required = jnp.asarray([settings.margin_db, settings.margin_deg])
 
     def spare(x: np.ndarray) -> np.ndarray:
-        return (
-            np.asarray(_SPARE(jnp.asarray(x), start_gains, lag, dead, required)) - SLACK
-        )
+        return np.asarray(_SPARE(jnp.asarray(x), gains, lag, dead, required)) - SLACK
 
     def slopes(x: np.ndarray) -> np.ndarray:
-        return np.asarray(_SLOPES(jnp.asarray(x), start_gains, lag, dead, required))
+        return np.asarray(_SLOPES(jnp.asarray(x), gains, lag, dead, required))
 
     def search(least: Callable, start: np.ndarray, tolerance: float) -> OptimizeResult:
         return minimize(
@@ -278,7 +264,7 @@ def tune_gains(
             start,
             jac=True,
             method="SLSQP",
-            bounds=bounds,
+            bounds=[(-MAX_LN_FACTOR, MAX_LN_FACTOR)] * FACTORS,
             constraints=[{"type": "ineq", "fun": spare, "jac": slopes}],
             options={"maxiter": MAX_STEPS, "ftol": tolerance},
         )
@@ -297,13 +283,13 @@ def tune_gains(
         for value, x in seen
         if np.isfinite(value)
         and (spare(x) >= -SLACK).all()
-        and is_stable(scaled(start_gains, jnp.asarray(x)), lag, STEP_S)
+        and is_stable(scaled(gains, jnp.asarray(x)), lag, STEP_S)
     ]
     if not allowed:
         raise InputError(_unreachable(uncertain, settings, gains, lag, dead))
     now(f"comparing over {flights.many.count} blasts")
-    best = _chosen(allowed, start_gains, flights)
-    best = _rounded(scaled(start_gains, jnp.asarray(best)))
+    best = _chosen(allowed, gains, flights)
+    best = _rounded(scaled(gains, jnp.asarray(best)))
     now(f"flying {settings.unseen} unseen blasts")
     # other samples: on those of the search the gains would look too good
     seed = settings.seed + UNSEEN_SEED_OFFSET
@@ -332,14 +318,6 @@ def _rounded(gains: Gains) -> Gains:
         return np.array([float(f"{x:.4g}") for x in value.ravel()]).reshape(value.shape)
 
     return jax.tree.map(lambda x: jnp.asarray(few(np.asarray(x))), gains)
-
-
-def _lead_bounds(gains: Gains, settings: TuningSettings) -> tuple[float, float]:
-    """Return the bounds of the factor on the motor lead, in ln."""
-    if settings.motor_lead <= 1:
-        return 0.0, 0.0
-    own = float(gains.lead)
-    return -np.log(own), max(np.log(settings.motor_lead / own), 0.0)
 
 
 class DrawnFlights(eqx.Module):
@@ -405,7 +383,7 @@ def _chosen(
 
 
 def mean_ln_peak(
-    factors: Float[Array, "9"],
+    factors: Float[Array, "8"],
     gains: Gains,
     flights: DrawnFlights,
     ln_before: Float[Array, " flight"],
@@ -442,7 +420,7 @@ _PEAK = eqx.filter_jit(jax.value_and_grad(mean_ln_peak, has_aux=True))
 
 
 def margins_to_spare(
-    factors: Float[Array, "9"],
+    factors: Float[Array, "8"],
     gains: Gains,
     motor_lag_s: float,
     dead_time_s: float,
@@ -475,10 +453,6 @@ def _checked(uncertain: UncertainScene, settings: TuningSettings) -> VehicleSpec
     ):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"{name}: expected a positive number, got {value:g}")
-    if not (np.isfinite(settings.motor_lead) and settings.motor_lead >= 1):
-        raise InputError(
-            f"motor-lead: expected a factor of 1 or more, got {settings.motor_lead:g}"
-        )
     if not (np.isfinite(settings.delay_s) and settings.delay_s >= 0):
         raise InputError(
             f"delay: expected a time of 0 s or more, got {settings.delay_s:g}"
@@ -526,9 +500,8 @@ def tuning_flights(
     Raises:
         InputError: All flights crash.
     """
-    # five steps in the motor lag, the shortest time constant, keep Euler's rule stable
-    step = min(TUNING_STEP_S, motor_lag_s / 5)
-    options = Options(step_s=step, integrator="euler")
+    # five steps in the motor lag, the shortest time constant
+    options = Options(step_s=min(TUNING_STEP_S, motor_lag_s / 5))
     drawn, _ = drawn_flights(
         uncertain, spec, SAMPLED_PER_FLIGHT * count, seed, options, controller
     )
@@ -581,13 +554,13 @@ def known_peaks(tried: EvaluatedGains) -> Float[np.ndarray, " flight"]:
     return np.where(lost, np.inf, tried.outcomes.peaks_m)
 
 
-def scaled(gains: Gains, factors: Float[Array, "9"]) -> Gains:
+def scaled(gains: Gains, factors: Float[Array, "8"]) -> Gains:
     """Return gains times factors.
 
     Args:
         gains: Gains.
         factors: ln of the factors on position, velocity and integral gain (each
-            sideways, then upwards), attitude gain, body-rate gain, and motor lead.
+            sideways, then upwards), attitude gain and body-rate gain.
     """
     by = jnp.exp(factors)
 
@@ -601,7 +574,6 @@ def scaled(gains: Gains, factors: Float[Array, "9"]) -> Gains:
         integral=gains.integral * along(4),
         attitude=gains.attitude * by[6],
         body_rate=gains.body_rate * by[7],
-        motor_lead=None if gains.motor_lead is None else gains.motor_lead * by[8],
     )
 
 
@@ -665,7 +637,6 @@ def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
         start,
         duration_s=flights.seconds,
         step_s=options.step_s,
-        integrator=options.integrator,
         control=controlled(flights.target_m, gains, flights.yaw_rad),
         wind=Each(StepGust(flights.wind, 0 * flights.arrival_s)),
         loads=(Each(flights.load),),

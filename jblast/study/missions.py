@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.autopilot.estimator import Followed, Thrown
-from jblast.autopilot.logs import Estimate, FlightRecord
+from jblast.autopilot.flight_record import FlightRecord
 from jblast.errors import InputError
 from jblast.missions import (
     GuidanceHistory,
@@ -219,7 +219,6 @@ def mission_record(flight: MissionFlight) -> FlightRecord:
         armed=((phase >= ARMED) & (phase <= FLYING))[:known],
         item=items[visit[np.asarray(flight.guided.leg)]][:known],
         set_point_m=np.asarray(flight.guided.set_point_m)[:known],
-        estimate=_estimate(flight.followed, known),
     )
 
 
@@ -232,8 +231,6 @@ def hold_record(flights: Flights, place: Place) -> FlightRecord:
     """
     trajectory = trajectory_of(flights, next(iter(flights.holds)))
     record = _record(trajectory, flights.vehicle, Frame(*place))
-    found = next(iter(flights.holds.values())).followed
-    record = replace(record, estimate=_estimate(found, record.time_s.size))
     aim = np.broadcast_to(target_of(flights.vehicle), record.position_m.shape)
     return replace(record, set_point_m=aim)
 
@@ -306,15 +303,6 @@ def _mission(uncertain: UncertainScene, spec: VehicleSpec, plan: Plan) -> Missio
         position_m=np.asarray(spec.position, float) if spec.placed else None,
         yaw_rad=float(spec.yaw),
     )
-
-
-def _estimate(found: Followed | None, known: int) -> Estimate | None:
-    """Return the first `known` rows of an estimate."""
-    if found is None:
-        return None
-    shown = found.shown
-    parts = (shown.position_m, shown.velocity_m_s, shown.quaternion)
-    return Estimate(*(np.asarray(part)[:known] for part in parts))
 
 
 def _record(trajectory: Trajectory, spec: VehicleSpec, frame: Frame) -> FlightRecord:
@@ -566,7 +554,6 @@ def _once(
         start,
         duration_s=seconds,
         step_s=step,
-        integrator=options.integrator,
         control=controller,
         wind=StepGust(steady_wind(scene), 0 * scene.air.wind_east),
         loads=(load,),

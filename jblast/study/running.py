@@ -12,7 +12,7 @@ them or to search them for blasts. None of them changes what is recorded.
 import math
 import os
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -29,6 +29,7 @@ from jblast.scene import (
     Charge,
     Instrument,
     Place,
+    Scene,
     UncertainScene,
     read_scene_or_world,
     scene_of,
@@ -36,7 +37,6 @@ from jblast.scene import (
 from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
 from jblast.sensors.camera import landscape
-from jblast.sensors.camera.events.ideal import WEIGHTS, frame_differences
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.camera.run_film import filmed_packets
@@ -44,8 +44,8 @@ from jblast.sensors.listening import Listening, packets, plan, with_ambient
 from jblast.study.flight_results import (
     TOLERANCE_M,
     Encounter,
+    FlightLoad,
     Flights,
-    LoadLaw,
     Options,
     Profile,
     target_of,
@@ -65,12 +65,11 @@ from jblast.world import (
     DrawnWorld,
     ImuRecord,
     Perceived,
-    arrivals_in,
+    arrivals_of,
     draw_world,
     imu_records,
     perceived,
-    preset_named,
-    read_world_by,
+    read_run_scene,
     tracks_of,
     with_nevers,
 )
@@ -275,7 +274,7 @@ def prepare_run(
     *,
     seconds: float | None = None,
     seed: int = 0,
-    preset: str | None = None,
+    load: Callable[[Scene], FlightLoad] = Options.load,
     estimator: str = "",
     controllers: Sequence[str] | None = None,
     ambient: str | None = None,
@@ -287,7 +286,7 @@ def prepare_run(
         seconds: Duration; default: until 5 s after the last wave and, on a mission,
             until the vehicle is disarmed; without a vehicle 0.5 s after the wave.
         seed: Seed of all samples.
-        preset: Name in `world.PRESETS`; default: the laws.
+        load: As in `Options`.
         estimator: "ekf" for control by a state estimate; "" for the true state.
         controllers: Names of controllers; the first one flies the recorded flight.
         ambient: Recording of the background sound.
@@ -298,8 +297,7 @@ def prepare_run(
     Example:
         `run = prepare_run("scene.toml", seed=3)`
     """
-    by = preset_named(preset)
-    uncertain, spec = read_world_by(scene, by)
+    uncertain, spec = read_run_scene(scene)
     uncertain, notes = with_ambient(uncertain, ambient)
     for name, value in (("estimator", estimator), ("controllers", controllers)):
         if value and uncertain.scene.vehicle is None:
@@ -308,11 +306,11 @@ def prepare_run(
                 "without one"
             )
     until = math.inf if seconds is None else seconds
-    world = draw_world(uncertain, spec, seed, until_s=until, preset=by)
+    world = draw_world(uncertain, spec, seed, until_s=until)
     on_mission = has_mission(uncertain)
     arrivals = None
     if seconds is None and not on_mission:
-        arrivals = arrivals_in(world)
+        arrivals = arrivals_of(world.scene)
         seconds = _seconds(world, arrivals)
     flown = flown_in(
         world,
@@ -320,6 +318,7 @@ def prepare_run(
         seconds=seconds,
         estimator=estimator,
         controllers=controllers,
+        load=load,
     )
     flight, motion, tracks = None, None, {}
     if flown is not None:
@@ -327,7 +326,7 @@ def prepare_run(
         motion = _motion_of(flown, flight)
         tracks = tracks_of(world.scene, flight)
     if arrivals is None or tracks:
-        arrivals = arrivals_in(world, tracks)
+        arrivals = arrivals_of(world.scene, tracks)
     if seconds is None:
         assert flight is not None
         lands = math.ceil(float(flight.time_s[-1]))
@@ -338,9 +337,8 @@ def prepare_run(
     seen, late = perceived(world.scene, arrivals, seconds, unseen)
     listening = None
     if {sensor.kind for sensor in world.scene.sensors} & set(sampling_kinds()):
-        scene_of = None if world.preset is None else world.preset.scene_of
         sampled = UncertainScene(world.scene, source=world.source)
-        listening = plan(sampled, seed, seconds, tracks, scene_of)
+        listening = plan(sampled, seed, seconds, tracks)
     return Run(
         world,
         seconds,
@@ -393,10 +391,9 @@ def fly_scene(
     controllers: Sequence[str] | None = None,
     seconds: float | None = None,
     step_s: float | None = None,
-    integrator: str = Options.integrator,
     backend: str = Options.backend,
     estimator: str = Options.estimator,
-    load: LoadLaw = Options.load,
+    load: Callable[[Scene], FlightLoad] = Options.load,
     tolerance_m: float | None = None,
     profile: str | os.PathLike[str] | None = None,
     profile_moments_about: tuple[float, float, float] | None = None,
@@ -413,10 +410,9 @@ def fly_scene(
             mission until the vehicle is disarmed.
         step_s: Time step of the integrator; default: 0.5 ms, with an estimator or on a
             mission 4 ms.
-        integrator: "rk4" or "euler".
         backend: "auto", "jax", "warp", "warp:cpu" or "warp:cuda:0".
         estimator: "ekf" for the state of a Kalman filter; "" for the true state.
-        load: Laws of the load.
+        load: As in `Options`.
         tolerance_m: Path error within which the vehicle has recovered; default: 0.05 m,
             of a mission 0.2 m.
         profile: File of the impulses of blasts, in place of the laws.
@@ -454,7 +450,6 @@ def fly_scene(
     options = Options(
         seconds=seconds,
         step_s=default_step if step_s is None else step_s,
-        integrator=integrator,
         backend=backend,
         tolerance_m=default_tolerance if tolerance_m is None else tolerance_m,
         profile=_profile(profile, profile_moments_about),
@@ -554,6 +549,7 @@ def flown_in(
     seconds: float | None,
     estimator: str = "",
     controllers: Sequence[str] | None = None,
+    load: Callable[[Scene], FlightLoad] = Options.load,
 ) -> Flights | MissionFlight | None:
     """Fly the vehicle of a world through its blasts.
 
@@ -563,6 +559,7 @@ def flown_in(
         seconds: Duration; None for a mission until it is disarmed.
         estimator: As for `prepare_run`.
         controllers: As for `prepare_run`.
+        load: As in `Options`.
 
     Returns:
         The flight; None without a vehicle, or without a blast at a hovering one.
@@ -578,7 +575,7 @@ def flown_in(
         seconds=seconds,
         estimator=estimator,
         controllers=controllers,
-        load="laws" if world.preset is None else world.preset.load,
+        load=load,
         seed=world.seed,
     )
     if isinstance(flown, MissionFlight):
@@ -681,23 +678,12 @@ def _filmed(
     """Yield frames and camera events by packet; nothing without a camera."""
     if run.film is None:
         return
-    preset, last = run.world.preset, None
     bounds = np.append(bounds[:-1], math.inf)  # the last frame may be at the very end
     for part in filmed_packets(run.film, bounds):
-        events = [part.events]
-        if preset is not None and preset.frame_differences:
-            greys = [
-                np.rint(x @ np.asarray(WEIGHTS)).astype(np.uint8) for x in part.frames
-            ]
-            shown = [*zip(part.time_s, greys, strict=True)]
-            events = [*frame_differences([*([last] if last else []), *shown])]
-            last = shown[-1] if shown else last
         columns = ("time", "x", "y", "polarity")
-        parts = ([np.asarray(getattr(x, name)) for x in events] for name in columns)
-        none = np.zeros(0, int)
         yield (
             Frames(part.time_s, part.frames),
-            CameraEvents(*(np.concatenate(some) if some else none for some in parts)),
+            CameraEvents(*(np.asarray(getattr(part.events, name)) for name in columns)),
         )
 
 

@@ -4,11 +4,9 @@ Moments. A block is reduced in two passes, its mean and then the squares about i
 states are merged by the rule of Chan, Golub and LeVeque (1983, eq. 1.5; Welford 1962
 for one),
 
-$$m = m_a + \delta\,W_b/W, \qquad M_2 = M_{2a} + M_{2b} + \delta^2\,W_a W_b/W,$$
+$$m = m_a + \delta\,n_b/n, \qquad M_2 = M_{2a} + M_{2b} + \delta^2\,n_a n_b/n,$$
 
-with $\delta = m_b - m_a$, $W$ the sum of weights and $M_2 = \sum w\,(x-m)^2$ (West 1979
-for weights). The standard error of a weighted mean needs $\sum w^2 (x-m)^2$, so the
-same three numbers are kept for the squared weights.
+with $\delta = m_b - m_a$ and $M_2 = \sum (x-m)^2$.
 
 Quantiles are computed from counts in fixed bins. The bins are those of a binary number
 itself: its sign, its exponent and the first `BITS` digits of its fraction, as in
@@ -25,10 +23,6 @@ block.
 Shares. The interval of a share $p$ of $n$ samples is Wilson's (1927),
 
 $$\frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}.$$
-
-With weights that are ratios of densities, prior over proposal, $p = \sum w y / n$ is
-unbiased, and $n$ is the number of samples of the prior whose share would have the same
-standard error; without weights it is the number of samples.
 """
 
 from collections.abc import Callable
@@ -72,13 +66,13 @@ class Accumulator:
     """Reduction of a stream of one kind to a state of fixed size.
 
     Attributes:
-        empty: State without samples, from the shape of an outcome, the origin of its
-            bins, and whether samples have weights.
-        of: State of one block, from values, weights or None, and a state with the
-            origin; a pure function, in JAX if the values are JAX arrays.
+        empty: State without samples, from the shape of an outcome and the origin of its
+            bins.
+        of: State of one block, from values and a state with the origin; a pure
+            function, in JAX if the values are JAX arrays.
         merge: State of two consecutive states.
         finish: Statistics of a state, in NumPy.
-        in_slabs: Faster equivalent of `merge` and `of` for values without weights.
+        in_slabs: Faster equivalent of `merge` and `of`.
     """
 
     empty: Callable[..., AnyState]
@@ -87,30 +81,18 @@ class Accumulator:
     finish: Callable[..., dict[str, np.ndarray]]
     in_slabs: Callable[[AnyState, np.ndarray], AnyState] | None = None
 
-    def add(
-        self,
-        state: AnyState,
-        values: Array | np.ndarray,
-        weights: Float[np.ndarray, " sample"] | None = None,
-    ) -> AnyState:
+    def add(self, state: AnyState, values: Array | np.ndarray) -> AnyState:
         """Return the state with more samples, in NumPy, block after block.
 
         Args:
             state: State so far.
             values: Samples along the first axis; NaN (yes or no: -1) of a failed one.
-            weights: Weight of each sample; None for weights of one.
-
-        Raises:
-            ValueError: A weight is negative or not finite, or their number is wrong.
         """
         array = np.asarray(values)
-        if weights is not None:
-            weights = checked_weights(weights, array.shape[0])
-        if self.in_slabs is not None and weights is None:
+        if self.in_slabs is not None:
             return self.in_slabs(state, array)
         for part in blocks(array.shape[0]):
-            own = None if weights is None else weights[part]
-            state = self.merge(state, self.of(array[part], own, state))
+            state = self.merge(state, self.of(array[part], state))
         return state
 
 
@@ -121,12 +103,8 @@ class Moments(NamedTuple):
         finite: Number of finite values.
         infinite: Number of infinite values, which count for the extremes only.
         lost: Number of failed samples (NaN).
-        weight: Sum of the weights of the finite values.
-        mean: Weighted mean of the finite values.
-        squares: Weighted sum of squares about the mean.
-        weight_2: Sum of the squared weights.
-        mean_2: Mean with the squared weights.
-        squares_2: Sum of squares about `mean_2` with the squared weights.
+        mean: Mean of the finite values.
+        squares: Sum of squares about the mean.
         minimum: Smallest value, infinite without values.
         maximum: Largest value, minus infinity without values.
     """
@@ -134,12 +112,8 @@ class Moments(NamedTuple):
     finite: Int[Array | np.ndarray, "..."]
     infinite: Int[Array | np.ndarray, "..."]
     lost: Int[Array | np.ndarray, "..."]
-    weight: Float[Array | np.ndarray, "..."]
     mean: Float[Array | np.ndarray, "..."]
     squares: Float[Array | np.ndarray, "..."]
-    weight_2: Float[Array | np.ndarray, "..."]
-    mean_2: Float[Array | np.ndarray, "..."]
-    squares_2: Float[Array | np.ndarray, "..."]
     minimum: Float[Array | np.ndarray, "..."]
     maximum: Float[Array | np.ndarray, "..."]
 
@@ -148,7 +122,7 @@ class QuantileSketch(NamedTuple):
     """Histogram of a stream, one element for each outcome of a sample.
 
     Attributes:
-        counts: Number of values in each bin, or sum of their weights.
+        counts: Number of values in each bin.
         origin: Origin of the bins, in the unit of the values.
     """
 
@@ -166,10 +140,9 @@ class NumberState(NamedTuple):
 def empty_number(
     shape: tuple[int, ...] = (),
     origin: Float[np.ndarray, "..."] | float = 0.0,
-    weighted: bool = False,
 ) -> NumberState:
     """Return the state without samples; `origin` is that of `origin_of`."""
-    return NumberState(empty_moments(shape), empty_sketch(shape, origin, weighted))
+    return NumberState(empty_moments(shape), empty_sketch(shape, origin))
 
 
 def finish_number(
@@ -192,18 +165,17 @@ def merge_numbers(a: NumberState, b: NumberState) -> NumberState:
 
 def number_of(
     values: Float[Array | np.ndarray, "sample ..."],
-    weights: Float[Array | np.ndarray, " sample"] | None = None,
     like: NumberState | None = None,
 ) -> NumberState:
     """Return the state of one block, with the origin of the state `like`."""
     origin = 0.0 if like is None else like.sketch.origin
-    return NumberState(moments_of(values, weights), sketch_of(values, weights, origin))
+    return NumberState(moments_of(values), sketch_of(values, origin))
 
 
 def numbers_in_slabs(
     state: NumberState, values: Float[np.ndarray, "sample ..."]
 ) -> NumberState:
-    """Return the state with more samples, without weights.
+    """Return the state with more samples.
 
     Moments are reduced by blocks, and counts by slabs of blocks.
     """
@@ -211,7 +183,7 @@ def numbers_in_slabs(
     for part in blocks(len(values)):
         moments = merge_moments(moments, moments_of(values[part]))
     for part in blocks(len(values), SLAB):
-        sketch = merge_sketches(sketch, sketch_of(values[part], None, sketch.origin))
+        sketch = merge_sketches(sketch, sketch_of(values[part], sketch.origin))
     return NumberState(moments, sketch)
 
 
@@ -227,60 +199,39 @@ class ShareState(NamedTuple):
         known: Number of samples that did not fail.
         yes: Number of samples with the outcome.
         lost: Number of failed samples (`UNKNOWN`).
-        weight: Sum of the weights of known samples.
-        weight_2: Sum of the squared weights.
-        yes_weight: Sum of the weights of samples with the outcome.
-        yes_weight_2: Sum of their squared weights.
     """
 
     known: Int[Array | np.ndarray, "..."]
     yes: Int[Array | np.ndarray, "..."]
     lost: Int[Array | np.ndarray, "..."]
-    weight: Float[Array | np.ndarray, "..."]
-    weight_2: Float[Array | np.ndarray, "..."]
-    yes_weight: Float[Array | np.ndarray, "..."]
-    yes_weight_2: Float[Array | np.ndarray, "..."]
 
 
-def empty_share(
-    shape: tuple[int, ...] = (), origin: object = 0.0, weighted: bool = False
-) -> ShareState:
-    """Return the state without samples; `origin` and `weighted` have no effect."""
-    none, zero = np.zeros(shape, np.int64), np.zeros(shape)
-    return ShareState(none, none, none, zero, zero, zero, zero)
+def empty_share(shape: tuple[int, ...] = (), origin: object = 0.0) -> ShareState:
+    """Return the state without samples; `origin` has no effect."""
+    none = np.zeros(shape, np.int64)
+    return ShareState(none, none, none)
 
 
 def finish_share(state: ShareState, level: float = LEVEL) -> dict[str, np.ndarray]:
     """Return the statistics of a stream of yes and no.
 
     Returns:
-        `count`, `yes`, `lost`, `effective_size` $W^2/W_2$, `equivalent_size` of the
-        interval, `share`, `standard_error`, `low` and `high`; share and error are NaN
-        without known samples.
+        `count`, `yes`, `lost`, `share`, `standard_error`, `low` and `high`; share and
+        error are NaN without known samples.
     """
-    count, yes, lost, weight, weight_2, hit, hit_2 = (
-        np.asarray(part) for part in state
-    )
+    count, yes, lost = (np.asarray(part) for part in state)
     number = np.maximum(count, 1)
-    share = hit / number
-    # rounding may leave slightly less than zero
-    variance = np.maximum(hit_2 / number - share**2, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        size = np.where(weight_2 > 0, weight**2 / weight_2, 0.0)
-        equal = share * (1 - share) * number / variance
-    # a share of 0 or 1 has no variance to derive an equivalent number from
-    plain = ~np.isfinite(equal) | (equal <= 0)
-    equal = np.where(plain, size, equal)
-    low, high = wilson_interval(np.clip(share, 0.0, 1.0), equal, level)
+    share = yes / number
+    low, high = wilson_interval(share, count, level)
     known = count > 0
     return {
         "count": count,
         "yes": yes,
         "lost": lost,
-        "effective_size": size,
-        "equivalent_size": equal,
         "share": np.where(known, share, np.nan),
-        "standard_error": np.where(known, np.sqrt(variance / number), np.nan),
+        "standard_error": np.where(
+            known, np.sqrt(share * (1 - share) / number), np.nan
+        ),
         "low": low,
         "high": high,
     }
@@ -291,31 +242,17 @@ def merge_shares(a: ShareState, b: ShareState) -> ShareState:
     return ShareState(*(one + other for one, other in zip(a, b, strict=True)))
 
 
-def share_of(
-    values: Array | np.ndarray,
-    weights: Float[Array | np.ndarray, " sample"] | None = None,
-    like: ShareState | None = None,
-) -> ShareState:
+def share_of(values: Array | np.ndarray, like: ShareState | None = None) -> ShareState:
     """Return the state of one block along its first axis, in JAX or NumPy.
 
     Args:
         values: Integers or flags: positive is yes, negative a failed sample.
-        weights: Ratio of densities of each sample; None for weights of one.
         like: Without effect.
     """
     xp = values.__array_namespace__()
     lost = xp.zeros(values.shape, bool) if values.dtype == bool else values < 0
     yes = values if values.dtype == bool else values > 0
-    count, true = xp.sum(~lost, axis=0), xp.sum(yes, axis=0)
-    if weights is None:
-        weight, yes_weight = count.astype(float), true.astype(float)
-        sums = weight, weight, yes_weight, yes_weight
-    else:
-        # weights are one per sample: append axes to broadcast over outcomes
-        column = weights.reshape(weights.shape + (1,) * (values.ndim - 1))
-        known, hit = xp.where(lost, 0, column), xp.where(yes, column, 0)
-        sums = tuple(xp.sum(one, axis=0) for one in (known, known**2, hit, hit**2))
-    return ShareState(count, true, xp.sum(lost, axis=0), *sums)
+    return ShareState(*(xp.sum(one, axis=0) for one in (~lost, yes, lost)))
 
 
 YES_NO = Accumulator(empty_share, share_of, merge_shares, finish_share)
@@ -332,7 +269,7 @@ def wilson_interval(
 
     Args:
         share: Estimated share, 0 to 1.
-        count: Number of samples; an equivalent number may be fractional.
+        count: Number of samples.
         level: Probability of the interval.
     """
     from scipy.special import ndtri
@@ -359,28 +296,6 @@ def blocks(count: int, size: int = BLOCK) -> list[slice]:
     return [slice(at, min(at + size, count)) for at in range(0, count, size)]
 
 
-def checked_weights(weights: np.ndarray, count: int) -> np.ndarray:
-    """Return weights as floats.
-
-    Raises:
-        ValueError: Their number is not `count`, or a weight is negative, infinite or
-            NaN.
-    """
-    found = np.asarray(weights, float)
-    if found.shape != (count,):
-        raise ValueError(
-            f"weights: expected one for each of {count} samples, got the shape "
-            f"{found.shape}"
-        )
-    bad = np.flatnonzero(~np.isfinite(found) | (found < 0))
-    if bad.size:
-        raise ValueError(
-            f"weights: expected finite numbers of 0 or more, got {found[bad[0]]} of "
-            f"sample {bad[0]}" + (f" and {bad.size - 1} more" if bad.size > 1 else "")
-        )
-    return found
-
-
 def fold(
     state: State, others: list[State], merge: Callable[[State, State], State]
 ) -> State:
@@ -393,13 +308,11 @@ def fold(
 def empty_sketch(
     shape: tuple[int, ...] = (),
     origin: Float[np.ndarray, "..."] | float = 0.0,
-    weighted: bool = False,
 ) -> QuantileSketch:
     """Return the histogram without samples, in NumPy."""
-    # integer counts are exact in any order of merging; weights need floats
-    kind = float if weighted else np.int64
+    # integer counts are exact in any order of merging
     origins = np.broadcast_to(np.asarray(origin, float), shape)
-    return QuantileSketch(np.zeros((*shape, BINS), kind), origins)
+    return QuantileSketch(np.zeros((*shape, BINS), np.int64), origins)
 
 
 def origin_of(
@@ -438,7 +351,6 @@ def bin_of(offset: Float[Array | np.ndarray, "..."]) -> Int[Array | np.ndarray, 
 
 def sketch_of(
     values: Float[Array | np.ndarray, "sample ..."],
-    weights: Float[Array | np.ndarray, " sample"] | None = None,
     origin: Float[Array | np.ndarray, "..."] | float = 0.0,
 ) -> QuantileSketch:
     """Return the histogram of one block along its first axis, in JAX or NumPy."""
@@ -446,12 +358,11 @@ def sketch_of(
     shape, lanes = values.shape[1:], int(np.prod(values.shape[1:], dtype=int))
     origins = xp.broadcast_to(xp.asarray(origin, dtype=values.dtype), shape)
     if isinstance(values, np.ndarray):
-        flat = counted(values, weights, np.asarray(origins))
+        flat = counted(values, np.asarray(origins))
     else:
         bins = bin_of(values - origins[None]).reshape(-1, lanes)
         known = ~xp.isnan(values).reshape(bins.shape)
-        share = 1 if weights is None else weights[:, None]
-        added = xp.where(known, share, 0)
+        added = xp.where(known, 1, 0)
         flat = xp.zeros(lanes * BINS, added.dtype)
         # one scatter over all lanes, whose bins follow one another
         flat = flat.at[bins + BINS * xp.arange(lanes)[None]].add(added)
@@ -460,24 +371,21 @@ def sketch_of(
 
 def counted(
     values: Float[np.ndarray, "sample ..."],
-    weights: Float[Array | np.ndarray, " sample"] | None,
     origin: Float[np.ndarray, "..."],
-) -> Float[np.ndarray, " bin"] | Int[np.ndarray, " bin"]:
+) -> Int[np.ndarray, " bin"]:
     """Return the concatenated counts of all lanes, in NumPy.
 
     Each lane is counted separately, so that its bins stay in the cache.
     """
     rows = values.reshape(values.shape[0], origin.size)
-    given = None if weights is None else np.asarray(weights)
     found = []
     for lane, own in zip(rows.T, origin.reshape(-1), strict=True):
         # `counted_bin` views the values as integers, which needs contiguous memory
         offset = np.ascontiguousarray(lane - own if own else lane)
-        known, shares = ~np.isnan(offset), given
+        known = ~np.isnan(offset)
         if not known.all():
             offset = offset[known]
-            shares = None if given is None else given[known]
-        found.append(np.bincount(counted_bin(offset), shares, minlength=BINS))
+        found.append(np.bincount(counted_bin(offset), minlength=BINS))
     return np.concatenate(found) if found else np.zeros(0, np.int64)
 
 
@@ -548,8 +456,7 @@ def sketch_quantiles(
         high = np.clip(origin + edges[held + 1], least, most)
         upto = np.cumsum(own[held])
         rank = np.clip(np.asarray(shares) * upto[-1], 0, upto[-1])
-        # rounding of weights may leave the last rank above their sum
-        at = np.minimum(np.searchsorted(upto, rank), held.size - 1)
+        at = np.searchsorted(upto, rank)
         before = upto[at] - own[held][at]
         within = (rank - before) / own[held][at]
         even = np.isfinite(low[at]) & np.isfinite(high[at])
@@ -566,47 +473,35 @@ def empty_moments(shape: tuple[int, ...] = ()) -> Moments:
     """Return the moments without samples, in NumPy."""
     none, zero = np.zeros(shape, np.int64), np.zeros(shape)
     far = np.full(shape, np.inf)
-    return Moments(none, none, none, zero, zero, zero, zero, zero, zero, far, -far)
+    return Moments(none, none, none, zero, zero, far, -far)
 
 
-def moments_of(
-    values: Float[Array | np.ndarray, "sample ..."],
-    weights: Float[Array | np.ndarray, " sample"] | None = None,
-) -> Moments:
+def moments_of(values: Float[Array | np.ndarray, "sample ..."]) -> Moments:
     """Return the moments of one block along its first axis, in JAX or NumPy.
 
     Args:
         values: Samples; NaN for failed ones.
-        weights: Weight of each sample; None for weights of one.
     """
     xp = values.__array_namespace__()
     # the usual case on the host: no masks, and fewer passes over the values
-    if isinstance(values, np.ndarray) and weights is None and np.isfinite(values).all():
+    if isinstance(values, np.ndarray) and np.isfinite(values).all():
         return plain_moments(values)
     finite, nan = xp.isfinite(values), xp.isnan(values)
-    known = xp.where(finite, values, 0)
-    count = xp.sum(finite, axis=0)
-    if weights is None:
-        one = weighted_moments(known, finite.astype(values.dtype))
-        # squares of weights of one
-        two = one
-    else:
-        column = weights.reshape(weights.shape + (1,) * (values.ndim - 1))
-        lanes = xp.where(finite, column, 0)
-        one, two = weighted_moments(known, lanes), weighted_moments(known, lanes**2)
+    known, count = xp.where(finite, values, 0), xp.sum(finite, axis=0)
+    mean = xp.sum(known, axis=0) / xp.maximum(count, 1).astype(values.dtype)
     return Moments(
         count,
         xp.sum(~finite & ~nan, axis=0),
         xp.sum(nan, axis=0),
-        *one,
-        *two,
+        mean,
+        xp.sum(xp.where(finite, known - mean[None], 0) ** 2, axis=0),
         xp.min(xp.where(nan, xp.inf, values), axis=0, initial=xp.inf),
         xp.max(xp.where(nan, -xp.inf, values), axis=0, initial=-xp.inf),
     )
 
 
 def plain_moments(values: Float[np.ndarray, "sample ..."]) -> Moments:
-    """Return the moments of finite values without weights, faster and in NumPy."""
+    """Return the moments of finite values, faster and in NumPy."""
     size, shape = values.shape[0], values.shape[1:]
     if not size:
         return empty_moments(shape)
@@ -615,41 +510,25 @@ def plain_moments(values: Float[np.ndarray, "sample ..."]) -> Moments:
     off = values - mean
     # in place: no further array of the size of the block
     squares = np.square(off, out=off).sum(axis=0)
-    none, weight = np.zeros(shape, np.int64), np.full(shape, float(size))
-    part = weight, mean, squares
+    none = np.zeros(shape, np.int64)
     low, high = values.min(axis=0), values.max(axis=0)
-    return Moments(none + size, none, none, *part, *part, low, high)
-
-
-def weighted_moments(
-    known: Array | np.ndarray, weights: Array | np.ndarray
-) -> tuple[Any, Any, Any]:
-    """Return sum of weights, mean, and sum of squares about it, of finite values."""
-    xp = known.__array_namespace__()
-    weight = xp.sum(weights, axis=0)
-    mean = xp.sum(weights * known, axis=0) / xp.where(weight > 0, weight, 1)
-    return weight, mean, xp.sum(weights * (known - mean[None]) ** 2, axis=0)
+    return Moments(none + size, none, none, mean, squares, low, high)
 
 
 def merge_moments(a: Moments, b: Moments) -> Moments:
     """Return the state of two states, `a` before `b` in the order of the samples."""
     xp = a.mean.__array_namespace__()
-
-    def merged(w_a, mean_a, squares_a, w_b, mean_b, squares_b):
-        weight = w_a + w_b
-        # guards the division for two empty states
-        share = w_b / xp.where(weight > 0, weight, 1)
-        step = mean_b - mean_a
-        # Chan, Golub and LeVeque (1983): sums of squares about zero would cancel
-        squares = squares_a + squares_b + step**2 * w_a * share
-        return weight, mean_a + step * share, squares
-
+    one, other = (x.finite.astype(x.mean.dtype) for x in (a, b))
+    # the maximum guards the division for two empty states
+    share = other / xp.maximum(one + other, 1)
+    step = b.mean - a.mean
     return Moments(
         a.finite + b.finite,
         a.infinite + b.infinite,
         a.lost + b.lost,
-        *merged(*a[3:6], *b[3:6]),
-        *merged(*a[6:9], *b[6:9]),
+        a.mean + step * share,
+        # Chan, Golub and LeVeque (1983): sums of squares about zero would cancel
+        a.squares + b.squares + step**2 * one * share,
         xp.minimum(a.minimum, b.minimum),
         xp.maximum(a.maximum, b.maximum),
     )
@@ -658,36 +537,24 @@ def merge_moments(a: Moments, b: Moments) -> Moments:
 def finish_moments(state: Moments) -> dict[str, np.ndarray]:
     r"""Return the statistics of a stream; NaN for those that need more values.
 
-    `variance` is $M_2/(W - W_2/W)$ and the squared `standard_error` of the mean
-    $\sum w^2(x-m)^2/W^2 \cdot n/(n-1)$ with the effective size
-    $n = W^2/W_2$ (Kish 1965); for weights of one these are $s^2$ and $s^2/n$.
+    `variance` is $M_2/(n-1)$, and the squared `standard_error` of the mean a part $n$
+    of it.
 
     Returns:
-        `count`, `infinite`, `lost`, `effective_size`, `mean`, `standard_error`,
-        `variance`, `sd`, `minimum`, `maximum`. The statistics from mean to sd are of
-        the finite values.
+        `count`, `infinite`, `lost`, `mean`, `standard_error`, `variance`, `sd`,
+        `minimum`, `maximum`. The statistics from mean to sd are of the finite values.
     """
-    count, infinite, lost, weight, mean, squares, w_2, mean_2, squares_2, low, high = (
-        np.asarray(part) for part in state
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        size = weight**2 / w_2
-        # below an effective size of one there is no variance; rounding may leave just
-        # above
-        free = np.where(size > 1 + 1e-9, weight - w_2 / weight, np.nan)
-        variance = squares / free
-        # the squares are stored about their own mean, which keeps digits: shift them
-        # here
-        spread = squares_2 + w_2 * (mean_2 - mean) ** 2
-        error = np.sqrt(spread / weight * 1 / free)
+    count, infinite, lost, mean, squares, low, high = (np.asarray(x) for x in state)
+    # a single value has no variance
+    free = np.where(count > 1, count - 1.0, np.nan)
+    variance = squares / free
     some = (count + infinite) > 0
     return {
         "count": count,
         "infinite": infinite,
         "lost": lost,
-        "effective_size": np.where(count > 0, size, 0.0),
         "mean": np.where(count > 0, mean, np.nan),
-        "standard_error": error,
+        "standard_error": np.sqrt(variance / np.maximum(count, 1)),
         "variance": variance,
         "sd": np.sqrt(variance),
         "minimum": np.where(some, low, np.nan),

@@ -8,7 +8,6 @@ from jblast.vehicle.control.cascade import Cascade as Cascade
 from jblast.vehicle.control.position_hold import (
     Controller as Controller,
     Gains as Gains,
-    ObservedHold as ObservedHold,
     PositionHold as PositionHold,
     gains_from_parameters as gains_from_parameters,
     named_gains as named_gains,
@@ -37,12 +36,6 @@ from jblast.vehicle.loads.load import (
     NWaveGust as NWaveGust,
     Pulse as Pulse,
     StepGust as StepGust,
-)
-from jblast.vehicle.loads.thesis import (
-    CodedLoad as CodedLoad,
-    PrintedLoad as PrintedLoad,
-    coded_load as coded_load,
-    printed_load as printed_load,
 )
 from jblast.vehicle.metrics import (
     FlightMetrics as FlightMetrics,

@@ -22,7 +22,6 @@ from jblast.vehicle.control.cascade import Cascade
 from jblast.vehicle.control.position_hold import (
     NAMED_GAINS,
     Gains,
-    ObservedHold,
     PositionHold,
     gains_from_parameters,
 )
@@ -171,13 +170,6 @@ CONTROLLERS = Registry[ControllerKind](
         make=cascade_of,
         type=Cascade,
     ),
-    ControllerKind(
-        name="observer",
-        words="with an observer",
-        make=lambda spec: ObservedHold(hold_of(spec, integral=False)),
-        type=ObservedHold,
-    ),
 )
-"""Controllers by name: SE(3) with and without integral, PX4's cascade, and SE(3) with a
-disturbance observer."""
+"""Controllers by name: SE(3) with and without integral, and PX4's cascade."""
 register = CONTROLLERS.register

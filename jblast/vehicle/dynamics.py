@@ -1,4 +1,4 @@
-r"""Equations of motion of a quadrotor in a wind, and their integrators.
+r"""Equations of motion of a quadrotor in a wind, and a step of time.
 
 The equations are those of RotorPy 3.0.0. World axes are east, north, up; $R$ takes body
 to world axes.
@@ -15,8 +15,6 @@ to world axes.
 with the force $F$ and the moment $N$ of the loads.
 
 RK4 evaluates the rates at the beginning, twice in the middle and at the end of a step.
-The semi-implicit Euler method evaluates them once, with the state at the beginning and
-the wind and loads in the middle, and advances with the new velocity and body rate.
 Every step ends with the quaternion scaled to length 1. The exact flow preserves the
 length, so the correction is no larger than the step's own error and the order of the
 method is unchanged.
@@ -228,27 +226,6 @@ def rk4_step(
         third,
         fourth,
     )
-
-
-def euler_step(
-    rates: Rates, motion: StateComponents, step: Float[Array, ""]
-) -> StateComponents:
-    """Return the increment of a step of the first-order semi-implicit Euler method.
-
-    Args:
-        rates: Function from stage and state to rates.
-        motion: State at the beginning.
-        step: Length of the step [s].
-    """
-    rate = rates(1, motion)
-    moved = _moved(motion, step, rate)
-    rate = rate._replace(
-        position=moved.velocity, quaternion=turning(motion.quaternion, moved.body_rate)
-    )
-    return jax.tree.map(lambda dx: step * dx, rate)
-
-
-INTEGRATORS = {"rk4": rk4_step, "euler": euler_step}
 
 
 def normal(motion: StateComponents) -> StateComponents:

@@ -26,7 +26,7 @@ from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jblast.errors import InputError
-from jblast.vehicle.dynamics import INTEGRATORS, Wrench, net_wrench, normal, rates
+from jblast.vehicle.dynamics import Wrench, net_wrench, normal, rates, rk4_step
 from jblast.vehicle.loads.load import Pulse, load_wrench, pulse_wrench
 from jblast.vehicle.quadrotor import Vehicle
 from jblast.vehicle.state import (
@@ -165,7 +165,6 @@ def fly(
     ticks: Ticks,
     period_s: Float[Array, ""],
     *,
-    integrator: str,
     store_every: int,
     control_held: bool,
     axis: str | None = None,
@@ -176,7 +175,6 @@ def fly(
         flight: Vehicle, initial state, commands and loads.
         ticks: The steps.
         period_s: Period of the controller [s].
-        integrator: "rk4" or "euler".
         store_every: Steps between rows.
         control_held: True if the controller's period is longer than a step.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
@@ -184,7 +182,7 @@ def fly(
     # Once, outside the loop over steps: it depends on the vehicle only.
     if hasattr(flight.control, "ready"):
         flight = flight._replace(control=flight.control.ready(flight.vehicle))
-    one = OneStep(flight, period_s, integrator, control_held, axis)
+    one = OneStep(flight, period_s, control_held, axis)
     now = one.start()
     first = (now.motion, now.impulse_wrench)
 
@@ -235,14 +233,12 @@ class OneStep:
     Attributes:
         flight: Vehicle, initial state, commands and loads, with a prepared controller.
         period_s: Period of the controller [s].
-        integrator: "rk4" or "euler".
         control_held: True if the controller's period is longer than a step.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
 
     flight: Flight
     period_s: Float[Array, ""]
-    integrator: str
     control_held: bool
     axis: str | None
 
@@ -333,7 +329,7 @@ class OneStep:
                 command = four(flight.commands[tick.command[stage]])
             return self.rates(now.impulse_wrench, tick.stages[stage], command, motion)
 
-        gain = INTEGRATORS[self.integrator](stage_rates, now.motion, tick.step)
+        gain = rk4_step(stage_rates, now.motion, tick.step)
         motion, excess = _sum(now.motion, now.excess, gain)
         motion = _grounded(flight.ground_up_m, normal(motion))
         return now._replace(motion=motion, excess=excess)

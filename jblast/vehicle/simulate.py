@@ -24,7 +24,6 @@ from jblast.kept_programs import WIDE, kept
 from jblast.vehicle.control.position_hold import Controller, Gains, PositionHold
 from jblast.vehicle.control.stability import step_limit
 from jblast.vehicle.controllers import kernel_of
-from jblast.vehicle.dynamics import INTEGRATORS
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.load import FriedlanderGust, Load, NWaveGust, Pulse, StepGust
 from jblast.vehicle.quadrotor import Vehicle, floats, in_precision
@@ -71,7 +70,6 @@ def simulate(
     *,
     duration_s: float | int,
     step_s: float | int = STEP_S,
-    integrator: str = "rk4",
     commands: Any = None,
     command_step_s: float | int | None = None,
     control: Controller | Each | None = None,
@@ -94,7 +92,6 @@ def simulate(
         state: Initial state; the first row of the trajectory.
         duration_s: Duration; the last step is shorter if necessary.
         step_s: Step of the integrator.
-        integrator: "rk4", or "euler" (semi-implicit).
         commands: Rotor speed commands, (..., time, 4) [rad/s], clipped to the motors'
             limits; surplus rows are ignored. Default without a controller: the initial
             speeds.
@@ -121,7 +118,7 @@ def simulate(
     """
     duration_s, step_s = float(duration_s), float(step_s)
     command_step_s = None if command_step_s is None else float(command_step_s)
-    check_choices(integrator, backend, store_every)
+    check_choices(backend, store_every)
     check_times(duration_s, step_s, command_step_s, control is not None)
     batch, dtype = state.position_m.shape[:-1], jnp.result_type(*jax.tree.leaves(state))
     period = step_s if command_step_s is None else command_step_s
@@ -130,7 +127,7 @@ def simulate(
         check_commands(commands, batch, period, duration_s, control is not None)
     check_start(vehicle, state, ground_up_m)
     check_shared({"control": [control], "wind": [wind], "loads": loads}, batch)
-    check_step(vehicle, control, integrator, step_s, period)
+    check_step(vehicle, control, step_s, period)
 
     def one_each(value: Any, alone: int) -> Any:
         """Wrap a value that has the batch's axes in front of its own."""
@@ -158,7 +155,6 @@ def simulate(
             times,
             period,
             batch=batch,
-            integrator=integrator,
             store_every=store_every,
             device=backend.partition(":")[2] or None,
         )
@@ -171,7 +167,6 @@ def simulate(
         ticks,
         jnp.asarray(period, dtype),
         batch=batch,
-        integrator=integrator,
         store_every=store_every,
         control_held=period > 1.5 * step_s,
         devices=1 if traced else jax.local_device_count(),
@@ -230,16 +225,12 @@ def _trajectory(time_s: Float[Array, " time"], rows: StoredRows) -> Trajectory:
     )
 
 
-def check_choices(integrator: str, backend: str, store_every: int) -> None:
-    """Reject an unsupported integrator or backend, or a stride below one.
+def check_choices(backend: str, store_every: int) -> None:
+    """Reject an unsupported backend, or a stride below one.
 
     Raises:
         InputError: An option is invalid.
     """
-    if integrator not in INTEGRATORS:
-        raise InputError(
-            f"integrator: expected {' or '.join(INTEGRATORS)}, got {shown(integrator)}"
-        )
     if backend not in ("auto", "jax", "warp") and not backend.startswith("warp:"):
         raise InputError(
             f"backend: expected auto, jax, warp or warp:DEVICE, got {shown(backend)}"
@@ -335,7 +326,6 @@ def check_start(
 def check_step(
     vehicle: Vehicle,
     control: Controller | Each | None,
-    integrator: str,
     step_s: float,
     period_s: float,
 ) -> None:
@@ -355,14 +345,13 @@ def check_step(
     lags = np.unique(np.asarray(vehicle.motor_lag_s, float))
     # The limit is monotonic in the lag without a controller; with one both extremes are
     # checked.
-    limit = min(step_limit(integrator, lag, gains, held) for lag in lags[[0, -1]])
+    limit = min(step_limit(lag, gains, held) for lag in lags[[0, -1]])
     if step_s > limit:
         what = f"a motor lag of {lags[0]:g} s"
         if gains is not None:
             what += f" and a position controller of period {period_s:g} s"
         raise InputError(
-            f"step_s: {integrator} is stable up to {limit:.4g} s with {what}, "
-            f"got {step_s:g} s"
+            f"step_s: RK4 is stable up to {limit:.4g} s with {what}, got {step_s:g} s"
         )
 
 

@@ -89,7 +89,6 @@ from jblast.waves.laws.swisdak import (
     swisdak_reflected_pressure as swisdak_reflected_pressure,
     swisdak_shock_speed as swisdak_shock_speed,
 )
-from jblast.waves.laws.thesis import thesis_sound_pressure as thesis_sound_pressure
 from jblast.waves.laws.weak_shock import (
     weak_shock_iso_pressure as weak_shock_iso_pressure,
     weak_shock_pressure as weak_shock_pressure,

@@ -6,6 +6,7 @@ from jblast.world.drawn import (
     blast_sequence as blast_sequence,
     draw_blasts as draw_blasts,
     draw_world as draw_world,
+    read_run_scene as read_run_scene,
     scene_of_one_blast as scene_of_one_blast,
     scene_to_fit as scene_to_fit,
     tracks_of as tracks_of,
@@ -15,7 +16,6 @@ from jblast.world.drawn import (
 from jblast.world.perceived import (
     Arrivals as Arrivals,
     Perceived as Perceived,
-    arrivals_in as arrivals_in,
     arrivals_of as arrivals_of,
     perceived as perceived,
     readings_of as readings_of,
@@ -24,11 +24,4 @@ from jblast.world.picked import (
     ImuRecord as ImuRecord,
     imu_records as imu_records,
     picked_jolts as picked_jolts,
-)
-from jblast.world.presets import (
-    PRESETS as PRESETS,
-    Preset as Preset,
-    preset_named as preset_named,
-    read_world_by as read_world_by,
-    with_preset as with_preset,
 )

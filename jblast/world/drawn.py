@@ -36,6 +36,7 @@ from jblast.scene import (
     draw_scene,
     quaternion_matrix,
     read_scene_or_world,
+    read_world,
 )
 from jblast.scene.random_blasts import (
     Box,
@@ -50,7 +51,6 @@ from jblast.scene.reader.random_blasts import MAX_BLASTS, check_fits
 from jblast.scene.uncertain import Belief, Prior, Uniform, draw
 from jblast.sensors import Track, record_laws
 from jblast.vehicle import Trajectory
-from jblast.world.presets import Preset
 
 VEHICLE, CAMERA = "vehicle", "camera"
 """Names of the scene's vehicle and of its camera among the observers."""
@@ -170,6 +170,22 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **beliefs})
 
 
+def read_run_scene(
+    path: str | os.PathLike[str],
+) -> tuple[UncertainScene, WorldSpec | None]:
+    """Read a scene of a run: with [world], [charge] or both, or a mission.
+
+    Raises:
+        InputError: As in `read_scene_or_world`, or none of them is there.
+    """
+    uncertain, world = read_scene_or_world(path, needs_charge=False)
+    vehicle = uncertain.scene.vehicle
+    flies = vehicle is not None and vehicle.mission is not None
+    if world is None and bool(uncertain.scene.charge.never) and not flies:
+        read_world(path)  # names what is missing
+    return uncertain, world
+
+
 def scene_to_fit(path: str | os.PathLike[str]) -> UncertainScene:
     """Read a scene for fits; of a world of random blasts, the scene of one of them.
 
@@ -189,23 +205,11 @@ class DrawnWorld(NamedTuple):
             sensors use the same ones.
         seed: Seed of all samples.
         source: File of the world.
-        preset: Alternative physics of the blasts; None: the scene's laws.
     """
 
     scene: Scene
     seed: int
     source: str
-    preset: Preset | None = None
-
-    def scene_of(self, kind: str) -> Scene:
-        """Return the scene for a kind of sensor; a preset may have several.
-
-        Args:
-            kind: Kind of sensor, "vehicle" or "camera".
-        """
-        if self.preset is None:
-            return self.scene
-        return self.preset.scene_of(self.scene, kind)
 
     @property
     def charges(self) -> tuple[Charge, ...]:
@@ -229,7 +233,6 @@ def draw_world(
     seed: int = 0,
     *,
     until_s: float = math.inf,
-    preset: Preset | None = None,
 ) -> DrawnWorld:
     """Sample a world: its random blasts, and every number of the scene with a prior.
 
@@ -238,7 +241,6 @@ def draw_world(
         world: Distribution of the blasts; None: only the charges of the scene.
         seed: Seed of all samples.
         until_s: End of the world [s].
-        preset: Alternative physics, already applied to the scene (`with_preset`).
 
     Raises:
         InputError: A number is free, the region refers to a missing vehicle, two
@@ -280,7 +282,7 @@ def draw_world(
     scene = replace(scene, charge=charges[0], others=tuple(charges[1:]))
     laws = dict(scene.law) | record_laws(scene, ground=True)
     scene = replace(scene, law=tuple(laws.items()))
-    return DrawnWorld(scene, seed, source, preset)
+    return DrawnWorld(scene, seed, source)
 
 
 def _vehicle_position(scene: Scene, source: str) -> Float[Array, "3"]:

@@ -168,32 +168,18 @@ def readings_of(
         if number is None or number >= 2**31 or str(number) != charge.name:
             number = 2**31 + column
         key = jax.random.fold_in(world.noise_key, number)
-        for which, (own, some) in enumerate(_by_scene(world, present)):
-            alone = replace(
-                own, charge=replace(charge, name=""), others=(), sensors=tuple(some)
-            )
-            # Sensors of a second scene get another key, so that their errors stay
-            # independent.
-            log = readings(jax.random.fold_in(key, which) if which else key, alone)
-            logs.append(replace(log, shot=(charge.name,) * len(log)))
+        alone = replace(
+            scene,
+            charge=replace(charge, name=""),
+            others=(),
+            sensors=tuple(present),
+        )
+        log = readings(key, alone)
+        logs.append(replace(log, shot=(charge.name,) * len(log)))
     if not logs:
         return None, late
     comments = tuple(dict.fromkeys(line for log in logs for line in log.comments))
     return Observations(**stacked(logs), comments=comments), late
-
-
-def _by_scene(
-    world: DrawnWorld, sensors: list[Sensor]
-) -> list[tuple[Scene, list[Sensor]]]:
-    """Return the sensors grouped by scene; only a preset may have two scenes."""
-    groups: list[tuple[Scene, list[Sensor]]] = []
-    usual = [s for s in sensors if world.scene_of(s.kind) is world.scene]
-    if usual:
-        groups.append((world.scene, usual))
-    others = [s for s in sensors if world.scene_of(s.kind) is not world.scene]
-    if others:
-        groups.append((world.scene_of(others[0].kind), others))
-    return groups
 
 
 def _at_arrivals(
@@ -336,40 +322,6 @@ def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arri
         tuple(entities),
         {wave: np.stack(column, axis=1) for wave, column in times.items()},
         {wave: np.stack(column, axis=1) for wave, column in places.items()},
-    )
-
-
-def arrivals_in(
-    world: DrawnWorld, tracks: Mapping[str, Track] | None = None
-) -> Arrivals:
-    """Return the arrivals in a world; a preset may have its own air for some sensors.
-
-    Args:
-        world: The world.
-        tracks: As in `arrivals_of`.
-
-    Raises:
-        InputError: As in `arrivals_of`.
-    """
-    usual = arrivals_of(world.scene, tracks)
-    kinds = {sensor.name: sensor.kind for sensor in world.scene.sensors}
-    kinds |= {VEHICLE: VEHICLE, CAMERA: CAMERA}
-    rows = [
-        row
-        for row, name in enumerate(usual.entities)
-        if world.scene_of(kinds[name]) is not world.scene
-    ]
-    if not rows:
-        return usual
-    own = arrivals_of(world.scene_of(kinds[usual.entities[rows[0]]]), tracks)
-    theirs = np.isin(np.arange(len(usual.entities)), rows)[:, None]
-    return Arrivals(
-        usual.entities,
-        {w: np.where(theirs, own.times_s[w], usual.times_s[w]) for w in WAVES},
-        {
-            w: np.where(theirs[..., None], own.places_m[w], usual.places_m[w])
-            for w in WAVES
-        },
     )
 
 

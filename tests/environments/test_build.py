@@ -15,7 +15,7 @@ from jblast.scene.random_blasts import ByCount, ByRate
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"task": "Hovr"}, "task 'Hovr': expected Hover, Rates, Mission, Detect"),
+        ({"task": "Hovr"}, "task 'Hovr': expected Hover, Rates, Mission"),
         ({"command": "thrust"}, "command 'thrust': expected rotor_speeds"),
         ({"vehicle": "iriss"}, "vehicle 'iriss': expected crazyflie"),
         (
@@ -25,10 +25,6 @@ from jblast.scene.random_blasts import ByCount, ByRate
         ({"step_s": 0.0}, "step_s: expected a positive number, got 0"),
         ({"episode_s": math.nan}, "episode_s: expected a positive number, got nan"),
         ({"task": "Mission"}, "guidance: expected a guidance"),
-        (
-            {"task": "Detect", "command": "velocity"},
-            "expected 'hold', the only command of the task Detect",
-        ),
         ({"world": WorldSpec(ByRate(0.2))}, "expected ByCount of 1 or more"),
         ({"world": WorldSpec(ByCount(0))}, "expected ByCount of 1 or more"),
         (

@@ -32,6 +32,5 @@ SENSOR_KINDS.register(
         site="above",
         unmounted="a thermometer, whose cable ends on the ground",
         senses=(("air_arrival_s", "warmth"),),
-        by_pressure=True,
     )
 )

@@ -212,7 +212,7 @@ COMMANDS = (
     Command(
         "fly_many",
         "fly flights.toml --vehicles 4 --seconds 0.4 --step 0.002 --seed 2 "
-        "--controllers hold,cascade,observer --out many --json",
+        "--controllers hold,cascade --out many --json",
     ),
     Command("plan", "plan grid.plan --grid 6,0,1 --home 35.3,-80.7,200 --speed 4"),
     Command("plan_orbit", "plan orbit.plan --orbit 20,2 --home 35.3,-80.7,200"),
@@ -235,7 +235,7 @@ COMMANDS = (
 )
 BY_WORD = {".html", ".md", ".toml", ".svg", ".txt", ".kml"}
 """Text and figures: only whether they are there."""
-DRAWN = {"path.png", "loads.png", "error.png", "map.png", "report.png", "sheet.png"}
+DRAWN = {"loads.png", "error.png", "map.png", "report.png", "sheet.png"}
 UNSTEADY = {"provenance", "versions", "took_s", "written", "command", "seconds_taken"}
 """Keys that tell when, where and by what an answer came."""
 

@@ -18,15 +18,14 @@ from jblast.autopilot.lockstep import (
     PLACE,
     Lockstep,
     fly_lockstep,
-    lockstep_record,
     programs,
     rotors_of,
     turns_of,
 )
-from jblast.autopilot.logs import TelemetryLog, flight_ulog
-from jblast.autopilot.mavlink import Link, read_address
+from jblast.autopilot.mavlink import Link, TelemetryLog, read_address
 from jblast.autopilot.protocols import Missions
-from jblast.files import refuse_existing, write_bytes
+from jblast.cli.arguments.options import given
+from jblast.files import refuse_existing
 from jblast.progress_line import serve_line
 from jblast.report.autopilot import (
     LockstepAnswer,
@@ -73,9 +72,8 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
     """
     kind = options.mavlink.partition(":")[0]
     address = read_address(options.mavlink, "mavlink", AUTOPILOT_PORT.get(kind, 0))
-    for file in (options.tlog, options.ulog):
-        if file:
-            refuse_existing(file, force=options.force)
+    if options.tlog:
+        refuse_existing(options.tlog, force=options.force)
     scene = _scene(options)
     rotors = rotors_of(vehicle_of(scene.spec))
     drawn = scene.uncertain.scene
@@ -112,7 +110,7 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
             while address.kind == "tcp" and not link.accept(1.0):
                 pass
         except KeyboardInterrupt:
-            # A flight of 0 s, so that logs and summary are complete also in this case.
+            # A flight of 0 s, so that log and summary are complete also in this case.
             unconnected, seconds = True, 0.0
         fly_lockstep(
             made,
@@ -120,15 +118,11 @@ def served_autopilot(options: argparse.Namespace) -> LockstepAnswer:
             rotors,
             flight=flight,
             seconds=seconds,
-            patience_s=options.patience,
             each=each,
+            **given(options, patience="patience_s"),
         )
         if unconnected:
             flight.ended = "interrupted before an autopilot connected"
-        if options.ulog:
-            record = lockstep_record(flight, rotors, scene.place)
-            write_bytes(options.ulog, flight_ulog(record))
-            files.append(options.ulog)
         return lockstep_answer(
             flight,
             link,

@@ -153,25 +153,6 @@ def vector(text: str) -> tuple[float, ...]:
     return values
 
 
-def azimuth_and_elevation(text: str) -> tuple[float, float]:
-    """Return the two numbers of `AZIMUTH,ELEVATION` [deg].
-
-    Raises:
-        ArgumentTypeError: The text has another form, or the elevation is not between 0
-            and 90.
-    """
-    try:
-        azimuth, elevation = (float(word) for word in text.split(","))
-    except ValueError:
-        azimuth = elevation = math.nan
-    if not (math.isfinite(azimuth) and 0.0 <= elevation <= 90.0):
-        raise ArgumentTypeError(
-            "expected AZIMUTH,ELEVATION in degrees, the elevation from 0 to 90, got "
-            f"{shown(text)}"
-        )
-    return azimuth, elevation
-
-
 def seed(text: str) -> int:
     """Return a seed of JAX.
 

@@ -38,7 +38,6 @@ OTHERWISE = {
     "lead_s": "--lead",
     "patience_s": "--patience",
     "ends_s": "--seconds",
-    "certificate": "--tls-cert",
     "recording": "RECORDING.wav",
     "false_alarms_per_hour": "--false-alarms",
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",

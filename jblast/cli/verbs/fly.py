@@ -28,9 +28,7 @@ from jblast.errors import InputError
 from jblast.files import refuse_existing, save_text
 
 if TYPE_CHECKING:
-    from jblast.autopilot.logs import FlightRecord
     from jblast.results import Document
-    from jblast.scene import Place
     from jblast.study.flight_results import Flights
     from jblast.study.missions import MissionFlight
 
@@ -72,8 +70,8 @@ def add_arguments(verb: VerbParser) -> None:
         "--controllers",
         metavar="NAME,...",
         help="controllers that fly through the same blasts: hold (SE(3), as in the "
-        "scene), with_integral, without_integral, cascade (as in PX4), observer (SE(3) "
-        "with a disturbance observer) (default: with_integral,without_integral)",
+        "scene), with_integral, without_integral, cascade (as in PX4) "
+        "(default: with_integral,without_integral)",
     )
     verb.model.add_argument(
         "--estimator",
@@ -86,11 +84,6 @@ def add_arguments(verb: VerbParser) -> None:
         type=positive,
         metavar="S",
         help="time step of the integrator [s] (default: 0.0005; of a mission 0.004)",
-    )
-    verb.advanced.add_argument(
-        "--integrator",
-        choices=("rk4", "euler"),
-        help="integrator; euler is semi-implicit (default: rk4)",
     )
     verb.advanced.add_argument(
         "--backend",
@@ -119,7 +112,7 @@ def add_arguments(verb: VerbParser) -> None:
         "--out",
         metavar="DIR",
         type=path,
-        help="folder for fly.json, flight.csv, path.png, loads.png and error.png; for "
+        help="folder for fly.json, flight.csv, loads.png and error.png; for "
         "several vehicles flights.csv, distribution.png and with --controllers "
         "controllers.png; for a mission fly.json, flight.csv, map.png, mission.png and "
         "mission.kml",
@@ -128,17 +121,7 @@ def add_arguments(verb: VerbParser) -> None:
         "--plan-out",
         metavar="FILE",
         type=path,
-        help="copy of the mission's plan: .plan (QGroundControl) or .waypoints (QGC "
-        "WPL 110)",
-    )
-    verb.outputs.add_argument(
-        "--tlog",
-        metavar="FILE",
-        type=path,
-        help="telemetry log of the flight, as of a ground station",
-    )
-    verb.outputs.add_argument(
-        "--ulog", metavar="FILE", type=path, help="log of the flight, as of PX4"
+        help="copy of the mission's plan, in QGroundControl's format",
     )
     add_json(verb)
     add_force(verb, "existing output files")
@@ -159,7 +142,6 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out:
         check_directory(options.out, options.force, "the flight")
-    check_logs(options)
     from jblast.study.missions import MissionFlight
     from jblast.study.running import fly_scene, has_mission, scene_to_run
 
@@ -179,14 +161,12 @@ def run(options: argparse.Namespace) -> int:
         profile=options.profile,
         profile_moments_about=options.profile_moments_about,
         seed=options.seed,
-        **given(
-            options, integrator="integrator", backend="backend", estimator="estimator"
-        ),
+        **given(options, backend="backend", estimator="estimator"),
     )
     answer, words, write = (
         _mission(options, flown)
         if isinstance(flown, MissionFlight)
-        else _flights(options, flown, uncertain.place)
+        else _flights(options, flown)
     )
     begin("writing")
     text = answer.to_json()
@@ -197,19 +177,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _flights(
-    options: argparse.Namespace, flights: "Flights", place: "Place | None"
-) -> Answer:
+def _flights(options: argparse.Namespace, flights: "Flights") -> Answer:
     """Return document, text and the function that writes files, for flights."""
-    from jblast.autopilot.lockstep import PLACE
     from jblast.report.flight_files import write_flights
     from jblast.report.flights import flights_answer, flights_text
-    from jblast.study.missions import hold_record
 
-    if options.tlog or options.ulog:
-        # Logs have latitude and longitude; a scene without a place gets a default.
-        place = PLACE if place is None else place
-        write_logs(options, hold_record(flights, place), has_mission=False)
     answer = flights_answer(flights, scene=options.scene, seed=options.seed)
     return (
         answer,
@@ -223,10 +195,7 @@ def _mission(options: argparse.Namespace, flight: "MissionFlight") -> Answer:
     from jblast.missions.plan import plan_text
     from jblast.report.flight_files import write_mission
     from jblast.report.missions import mission_answer, mission_text
-    from jblast.study.missions import mission_record
 
-    if options.tlog or options.ulog:
-        write_logs(options, mission_record(flight), has_mission=True)
     if options.plan_out:
         save_text(plan_text(flight.mission.plan, options.plan_out), options.plan_out)
     answer = mission_answer(flight, scene=options.scene, seed=options.seed)
@@ -256,31 +225,3 @@ def check_plan_out(options: argparse.Namespace, *, has_mission: bool) -> None:
 
     refuse_existing(options.plan_out, force=options.force)
     check_form(options.plan_out)
-
-
-def check_logs(options: argparse.Namespace) -> None:
-    """Check before the flight that `--tlog` and `--ulog` can be written.
-
-    Raises:
-        InputError: Several vehicles are flown, or a file exists.
-    """
-    for option, file in (("--tlog", options.tlog), ("--ulog", options.ulog)):
-        # One log records one vehicle.
-        if file and options.vehicles != 1:
-            raise InputError(f"{option}: expected --vehicles 1, got {options.vehicles}")
-        if file:
-            refuse_existing(file, force=options.force)
-
-
-def write_logs(
-    options: argparse.Namespace, record: "FlightRecord", *, has_mission: bool
-) -> None:
-    """Write the logs of `--tlog` and `--ulog`."""
-    from jblast.autopilot.logs import flight_ulog
-    from jblast.autopilot.telemetry import telemetry_log
-    from jblast.files import write_bytes
-
-    if options.tlog:
-        write_bytes(options.tlog, telemetry_log(record, has_mission=has_mission))
-    if options.ulog:
-        write_bytes(options.ulog, flight_ulog(record))

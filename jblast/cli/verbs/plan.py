@@ -62,7 +62,7 @@ def add_arguments(verb: VerbParser) -> None:
         "out",
         metavar="OUT.plan",
         type=path,
-        help="plan: .plan (QGroundControl) or .waypoints (QGC WPL 110)",
+        help="plan of QGroundControl",
     )
     add_force(verb, "an existing file")
 

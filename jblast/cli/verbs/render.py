@@ -7,19 +7,17 @@ its hue and tends to white. Events are computed from the light itself, so that a
 fire triggers more of them than its frames show.
 
 Event times do not depend on the frame rate. With --noise off they are solved for,
-unless --views, --supersample or a moving --background is given. Otherwise the light is
-sampled until 99 of 100 event times are known to 0.1 ms (for the camera with noise by
-trial, apart from the noise). The accuracy reached is printed.
+unless --views or a moving --background is given. Otherwise the light is sampled until
+99 of 100 event times are known to 0.1 ms (for the camera with noise by trial, apart
+from the noise). The accuracy reached is printed.
 """
 
 import argparse
 import sys
 
 from jblast.cli.arguments.numbers import (
-    azimuth_and_elevation,
     positive_of_any_size,
     seed,
-    share,
     threshold_pair,
     time_span,
 )
@@ -95,13 +93,6 @@ def add_arguments(verb: VerbParser) -> None:
         help="frame rate [Hz] (default: the camera's frames_hz)",
     )
     verb.model.add_argument(
-        "--sun",
-        metavar="AZIMUTH,ELEVATION",
-        type=azimuth_and_elevation,
-        help="sun in the sky, with glare: degrees clockwise from north and above the "
-        "horizon (default: none)",
-    )
-    verb.model.add_argument(
         "--daylight",
         metavar="LUX",
         type=positive_of_any_size,
@@ -121,19 +112,6 @@ def add_arguments(verb: VerbParser) -> None:
         default="on",
         help="light of the fire on the ground and on the surfaces of --depth (default: "
         "on)",
-    )
-    verb.advanced.add_argument(
-        "--bloom",
-        metavar="PART",
-        type=share,
-        help="part of the light of frames that the lens spreads to other pixels, "
-        "before highlights are compressed, such as 0.05; events have none (default: 0)",
-    )
-    verb.advanced.add_argument(
-        "--supersample",
-        metavar="N",
-        type=int,
-        help="rays along each side of a pixel (default: 1)",
     )
     verb.advanced.add_argument(
         "--threshold",
@@ -198,13 +176,12 @@ def run(options: argparse.Namespace) -> int:
         background=options.background,
         views=options.views,
         ground=options.ground,
-        sun=options.sun,
         flight=options.flight,
         depth=options.depth,
         daylight=options.daylight,
         threshold=options.threshold,
         flash=options.flash == "on",
-        **given(options, mode="mode", bloom="bloom", supersample="supersample"),
+        **given(options, mode="mode"),
     )
     # Everything is read and checked before the first frame is written.
     film = film_of(options.scene, film_options)

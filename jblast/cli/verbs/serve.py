@@ -16,13 +16,12 @@ import contextlib
 import gc
 import signal
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import DOUBTFUL, add_force, add_json, path
+from jblast.cli.arguments.options import DOUBTFUL, add_force, add_json, given, path
 from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.errors import InputError, read_text
+from jblast.errors import InputError, argument
 from jblast.progress_line import serve_line
 
 if TYPE_CHECKING:
@@ -30,6 +29,12 @@ if TYPE_CHECKING:
     from jblast.world import DrawnWorld
     from jblast.world.remote.serving import Options
 
+UNUSED = {
+    "mavlink": ("listen", "rate", "lead", "speed"),
+    "ground_station": ("listen", "rate", "lead", "patience", "tlog"),
+    "listen": ("tlog",),
+}
+"""Options that a server does not use, by the option that selects it."""
 GARBAGE_THRESHOLDS = (700, 10, 10)
 """Python's default thresholds of garbage collection, restored for the server.
 
@@ -89,37 +94,19 @@ def add_arguments(verb: VerbParser) -> None:
         "--rate",
         type=positive,
         metavar="HZ",
-        default=100.0,
         help="packets per second of world time [Hz], 1 to 1000 (default: 100)",
     )
     verb.advanced.add_argument(
         "--lead",
         type=positive,
         metavar="S",
-        default=5.0,
         help="lead time of the forecast of a blast [s] (default: 5)",
     )
     verb.advanced.add_argument(
         "--patience",
         type=positive,
         metavar="S",
-        default=60.0,
         help="longest wait for a client before it is disconnected [s] (default: 60)",
-    )
-    verb.advanced.add_argument(
-        "--token",
-        default="",
-        help="token required of each client; @FILE reads it from a file (default: "
-        "none)",
-    )
-    verb.advanced.add_argument(
-        "--tls-cert", metavar="FILE.pem", type=path, help="certificate for TLS"
-    )
-    verb.advanced.add_argument(
-        "--tls-key",
-        metavar="FILE.pem",
-        type=path,
-        help="private key of the certificate",
     )
     verb.advanced.add_argument(
         "--seed", type=seed, default=0, help="seed of all random numbers (default: 0)"
@@ -130,14 +117,8 @@ def add_arguments(verb: VerbParser) -> None:
         type=path,
         help="with --mavlink: log of all messages",
     )
-    verb.outputs.add_argument(
-        "--ulog",
-        metavar="FILE",
-        type=path,
-        help="with --mavlink: log of the flight, as of PX4",
-    )
     add_json(verb, "summary at the end as JSON, instead of text")
-    add_force(verb, "existing logs")
+    add_force(verb, "an existing log")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -154,25 +135,23 @@ def run(options: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
 
     start_jax(quick=True)
-    import math
-
     from jblast.report.world import served_text
     from jblast.scene import read_scene_or_world
     from jblast.world import draw_world
-    from jblast.world.remote.serving import ADDRESS, Options, checked_address
+    from jblast.world.remote.serving import Options, checked_address
 
     settings = Options(
-        address=options.listen or ADDRESS,
-        packets_hz=options.rate,
-        lead_s=options.lead,
-        speed=options.speed,
-        ends_s=math.inf if options.seconds is None else options.seconds,
-        patience_s=options.patience,
-        token=token_of(options.token),
-        certificate=None if options.tls_cert is None else Path(options.tls_cert),
-        key=None if options.tls_key is None else Path(options.tls_key),
+        **given(
+            options,
+            listen="address",
+            rate="packets_hz",
+            lead="lead_s",
+            speed="speed",
+            seconds="ends_s",
+            patience="patience_s",
+        )
     )
-    # An address beyond this machine without token or TLS is refused before any work.
+    # An address beyond this machine is refused before any work.
     checked_address(settings)
     uncertain, spec = read_scene_or_world(options.scene)
     world = draw_world(uncertain, spec, options.seed, until_s=settings.ends_s)
@@ -249,23 +228,6 @@ async def _served(world: "DrawnWorld", settings: "Options") -> "ServedAnswer":
     return served_answer(server)
 
 
-def token_of(value: str) -> str:
-    """Return the token, read from a file if the value is @FILE.
-
-    Raises:
-        InputError: The file cannot be read, or the token has a blank.
-    """
-    # A token in the command line is visible to all users of the machine (`ps`).
-    if value.startswith("@"):
-        value = read_text(value[1:], "a file with the token").strip()
-        if not value:
-            raise InputError("--token: expected a file with a word, got an empty one")
-    # It is sent as metadata of gRPC, whose text is printable ASCII.
-    if not (value.isascii() and value.isprintable()) or " " in value:
-        raise InputError("--token: expected a word without blanks, of ASCII")
-    return value
-
-
 def check_mavlink(options: argparse.Namespace) -> bool:
     """Return whether to serve MAVLink, in place of gRPC.
 
@@ -277,21 +239,12 @@ def check_mavlink(options: argparse.Namespace) -> bool:
             "--ground-station: expected --ground-station or --mavlink, got both; the "
             "autopilot itself connects to ground stations"
         )
-    is_mavlink = bool(options.mavlink or options.ground_station)
-    for option, value in (("--tlog", options.tlog), ("--ulog", options.ulog)):
-        if value and not options.mavlink:
+    server = next((x for x in UNUSED if getattr(options, x)), "listen")
+    for option in UNUSED[server]:
+        if (value := getattr(options, option)) is not None:
             raise InputError(
-                f"{option}: expected --mavlink, whose log it is, got no --mavlink"
+                f"--{option}: expected no such option with a server over "
+                f"{'gRPC' if server == 'listen' else argument(server)}, which does not "
+                f"use it, got {value}"
             )
-    if is_mavlink:
-        for option, value in (
-            ("--listen", options.listen),
-            ("--token", options.token),
-            ("--tls-cert", options.tls_cert),
-        ):
-            if value:
-                raise InputError(
-                    f"{option}: expected no such option with MAVLink, which does not "
-                    f"use it, got {value}"
-                )
-    return is_mavlink
+    return server != "listen"

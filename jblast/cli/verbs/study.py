@@ -50,12 +50,6 @@ def add_arguments(verb: VerbParser) -> None:
         "all)",
     )
     verb.advanced.add_argument(
-        "--workers",
-        metavar="N",
-        type=int,
-        help="number of Dask worker processes on this machine (default: none)",
-    )
-    verb.advanced.add_argument(
         "--scheduler",
         metavar="ADDRESS",
         help="address of a Dask scheduler, such as tcp://HOST:8786, whose workers all "
@@ -94,8 +88,8 @@ def run(options: argparse.Namespace) -> int:
     if options.given[:1] == ["report"]:
         start_jax(quick=True)
         return report(options)
-    # with workers this process only distributes tiles
-    start_jax(all_cores=options.workers is None and options.scheduler is None)
+    # with a scheduler this process only distributes tiles
+    start_jax(all_cores=options.scheduler is None)
     if options.list:
         from jblast.report.study_run import outcomes_text
         from jblast.study.outcome.registry import OUTCOMES
@@ -163,28 +157,22 @@ def tile_workers(options: argparse.Namespace) -> "Iterator[Tiles | None]":
     """Yield the function that computes tiles on workers; None for this process.
 
     Raises:
-        InputError: Both kinds of workers are requested, or none is available.
+        InputError: No worker is available.
     """
-    if options.workers is None and options.scheduler is None:
+    if options.scheduler is None:
         yield None
         return
-    if options.workers is not None and options.scheduler is not None:
-        raise InputError("--workers: expected it, or --scheduler, got both")
     import jblast
     from jblast.study.sampling.cluster import (
         client_of,
         shared,
-        workers_here,
         write_summary,
         write_tile,
     )
 
     # Workers may have another current folder.
     store = str(Path(options.out).resolve())
-    workers: int | None = options.workers
-    address = str(options.scheduler)
-    cluster = client_of(address) if workers is None else workers_here(workers)
-    with cluster as client:
+    with client_of(options.scheduler) as client:
 
         def tiles(
             missing: list[int], *, summary: bool = False

@@ -30,7 +30,7 @@ from jblast.errors import InputError
 from jblast.files import writing
 
 # options of one kind of tuning: the other kind rejects them
-OF_GAINS = ("margin_db", "margin_deg", "delay", "motor_lead", "vehicles", "seed")
+OF_GAINS = ("margin_db", "margin_deg", "delay", "vehicles", "seed")
 OF_RECORDS = ("recorded", "sensor", "full_scale", "fps", "start", "background")
 
 
@@ -108,13 +108,6 @@ def add_arguments(verb: VerbParser) -> None:
         type=number,
         help="with --gains: additional loop delay [s], included in the stability "
         "margins but not in the flights (default: 0)",
-    )
-    verb.advanced.add_argument(
-        "--motor-lead",
-        metavar="FACTOR",
-        type=positive,
-        help="with --gains: maximum motor-lag compensation, by feedback of the motor "
-        "speed (default: 1 = none)",
     )
     verb.advanced.add_argument(
         "--vehicles",

@@ -73,13 +73,6 @@ def add_arguments(verb: VerbParser) -> None:
     verb.advanced.add_argument(
         "--seed", type=seed, default=0, help="seed of all random numbers (default: 0)"
     )
-    verb.advanced.add_argument(
-        "--preset",
-        choices=("thesis-as-printed", "thesis-as-coded"),
-        help="blast model of Parab's thesis as printed, or as its plugins compute it, "
-        "for comparison; a scene that contradicts it is rejected (default: jblast's "
-        "laws)",
-    )
     verb.outputs.add_argument(
         "--out", metavar="RUN", required=True, type=path, help="folder for the run"
     )
@@ -132,7 +125,6 @@ def run(options: argparse.Namespace) -> int:
         options.out,
         seconds=options.seconds,
         seed=options.seed,
-        preset=options.preset,
         estimator=options.estimator or "",
         controllers=controllers,
         detect=options.detect,
@@ -170,8 +162,7 @@ def check(options: argparse.Namespace) -> None:
     """Check before the run what can be refused.
 
     Raises:
-        InputError: A file exists or has another suffix, an extra is not installed, or
-            a preset is to be fitted.
+        InputError: A file exists or has another suffix, or an extra is not installed.
     """
     for option, suffix in (("save", ".rrd"), ("mcap", ".mcap")):
         file = getattr(options, option)
@@ -179,12 +170,6 @@ def check(options: argparse.Namespace) -> None:
             raise InputError(f"--{option}: expected a name in {suffix}, got {file}")
         if file:
             refuse_existing(file, force=options.force)
-    # The laws of a fit are those of real blasts: the masses would be wrong.
-    if options.fit and options.preset:
-        raise InputError(
-            f"--fit: expected a run without a preset, got preset {options.preset}, "
-            "whose readings are not those of real blasts"
-        )
     # Extras are imported here: a missing one would otherwise be found after the flight.
     if options.live or options.viewer or options.save:
         needed("rerun", "viewer", options.save or "viewer", "a run is shown")

@@ -1,7 +1,7 @@
-"""Merging of stores: parts of one study, or one study with several seeds.
+"""Merging of stores: parts of one study.
 
-Parts of one study share the numbers of their samples, so each tile is taken from the
-store that has it. Studies that differ in their seed alone are placed one after another.
+Parts share the numbers of their samples, so each tile is taken from the store that has
+it.
 """
 
 import os
@@ -15,7 +15,7 @@ from jblast.errors import InputError
 from jblast.study.engine.store import Store, Tiled, open_store, places_of
 from jblast.study.engine.summary import PARTS, Anchor, SummaryStore, outcomes_of
 
-# Attributes on which values or layout of the samples depend; the seed may differ.
+# Attributes on which values or layout of the samples depend.
 LIKE = ("scene_sha256", "design", "block", "cells", "variants", "jblast", "keep")
 
 
@@ -45,21 +45,7 @@ def merged(
     first = found[0]
     for other in found[1:]:
         _check_same_study(first, other)
-    # a merged store lists the seeds of its parts, in their order
-    seeds = [
-        list(store.attributes.get("seeds", [store.attributes["seed"]]))
-        for store in found
-    ]
-    if all(one == seeds[0] for one in seeds):
-        return _parts(found, Path(out))
-    whole = [seed for one in seeds for seed in one]
-    if len(set(whole)) < len(whole):
-        listed = ", ".join("+".join(map(str, one)) for one in seeds)
-        raise InputError(
-            f"{stores[0]}: expected stores with one seed, or with a different seed "
-            f"each, so that no sample counts twice, got seeds {listed}"
-        )
-    return _seeds(found, Path(out), whole)
+    return _parts(found, Path(out))
 
 
 def opened_intact(path: str | os.PathLike[str]) -> Store:
@@ -94,14 +80,12 @@ def _check_same_study(first: Store, other: Store) -> None:
     """Check that the samples of two stores belong to the same study."""
     a, b = first.attributes, other.attributes
     studies = [tomllib.loads(str(attributes["study"])) for attributes in (a, b)]
-    for study in studies:
-        study.pop("seed", None)
     different = [name for name in LIKE if a[name] != b[name]]
     if studies[0] != studies[1]:
         different.insert(0, "study")
     if different or first.tile != other.tile or first.variables != other.variables:
         raise InputError(
-            f"{other.path}: expected the study of {first.path}, with any seed; got "
+            f"{other.path}: expected the study of {first.path}, got "
             f"another {', '.join(different) or 'layout'}"
         )
 
@@ -135,73 +119,22 @@ def _parts(found: Sequence[Store], out: Path) -> Store:
     for store in found:
         for tile in sorted(store.written() - have):
             if tile < tiles:
-                _copy(store, tile, whole, tile)
+                _copy(store, tile, whole)
                 have.add(tile)
     complete = len(have) >= tiles
     if first.attributes["keep"] != "all":
         whole.attributes["samples"] = samples
         # rows and statistics have tiles of different sizes: both must be complete
-        complete &= merge_summaries(found, whole, apart=False)
+        complete &= merge_summaries(found, whole)
     if complete and not whole.attributes["complete"]:
         whole.finish(samples, rows)
     return whole
 
 
-def _seeds(found: Sequence[Store], out: Path, seeds: Sequence[int]) -> Store:
-    """Return the merged store of studies with different seeds, one after another."""
-    for store in found:
-        if not store.attributes["complete"]:
-            raise InputError(
-                f"{store.path}: expected a complete study for merging seeds, got "
-                f"{len(store.written())} of {store.tiles} tiles"
-            )
-    if any(store.path.resolve() == out.resolve() for store in found):
-        raise InputError(
-            f"{out}: expected a new folder for merging seeds, got one of the stores"
-        )
-    rows = sum(store.samples for store in found)
-    samples = sum(store.attributes["samples"] for store in found)
-    more = {"seeds": list(seeds), "samples": samples}
-    whole = _begun(found[0], out, rows, more)
-    # whole tiles are copied as files; else all rows move to other tiles
-    if all(store.samples % store.tile == 0 for store in found[:-1]):
-        at = 0
-        for store in found:
-            for tile in range(store.tiles):
-                _copy(store, tile, whole, at + tile)
-            at += store.tiles
-    else:
-        _rewritten(found, whole)
-    if whole.attributes["keep"] != "all":
-        merge_summaries(found, whole, apart=True)
-    whole.finish(samples, rows)
-    return whole
-
-
-def _rewritten(found: Sequence[Store], whole: Store) -> None:
-    """Write the rows of stores, one after another, in whole tiles."""
-    left: dict[str, np.ndarray] = {}
-    tile = 0
-    # a generator: about two tiles are in memory, whatever the size of the stores
-    rows = (store.read_tile(n) for store in found for n in range(store.tiles))
-    for columns in rows:
-        left = {
-            name: np.concatenate([left[name], values]) if left else values
-            for name, values in columns.items()
-        }
-        while len(next(iter(left.values()))) >= whole.tile:
-            now = {name: values[: whole.tile] for name, values in left.items()}
-            whole.write_tile(tile, now)
-            left = {name: values[whole.tile :] for name, values in left.items()}
-            tile += 1
-    if len(next(iter(left.values()))):
-        whole.write_tile(tile, left)
-
-
-def _copy(store: Store, tile: int, whole: Store, onto: int) -> None:
+def _copy(store: Store, tile: int, whole: Store) -> None:
     """Copy the chunks of a tile."""
     for variable in store.variables:
-        whole.write_chunk(variable, onto, store.read_chunk(variable, tile))
+        whole.write_chunk(variable, tile, store.read_chunk(variable, tile))
 
 
 def summary_of(store: Store) -> SummaryStore:
@@ -221,13 +154,12 @@ def summary_of(store: Store) -> SummaryStore:
     return summary
 
 
-def merge_summaries(found: Sequence[Store], whole: Store, *, apart: bool) -> bool:
+def merge_summaries(found: Sequence[Store], whole: Store) -> bool:
     """Merge the statistics of stores; return whether no tile is missing.
 
     Args:
         found: Stores.
         whole: Merged store; it may be the first of them.
-        apart: Whether the stores have different samples, one after another.
 
     Raises:
         InputError: The histograms have different origins.
@@ -245,20 +177,15 @@ def merge_summaries(found: Sequence[Store], whole: Store, *, apart: bool) -> boo
     into = SummaryStore(whole.path, whole.variables, parts[0].groups, 0)
     # a ceiling division
     into.tiles = -(-int(whole.attributes["samples"]) // tile)
-    if apart:
-        # each seed may end with a short tile, so that tiles are not merged
-        into.tiles = sum(part.tiles for part in parts)
     if not into.there:
         into.create(anchors, tile)
     # `whole` may be the first store, whose tiles are not copied onto themselves
-    have, begin = into.written(), 0
+    have = into.written()
     for part in parts:
         for number in sorted(part.written()):
-            onto = begin + number
-            if onto not in have and onto < into.tiles:
-                _copy_summary(part, number, into, onto)
-                have.add(onto)
-        begin += part.tiles if apart else 0
+            if number not in have and number < into.tiles:
+                _copy_summary(part, number, into)
+                have.add(number)
     return len(have) == into.tiles
 
 
@@ -270,11 +197,9 @@ def _alike(a: dict[str, Anchor], b: dict[str, Anchor]) -> bool:
     )
 
 
-def _copy_summary(
-    source: SummaryStore, tile: int, into: SummaryStore, onto: int
-) -> None:
+def _copy_summary(source: SummaryStore, tile: int, into: SummaryStore) -> None:
     """Copy the chunks of a tile."""
     for v in outcomes_of(source.variables):
         for part in PARTS[v.kind]:
             data = source.read_chunk(v, part, tile)
-            into.write_chunk(v, part, onto, data)
+            into.write_chunk(v, part, tile, data)

@@ -31,7 +31,7 @@ GROUP = "zarr.json"
 WHAT = "the store of a study"
 PLACES = "sensor_position_m"
 COORDINATES = ("sensor", PLACES)
-Role = Literal["input", "axis", "outcome", "weight"]
+Role = Literal["input", "axis", "outcome"]
 Kind = Literal["number", "yes_no"]
 NO_ANSWER = -1
 """Value of a yes-or-no outcome of a failed sample; a number is NaN."""
@@ -164,7 +164,7 @@ class Variable(NamedTuple):
 
     Attributes:
         name: Name of the parameter, axis or outcome.
-        role: Input (sampled from a prior), axis, outcome or weight.
+        role: Input (sampled from a prior), axis or outcome.
         units: Unit of the values; "1" for none.
         long_name: Description.
         kind: A number, or yes (1) and no (0).

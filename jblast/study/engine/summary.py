@@ -1,7 +1,7 @@
 """Statistics of a study whose samples are too many to store.
 
 A state holds the statistics of one outcome for a variant, cell and sensor
-(`study.statistics`, without weights): moments and a quantile sketch of a number, counts
+(`study.statistics`): moments and a quantile sketch of a number, counts
 of yes and no. States of parts of a study, merged in the order of the samples, are the
 state of the whole study, on whichever devices the parts were calculated.
 
@@ -338,7 +338,7 @@ def states_by_group(
         shape = v.shape(groups)
         if v.kind == "yes_no":
             parts = values >= 0, values > 0, values < 0
-            found[v.name] = share_from(
+            found[v.name] = ShareState(
                 *(_by(which, x, groups).astype(np.int64).reshape(shape) for x in parts)
             )
             continue
@@ -555,7 +555,7 @@ def states_of(
         shape = v.shape(1)
         if v.kind == "yes_no":
             whole = kept[v.name].sum(axis=0, dtype=np.int64)
-            found[v.name] = share_from(*(x.reshape(shape) for x in whole.T))
+            found[v.name] = ShareState(*(x.reshape(shape) for x in whole.T))
             continue
         parts = np.asarray(kept[v.name], float)
         samples, infinite, off, square = np.moveaxis(parts.sum(axis=0), -1, 0)[:4]
@@ -611,8 +611,7 @@ def moments_from(array: Float[np.ndarray, "... 7"]) -> Moments:
     """Return moments from their `NUMBERS`."""
     finite, infinite, lost, mean, squares, low, high = np.moveaxis(array, -1, 0)
     whole = [x.astype(np.int64) for x in (finite, infinite, lost)]
-    one = finite.astype(float), mean, squares
-    return Moments._make([*whole, *one, *one, low, high])
+    return Moments._make([*whole, mean, squares, low, high])
 
 
 def packed(variable: Variable, state: State) -> dict[str, np.ndarray]:
@@ -631,13 +630,6 @@ def unpacked(
 ) -> State:
     """Return the state of arrays of `packed`."""
     if variable.kind == "yes_no":
-        return share_from(*np.moveaxis(arrays["share"], -1, 0))
+        return ShareState(*np.moveaxis(arrays["share"], -1, 0))
     sketch = QuantileSketch(arrays["counts"], anchors[variable.name].origin)
     return NumberState(moments_from(arrays["moments"]), sketch)
-
-
-def share_from(known: np.ndarray, yes: np.ndarray, lost: np.ndarray) -> ShareState:
-    """Return the state of a yes-or-no outcome without weights."""
-    # weights of one: sums of weights and of their squares are the counts
-    weight, hit = known.astype(float), yes.astype(float)
-    return ShareState(known, yes, lost, weight, weight, hit, hit)

@@ -10,8 +10,6 @@ tile is returned. All workers must see the store under the same path.
 import contextlib
 import functools
 import itertools
-import os
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -116,69 +114,6 @@ def client_of(address: str) -> Iterator[Any]:
         ) from None
     with client:
         yield client
-
-
-@contextlib.contextmanager
-def workers_here(count: int) -> Iterator[Any]:
-    """Yield a client of `count` worker processes on this machine.
-
-    Each has its share of the cores, one CPU device of JAX for each, and one task at a
-    time. Its threads are bound to its cores: XLA would otherwise start threads for all
-    cores in each worker.
-
-    Raises:
-        InputError: Dask is not installed, or the number is below 1.
-    """
-    distributed = needed("distributed", EXTRA, f"{count} workers", WHAT)
-    if count < 1:
-        raise InputError(f"workers: expected a whole number from 1, got {count}")
-    cluster = distributed.LocalCluster(
-        n_workers=count,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        env=environment(max(1, (os.cpu_count() or 1) // count)),
-        # only critical messages: lost workers are retried without a user
-        silence_logs=50,
-    )
-    with cluster, distributed.Client(cluster, set_as_default=False) as client:
-        for nth, worker in enumerate(client.scheduler_info(n_workers=-1)["workers"]):
-            client.run(hold_to_cores, nth, count, workers=[worker])
-        yield client
-
-
-def hold_to_cores(nth: int, count: int) -> None:
-    """Bind all threads of this process to its share of the cores (Linux only).
-
-    Args:
-        nth: Number of this worker, from 0.
-        count: Number of workers.
-    """
-    if not sys.platform.startswith("linux"):
-        return
-    # the allowed cores, which a container may limit, instead of those of the machine
-    cores = sorted(os.sched_getaffinity(0))
-    share = max(1, len(cores) // count)
-    begin = nth * share % len(cores)
-    # `sched_setaffinity` binds one thread, and those of XLA exist already
-    for thread in os.listdir("/proc/self/task"):
-        os.sched_setaffinity(int(thread), cores[begin : begin + share])
-
-
-def environment(cores: int) -> dict[str, str]:
-    """Return the environment variables of a worker on a CPU.
-
-    Args:
-        cores: Number of its cores.
-    """
-    return {
-        "JAX_PLATFORMS": os.environ.get("JAX_PLATFORMS", "cpu"),
-        "JAX_NUM_CPU_DEVICES": str(cores),
-        "OMP_NUM_THREADS": "1",
-        # each worker would otherwise start a thread for every core of the machine
-        "OPENBLAS_NUM_THREADS": "1",
-        "XLA_FLAGS": os.environ.get("XLA_FLAGS", ""),
-    }
 
 
 def shared(

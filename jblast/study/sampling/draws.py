@@ -4,10 +4,8 @@ A sample's key is that of the study folded with the sample's number, so it does 
 depend on where or when the sample is calculated. Folded with 0 it draws the parameters,
 with the number of an outcome family the random numbers of that family.
 
-Designs other than random draws place samples in the unit cube. Sobol' points are
-scrambled by the seed, so that they are unbiased, and can be made from any index on; a
-Latin hypercube has as many rows as the study has draws; a grid is the midpoints of
-equal parts of each range, with the first parameter varying fastest.
+The design "sobol" places samples in the unit cube. Sobol' points are scrambled by the
+seed, so that they are unbiased, and can be made from any index on.
 
 Random numbers are those of `jax.random`, to the last bit, in fewer passes: on a CPU JAX
 evaluates its hash in five passes of a loop for each key. Here the rounds are one
@@ -26,14 +24,11 @@ from jaxtyping import Array, Bool, Float, Int, Key, UInt32, UInt64
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from jblast.errors import InputError
 from jblast.parameters import UNBOUNDED
 from jblast.scene import UncertainScene, parameter_named
 from jblast.scene.uncertain import Prior
 from jblast.study.file import Axis, Design
 
-MAX_LATIN = 20_000_000
-"""Largest Latin hypercube: it is in memory as a whole, 160 MB for each parameter."""
 BITS = 32
 """Bits of a Sobol' point, of which there are 2^32. With more, SciPy does not skip
 points."""
@@ -52,72 +47,26 @@ LOWEST_UNIFORM = np.nextafter(-1.0, 0.0)
 Word = UInt32[Array, "..."] | np.uint32
 
 
-def points_of(
-    design: Design, dimensions: int, draws: int, seed: int, source: str
-) -> Points | None:
+def points_of(design: Design, dimensions: int, seed: int) -> Points | None:
     """Return the points of a design; None for random samples from keys.
 
     Args:
         design: Kind of samples.
         dimensions: Number of sampled parameters.
-        draws: Number of samples.
         seed: Seed of the design.
-        source: Name of the study file, for messages.
-
-    Raises:
-        InputError: The design does not exist for this number of samples.
     """
     if design == "random" or dimensions == 0:
         return None
-    if design == "sobol":
 
-        def sobol(begin: int, count: int) -> np.ndarray:
-            # an engine for each call: threads compute tiles in any order
-            engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
-            if begin:  # SciPy rejects a step of 0
-                engine.fast_forward(begin)
-            with np.errstate(all="ignore"):
-                return _scores(engine.random(count))
+    def sobol(begin: int, count: int) -> np.ndarray:
+        # an engine for each call: threads compute tiles in any order
+        engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
+        if begin:  # SciPy rejects a step of 0
+            engine.fast_forward(begin)
+        with np.errstate(all="ignore"):
+            return _scores(engine.random(count))
 
-        return sobol
-    if design == "latin":
-        if draws > MAX_LATIN:
-            raise InputError(
-                f"{source}: samples: expected at most {MAX_LATIN:,} of a Latin "
-                f'hypercube, got {draws:,}; design = "sobol" has no such limit'
-            )
-        made: list[np.ndarray] = []
-
-        def latin(begin: int, count: int) -> np.ndarray:
-            if not made:
-                made.append(qmc.LatinHypercube(dimensions, rng=seed).random(draws))
-            # the last block is padded with the last sample: another length would
-            # compile another program
-            rows = np.minimum(np.arange(begin, begin + count), draws - 1)
-            return _scores(made[0][rows])
-
-        return latin
-    return _grid(dimensions, draws, source)
-
-
-def _grid(dimensions: int, draws: int, source: str) -> Points:
-    """Return the points of a grid with equal divisions of each parameter."""
-    each = round(draws ** (1 / dimensions))
-    if each**dimensions != draws:
-        near = [max(1, each - 1) ** dimensions, each**dimensions]
-        near.append((each + 1) ** dimensions)
-        raise InputError(
-            f"{source}: samples: expected a number of points of a grid over "
-            f"{dimensions} parameters, as {' or '.join(map(str, near))}, got {draws}"
-        )
-
-    def grid(begin: int, count: int) -> np.ndarray:
-        # the last block is padded with the last point
-        at = np.minimum(np.arange(begin, begin + count), draws - 1)
-        parts = at[:, None] // each ** np.arange(dimensions) % each
-        return _scores((parts + 0.5) / each)
-
-    return grid
+    return sobol
 
 
 def _scores(unit: np.ndarray) -> np.ndarray:

@@ -65,7 +65,7 @@ ANCHOR_SAMPLES = 16
 """Samples of each cell that determine the origins of its histograms: only their order
 of magnitude matters."""
 ANCHOR_SEED = 0
-"""Seed of these samples, a constant, so that studies with other seeds can be merged."""
+"""Seed of these samples, a constant."""
 LAUNCH = {"cpu": 1 << 15, "gpu": 1 << 20}
 """Samples of a device in one launch: enough to hide its overhead, within its memory."""
 GROUP = 1 << 19
@@ -107,10 +107,7 @@ class Work:
                 *(family.tile for family in families),
             ),
         )
-        each = -(-self.numbering.samples // len(study.variants))
-        self.points = points_of(
-            study.design, len(study.drawn), -(-each // cells), study.seed, study.source
-        )
+        self.points = points_of(study.design, len(study.drawn), study.seed)
         notes = [note for part in self.parts[0] for note in part.prepared.notes]
         self.notes = tuple(dict.fromkeys(notes))
         self._launchers: dict[int, Launcher] = {}

@@ -170,20 +170,14 @@ def hover_in_wind(
 ) -> State:
     """Return the state of a vehicle that hovers at rest in a steady wind.
 
-        Thrust and the wind's drag and lift balance its weight. Moments of the wind,
-        which speed differences between rotors balance, are neglected.
+    Thrust and the wind's drag and lift balance its weight. Moments of the wind, which
+    speed differences between rotors balance, are neglected.
 
     Args:
-            vehicle: The vehicle.
-            position_m: Position of the vehicle: east, north, up, shape (3,).
-            yaw_rad: Heading, from east to north.
-            wind_m_s: Velocity of the air: east, north, up, shape (3,).
-
-    <<<
-        # one program for all rounds
-    ===
-        # A scan compiles the iteration once; unrolled, the program would be eight times
-        # as long.
+        vehicle: The vehicle.
+        position_m: Position of the vehicle: east, north, up, shape (3,).
+        yaw_rad: Heading, from east to north.
+        wind_m_s: Velocity of the air: east, north, up, shape (3,).
     """
     still, wind = three(jnp.zeros(3)), three(wind_m_s)
     weight = vehicle.mass_kg * FLIGHT_GRAVITY * jnp.array([0.0, 0.0, 1.0])
@@ -196,7 +190,8 @@ def hover_in_wind(
         )
         return weight - (blown - quiet), None
 
-    # one program for all rounds
+    # A scan compiles the iteration once; unrolled, the program would be eight times as
+    # long.
     pull, _ = jax.lax.scan(
         balance, weight + 0 * wind_m_s, None, length=HOVER_ITERATIONS
     )

@@ -10,9 +10,9 @@ the command, constant over the controller's period, through the motors' lag, $\d
 Largest step. Over a period each chain is a matrix: the integrator's own steps, then the
 controller's command. The loop is stable while no eigenvalue exceeds 1 in magnitude. The
 motors alone, $\dot\Omega = -\Omega/\tau_m$, decay under RK4 while
-$|1 + z + z^2/2 + z^3/6 + z^4/24| < 1$, $z = -h/\tau_m$, up to $h = 2.785\,\tau_m$, and
-under Euler while $|1 - h/\tau_m| < 1$, up to $2\,\tau_m$. Far from hover, in
-saturation or at large attitude errors, a stable step can still be too coarse.
+$|1 + z + z^2/2 + z^3/6 + z^4/24| < 1$, $z = -h/\tau_m$, up to $h = 2.785\,\tau_m$.
+Far from hover, in saturation or at large attitude errors, a stable step can still be
+too coarse.
 
 Margins. Each loop is broken where the rotors are commanded, behind the lag $\tau_m$ and
 a dead time $T$:
@@ -50,8 +50,8 @@ FREQUENCY = np.geomspace(1e-3, 1e5, 6001)
 Margins are interpolated between points 0.3 % apart. The range spans eight decades
 around the loops' crossover frequencies of 1 to 100 rad/s.
 """
-MOTOR_LIMIT = {"rk4": 2.785293563405282, "euler": 2.0}
-"""Step over motor lag at which the growth factor of a step is 1, by integrator."""
+MOTOR_LIMIT = 2.785293563405282
+"""Step over motor lag at which the growth factor of a step is 1."""
 
 
 class Margins(NamedTuple):
@@ -159,7 +159,7 @@ def is_stable(gains: Gains, motor_lag_s: float, period_s: float) -> bool:
         period_s: Period of the controller [s].
     """
     # An unused integral stays constant: its eigenvalue is 1, up to rounding.
-    largest = growth("rk4", chains(gains, float(motor_lag_s)), period_s, 1)
+    largest = growth(chains(gains, float(motor_lag_s)), period_s, 1)
     return largest <= 1 + 1e-9
 
 
@@ -186,39 +186,35 @@ def _least(
     return jnp.min(jnp.where(some, values, jnp.inf), axis=-1)
 
 
-def step_limit(
-    integrator: str, motor_lag_s: float, gains: Gains | None = None, held: int = 1
-) -> float:
+def step_limit(motor_lag_s: float, gains: Gains | None = None, held: int = 1) -> float:
     """Return the largest stable step [s].
 
     A loop that is unstable at any step has no such limit; then the limit of the motors
     alone is returned.
 
     Args:
-        integrator: "rk4" or "euler".
         motor_lag_s: Time constant of the motors [s].
         gains: Controller gains; None for flights without a controller.
         held: Steps per controller period.
     """
-    motors = MOTOR_LIMIT[integrator] * motor_lag_s
+    motors = MOTOR_LIMIT * motor_lag_s
     if gains is None:
         return motors
     by_axis = (gains.position, gains.velocity, gains.integral)
     numbers = (*by_axis, gains.attitude, gains.body_rate, gains.lead)
     by_value = tuple(float(x) for part in numbers for x in np.ravel(part))
-    return _controlled_limit(integrator, float(motor_lag_s), by_value, held)
+    return _controlled_limit(float(motor_lag_s), by_value, held)
 
 
 # Flights of one study share gains and steps, and the search solves some 150 eigenvalue
 # problems for each chain.
 @lru_cache(maxsize=64)
 def _controlled_limit(
-    integrator: str, motor_lag_s: float, numbers: tuple[float, ...], held: int
+    motor_lag_s: float, numbers: tuple[float, ...], held: int
 ) -> float:
     """Return the largest stable step with a position controller [s].
 
     Args:
-        integrator: "rk4" or "euler".
         motor_lag_s: Time constant of the motors [s].
         numbers: Gains: position, velocity, integral, attitude, body rate, motor lead.
         held: Steps per controller period.
@@ -226,10 +222,10 @@ def _controlled_limit(
     position, velocity, integral = np.reshape(numbers[:9], (3, 3))
     attitude, body_rate, lead = numbers[9:]
     gains = Gains(position, velocity, attitude, body_rate, integral, motor_lead=lead)
-    motors, links = MOTOR_LIMIT[integrator] * motor_lag_s, chains(gains, motor_lag_s)
+    motors, links = MOTOR_LIMIT * motor_lag_s, chains(gains, motor_lag_s)
 
     def grows(step: float) -> bool:
-        return growth(integrator, links, step, held) > 1 + 1e-9
+        return growth(links, step, held) > 1 + 1e-9
 
     # A grid first, because stability need not be monotonic in the step: the first
     # unstable step counts. Bisection then resolves the limit to 2**-30 of a grid
@@ -247,11 +243,10 @@ def _controlled_limit(
     return float(stable)
 
 
-def growth(integrator: str, chains: list, step: float, held: int) -> float:
+def growth(chains: list, step: float, held: int) -> float:
     """Return the largest eigenvalue magnitude of a period of the closed loop.
 
     Args:
-        integrator: "rk4" or "euler".
         chains: Rates and feedback of each chain.
         step: Step of the integrator [s].
         held: Steps per controller period.
@@ -259,7 +254,7 @@ def growth(integrator: str, chains: list, step: float, held: int) -> float:
     largest = 0.0
     for matrix, feedback, integral in chains:
         size = len(matrix)
-        advance = np.linalg.matrix_power(_advance(integrator, matrix, step), held)
+        advance = np.linalg.matrix_power(_advance(matrix, step), held)
         # State and integral: the integral adds this sample's error before the command.
         total = np.eye(size + 1)
         total[size, 0] = -integral * step * held
@@ -306,15 +301,9 @@ def _integrals(links: list[float], lag: float) -> np.ndarray:
     return np.hstack([rates, np.append(np.zeros(size - 1), 1 / lag)[:, None]])
 
 
-def _advance(integrator: str, rates: np.ndarray, step: float) -> np.ndarray:
+def _advance(rates: np.ndarray, step: float) -> np.ndarray:
     """Matrix of one step on chain and command, which is constant."""
     size = len(rates)
     square = np.vstack([rates, np.zeros(size + 1)])
     z, one = step * square, np.eye(size + 1)
-    if integrator == "rk4":
-        return one + z @ (one + z / 2 @ (one + z / 3 @ (one + z / 4)))
-    total = one + z
-    # Semi-implicit: position and angle advance with the new velocity and rate.
-    for n in range(0, size - 1, 2):
-        total[n] = one[n] + z[n, n + 1] * total[n + 1]
-    return total
+    return one + z @ (one + z / 2 @ (one + z / 3 @ (one + z / 4)))

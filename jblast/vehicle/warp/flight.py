@@ -38,7 +38,6 @@ class KernelFlight:
         period_s: float,
         *,
         batch: tuple[int, ...],
-        integrator: str,
         store_every: int,
         device: str | None,
     ):
@@ -50,7 +49,6 @@ class KernelFlight:
             time_s: Times of the stored rows.
             period_s: Period of the controller.
             batch: Axes of the batch.
-            integrator: "rk4" or "euler".
             store_every: Steps between rows.
             device: Warp's name of the device; default: the first GPU, or the CPU.
 
@@ -63,7 +61,7 @@ class KernelFlight:
         control = own(flight.control)
         warp_control = None if control is None else kernel_of(control)
         functions = hold_functions if warp_control is None else warp_control.functions
-        kernel = rollout_kernel(real, integrator, functions)
+        kernel = rollout_kernel(real, functions)
         send, count = Sender(place, real, batch), int(np.prod(batch))
         try:
             rows = wp.empty((time_s.size, COLUMNS, count), dtype=real, device=place)

@@ -33,13 +33,12 @@ FIELDS = ("start_s", "duration_s", "decay")
 @cache
 @no_type_check
 def rollout_kernel(
-    real: type, integrator: str, controller: Callable = hold_functions
+    real: type, controller: Callable = hold_functions
 ) -> SimpleNamespace:
     """Return the kernel and the types of its arguments.
 
     Args:
         real: `wp.float32` or `wp.float64`.
-        integrator: "rk4" or "euler".
         controller: Functions of the controller (`vehicle.ControllerKernel`).
     """
     body, hold, steps = body_functions(real), controller(real), step_functions(real)
@@ -98,7 +97,7 @@ def rollout_kernel(
         net.moment = vehicle.inertia @ rate.body_rate + wp.cross(w, vehicle.inertia @ w)
         return net
 
-    advance = {"rk4": steps.rk4, "euler": steps.euler}[integrator]
+    advance = steps.rk4
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def rollout(
@@ -277,32 +276,7 @@ def step_functions(real: type) -> SimpleNamespace:
             gain = body.moved(gain, share, rate)
         return gain
 
-    @wp.func
-    def euler(
-        vehicle: Vehicle,
-        air: Air,
-        clock: Clock,
-        pilot: Pilot,
-        lane: int,
-        n: int,
-        motion: StateComponents,
-        held: vec4,
-        impulse_wrench: Wrench,
-    ) -> StateComponents:
-        """Increment of a state as in `dynamics.euler_step`."""
-        step = clock.step[n]
-        command = held
-        if pilot.kind == 1:
-            command = command_row(pilot, lane, clock.row[n, 1])
-        wind = gust.wind_at(air.wind, lane, clock.stages[n, 1])
-        rate = body.rates(vehicle, motion, command, wind, impulse_wrench)
-        gain = body.moved(StateComponents(), step, rate)
-        gain.position = step * (motion.velocity + gain.velocity)
-        w = motion.body_rate + gain.body_rate
-        gain.quaternion = step * body.turning(motion.quaternion, w)
-        return gain
-
-    return SimpleNamespace(Air=Air, Clock=Clock, Pilot=Pilot, rk4=rk4, euler=euler)
+    return SimpleNamespace(Air=Air, Clock=Clock, Pilot=Pilot, rk4=rk4)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Flights: cost of each integrator and step, against the greatest position error.
+"""Flights: cost of each step, against the greatest position error.
 
 The vehicles are independent Crazyflies in two cases. In the first they start with
 random velocities and body rates in an oscillating wind, at constant rotor speeds. In
@@ -8,7 +8,6 @@ is 10 ms whatever the step. The reference is RK4 in float64 with a step of 0.05 
 
 from collections.abc import Sequence
 from functools import partial
-from itertools import product
 from typing import NamedTuple
 
 import jax
@@ -48,7 +47,6 @@ STEPS = (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)
 """Steps of the flights in the wind [s]; each divides `PERIOD`."""
 BLAST_STEPS = (5e-4, 2e-3, 1e-2)
 """Steps of the flights in the blast [s]; each needs 10 s of compilation."""
-INTEGRATORS = {"RK4": "rk4", "Euler": "euler"}
 DTYPES = ("float64", "float32")
 HOME = (0.0, 0.0, 5.0)
 """Target position [m]."""
@@ -114,12 +112,11 @@ def cases(count: int = VEHICLES) -> list[Case]:
     ]
 
 
-def fly(case: Case, integrator: str, step: float, dtype: str) -> Trajectory:
+def fly(case: Case, step: float, dtype: str) -> Trajectory:
     """Fly a case; a row is stored every `PERIOD`.
 
     Args:
         case: Initial states and options.
-        integrator: "rk4" or "euler".
         step: Step of the integrator [s].
         dtype: Precision of the flight.
     """
@@ -128,7 +125,6 @@ def fly(case: Case, integrator: str, step: float, dtype: str) -> Trajectory:
         jax.tree.map(lambda x: x.astype(dtype), case.state),
         duration_s=DURATION,
         step_s=step,
-        integrator=integrator,
         store_every=round(PERIOD / step),
         **case.options,
     )
@@ -165,18 +161,18 @@ def flight_points(
     progress, points = in_words(), []
     for case in cases(count):
         progress(f"{case.name}, the reference")
-        truth = fly(case, "rk4", REFERENCE_STEP, "float64")
-        for dtype, (words, integrator) in product(DTYPES, INTEGRATORS.items()):
+        truth = fly(case, REFERENCE_STEP, "float64")
+        for dtype in DTYPES:
             measured = []
             for step in case.steps:
-                progress(f"{case.name}, {words} {1e3 * step:g} ms, {dtype}")
-                flight = partial(fly, case, integrator, step, dtype)
+                progress(f"{case.name}, RK4 {1e3 * step:g} ms, {dtype}")
+                flight = partial(fly, case, step, dtype)
                 took, found = best_of(flight, repeats)
                 measured.append((took / (count * DURATION), farthest(found, truth)))
             slope = order([error for _, error in measured], case.steps)
             points += [
                 BenchmarkPoint(
-                    f"{words} {1e3 * step:g} ms",
+                    f"RK4 {1e3 * step:g} ms",
                     cost,
                     1e3 * error,
                     f"{dtype}, {case.name}; measured order {slope:.1f}",
@@ -195,6 +191,6 @@ register_benchmark(
         error=f"largest distance from the reference over {DURATION:g} s [mm]",
         measure=flight_points,
         relative=False,
-        orders={"RK4": 4, "Euler": 1},
+        orders={"RK4": 4},
     )
 )

@@ -121,8 +121,7 @@ HOME = (0.0, 0.0, 5.0)
 def flight_failures() -> list[FailureMode]:
     """Measure every failure mode."""
     return [
-        *_limit_failures("rk4", "RK4"),
-        *_limit_failures("euler", "semi-implicit Euler"),
+        *_limit_failures(),
         pulse_failure(),
         _tumble(),
         _clock(),
@@ -135,12 +134,8 @@ def flight_failures() -> list[FailureMode]:
     ]
 
 
-def tumble_drift(integrator: str) -> Float[np.ndarray, " rate"]:
-    """Return the relative energy change of a free tumble in 1 s, by `RATES`.
-
-    Args:
-        integrator: "rk4" or "euler".
-    """
+def tumble_drift() -> Float[np.ndarray, " rate"]:
+    """Return the relative energy change of a free tumble in 1 s, by `RATES`."""
     vehicle = named("hummingbird")  # its three moments of inertia differ
     # neither drag nor rotors, so that the energy of the exact motion is constant
     bare = eqx.tree_at(
@@ -155,29 +150,26 @@ def tumble_drift(integrator: str) -> Float[np.ndarray, " rate"]:
             for start in (hovering(bare, rate * about) for rate in RATES)
         ]
     )
-    flown = simulate(
-        bare, starts, duration_s=1.0, step_s=STEP, integrator=integrator, store_every=40
-    )
+    flown = simulate(bare, starts, duration_s=1.0, step_s=STEP, store_every=40)
     w = np.asarray(flown.body_rate_rad_s)
     energy = np.einsum("...i,ij,...j", w, np.asarray(bare.inertia_kg_m2), w)
     return np.abs(energy / energy[:, :1] - 1).max(axis=1)
 
 
 def _tumble() -> FailureMode:
-    euler, ours = tumble_drift("euler"), tumble_drift("rk4")
+    ours = tumble_drift()
     logs = np.log(DRIFT), np.log(ours), np.log(RATES)
     at = float(np.exp(boundary_at(*logs, "free tumble, RK4")))
-    ten = [float(np.interp(10.0, RATES, drift)) for drift in (euler, ours)]
+    ten = float(np.interp(10.0, RATES, ours))
     return FailureMode(
         area="flights",
         method="free tumble, RK4, steps of 0.5 ms",
         failure=f"the energy drifts by more than {DRIFT:g} a second",
         boundary=at,
         unit="rad/s",
-        beyond=f"{RATES[-1]:g} rad/s: {ours[-1]:.1g} a second; semi-implicit Euler "
-        f"drifts by {ten[0]:.1g} at 10 rad/s",
-        response=verified("holds", ten[1] < DRIFT, "free tumble"),
-        message=f"RK4, the default: {ten[1]:.1g} a second at 10 rad/s",
+        beyond=f"{RATES[-1]:g} rad/s: {ours[-1]:.1g} a second",
+        response=verified("holds", ten < DRIFT, "free tumble"),
+        message=f"RK4: {ten:.1g} a second at 10 rad/s",
     )
 
 
@@ -618,16 +610,12 @@ def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
     return State(jnp.asarray(HOME), still, level, turn, jnp.full(4, speed))
 
 
-def swings(integrator: str) -> Swings:
-    """Fly every named vehicle at every share of its limit, with control at each step.
-
-    Args:
-        integrator: "rk4" or "euler".
-    """
+def swings() -> Swings:
+    """Fly every named vehicle at every share of its limit, controlled at each step."""
     limits, vehicles, holds = [], [], []
     for name in NAMES:
         vehicle, gains = named(name), named_gains(name)
-        limits.append(step_limit(integrator, float(vehicle.motor_lag_s), gains))
+        limits.append(step_limit(float(vehicle.motor_lag_s), gains))
         for share in SHARES:
             times = jnp.asarray(share * limits[-1] / CONTROLLER_STEP)
             # a step longer by s is the same step with motors and gains faster by s:
@@ -654,7 +642,6 @@ def swings(integrator: str) -> Swings:
             starts,
             duration_s=CONTROLLER_STEPS * CONTROLLER_STEP,
             step_s=CONTROLLER_STEP,
-            integrator=integrator,
             control=Each(holds),
             store_every=100,
         )
@@ -670,25 +657,25 @@ def swings(integrator: str) -> Swings:
     return Swings(np.array(limits), early, late)
 
 
-def _limit_failures(integrator: str, words: str) -> list[FailureMode]:
-    found, modes = swings(integrator), []
+def _limit_failures() -> list[FailureMode]:
+    found, modes = swings(), []
     for name, limit, up, late in zip(
         NAMES, found.limit_s, found.up(), found.late, strict=True
     ):
-        first = first_failure(up[:-1], f"{name}, position controller, {words}")
+        first = first_failure(up[:-1], f"{name}, position controller, RK4")
         last = "lost" if np.isinf(late[first + 1]) else f"{late[first + 1]:.1g} rad/s"
         reached = SHARES[first] > 0.99 and up[first:].any()
-        reached = reached and _refused(name, integrator, limit)
+        reached = reached and _refused(name, limit)
         modes.append(
             FailureMode(
                 area="flights",
-                method=f"{name}, position controller, {words}",
+                method=f"{name}, position controller, RK4",
                 failure="a step too long: a body rate of 1e-6 rad/s grows",
                 boundary=1e3 * float(limit * SHARES[first]),
                 unit="ms",
                 beyond=f"{1e3 * limit * SHARES[first + 1]:.3g} ms: {last} after "
                 f"{CONTROLLER_STEPS:,} steps",
-                response=verified("refuses", reached, f"{name}, {integrator}"),
+                response=verified("refuses", reached, name),
                 message=f"refused above {1e3 * limit:.4g} ms, the limit by the "
                 "eigenvalues of motors and loop",
             )
@@ -696,7 +683,7 @@ def _limit_failures(integrator: str, words: str) -> list[FailureMode]:
     return modes
 
 
-def _refused(name: str, integrator: str, limit: float) -> bool:
+def _refused(name: str, limit: float) -> bool:
     """Return True if a step 0.1 % above a limit is refused and one below is not."""
     vehicle, hold = named(name), PositionHold(HOME, named_gains(name))
 
@@ -707,7 +694,6 @@ def _refused(name: str, integrator: str, limit: float) -> bool:
                 hovering(vehicle),
                 duration_s=step,
                 step_s=step,
-                integrator=integrator,
                 control=hold,
             )
         except InputError:

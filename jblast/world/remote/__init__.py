@@ -1,8 +1,7 @@
 """A world over the network, by gRPC: server and client, an optional extra.
 
 gRPC is used because C++ plugins can generate their client from the `.proto` file. It
-also validates messages, has bidirectional streams with flow control, and supports
-tokens and TLS.
+also validates messages and has bidirectional streams with flow control.
 """
 
 from jblast.world.remote.client import Client as Client, connect as connect

@@ -99,10 +99,9 @@ class ServedStream:
 class Client:
     """A client of one server."""
 
-    def __init__(self, channel: Any, token: str = ""):
+    def __init__(self, channel: Any):
         """Create a client on a gRPC channel, which `close` closes."""
         self._channel = channel
-        self._metadata = (("authorization", f"Bearer {token}"),) if token else ()
 
     def __enter__(self) -> "Client":
         return self
@@ -181,7 +180,7 @@ class Client:
             request_serializer=to.Ask.SerializeToString,
             response_deserializer=to.Packet.FromString,
         )
-        return ServedStream(lambda asks: call(asks, metadata=self._metadata), ticket)
+        return ServedStream(lambda asks: call(asks), ticket)
 
     def leave(self, ticket: Ticket) -> None:
         """Remove an entity that has no stream.
@@ -233,20 +232,16 @@ class Client:
             response_deserializer=answer.FromString,
         )
         try:
-            return call(message, timeout=CALL_TIMEOUT_S, metadata=self._metadata)
+            return call(message, timeout=CALL_TIMEOUT_S)
         except grpc().RpcError as error:
             raise _server_error(error) from None
 
 
-def connect(
-    address: str, *, token: str = "", certificate: bytes | None = None
-) -> Client:
+def connect(address: str) -> Client:
     """Return a client of a server.
 
     Args:
         address: HOST:PORT.
-        token: Token required by the server; "": none.
-        certificate: Root certificate for TLS, in PEM; None: no TLS.
 
     Raises:
         InputError: gRPC is not installed.
@@ -255,12 +250,7 @@ def connect(
     # Packets of long records exceed gRPC's default limit of 4 MiB; the server is
     # trusted.
     options = [("grpc.max_receive_message_length", -1)]
-    if certificate is None:
-        channel = rpc.insecure_channel(address, options)
-    else:
-        credentials = rpc.ssl_channel_credentials(certificate)
-        channel = rpc.secure_channel(address, credentials, options)
-    return Client(channel, token)
+    return Client(rpc.insecure_channel(address, options))
 
 
 def _server_error(error: Any) -> InputError:

@@ -312,8 +312,8 @@ def _announcement(announced: Announcement) -> Any:
 
 
 def _fill(message: Any, first: int, rate_hz: float, values: np.ndarray) -> None:
-    # Unsigned in the protocol; samples before the start of the clock are never sent.
-    message.first = max(first, 0)
+    # Unsigned in the protocol: samples before the start of the clock are left out.
+    message.first, values = max(first, 0), values[max(-first, 0) :]
     message.rate_hz = rate_hz
     if values.size:
         message.values.extend(values.ravel().tolist())

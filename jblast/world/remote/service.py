@@ -4,9 +4,7 @@ import asyncio
 import contextlib
 import functools
 import gc
-import secrets
 import time
-from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -69,19 +67,7 @@ COLLECT_DELAY_S = 0.1
 
 Long enough for the event loop to process the end of the call before.
 """
-MAX_INVALID = 10
-"""Invalid messages of one host that are stored and reported; more are counted only."""
 TOO_SLOW = f"too slow: {CAPACITY} packets are waiting, the maximum"
-
-
-async def _check_token(context: Any, token: str) -> None:
-    """Abort a call without the server's token."""
-    if not token:
-        return
-    shows = dict(context.invocation_metadata() or ()).get("authorization", "")
-    if not secrets.compare_digest(str(shows).encode(), f"Bearer {token}".encode()):
-        detail = "authorization: expected 'Bearer ' and the server's token"
-        await _abort(context, "UNAUTHENTICATED", detail)
 
 
 async def _abort(context: Any, status: str, detail: str) -> Any:
@@ -166,7 +152,6 @@ class Table:
         self.stager = Stager(world.drawn)
         self._patience_s, self._report_line = patience_s, report_line
         self._joined: dict[str, Joined] = {}
-        self._invalid: Counter[str] = Counter()
         self._reported = 0
         # One thread: JAX uses all cores itself, and stagings keep their order.
         self._thread = ThreadPoolExecutor(1, "staging")
@@ -199,18 +184,8 @@ class Table:
         self.registry.leave(name)
 
     def drop(self, name: str, peer: str, why: str) -> None:
-        """Disconnect a client, with a message; without a name up to `MAX_INVALID`."""
+        """Disconnect a client, with a message."""
         self._joined.pop(name, None)
-        if not name:
-            host = host_of(peer)
-            # Hosts can be many, too: beyond a thousand no new one is reported.
-            if host in self._invalid or len(self._invalid) < MAX_DROPPED:
-                self._invalid[host] += 1
-            if not 1 <= self._invalid[host] <= MAX_INVALID:
-                self.registry.dropped_count += 1
-                return
-            if self._invalid[host] == MAX_INVALID:
-                why += f" (more invalid messages of {host} are only counted)"
         self.registry.drop(name, peer, why)
         who = f"{name!r} ({peer})" if name else peer
         self.report(f"dropped {who}: {why}")
@@ -278,23 +253,21 @@ class Table:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 
-def handler(table: Table, token: str) -> Any:
+def handler(table: Table) -> Any:
     """Return the method handlers for `grpc.aio`.
 
     Args:
         table: Shared state of all calls.
-        token: Required token of each call; "": none.
     """
     rpc = grpc()
     methods = {"Describe": _describe, "Register": _register}
     methods |= {"Announce": _announce, "Leave": _leave}
     handlers = {
-        name: rpc.unary_unary_rpc_method_handler(_unary(table, token, name, method))
+        name: rpc.unary_unary_rpc_method_handler(_unary(table, name, method))
         for name, method in methods.items()
     }
 
     async def stream(_: Any, context: Any) -> None:
-        await _check_token(context, token)
         await _streamed(table, context)
 
     handlers["Stream"] = rpc.stream_stream_rpc_method_handler(stream)
@@ -303,14 +276,12 @@ def handler(table: Table, token: str) -> Any:
 
 def _unary(
     table: Table,
-    token: str,
     name: str,
     method: Callable[[Table, Any, str], Any],
 ) -> Callable[[bytes, Any], Awaitable[bytes]]:
     """Return a method from bytes to bytes that converts errors to statuses."""
 
     async def answered(data: bytes, context: Any) -> bytes:
-        await _check_token(context, token)
         try:
             message = parsed(METHODS[name][0], data)
             return method(table, message, context.peer()).SerializeToString()
@@ -405,7 +376,7 @@ def _announce(table: Table, message: Any, peer: str) -> Any:
     charge, world = charge_of(message), table.world
     # In lockstep each client has its own clock: acceptance depends on none of them.
     now = 0.0 if world.lockstep else table.now_s
-    world.schedule.announce(charge, now, host_of(peer), table.registry.entities())
+    world.schedule.announce(charge, now, table.registry.entities())
     missed = [
         name
         for name, session in table.sessions.items()
@@ -413,11 +384,6 @@ def _announce(table: Table, message: Any, peer: str) -> Any:
         and float(charge.time_s) < session.playback.time_s
     ]
     return messages().Announced(now_s=table.now_s, missed=sorted(missed))
-
-
-def host_of(peer: str) -> str:
-    """Return the host of a network address, without the port."""
-    return peer.rpartition(":")[0]
 
 
 def _leave(table: Table, message: Any, peer: str) -> Any:

@@ -1,4 +1,4 @@
-"""Server of a world: address, access, TLS and life cycle."""
+"""Server of a world: address and life cycle."""
 
 import asyncio
 import contextlib
@@ -6,11 +6,10 @@ import math
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
-from jblast.addresses import host_and_port, is_loopback
-from jblast.errors import InputError, argument, read_bytes, shown
+from jblast.addresses import host_and_port
+from jblast.errors import InputError, argument
 from jblast.world.drawn import DrawnWorld
 from jblast.world.remote.messages import MOST_BYTES, grpc
 from jblast.world.remote.service import ServedWorld, Table, handler
@@ -39,9 +38,6 @@ class Options:
         speed: World time per real time [-]; None: lockstep.
         ends_s: End of the world [s]; infinite: never.
         patience_s: Maximum time that a client may keep the server waiting [s].
-        token: Required token of each call; "": none.
-        certificate: File of the certificate chain, in PEM, for TLS; None: no TLS.
-        key: File of its private key.
     """
 
     address: str = ADDRESS
@@ -50,9 +46,6 @@ class Options:
     speed: float | None = None
     ends_s: float = math.inf
     patience_s: float = 60.0
-    token: str = ""
-    certificate: Path | None = None
-    key: Path | None = None
 
 
 class Serving:
@@ -71,16 +64,9 @@ def checked_address(options: Options) -> tuple[str, int]:
     """Return the host (an IPv6 address in brackets) and the port.
 
     Raises:
-        InputError: The address is invalid, or not loopback without a token or TLS.
+        InputError: The address is invalid, or not loopback.
     """
-    where = argument("address")
-    host, port = host_and_port(options.address, where, "HOST:PORT")
-    secured = bool(options.token) or options.certificate is not None
-    if not secured and not is_loopback(host):
-        raise InputError(
-            f"{where}: expected a loopback address, as {ADDRESS}, or a token or TLS, "
-            f"got {shown(options.address)} without token and TLS"
-        )
+    host, port = host_and_port(options.address, argument("address"), "HOST:PORT")
     return f"[{host}]" if ":" in host else host, port
 
 
@@ -100,7 +86,6 @@ async def listening(
     """
     rpc = grpc()
     host, port = checked_address(options)
-    credentials = _credentials(options)
     times = packet_times(options.packets_hz)
     _check_times(options)
     clock: Any = Lockstep()
@@ -124,13 +109,9 @@ async def listening(
             ("grpc.keepalive_timeout_ms", 10_000),
         ]
     )
-    server.add_generic_rpc_handlers((handler(table, options.token),))
+    server.add_generic_rpc_handlers((handler(table),))
     try:
-        where = f"{host}:{port}"
-        if credentials is None:
-            bound = server.add_insecure_port(where)
-        else:
-            bound = server.add_secure_port(where, credentials)
+        bound = server.add_insecure_port(f"{host}:{port}")
     except RuntimeError:
         bound = 0
     if not bound:
@@ -170,20 +151,6 @@ def _check_times(options: Options) -> None:
             raise InputError(
                 f"{argument(name)}: expected a positive number, got {value:g}"
             )
-
-
-def _credentials(options: Options) -> Any:
-    """Return the credentials for TLS; None without TLS."""
-    if (options.certificate is None) != (options.key is None):
-        raise InputError(
-            f"{argument('certificate')}: expected a certificate and its key, got only "
-            "one of them"
-        )
-    if options.certificate is None or options.key is None:
-        return None
-    chain = read_bytes(options.certificate, "a certificate in PEM")
-    key = read_bytes(options.key, "a private key in PEM")
-    return grpc().ssl_server_credentials([(key, chain)])
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ import functools
 import math
 import secrets
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import Generic, NamedTuple, TypeVar
@@ -31,8 +31,6 @@ In this time its wave travels 20 km; later waves are inaudible for the charges h
 """
 MAX_ANNOUNCED = 10_000
 """Maximum number of blasts added to those of the scene; declared, bounds memory."""
-MAX_ANNOUNCED_HOST = 1000
-"""Maximum number of them from one host, so that one cannot use up the others' share."""
 MASS_KG = (1e-6, 1e7)
 """Range of the mass of an added blast; the largest accidents were below 1e7 kg."""
 FARTHEST_M = 1e6
@@ -91,7 +89,6 @@ class BlastSchedule:
         self._times = [float(charge.time_s) for charge in self._charges]
         self._names = {charge.name for charge in self._charges}
         self.added: list[Charge] = []
-        self._by_host: Counter[str] = Counter()
 
     @property
     def charges(self) -> tuple[Charge, ...]:
@@ -108,7 +105,6 @@ class BlastSchedule:
         self,
         charge: Charge,
         now_s: float,
-        host: str = "",
         entities: Iterable["Entity"] = (),
     ) -> None:
         """Add a future blast.
@@ -117,7 +113,6 @@ class BlastSchedule:
             charge: Charge with a new name and a time at least the lead after `now_s`.
             now_s: Time of the world's clock; in lockstep 0, the beginning of the world
                 [s].
-            host: Host of the client.
             entities: Entities that must be outside the charge.
 
         Raises:
@@ -149,15 +144,11 @@ class BlastSchedule:
                 f"{where} time_s: expected one after {now_s + self.lead_s:g} s (now "
                 f"{now_s:g} s plus the lead of {self.lead_s:g} s), got {when:g} s"
             )
-        for count, most, of in (
-            (len(self.added), MAX_ANNOUNCED, ""),
-            (self._by_host[host], MAX_ANNOUNCED_HOST, " of one host"),
-        ):
-            if count >= most:
-                raise WorldFull(
-                    f"{where}: expected at most {most:,} announced blasts{of}, got one "
-                    "more"
-                )
+        if len(self.added) >= MAX_ANNOUNCED:
+            raise WorldFull(
+                f"{where}: expected at most {MAX_ANNOUNCED:,} announced blasts, got "
+                "one more"
+            )
         # The list stays sorted for the bisection in `announced`; blasts at equal times
         # keep their order.
         place = bisect.bisect_right(self._times, when)
@@ -165,7 +156,6 @@ class BlastSchedule:
         self._charges.insert(place, charge)
         self._names.add(charge.name)
         self.added.append(charge)
-        self._by_host[host] += 1
 
 
 def check_outside(charge: Charge, entities: Iterable["Entity"]) -> None:

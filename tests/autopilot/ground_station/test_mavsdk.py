@@ -12,7 +12,7 @@ from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.mavlink import Address, Link
 from jblast.autopilot.protocols import Missions
 from jblast.scene import Place
-from tests.autopilot.logs.flights import HOME, eastward
+from tests.autopilot.ground_station.flights import HOME, eastward
 
 pytest.importorskip("mavsdk")
 

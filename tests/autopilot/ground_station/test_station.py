@@ -18,7 +18,7 @@ from jblast.missions import Plan, mission_of
 from jblast.missions.plan import checked_item
 from jblast.report.autopilot import watched_answer, watched_text
 from jblast.scene import Place
-from tests.autopilot.logs.flights import HOME, eastward
+from tests.autopilot.ground_station.flights import HOME, eastward
 
 PAGE = Path(__file__).parents[3] / "docs/howto/autopilot.md"
 ITEMS = [

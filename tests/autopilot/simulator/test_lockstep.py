@@ -22,10 +22,10 @@ from jblast.autopilot.lockstep import (
     turns_of,
 )
 from jblast.autopilot.mavlink import Address, Link, LinkLost, Receiver, Sender
-from jblast.autopilot.mock import Mock, RoundedHold, fly_mock
 from jblast.errors import InputError
 from jblast.scene import Charge, Place, Scene, VehicleSpec
 from jblast.vehicle import hold_of, simulate, vehicle_of
+from tests.tools.mock_autopilot import Mock, RoundedHold, fly_mock
 
 ROTORS = Rotors(np.arange(4), 100.0)
 TOLD = len(SENSOR) + len(FIX) + len(STATE) + 1

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jblast.autopilot import lockstep
+from jblast.autopilot.flight_record import euler, scalar_first
 from jblast.autopilot.lockstep import geodetic_of, level_of, origin_at, rotors_of
-from jblast.autopilot.logs import euler, scalar_first
 from jblast.errors import InputError
 from jblast.missions.mission import geodetic
 from jblast.observations.places import Frame

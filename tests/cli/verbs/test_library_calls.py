@@ -165,9 +165,9 @@ def test_equations_are_found_as_by_the_command(jblast):
 
 def test_a_vehicle_flies_as_by_the_command(jblast):
     path = jblast.file("scene.toml", FLIGHT)
-    words = ("--seconds", "0.6", "--step", "0.002", "--integrator", "euler")
+    words = ("--seconds", "0.6", "--step", "0.002")
     _, out, _ = jblast("fly", path, *words, "--json")
-    flights = library.fly_scene(path, seconds=0.6, step_s=0.002, integrator="euler")
+    flights = library.fly_scene(path, seconds=0.6, step_s=0.002)
     assert isinstance(flights, Flights)
     answer = flights_answer(flights, scene=path, seed=0)
     same({"schema": 1} | answer.to_dict(), json.loads(out))

@@ -12,7 +12,7 @@ from jblast.study.flights import Options
 
 PLACE = jnp.array([5.0, 0.0, 2.0])
 SPEC = VehicleSpec("crazyflie", PLACE)
-SHORT = Options(seconds=0.6, step_s=2e-3, integrator="euler")  # the shorter program
+SHORT = Options(seconds=0.6, step_s=2e-3)
 
 
 def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:

@@ -24,9 +24,9 @@ from jblast.study.gains import (
 )
 from jblast.vehicle import named, named_gains
 
-NAMES = {"hummingbird": 1.0, "iris": 1.0, "crazyflie": 3.0}
-"""By how much motors may be led. The Crazyflie's lag too much for its own gains to have
-the margins asked for: without a lead it gains nothing."""
+NAMES = ("hummingbird", "iris")
+"""The Crazyflie's motors lag too much for its own gains to have the margins asked
+for."""
 
 
 def scene_of(directory, model: str, place: str = "[0.0, 0.0, 5.0]") -> UncertainScene:
@@ -43,12 +43,10 @@ def scene_of(directory, model: str, place: str = "[0.0, 0.0, 5.0]") -> Uncertain
 
 def test_each_factor_scales_what_it_says():
     gains = named_gains("iris", integral=True)
-    factors = jnp.log(jnp.array([2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 1.5]))
+    factors = jnp.log(jnp.array([2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]))
     found = scaled(gains, factors)
-    assert found.motor_lead is None
     led = scaled(replace(gains, motor_lead=jnp.asarray(2.0)), factors)
-    assert led.motor_lead is not None
-    assert float(led.motor_lead) == pytest.approx(3.0)
+    assert float(led.lead) == 2.0
     np.testing.assert_allclose(found.position, gains.position * np.array([2.0, 2, 3]))
     np.testing.assert_allclose(found.velocity, gains.velocity * np.array([4.0, 4, 5]))
     np.testing.assert_allclose(found.integral, gains.integral * np.array([6.0, 6, 7]))
@@ -78,10 +76,6 @@ def test_what_is_asked_of_margins_is_met_at_zero():
             "margin-deg: expected a positive number",
         ),
         (TuningSettings(delay_s=-0.1), "delay: expected a time of 0 s or more"),
-        (
-            TuningSettings(motor_lead=0.5),
-            "motor-lead: expected a factor of 1 or more, got 0.5",
-        ),
     ],
 )
 def test_numbers_that_cannot_be_are_named(tmp_path, settings, words):
@@ -106,9 +100,9 @@ def test_the_peak_has_the_slopes_of_differences(tmp_path):
     uncertain = scene_of(tmp_path, "iris")
     spec = uncertain.scene.vehicle
     assert spec is not None
-    options = Options(step_s=1e-3, integrator="euler", seconds=1.5)
+    options = Options(step_s=1e-3, seconds=1.5)
     flights, _ = drawn_flights(uncertain, spec, 3, 0, options)
-    gains = replace(named_gains("iris", integral=True), motor_lead=jnp.asarray(1.5))
+    gains = named_gains("iris", integral=True)
     # of which some are more and some less than what is flown
     before = jnp.log(jnp.asarray([0.001, 0.02, 0.003]))
 
@@ -129,7 +123,7 @@ def test_the_peak_has_the_slopes_of_differences(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("model", NAMES)
 def test_peaks_over_unseen_blasts_are_a_fifth_less_within_the_margins(tmp_path, model):
-    settings = TuningSettings(vehicles=16, motor_lead=NAMES[model])
+    settings = TuningSettings(vehicles=16)
     tuned = tune_gains(scene_of(tmp_path, model), settings)
     after = tuned.after
     assert after.gain_margin_db >= 6.0

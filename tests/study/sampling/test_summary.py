@@ -113,7 +113,7 @@ def test_xarray_reads_the_statistics(tmp_path):
 
 
 @pytest.mark.slow
-def test_parts_and_other_seeds_are_merged(tmp_path):
+def test_parts_are_merged(tmp_path):
     study = study_in(tmp_path, SUMMARY)
     run_into(study, tmp_path / "whole")
     run_into(study, tmp_path / "part", limit=2048)
@@ -125,13 +125,6 @@ def test_parts_and_other_seeds_are_merged(tmp_path):
     both = merged([tmp_path / "part", tmp_path / "rest"], tmp_path / "both")
     assert both.attributes["complete"]
     assert chunks(tmp_path / "both") == chunks(tmp_path / "whole")
-    other = study_in(tmp_path, SUMMARY.replace("seed = 7", "seed = 8"))
-    run_into(other, tmp_path / "other")
-    seeds = merged([tmp_path / "whole", tmp_path / "other"], tmp_path / "seeds")
-    assert seeds.attributes["samples"] == 2 * SAMPLES
-    rows = np.concatenate([run(study).air_arrival_s, run(other).air_arrival_s])
-    found = NUMBER.finish(whole_state(tmp_path / "seeds"))
-    np.testing.assert_allclose(found["mean"][0], rows.mean(0), rtol=1e-13)
 
 
 def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path):

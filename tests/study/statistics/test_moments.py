@@ -7,9 +7,8 @@ from jblast.study.statistics import BLOCK, NUMBER
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False, width=32)
 
 
-def state_of(values, weights=None):
-    empty = NUMBER.empty(np.shape(values)[1:], weighted=weights is not None)
-    return NUMBER.add(empty, np.asarray(values, float), weights)
+def state_of(values):
+    return NUMBER.add(NUMBER.empty(np.shape(values)[1:]), np.asarray(values, float))
 
 
 def test_a_stream_has_the_moments_of_the_whole_array():
@@ -41,33 +40,6 @@ def test_a_stream_cut_at_blocks_is_the_same_to_the_last_bit():
     assert (whole.sketch.counts == parts.sketch.counts).all()
 
 
-def test_whole_weights_count_like_repeated_values():
-    rng = np.random.default_rng(4)
-    values, times = rng.normal(size=500), rng.integers(0, 4, size=500)
-    found = NUMBER.finish(state_of(values, times.astype(float)))
-    repeated = np.repeat(values, times)
-    assert found["mean"] == pytest.approx(repeated.mean(), rel=1e-12)
-    known = 500 - 0
-    assert found["count"] == known
-    assert found["effective_size"] == pytest.approx(
-        times.sum() ** 2 / (times**2).sum(), rel=1e-12
-    )
-
-
-def test_the_error_of_a_weighted_mean_is_the_scatter_of_such_means():
-    # importance sampling of a normal by a wider one; 400 means of 500 draws each
-    rng = np.random.default_rng(5)
-    means, errors = [], []
-    for _ in range(400):
-        draws = rng.normal(0.0, 1.5, size=500)
-        weights = 1.5 * np.exp(-0.5 * draws**2 * (1 - 1 / 1.5**2))
-        found = NUMBER.finish(state_of(draws, weights))
-        means.append(found["mean"])
-        errors.append(found["standard_error"])
-    # the standard deviation of 400 is known to 1/sqrt(800), 3.5 %; four of these
-    assert np.mean(errors) == pytest.approx(np.std(means), rel=0.15)
-
-
 def test_lanes_that_failed_and_infinite_ones_are_counted_and_left_out():
     found = NUMBER.finish(state_of([1.0, np.nan, 3.0, np.inf, np.nan]))
     assert (found["count"], found["infinite"], found["lost"]) == (2, 1, 2)
@@ -86,17 +58,6 @@ def test_nothing_is_known_of_no_samples_and_no_error_of_one():
     assert np.isnan(one["variance"])
     assert np.isnan(one["standard_error"])
     assert one["quantiles"].tolist() == [7.0] * 7
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0])
-def test_a_weight_that_is_none_is_refused(bad):
-    with pytest.raises(ValueError, match=r"expected finite numbers .* of sample 1"):
-        state_of([1.0, 2.0], np.array([1.0, bad]))
-
-
-def test_as_many_weights_as_samples_are_expected():
-    with pytest.raises(ValueError, match="one for each of 2 samples"):
-        state_of([1.0, 2.0], np.ones(3))
 
 
 @settings(max_examples=60, deadline=None)

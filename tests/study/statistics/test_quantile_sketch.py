@@ -17,9 +17,9 @@ from jblast.study.statistics import (
 SHARES = (0.0, 0.01, 0.3, 0.5, 0.9, 0.999, 1.0)
 
 
-def quantiles(values, shares=SHARES, origin=0.0, weights=None):
-    empty = NUMBER.empty((), origin, weighted=weights is not None)
-    return NUMBER.finish(NUMBER.add(empty, values, weights), shares)["quantiles"]
+def quantiles(values, shares=SHARES, origin=0.0):
+    state = NUMBER.add(NUMBER.empty((), origin), values)
+    return NUMBER.finish(state, shares)["quantiles"]
 
 
 def test_a_bin_holds_the_numbers_between_its_edges():
@@ -77,13 +77,6 @@ def test_an_origin_is_zero_where_values_spread_over_more_than_a_factor_of_two():
     assert origin_of(np.full((3,), np.nan)) == 0.0
 
 
-def test_weights_count_like_repeated_values():
-    rng = np.random.default_rng(4)
-    values, times = rng.lognormal(size=300), rng.integers(1, 4, size=300)
-    weighted = quantiles(values, weights=times.astype(float))
-    assert weighted == pytest.approx(quantiles(np.repeat(values, times)), rel=1e-12)
-
-
 def test_infinite_values_are_quantiles_too_and_failed_ones_are_none():
     values = np.array([1.0, np.inf, np.inf, np.nan, 2.0])
     found = quantiles(values, (0.25, 0.9))
@@ -96,19 +89,12 @@ def test_sketches_of_two_origins_do_not_merge():
         NUMBER.merge(NUMBER.empty(origin=0.0), NUMBER.empty(origin=1.0))
 
 
-@pytest.mark.parametrize("weighted", [False, True])
-def test_a_block_is_reduced_by_jax_as_by_numpy(weighted):
+def test_a_block_is_reduced_by_jax_as_by_numpy():
     rng = np.random.default_rng(5)
     values = rng.normal(size=(257, 2))
     values[3, 1], values[4, 0] = np.nan, np.inf
-    weights = rng.uniform(size=257) if weighted else None
-    here = NUMBER.of(values, weights)
-    given_weights = None if weights is None else jnp.asarray(weights)
-    there = jax.jit(NUMBER.of)(jnp.asarray(values), given_weights)
+    here = NUMBER.of(values)
+    there = jax.jit(NUMBER.of)(jnp.asarray(values))
     for one, other in zip(here.moments, there.moments, strict=True):
         assert np.asarray(other) == pytest.approx(one, rel=1e-13)
-    assert np.asarray(there.sketch.counts) == pytest.approx(
-        here.sketch.counts, rel=1e-13
-    )
-    if not weighted:
-        assert (np.asarray(there.sketch.counts) == here.sketch.counts).all()
+    assert (np.asarray(there.sketch.counts) == here.sketch.counts).all()

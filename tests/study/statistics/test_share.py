@@ -40,28 +40,3 @@ def test_flags_and_whole_numbers_count_alike():
     jitted = jax.jit(YES_NO.of)(jnp.asarray(flags))
     for here, there in zip(one, jitted, strict=True):
         assert (here == np.asarray(there)).all()
-
-
-def test_a_weighted_share_is_unbiased_and_its_interval_covers():
-    # how often a normal is above 3, drawn about 3: 400 repetitions of 400 draws
-    rng, true = np.random.default_rng(2), 0.0013498980316300933
-    shares, inside = [], 0
-    for _ in range(400):
-        draws = rng.normal(3.0, 1.0, size=400)
-        weights = np.exp(4.5 - 3.0 * draws)
-        empty = YES_NO.empty(weighted=True)
-        found = YES_NO.finish(YES_NO.add(empty, draws > 3.0, weights))
-        shares.append(found["share"])
-        inside += found["low"] <= true <= found["high"]
-    error = np.std(shares) / np.sqrt(400)
-    assert np.mean(shares) == pytest.approx(true, abs=4 * error)
-    # 360 expected of 400, standard deviation 6: four of these
-    assert 336 <= inside <= 384
-
-
-def test_lost_lanes_of_a_weighted_share_have_no_weight():
-    found = YES_NO.finish(
-        YES_NO.add(YES_NO.empty(), np.array([1, -1, 0], np.int8), np.array([1, 9, 1.0]))
-    )
-    assert found["share"] == 0.5
-    assert found["effective_size"] == 2.0

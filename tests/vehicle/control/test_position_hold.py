@@ -100,32 +100,29 @@ def test_an_answer_is_held_for_its_period():
     assert spread < 1e-3 * np.ptp(by_period)  # the rest: RK4's exponential
 
 
-@pytest.mark.parametrize("integrator", ["rk4", "euler"])
-def test_the_motors_limit_is_where_a_step_stops_shrinking(integrator):
-    factor = step_limit(integrator, 1.0)
+def test_the_motors_limit_is_where_a_step_stops_shrinking():
+    factor = step_limit(1.0)
     z = -factor
-    growth = {"rk4": 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24, "euler": 1 + z}
-    assert abs(growth[integrator]) == pytest.approx(1, abs=1e-9)
-    assert factor == pytest.approx({"rk4": 2.785, "euler": 2.0}[integrator], abs=3e-4)
+    assert 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24 == pytest.approx(1, abs=1e-9)
+    assert factor == pytest.approx(2.785, abs=3e-4)
 
 
 def test_a_limit_that_was_found_is_not_looked_for_again(monkeypatch):
     lag, gains = 0.0721, named_gains("crazyflie", integral=True)
     weaker = dataclasses.replace(gains, attitude=0.5 * gains.attitude)
-    found = [step_limit("rk4", lag, gains), step_limit("rk4", lag, weaker)]
+    found = [step_limit(lag, gains), step_limit(lag, weaker)]
     assert found[0] != found[1]
     monkeypatch.setattr(stability, "growth", None)
-    again = [step_limit("rk4", lag, named_gains("crazyflie", integral=True))]
-    assert [*again, step_limit("rk4", lag, weaker)] == found
+    again = [step_limit(lag, named_gains("crazyflie", integral=True))]
+    assert [*again, step_limit(lag, weaker)] == found
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("integrator", ["rk4", "euler"])
 @pytest.mark.parametrize(("name", "held"), [("crazyflie", 1), ("crazyflie", 3)])
-def test_the_hold_is_stable_just_below_its_limit_and_not_above(integrator, name, held):
+def test_the_hold_is_stable_just_below_its_limit_and_not_above(name, held):
     vehicle, gains = named(name), named_gains(name, integral=True)
-    limit = step_limit(integrator, float(vehicle.motor_lag_s), gains, held)
-    assert limit < step_limit(integrator, float(vehicle.motor_lag_s))
+    limit = step_limit(float(vehicle.motor_lag_s), gains, held)
+    assert limit < step_limit(float(vehicle.motor_lag_s))
     hold = PositionHold(np.array([0, 0, 5.0]), gains)
     spins = {}
     for share in (0.93, 1.07):
@@ -138,7 +135,6 @@ def test_the_hold_is_stable_just_below_its_limit_and_not_above(integrator, name,
                 duration_s=6000 * step,
                 step_s=step,
                 command_step_s=held * step,
-                integrator=integrator,
                 control=hold,
                 store_every=100,
             )

@@ -123,10 +123,10 @@ def test_same_flights_through_a_blast_and_its_wave_from_the_ground():
 
 
 @pytest.mark.slow
-def test_same_flights_by_euler_of_vehicles_of_their_own():
+def test_same_flights_of_vehicles_of_their_own():
     many = jax.tree.map(lambda x: jnp.broadcast_to(x, (BATCH, *x.shape)), CRAFT)
     many = dataclasses.replace(many, mass_kg=jnp.linspace(0.4, 0.6, BATCH))
-    agree(many, start(), integrator="euler", **everything())
+    agree(many, start(), **everything())
 
 
 @pytest.mark.slow

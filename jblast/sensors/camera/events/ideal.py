@@ -25,13 +25,6 @@ $\sum_k 1 / (1 + \exp((k - u) / T))$, and shifts the reference by the smooth cou
 the temperature $T$ goes to 0 the counts become those of `ideal_events`. At $T$ a pixel
 in constant light sends about $e^{-1/T}$ events per frame: 5e-5 at 0.1.
 
-For comparison, `frame_differences` makes events as Parab's thesis does: one event if
-the grey value of a pixel changes by more than a threshold from one frame to the next,
-at the time of the second, whatever the change. Its polarity is inverted, 0 for brighter
-and 1 for darker, and becomes -1 and +1 here. This is not a model of an event camera,
-which responds to the logarithm of light, each pixel at its own times, several times per
-frame.
-
 References:
     Rebecq, Gehrig and Scaramuzza (2018), ESIM: an open event camera simulator, eq. 1
     to 3, read second-hand.
@@ -45,7 +38,7 @@ References:
     detector.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import equinox as eqx
@@ -53,10 +46,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, Int, UInt8
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from jblast.errors import InputError
-from jblast.sensors.camera.image import linear_to_srgb, srgb_to_linear
+from jblast.sensors.camera.image import srgb_to_linear
 from jblast.types import as_float_array
 
 Thresholds = tuple[Float[Array, "..."], Float[Array, "..."]]
@@ -66,12 +59,6 @@ DARKEST = 1e-6
 sensor of Lichtsteiner et al. (0.1 lux in a scene of 100,000 lux). Changes of darker
 light cause no events; a lower level gives events of light that its dark current hides.
 """
-WEIGHTS = (0.299, 0.587, 0.114)
-"""Weights of red, green and blue in the grey of 8 bits (ITU-R BT.601)."""
-STEP = 15
-"""Change of the grey value, of 255, above which there is an event: the default of the
-detector of gazebo_blast3d."""
-Grey = UInt8[np.ndarray, "height width"]
 
 
 class Events(eqx.Module):
@@ -558,37 +545,3 @@ def smooth_counts(
         return level + up * positive - down * negative, (up, down)
 
     return jax.lax.scan(step, log_frames[0], log_frames[1:])[1]
-
-
-def frame_differences(
-    frames: Iterable[tuple[float, Grey]], step: int = STEP
-) -> Iterator[Events]:
-    """Yield the events of each frame except the first; -1 brighter, +1 darker.
-
-    Args:
-        frames: Time [s] and grey values of each frame, in order of time.
-        step: Change above which there is an event, of 255.
-    """
-    before: np.ndarray | None = None
-    for time, grey in frames:
-        # differences of unsigned bytes would wrap
-        light = grey.astype(np.int16)
-        if before is not None:
-            change = light - before
-            y, x = np.nonzero(np.abs(change) > step)
-            count = np.array(x.size)
-            yield Events(
-                x=x.astype(np.int32),
-                y=y.astype(np.int32),
-                time=np.full(x.size, float(time)),
-                polarity=np.where(change[y, x] > 0, -1, 1).astype(np.int8),
-                count=count,
-                lost=np.array(0),
-            )
-        before = light
-
-
-def grey_bytes(frame: Float[np.ndarray, "height width 3"]) -> Grey:
-    """Return the grey values of 8 bits of a frame of linear light."""
-    shown = linear_to_srgb(np.clip(frame, 0.0, 1.0))
-    return np.rint(255.0 * (shown @ np.asarray(WEIGHTS))).astype(np.uint8)

@@ -31,7 +31,7 @@ def scene(jblast, text=SCENE):
 
 @pytest.mark.slow
 def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
-    options = ("--out", jblast.path("out"), "--plan-out", jblast.path("b.waypoints"))
+    options = ("--out", jblast.path("out"), "--plan-out", jblast.path("b.plan"))
     code, out, err = jblast("fly", scene(jblast), *options, "--debug")
     assert (code, err) == (0, ""), err
     first, second, *_ = out.splitlines()
@@ -61,7 +61,7 @@ def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
         "{http://www.opengis.net/kml/2.2}LineString"
     )
     assert len(list(lines)) == 2
-    assert read_plan(jblast.path("b.waypoints")).items == tuple(
+    assert read_plan(jblast.path("b.plan")).items == tuple(
         read_plan(jblast.path("short.plan")).items
     )
 

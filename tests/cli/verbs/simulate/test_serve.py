@@ -16,13 +16,6 @@ REFUSED = {
     "a rate of nothing": (["--rate", "0"], "--rate: expected a positive number"),
     "no speed": (["--speed", "-1"], "--speed: expected a positive number"),
     "no lead": (["--lead", "nan"], "--lead: expected a finite number"),
-    "half of TLS": (["--tls-cert", "c.pem"], "--tls-cert: expected a certificate and"),
-    "no certificate": (
-        ["--tls-cert", "none.pem", "--tls-key", "none.pem"],
-        "none.pem: no such file",
-    ),
-    "no file of a token": (["--token", "@none"], "none: no such file"),
-    "a token of words": (["--token", "a b"], "--token: expected a word"),
 }
 
 

@@ -57,7 +57,7 @@ def held(state, vehicle, load: BlastLoad, steps) -> np.ndarray:
 
 
 @functools.cache
-def gained(mass: float, distance: float, step_s: float, integrator: str) -> np.ndarray:
+def gained(mass: float, distance: float, step_s: float) -> np.ndarray:
     """Return the velocity after a flight of 0.12 s through a blast."""
     vehicle = plain(CRAZYFLIE)
     flight = simulate(
@@ -67,6 +67,5 @@ def gained(mass: float, distance: float, step_s: float, integrator: str) -> np.n
         step_s=step_s,
         loads=(blast_load(scene(mass)),),
         store_every=10000,
-        integrator=integrator,
     )
     return np.asarray(flight.velocity_m_s[-1])

@@ -32,8 +32,7 @@ def state():
 
 
 def flown(loads, **options):
-    # of all integrators the shorter program: what pushes is the same
-    options = {"duration_s": SECONDS, "step_s": STEP, "integrator": "euler", **options}
+    options = {"duration_s": SECONDS, "step_s": STEP, **options}
     return simulate(CRAFT, state(), loads=(loads,), **options)
 
 
@@ -84,7 +83,6 @@ def test_a_batch_with_a_varying_number_of_charges_is_its_own_loop():
 
     many = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), state())
     options = {"duration_s": SECONDS, "step_s": STEP, "store_every": 100}
-    options["integrator"] = "euler"
     found = simulate(CRAFT, many, loads=(Each(jax.vmap(loads)(times)),), **options)
     single = [blast_load(ALONE), blast_load(Scene(charge=OTHER))]
     for lane, one in enumerate(single):
@@ -130,7 +128,7 @@ def test_what_is_no_number_loses_the_vehicle_and_is_not_never(field):
     second = dataclasses.replace(broken.blasts[1], **{field: jnp.nan})
     broken = dataclasses.replace(broken, blasts=(broken.blasts[0], second))
     assert bool(flown(broken, backend="jax", store_every=100).lost)
-    kernel = {"backend": "warp:cpu", "integrator": "rk4", "store_every": 100}
+    kernel = {"backend": "warp:cpu", "store_every": 100}
     if field == "time_s":
         assert bool(flown(broken, **kernel).lost)
     else:  # the kernel's numbers are calculated outside jit, where a mass is looked at

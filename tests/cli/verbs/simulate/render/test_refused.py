@@ -83,7 +83,6 @@ BAD_OPTIONS = {
     "one frame": (["--seconds", "0.001"], "--seconds: expected 2 to 1,000,000 frames"),
     "too many": (["--seconds", "1e9"], "got 500,000,000,000 of 500 Hz"),
     "a threshold": (["--threshold=-0.2"], "--threshold: expected a positive number"),
-    "no rays": (["--supersample", "0"], "--supersample: expected at least 1, got 0"),
     "no background": (["--background", "night"], "--background: expected a grey"),
     "no views": (["--views", "nowhere"], "nowhere: no such directory"),
 }

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.autopilot.logs import FlightRecord
+from jblast.autopilot.flight_record import FlightRecord
 from jblast.observations.places import Frame
 
 HOME = (47.0, 8.0, 500.0)

@@ -7,8 +7,7 @@ here is declared: eq. 3.5 (Friedlander, b = 1), with the peak and the duration b
 Kingery and Bulmash for the charge of table 4.1, 15 kg, at the nearest distance in the
 thesis, 10 m.
 
-No list offers these laws, and `auto` never chooses them; `jblast world --preset` uses
-them by name.
+`auto` never chooses these laws; a scene names them.
 """
 
 import math
@@ -16,7 +15,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.registry import Law, declared_scatter, reserve
+from jblast.registry import Law, declared_scatter, register
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
 from jblast.waves.laws.kingery_bulmash import (
@@ -139,7 +138,7 @@ for _quantity, _name, _function in (
     ("positive_impulse_pa_s", "thesis_as_printed", thesis_sound_impulse),
     ("positive_impulse_pa_s", "thesis_as_coded", coded_sound_impulse),
 ):
-    reserve(
+    register(
         Law(
             quantity=_quantity,
             name=_name,

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import (
-    ObservedHold,
+    CONTROLLERS,
     PositionHold,
     StepGust,
     named,
     named_gains,
     simulate,
 )
-from jblast.vehicle.control.position_hold import OBSERVER_RATE, pull_of_rotors
 from tests.vehicle.flights import at_hover
+
+with pytest.MonkeyPatch.context() as patch:
+    # other tests know the controllers of the package alone
+    patch.setattr(CONTROLLERS, "_records", dict(CONTROLLERS._records))
+    from tests.extensions.observer import OBSERVER_RATE, ObservedHold, pull_of_rotors
 
 IRIS = named("iris")
 HOME = np.array([0.0, 0.0, 10.0])
