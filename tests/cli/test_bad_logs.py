@@ -86,13 +86,6 @@ def test_a_workbook_with_two_tables_is_told_by_sheet_and_row(jblast):
     assert "row 6: expected one table" in jblast.refused("fit", one)
 
 
-@pytest.mark.parametrize("verb", ["fit", "check", "scene", "convert", "pick"])
-def test_a_name_that_ends_in_nothing_we_know_is_told(jblast, verb):
-    message = jblast.refused(verb, jblast.file("log.xyz", "hello"))
-    assert "log.xyz: expected" in message
-    assert ".csv" in message
-
-
 @pytest.mark.parametrize("verb", ["fit", "check", "pick"])
 def test_ten_gigabytes_are_refused_before_they_are_read(jblast, verb):
     path = Path(jblast.path("huge.csv"))

@@ -4,24 +4,18 @@ import inspect
 import io
 import subprocess
 import sys
-import threading
 from typing import Any, cast
 
-import jax
-import jax.numpy as jnp
 import pytest
 
 import jblast
 import jblast.study
 from jblast import progress_line
 from jblast.errors import InputError
-from jblast.progress import Listener, counted, each, heard_by, in_words, stages
+from jblast.progress import counted, each, heard_by, stages
 from jblast.progress_line import (
-    COMPILATION,
     Progress,
     ProgressLine,
-    note_compilation,
-    printed_progress,
     reported,
 )
 
@@ -66,53 +60,6 @@ def test_nothing_is_said_in_the_first_second(clock):
     assert stream.getvalue() == ""
 
 
-def test_words_within_a_stage_stand_behind_it_until_the_next(clock):
-    line = line_on(Stream(), clock)
-    with heard_by(line):
-        begin = stages({"sampler": 1.0, "vehicle": 1.0})
-        begin("sampler")
-        tell = in_words()
-        tell("the optimum")
-        tell("the reference")
-        assert line.words() == "sampler (1 of 2): the reference"
-        begin("vehicle")
-        assert line.words() == "vehicle (2 of 2)"
-
-
-def test_a_task_that_is_over_leaves_its_place_to_the_next(clock):
-    def fit():
-        begin = stages({"reading": 1.0, "fitting": 1.0})
-        for name in ("reading", "fitting"):
-            begin(name)
-            for _ in each(range(2), "logs"):
-                said.append(line.words())
-
-    line, said = line_on(Stream(), clock), []
-    with heard_by(line):
-        begin = stages({"bands": 1.0, "fits": 1.0})
-        begin("fits")
-        fit()
-        first, said = said, []
-        assert line.words() == "fits (2 of 2)"
-        fit()
-    assert said == first
-    assert said[-1] == "fits (2 of 2): fitting (2 of 2): 1 of 2 logs"
-
-
-def test_a_task_that_is_let_go_late_takes_nothing_from_the_next(clock):
-    line = line_on(Stream(), clock)
-    with heard_by(line):
-        begin = stages({"bands": 1.0, "fits": 1.0})
-        begin("bands")
-        held = in_words()
-        held("a band")
-        begin("fits")
-        tell = in_words()
-        tell("a fit")
-        del held
-    assert line.words() == "fits (2 of 2): a fit"
-
-
 def test_after_a_second_the_stage_is_told_and_of_how_many(clock):
     stream = Stream()
     line = line_on(stream, clock)
@@ -142,66 +89,6 @@ def test_there_is_no_time_left_until_one_unit_of_its_kind_is_done(clock):
         assert line.seconds_left() == pytest.approx(5.0)
         clock.now += 6.0  # longer than expected: no estimate
         assert line.seconds_left() is None
-
-
-def test_each_counted_stage_has_its_own_pace(clock):
-    line = line_on(Stream(), clock)
-    with heard_by(line):
-        begin = stages({"drawing": 1.0, "flying": 1.0})
-        for stage, pace in (("drawing", 0.1), ("flying", 5.0)):
-            begin(stage)
-            through = counted(10, "vehicles")
-            assert line.seconds_left() is None
-            clock.now += pace
-            through(1)
-            if stage == "drawing":
-                for done in range(2, 11):
-                    clock.now += pace
-                    through(done)
-        assert line.seconds_left() == pytest.approx(45.0)
-
-
-def test_a_compilation_is_reported_while_it_runs(clock):
-    stream = Stream()
-    line = line_on(stream, clock)
-    lowered, compiled = COMPILATION
-    with heard_by(line):
-        begin = stages({"reading": 1.0, "fitting": 1.0})
-        begin("fitting")
-        note_compilation(lowered, 0.1, fun_name="f")
-        clock.now += 1.0
-        line.show()
-        note_compilation(compiled, 1.0, fun_name="f")
-        clock.now += 20.0
-        line.show()
-    assert stream.getvalue().splitlines() == [
-        "jblast fit: fitting (2 of 2): compiling, 1 s so far",
-        "jblast fit: fitting (2 of 2), 21 s so far",
-    ]
-
-
-def test_jax_reports_both_events_of_a_compilation():
-    heard = []
-
-    def listen(event: str, duration_secs: float, **kwargs: str | int) -> None:
-        heard.append((event, kwargs.get("fun_name")))
-
-    jax.monitoring.register_event_duration_secs_listener(listen)
-    jax.jit(lambda x: jnp.sin(x) + 17.0)(jnp.ones(3))
-    events = [event for event, name in heard if "lambda" in str(name)]
-    assert [event for event in events if event in COMPILATION] == list(COMPILATION)
-
-
-def test_a_first_item_that_compiles_does_not_count_for_the_rest(clock):
-    line = line_on(Stream(), clock)
-    with heard_by(line):
-        for log in each(range(10), "logs"):
-            clock.now += 30.0 if log == 0 else 1.0
-            if log == 3:
-                # three through after 32 s, the last two of them in a second each
-                assert line.words() == "3 of 10 logs"
-                assert line.seconds_left() == pytest.approx(7.0 - 1.0)
-                break
 
 
 def test_a_task_within_a_task_moves_the_whole(clock):
@@ -252,43 +139,6 @@ def test_on_a_terminal_one_line_is_written_over_and_cleared(clock):
     assert shown[-2].strip() == shown[-1] == ""
 
 
-@pytest.mark.parametrize("terminal", [True, False])
-def test_while_nothing_is_waited_for_nothing_is_said(clock, terminal):
-    stream = Stream(terminal)
-    line = line_on(stream, clock)
-    with heard_by(line):
-        begin = stages({"drawing": 1.0})
-        clock.now += 2.0
-        begin("drawing")
-        assert "drawing" in stream.getvalue()
-        del begin  # as before a window is opened
-        clock.now += 20.0
-        line.show()
-        said = stream.getvalue()
-        clock.now += 20.0
-        line.show()
-    assert "working" not in said
-    assert stream.getvalue() == said
-    assert not terminal or said.endswith(" \r")
-
-
-def test_where_nobody_listens_telling_does_nothing():
-    begin = stages({"reading": 1.0})
-    begin("reading")
-    assert list(each(range(3), "logs")) == [0, 1, 2]
-
-
-class Recorder(Listener):
-    """Listener that stores the words of each report."""
-
-    def __init__(self):
-        super().__init__()
-        self.reports = []
-
-    def heard(self):
-        self.reports.append(self.words())
-
-
 @reported("work")
 def work(*, progress: Progress = False) -> str:
     begin = stages({"reading": 1.0, "fitting": 3.0})
@@ -311,36 +161,6 @@ def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
     assert err.startswith("jblast work: reading (1 of 2), 0 s so far")
     assert work() == "done"
     assert capsys.readouterr() == ("", "")
-
-
-def test_without_the_argument_reports_go_to_the_listener_around_the_call():
-    outer = Recorder()
-    with heard_by(outer):
-        work()
-        assert outer.reports == ["reading (1 of 2)", "fitting (2 of 2)"]
-        work(progress=lambda words, share: None)
-        assert len(outer.reports) == 2
-
-
-def test_lines_in_two_threads_leave_the_streams_as_they_were(monkeypatch):
-    terminal = Stream(terminal=True)
-    monkeypatch.setattr(sys, "stderr", terminal)
-    before = sys.stdout
-    begun, may_end = threading.Event(), threading.Event()
-
-    def other():
-        with printed_progress("other"):
-            begun.set()
-            may_end.wait(60.0)
-
-    thread = threading.Thread(target=other)
-    with printed_progress("fit"):
-        thread.start()
-        assert begun.wait(60.0)
-    may_end.set()
-    thread.join()
-    assert sys.stderr is terminal
-    assert sys.stdout is before
 
 
 def test_another_progress_is_refused():

@@ -2,8 +2,6 @@
 
 import csv
 
-import pytest
-
 from jblast.report.words import aligned, comma_separated, markdown
 
 ROWS = [
@@ -19,31 +17,6 @@ def test_columns_are_as_wide_as_their_widest_cell_and_lines_end_in_no_space():
         "wu_hao  12 %   the reference",
         "euler   -",
     ]
-
-
-def test_columns_end_below_one_another_where_that_is_asked_for():
-    assert aligned(ROWS, right=(1,)) == [
-        "method  error",
-        "wu_hao   12 %  the reference",
-        "euler       -",
-    ]
-
-
-def test_a_column_is_no_narrower_than_asked_for_and_wider_where_it_must_be():
-    assert aligned(ROWS, right=(1,), least=(3, 8)) == [
-        "method     error",
-        "wu_hao      12 %  the reference",
-        "euler          -",
-    ]
-
-
-def test_no_rows_are_no_lines():
-    assert aligned([]) == []
-
-
-def test_rows_of_unlike_length_are_a_mistake():
-    with pytest.raises(ValueError, match="shorter"):
-        aligned([("a", "b"), ("c",)])
 
 
 def test_markdown_keeps_a_bar_within_a_cell():

@@ -1,4 +1,3 @@
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +17,6 @@ from jblast.waves.fireball import (
     smoke_drift_time,
 )
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_arrival_time
-from tests.tools.slopes import check_slopes
 
 masses = st.floats(1e-3, 1e6)
 parts = st.floats(1e-3, 5.0)
@@ -126,43 +124,3 @@ def test_drift_begins_at_rest_and_ends_with_the_wind():
     ends = [float(smoke_drift_time(15.0, t)) for t in (20 * life, 21 * life)]
     assert ends[1] - ends[0] == pytest.approx(life, rel=0.01)
     assert ends[0] < 20 * life
-
-
-@jax.jit
-def logs(log_mass, log_time):
-    ball = fireball(jnp.exp(log_mass), jnp.exp(log_time))
-    return jnp.log(
-        jnp.stack(
-            [
-                ball.radius,
-                ball.rise,
-                ball.drift_time,
-                ball.temperature,
-                ball.optical_depth,
-            ]
-        )
-    )
-
-
-@pytest.mark.parametrize("mass", [0.01, 3.0, 1e5])
-@pytest.mark.parametrize("time", [1e-4, 0.02, 4.0])
-def test_derivatives_agree_with_differences(mass, time):
-    check_slopes(logs, (jnp.log(mass), jnp.log(time)), order=1, atol=1e-6, rtol=1e-6)
-
-
-def test_a_batch_is_its_own_loop():
-    mass, time = jnp.array([0.1, 10.0, 1e4]), jnp.array([-0.1, 0.02, 2.0])
-    many = eqx.filter_jit(jax.vmap(fireball))(mass, time)
-    for i in range(3):
-        one = fireball(mass[i], time[i])
-        for a, b in zip(jax.tree.leaves(many), jax.tree.leaves(one), strict=True):
-            np.testing.assert_allclose(a[i], b, rtol=1e-14)
-
-
-def test_float32_keeps_six_digits():
-    for time in (1e-3, 0.1, 5.0):
-        single = fireball(jnp.float32(20.0), jnp.float32(time))
-        double = fireball(20.0, time)
-        np.testing.assert_allclose(single.radius, double.radius, rtol=3e-6)
-        np.testing.assert_allclose(single.rise, double.rise, rtol=3e-6)
-        assert single.radius.dtype == jnp.float32

@@ -73,22 +73,6 @@ def test_the_log_slopes_are_one_and_a_third():
     assert slopes.tolist() == pytest.approx([1.0, -1 / 3, 1 / 3], rel=1e-14)
 
 
-def test_a_batch_equals_its_loop_and_single_precision_stays_single():
-    distances, masses = jnp.array([1.0, 20.0, 300.0]), jnp.array([1.0, 15.0, 1e3])
-    batch = scaled_distance(distances, masses, 9e4)
-    loop = [
-        float(scaled_distance(r, w, 9e4))
-        for r, w in zip(distances, masses, strict=True)
-    ]
-    assert batch.tolist() == pytest.approx(loop, rel=1e-15)
-    single = scaled_distance(distances.astype("float32"), masses.astype("float32"))
-    assert single.dtype == jnp.float32
-    # A handful of float32 roundings of 6e-8.
-    assert jnp.allclose(
-        single.astype(float), scaled_distance(distances, masses), rtol=5e-7
-    )
-
-
 def test_half_a_kiloton_of_tnt_at_its_scaled_metre_is_one_nuclear_kiloton_at_79_37():
     mass = 0.5e6
     assert 1.0 * mass ** (1 / 3) == pytest.approx(NUCLEAR_SCALED_METRES, rel=1e-14)

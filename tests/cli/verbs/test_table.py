@@ -64,13 +64,6 @@ def test_a_misspelt_verb_is_told_the_nearest_and_its_usage(jblast):
     assert jblast.refused("frobnicate").startswith("usage: jblast [-h]")
 
 
-def test_a_misspelt_option_is_told_the_nearest_and_its_verbs_usage(jblast):
-    said = jblast.refused("calc", "--mass", "15", "--raneg", "20")
-    assert said.startswith("usage: jblast calc ")
-    assert "unrecognized arguments: --raneg 20; did you mean --range?" in said
-    assert "did you mean" not in jblast.refused("calc", "--q7w")
-
-
 def test_a_bad_number_is_one_message_and_debug_shows_where(jblast):
     said = jblast.refused("render", "s.toml", "--out", "o", "--times=2:1")
     assert said == "jblast: --times: expected START before STOP, got '2:1'\n"

@@ -1,6 +1,5 @@
 """Gymnasium finds the environments, and they keep its rules."""
 
-import os
 import subprocess
 import sys
 
@@ -10,7 +9,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
-import jblast.environments
 from jblast.environments import QuadrotorBlast, QuadrotorEnv
 from jblast.environments.registration import NAMES, register_environments
 from jblast.errors import InputError
@@ -142,22 +140,3 @@ def test_actions_of_another_shape_and_a_step_before_a_reset_are_refused(lanes):
 def test_options_beside_params_are_refused():
     with pytest.raises(InputError, match="expected no other options, got spread_m"):
         QuadrotorBlast(2, params=PARAMS, spread_m=1.0)
-
-
-def test_without_gymnasium_the_core_is_there_and_the_rest_says_what_is_missing():
-    code = (
-        "import sys; sys.modules['gymnasium'] = None\n"
-        "import jblast.environments as e\n"
-        "assert e.step and e.reset\n"
-        "try: e.QuadrotorBlast\n"
-        "except ValueError as error: print(error)\n"
-    )
-    root = os.path.dirname(os.path.dirname(jblast.__file__))
-    run = subprocess.run(
-        [sys.executable, "-c", code],
-        check=True,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": root},
-    )
-    assert "jblast[environments]" in run.stdout

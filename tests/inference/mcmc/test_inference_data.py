@@ -1,5 +1,3 @@
-import sys
-
 import numpy as np
 import pytest
 
@@ -29,13 +27,6 @@ def made():
             for quantity in ("air_arrival_s", "peak_overpressure_pa")
         )
     )
-
-
-def test_without_arviz_the_message_says_what_to_install(walked, monkeypatch):
-    monkeypatch.setitem(sys.modules, "arviz", None)
-    posterior, found = walked
-    with pytest.raises(InputError, match="pip install arviz h5netcdf h5py"):
-        inference_data(found, posterior, made())
 
 
 def test_draws_come_back_from_the_file(walked, tmp_path):

@@ -133,23 +133,3 @@ def test_comments_above_the_header_and_line_breaks_in_cells_are_read(tmp_path):
 def test_numbers_as_names_are_whole():
     frame = FRAME.assign(Sensor=[1.0, 2.0, np.nan]).fillna({"Sensor": 3})
     assert read(frame).sensor == ("1", "2", "3")
-
-
-@pytest.mark.parametrize(
-    ("name", "reader", "said"),
-    [
-        ("log.xlsx", "read_excel", r"needs openpyxl, .*'jblast\[spreadsheet\]'"),
-        ("log.ods", "read_excel", r"needs odfpy, .*'jblast\[spreadsheet\]'"),
-        ("log.parquet", "read_parquet", r"needs pyarrow, .*'jblast\[parquet\]'"),
-    ],
-)
-def test_an_absent_package_is_named_with_its_extra(
-    tmp_path, monkeypatch, name, reader, said
-):
-    def absent(*_, **__):
-        raise ImportError("Missing optional dependency")
-
-    monkeypatch.setattr(pd, reader, absent)
-    (tmp_path / name).write_bytes(b"PK\x03\x04")
-    with pytest.raises(InputError, match=said):
-        read(tmp_path / name)

@@ -59,16 +59,6 @@ def test_the_schema_takes_one_row_and_several(question):
     ]
 
 
-def test_numbers_of_one_row_are_no_lists():
-    value = np.array([3.0])
-    laws = {"air_arrival_s": {"a": Calculated(value, value > 0.0, "all", False)}}
-    answer = calculator_answer(Question(Scene(), (20.0,), (15.0,)), laws).to_dict()
-    assert answer["quantities"]["air_arrival_s"]["a"]["value"] == 3.0
-    assert answer["inputs"]["mass_kg"] == 15.0
-    assert "recommended" not in answer
-    assert "asked" not in answer["inputs"]
-
-
 @pytest.mark.parametrize("given", [{"charge_mass": (15.0,)}, {"slant_range": (20.0,)}])
 def test_the_schema_takes_a_range_or_a_mass(given):
     question = Question(Scene(), quantity="peak_overpressure_pa", target=1e4, **given)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import BoundMap
-from jblast.report.design_figure import bound_figure, round_levels
+from jblast.report.design_figure import bound_figure
 
 pytestmark = pytest.mark.slow  # each layout compiles its own search
 
@@ -53,27 +53,6 @@ def test_mass_and_place_have_a_panel_each_with_contours_in_their_units():
     assert mass.get_ylim() == (-50.0, 150.0)
 
 
-def test_the_caption_says_what_the_next_sensor_records_and_what_is_hatched():
-    def caption(drawn):
-        return " ".join(bound_figure(drawn).get_supxlabel().split())
-
-    text = caption(made())
-    assert "records air arrival and peak overpressure like a" in text
-    assert "1.5 m up" in text
-    assert "Hatched: outside the range of a law." in text
-    everywhere = np.ones((21, 21), bool)
-    assert "Hatched" not in caption(made(valid=everywhere))
-
-
-def test_what_stays_unidentified_everywhere_is_said_and_not_drawn():
-    never = np.full((21, 21), np.inf)
-    figure = bound_figure(made(log_sd_mass=None, place_sd=never, now={"place": np.inf}))
-    (axes,) = figure.axes
-    assert axes.get_title("right") == "now not identified"
-    assert "not identified at any position" in words(figure)
-    assert not axes.images
-
-
 def test_a_map_with_holes_and_one_of_a_single_coordinate_are_drawn(tmp_path):
     holes = np.array(made().log_sd_mass)
     holes[:5] = np.inf
@@ -84,21 +63,3 @@ def test_a_map_with_holes_and_one_of_a_single_coordinate_are_drawn(tmp_path):
     for kind in ("png", "svg", "pdf"):
         figure.savefig(tmp_path / f"map.{kind}")
         assert (tmp_path / f"map.{kind}").stat().st_size > 5000
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "few"),
-    [(21.0, 27.5, 3), (0.4, 80.0, 3), (1.0, 1e6, 3), (99.0, 101.5, 2)],
-)
-def test_contours_are_a_few_round_numbers_inside(low, high, few):
-    levels = round_levels(low, high)
-    assert few <= len(levels) <= 7
-    assert (levels > low).all()
-    assert (levels < high).all()
-    assert all(float(f"{level:.4g}") == pytest.approx(level) for level in levels)
-
-
-def test_a_flat_map_has_no_contours():
-    assert len(round_levels(10.0, 10.05)) == 0
-    flat = np.full((21, 21), 0.1)
-    assert bound_figure(made(log_sd_mass=flat, place_sd=None)).axes

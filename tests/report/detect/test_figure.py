@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jblast.report.detect import detection_text
 from jblast.report.detect_files import COLUMNS, MAX_LABELS, detection_figure
 from jblast.signals.search import Channel, search
 
@@ -35,13 +34,3 @@ def test_recording_output_threshold_and_arrivals_are_drawn(searched):
     assert len(labels) == MAX_LABELS
     assert labels[0].startswith("1.75")  # the loudest
     assert searched.channel.samples.size > 2 * COLUMNS  # an envelope is drawn
-
-
-def test_words_have_a_row_for_each_arrival_in_order(searched):
-    said = detection_text([searched], ["mast.2"], "a window").splitlines()
-    assert said[0] == "7 arrivals in 1 channel, 2 s of sound"
-    assert "constant channel skipped: mast.2" in said
-    rows = [line.split() for line in said[3:10]]
-    assert [row[0] for row in rows] == ["gate"] * 7
-    times = [float(row[1]) for row in rows]
-    assert times == sorted(times)

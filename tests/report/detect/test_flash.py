@@ -1,14 +1,12 @@
 """What is told of flashes: by key, in words, drawn."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 from jsonschema import Draft202012Validator
 
 from docs.generate import documents
-from jblast.report.detect_files import flash_figure
-from jblast.report.flash import Searched, flash_answer, flash_text, slow_film
+from jblast.report.flash import Searched, flash_answer
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
 from jblast.signals.flash.search import Flash, FlashDetections
 
@@ -45,27 +43,3 @@ def test_keys_that_sound_and_film_share_mean_the_same():
     assert (arrival["pixel"], arrival["frame"]) == ([41.0, 33.0], 31)
     assert told["threshold_snr_db"] == 20 * np.log10(4.0)
     assert told["latency_s"] == np.subtract(0.0370, 0.0304)
-
-
-def test_it_is_told_in_words():
-    told = flash_text(flash_answer(SEEN, FILM, 1.0, WHERE))
-    assert "1 blast detected in 80 frames of 80 x 60 pixels, 0.079 s" in told
-    assert "first light  0.03040 ± 0.0001 s, frame 31, detected 6.6 ms later" in told
-    assert "x 41.0 ± 0.3 px, y 33.0 ± 0.4 px" in told
-    assert "bearing 28.65 ± 0.57 degrees, elevation -5.73 ± 1.1 degrees" in told
-    assert "15.0 ± 0.1 px, time constant 3.00 ± 0.1 ms" in told
-    slow = replace(FILM, frames_hz=30.0)
-    told = flash_text(flash_answer(NOTHING, slow, 2.0, (), [slow_film(30.0)]))
-    assert told.startswith("No blast detected")
-    assert "30 frames/s: a fireball grows within" in told
-    told = flash_text(flash_answer(NOTHING, FILM, 1.0, bang_s=0.05))
-    assert told.startswith("No flash detected")
-    assert "bang         0.0500 s in the sound track\n" in told
-
-
-def test_pictures_of_one_of_events_and_of_nothing_can_be_drawn():
-    events = SEEN._replace(flashes=(FLASH._replace(picture=None),))
-    for seen, panels in ((SEEN, 3), (events, 3), (NOTHING, 1)):
-        figure = flash_figure(seen, (60, 80))
-        figure.draw_without_rendering()
-        assert len(figure.axes) == panels

@@ -10,8 +10,6 @@ from jblast.report.film import (
     FilmAnswer,
     FilmEvents,
     FilmFiles,
-    events_text,
-    film_text,
 )
 from jblast.sensors.camera.files.event_files import Written
 
@@ -43,21 +41,3 @@ def test_the_schema_takes_events_with_and_without_noise():
     Draft202012Validator.check_schema(schema)
     for events in (EVENTS, replace(EVENTS, noise="off", seed=None)):
         Draft202012Validator(schema).validate(events.to_dict())
-
-
-def test_a_film_is_told_with_what_was_written():
-    assert film_text(BOTH).splitlines() == [
-        "5 frames of 64 x 48 pixels at 100 Hz from 0 s: 3,000 events, 2,000 brighter "
-        "and 1,000 darker; times solved for, error below 1 us",
-        *("out/frames", "out/events.h5", "out/contact_sheet.png"),
-    ]
-    trial = replace(FOUND, stamps="interpolated", stamp_error_s=1e-4)
-    text = film_text(replace(BOTH, found=trial))
-    assert "error below 100 us for 99 % of them\n" in text
-    assert "events" not in film_text(FRAMES)
-
-
-def test_events_are_told_with_their_file():
-    first, second = events_text(EVENTS).splitlines()
-    assert first.endswith("over 0.04 s: 3 events, 2 brighter and 1 darker")
-    assert second == "events.h5"

@@ -72,10 +72,6 @@ def test_a_finding_has_words_a_code_and_numbers(kind):
     assert list(document) == [field.name for field in fields(finding)]
 
 
-def test_a_code_is_the_name_of_the_finding():
-    assert fitting.LawsUnsettled().code == "laws_unsettled"
-
-
 def test_what_was_found_is_json_for_a_user_of_python():
     found = replace(
         example.one_parameter().summary,

@@ -1,9 +1,7 @@
 """What was picked, in words, JSON and pictures."""
 
 import json
-import re
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import get_args
 
 import jax.numpy as jnp
@@ -16,7 +14,6 @@ from jblast.report.picks import NOTES, picks_answer, picks_text
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
 from jblast.signals.picks.unknowns import CONTINUED, SMOOTH, Form
-from tests.report.widths import check_legible, needs_browser
 from tests.signals.records.made import record_pick
 
 RATE, START = 1e4, 5.0
@@ -82,40 +79,11 @@ def test_the_fitted_curve_has_the_form_of_the_fit():
     assert "continued_decay" in one.notes
 
 
-def test_words_say_each_thing_once():
-    two = found({"sharp": True}, {"sharp": True, "calibrated": False})
-    text = picks_text(two, log_of(two), ("notes.md",))
-    assert text.splitlines()[:2] == [
-        "2 picks in 3 records",
-        "±: one standard deviation",
-    ]
-    row = next(line for line in text.splitlines() if line.startswith("g0 "))
-    assert row.split() == [
-        *("g0", "5.050", "±", "0.010", "s", "1.000", "±", "0.010", "kPa"),
-        *("10.00", "±", "0.10", "ms", "4.000", "±", "0.040", "Pa", "s", "good"),
-    ]
-    assert "g0 and g1: the front rises within one sample" in text
-    assert "not in the log: peak overpressure, positive duration and positive" in text
-    assert "nothing found in dead" in text
-    assert "g0: 2 quieter onsets ignored" in text
-    assert "ignored, not a record: notes.md" in text
-
-
 def test_a_clipped_peak_is_printed_as_a_bound_and_named():
     clipped = found({"lower_bound": True, "clipped_at_pa": 800.0})
     text = picks_text(clipped, log_of(clipped))
     assert "> 1.000 ± 0.010 kPa" in text
     assert "g0: clipped at 800 Pa" in text
-
-
-def test_times_of_day_are_told():
-    day = datetime(2026, 3, 1, 12, 0, 7, tzinfo=UTC)
-    of_day = found({})._replace(epoch=day)
-    assert "times count from 2026-03-01 12:00:07 UTC" in picks_text(
-        of_day, log_of(of_day)
-    )
-    document = picks_answer(of_day, log_of(of_day)).to_dict()
-    assert document["epoch_utc"] == "2026-03-01T12:00:07+00:00"
 
 
 def test_the_document_is_json_and_holds_what_was_picked():
@@ -151,27 +119,6 @@ def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_
     # by `printf RIFF | sha256sum`
     assert f"File: g0.wav, SHA-256 {RIFF}" in page
     assert page.count('<th scope="row"') == 3
-
-
-def test_notes_of_a_pick_are_a_row_of_the_full_width(tmp_path):
-    # in a column of their own they would narrow the numbers to one word a line
-    some = found({"clipped_at_pa": 800.0, "lower_bound": True}, {})
-    log = log_of(some)
-    made = provenance_of([], command=["jblast", "pick", "g0.wav"])
-    write_picks(tmp_path, some, log, picks_answer(some, log), [], made)
-    page = (tmp_path / "report.html").read_text()
-    body = page.partition("<tbody>")[2].partition("</tbody>")[0]
-    columns = page.partition("<thead>")[2].partition("</thead>")[0].count("<th ")
-    notes = re.findall(r'<tr class="note quiet"><td colspan="(\d+)">', body)
-    assert notes == [str(columns)]
-
-
-@needs_browser
-def test_the_page_is_legible_at_every_width(tmp_path):
-    some = found({"clipped_at_pa": 800.0, "lower_bound": True}, {"sharp": True})
-    log, made = log_of(some), provenance_of([], command=["jblast", "pick", "g0.wav"])
-    write_picks(tmp_path, some, log, picks_answer(some, log), ["a fault"], made)
-    check_legible((tmp_path / "report.html").read_text(), tmp_path)
 
 
 def test_every_note_of_a_pick_has_words():

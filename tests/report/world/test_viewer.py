@@ -1,8 +1,6 @@
 """The view of a run, read back from its file."""
 
 import io
-import sys
-import urllib.request
 from itertools import pairwise
 
 import numpy as np
@@ -179,16 +177,6 @@ def test_a_waveform_contains_its_peak_and_the_marks_of_detections(data):
     assert series(data, f"{PLOTS}/false_alarms")[0] == pytest.approx([0.65])
 
 
-def test_the_log_has_blasts_perceptions_and_detections(data):
-    assert data["/log/blasts", "TextLog:text"] == [(0.5, ["blast 1: 8 kg"])]
-    ((time, (text,)),) = data["/log/perceptions", "TextLog:text"]
-    assert (time, text) == (0.5, "blast 1 at camera: flash")
-    found, false = data["/log/detections", "TextLog:text"]
-    assert found[0] == false[0] == pytest.approx(0.8)  # when they are reported
-    assert "blast 1, 0.20 s after its wave" in found[1][0]
-    assert "false alarm" in false[1][0]
-
-
 def test_frames_are_thinned_to_twenty_a_second(data):
     time, images = pictures(data, "/world/camera/image")
     np.testing.assert_allclose(time, np.arange(0.0, SECONDS, 0.05), atol=1e-9)
@@ -255,31 +243,6 @@ def test_two_files_of_the_same_packets_have_equal_data(tmp_path, data, packets):
     assert again.keys() == data.keys()
     for key, rows in data.items():
         assert again[key] == rows, key
-
-
-def test_a_served_run_is_in_its_file_while_the_server_continues(
-    tmp_path, data, packets, monkeypatch, capsys
-):
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):  # no browser is opened
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(sys, "platform", "linux")
-    viewer = write(tmp_path / "run.rrd", packets, live=True)
-    assert viewer.address in capsys.readouterr().err
-    with urllib.request.urlopen(viewer.address, timeout=10.0) as page:
-        assert b"Rerun" in page.read()
-    assert read(tmp_path / "run.rrd") == data
-
-    def interrupted(self, timeout=None):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("threading.Event.wait", interrupted)
-    viewer.wait()
-
-
-def test_rerun_that_is_not_installed_is_named(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(InputError, match=r"pip install 'jblast\[viewer\]'"):
-        write(tmp_path / "run.rrd", [])
 
 
 def test_a_file_that_cannot_be_written_is_named(tmp_path):

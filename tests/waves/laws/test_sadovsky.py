@@ -3,7 +3,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.registry import law_for
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_pressure
 from jblast.waves.laws.sadovsky import (
     sadovsky_duration,
@@ -106,14 +105,3 @@ def test_valid_from_1_to_15_and_the_duration_on_the_ground_only():
     assert sadovsky_valid(z, 1.0).tolist() == [False, True, True, False]
     assert sadovsky_duration_valid(z, 1.0).tolist() == [False, True, True, False]
     assert not sadovsky_duration_valid(z, 1.0, burst="free-air").any()
-
-
-def test_a_distance_of_zero_is_refused():
-    with pytest.raises(ValueError, match="slant_range must be positive, got 0 m"):
-        sadovsky_pressure(0.0, 1.0)
-
-
-def test_the_registry_marks_what_is_from_memory():
-    assert "memory" in law_for("peak_overpressure_pa", "sadovsky").range
-    for quantity in ("peak_overpressure_pa", "positive_duration_s"):
-        assert law_for(quantity, "sadovsky").scatter() == (0.10, 0.0, 0.10)

@@ -12,7 +12,6 @@ from jblast.waves.laws.wu_hao import (
     wu_hao_air_arrival_time,
     wu_hao_air_valid,
     wu_hao_ground_arrival_time,
-    wu_hao_ground_path_arrival_time,
     wu_hao_ground_path_valid,
     wu_hao_ground_valid,
 )
@@ -179,13 +178,6 @@ def test_a_scene_names_the_way_of_the_ground_wave():
     assert thesis[0] == head[0]
     # 1.558 m at 519 m/s, four digits
     np.testing.assert_allclose(thesis[1] - head[1], 3.004e-3, atol=5e-7)
-
-
-def test_a_way_that_is_none_is_refused():
-    with pytest.raises(ValueError, match="ground_path must be 'head' or 'thesis', got"):
-        wu_hao_ground_path_arrival_time(*_thesis_case(1.0), ground_path="direct")
-    with pytest.raises(ValueError, match="slant_range must be positive"):
-        dual_path_ground_arrival_time(0.0, 0.0, 1.0, 15.0, 340.0, 6000.0)
 
 
 def test_the_climb_needs_an_air_shock_faster_than_sound():

@@ -1,7 +1,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jblast.waves.propagation import (
     air_density,
@@ -9,7 +8,6 @@ from jblast.waves.propagation import (
     sound_speed_in_air,
     stokes_absorption,
 )
-from tests.tools.slopes import check_slopes
 
 # Frequency [Hz], temperature [K], pressure [Pa], relative humidity, and what the PyPI
 # package acoustic-toolbox 0.2.2 makes of them [dB/m]: of its module
@@ -106,22 +104,6 @@ def test_absorption_of_a_given_wave_is_a_function_of_frequency_over_pressure():
     np.testing.assert_allclose(half, 0.5 * one, rtol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("law", "at"),
-    [
-        (stokes_absorption, (1e3, 1.2, 340.0, 290.0)),
-        (iso_9613_absorption, (1e3, 290.0, 1e5, 0.5)),
-    ],
-)
-def test_gradients_are_the_derivatives(law, at):
-    # in units of each argument, of ln alpha, as they differ by orders of magnitude
-    check_slopes(
-        jax.jit(lambda x: jnp.log(law(*(a * u for a, u in zip(at, x, strict=True))))),
-        (jnp.ones(len(at)),),
-        order=2,
-    )
-
-
 def test_dry_air_has_a_gradient_to_humidity():
     slope = jax.grad(iso_9613_absorption, argnums=3)(1000.0, 293.15, 101325.0, 0.0)
     step = 1e-7
@@ -130,21 +112,3 @@ def test_dry_air_has_a_gradient_to_humidity():
     )
     # half a step times a curvature of some 1e2 in units of the slope; rounding 1e-7
     np.testing.assert_allclose(slope, rise / step, rtol=1e-4)
-
-
-def test_a_batch_is_a_loop_and_single_precision_stays_close():
-    *air, _ = INDEPENDENT.T
-    together = jax.vmap(iso_9613_absorption)(*map(jnp.asarray, air))
-    alone = [iso_9613_absorption(*map(float, row)) for row in np.stack(air, axis=1)]
-    np.testing.assert_allclose(together, alone, rtol=1e-13)
-    single = iso_9613_absorption(*(x.astype(np.float32) for x in air))
-    assert single.dtype == np.float32
-    np.testing.assert_allclose(single, together, rtol=1e-5)
-
-
-def test_what_no_air_has_is_refused():
-    with pytest.raises(ValueError, match="relative_humidity must be between 0 and 1"):
-        iso_9613_absorption(1000.0, 293.15, 101325.0, 70.0)
-    with pytest.raises(ValueError, match="frequency must be not negative, got -1 Hz"):
-        stokes_absorption(-1.0, 1.2, 340.0, 313.0)
-    assert stokes_absorption(0.0, 1.2, 340.0, 313.0) == 0.0

@@ -10,7 +10,6 @@ from jblast.waves.propagation import (
     sound_speed_in_air,
     standard_atmosphere,
 )
-from tests.tools.slopes import check_slopes
 
 # Geopotential height, temperature, pressure, density as the standard prints them.
 STANDARD_TABLE = [
@@ -137,26 +136,3 @@ def test_density_is_cipm_2007_but_for_the_ideal_gas():
     ours = air_density(celsius + 273.15, pressure, humidity)
     departure = ours / _cipm_density(celsius, pressure, humidity) - 1
     assert np.all((departure > -6.1e-4) & (departure < -1.9e-4))
-
-
-def test_gradients_are_the_derivatives():
-    check_slopes(standard_atmosphere, (jnp.array(2000.0),), order=2, eps=1.0)
-    # steps in units of each argument: they differ by five orders of magnitude
-    for law in (sound_speed_in_air, air_density):
-        check_slopes(
-            jax.jit(lambda x, law=law: law(290.0 * x[0], 9e4 * x[1], 0.6 * x[2])),
-            (jnp.ones(3),),
-            order=2,
-        )
-
-
-def test_a_batch_is_a_loop():
-    heights = jnp.linspace(-500.0, 15000.0, 7)
-    temperature, pressure = standard_atmosphere(heights)
-    for i, height in enumerate(heights):
-        assert standard_atmosphere(height) == (temperature[i], pressure[i])
-    np.testing.assert_allclose(
-        jax.vmap(lambda t, p: sound_speed_in_air(t, p, 0.5))(temperature, pressure),
-        sound_speed_in_air(temperature, pressure, 0.5),
-        rtol=1e-15,
-    )

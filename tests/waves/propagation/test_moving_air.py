@@ -46,8 +46,3 @@ def test_slopes_are_one_and_arrays_broadcast():
     slopes = jax.grad(effective_sound_speed, argnums=(0, 1))(340.0, -5.0)
     assert [float(s) for s in slopes] == [1.0, 1.0]
     assert effective_sound_speed(340.0, np.array([[1.0, 2.0]])).tolist() == [[341, 342]]
-
-
-def test_a_sound_speed_that_is_none_is_refused():
-    with pytest.raises(ValueError, match="sound_speed must be positive, got 0 m/s"):
-        effective_sound_speed(0.0, 5.0)

@@ -1,5 +1,4 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -87,45 +86,6 @@ def test_no_pressure_falls_below_vacuum(burst):
     assert pressure.min() < -0.95 * STANDARD_PRESSURE
 
 
-@both_bursts
-def test_value_and_gradient_are_finite_from_the_fireball_to_the_far_field(burst):
-    @jax.jit
-    @jax.vmap
-    def value_and_slopes(t, r, w):
-        return jax.value_and_grad(
-            lambda *x: blast_pressure(*x, burst=burst), argnums=(0, 1, 2)
-        )(t, r, w)
-
-    z = np.geomspace(0.01, 1e5, 100)
-    for mass in (1e-4, 1e9):
-        place = z * mass ** (1 / 3), np.full(100, mass)
-        arrival = np.asarray(kb.kingery_bulmash_arrival_time(*place, burst=burst))
-        duration = np.asarray(kb.kingery_bulmash_duration(*place, burst=burst))
-        for phase in (-1.0, 0.0, 0.5, 1.0, 2.0, 1e4):
-            for part in jax.tree.leaves(
-                value_and_slopes(arrival + phase * duration, *place)
-            ):
-                assert np.isfinite(part).all()
-
-
-def test_gradients_are_those_of_finite_differences():
-    arrival, duration, suction, impulse = phases("surface")
-
-    @jax.jit
-    @jax.vmap
-    def pressure_and_slope(t, x):
-        return jax.value_and_grad(lambda x: blast_pressure(t, *jnp.exp(x)))(x)
-
-    at, h = np.log(AIR), 1e-6 * np.eye(4)
-    places = np.concatenate([at[None], at + h, at - h])
-    length = 16 / 9 * impulse / suction
-    for time in (arrival + 0.4 * duration, arrival + duration + 0.6 * length):
-        pressure, slope = map(np.asarray, pressure_and_slope(np.full(9, time), places))
-        central = (pressure[1:5] - pressure[5:]) / 2e-6
-        # rounding 1e-16 of 1e4 Pa and of times over 2e-6; curvature 1e-12 of p'''
-        np.testing.assert_allclose(slope[0], central, rtol=1e-6, atol=1e-2)
-
-
 def test_a_record_is_its_loop_and_numbers_broadcast():
     time = np.linspace(0.0, 0.08, 41)
     batch = jax.jit(blast_pressure, static_argnames="burst")(time, *AIR)
@@ -133,11 +93,6 @@ def test_a_record_is_its_loop_and_numbers_broadcast():
     np.testing.assert_allclose(batch, loop, rtol=1e-9, atol=1e-6)
     ranges = np.array([10.0, 20.0, 30.0])[:, None]
     assert blast_pressure(time[None, :], ranges, MASS).shape == (3, 41)
-
-
-def test_an_unknown_burst_is_named():
-    with pytest.raises(ValueError, match="burst must be 'surface' or 'free-air'"):
-        blast_pressure(0.1, 10.0, 1.0, burst="underwater")
 
 
 @both_bursts

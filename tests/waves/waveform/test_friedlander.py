@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
 from scipy.integrate import quad
 
 from jblast.waves.waveform import (
@@ -46,17 +45,6 @@ def test_the_slope_at_the_arrival_is_that_behind_the_front():
     at = slope(0.0, PEAK, DURATION, 2.0)
     np.testing.assert_allclose(at, -PEAK * 3.0 / DURATION, rtol=1e-14)
     assert slope(-1e-9, PEAK, DURATION, 2.0) == 0.0
-
-
-def test_gradients_are_those_of_finite_differences():
-    # In ms and bar, so that check_grads steps by what each argument can bear.
-    time = jnp.array([-1.0, 1.0, 4.0, 20.0])
-
-    def pulse(later, p, d, b):
-        t = 1e-3 * (time + later)
-        return modified_friedlander_pressure(t, 1e5 * p, 1e-3 * d, b) / 1e5
-
-    check_grads(jax.jit(pulse), (0.0, 2.0, 4.0, 1.5), order=2, rtol=1e-4)
 
 
 @pytest.mark.parametrize("decay", [-0.93, -1e-9, 0.0, 0.05, 1.0, 8.87])
@@ -173,37 +161,3 @@ def test_a_record_that_does_not_decay_has_no_spectrum():
         friedlander_spectrum(10.0, PEAK, DURATION, jnp.array([1.0, -0.5]))
     inside = jax.jit(friedlander_spectrum)(10.0, PEAK, DURATION, jnp.array([1.0, -0.5]))
     assert jnp.isnan(inside).tolist() == [False, True]
-
-
-def test_a_negative_duration_is_named():
-    with pytest.raises(ValueError, match="duration must be positive, got -1 s"):
-        friedlander_pressure(0.0, PEAK, -1.0)
-
-
-def test_numbers_broadcast_against_arrays_and_a_batch_is_a_loop():
-    time = jnp.linspace(-1e-3, 1e-2, 12)
-    batch = modified_friedlander_pressure(time, PEAK, DURATION, 2.0)
-    loop = [modified_friedlander_pressure(t, PEAK, DURATION, 2.0) for t in time]
-    np.testing.assert_allclose(batch, loop, rtol=1e-14)
-    spread = jax.jit(friedlander_spectrum)(1e3, time[:, None] ** 2 + 1.0, time**2, 2.0)
-    assert spread.shape == (12, 12)
-
-
-def test_single_precision_is_as_good_as_its_peak():
-    time = jnp.linspace(-1e-3, 3e-2, 300).astype("float32")
-    arguments = (jnp.float32(PEAK), jnp.float32(DURATION), jnp.float32(1.5))
-    single = modified_friedlander_pressure(time, *arguments)
-    assert single.dtype == jnp.float32
-    double = modified_friedlander_pressure(
-        time.astype(float), *(float(x) for x in arguments)
-    )
-    # Relative to the peak: near t_d the pressure is a difference.
-    np.testing.assert_allclose(single.astype(float), double, rtol=0, atol=1e-6 * PEAK)
-    frequency = jnp.geomspace(0.1, 1e5, 100).astype("float32")
-    spectrum = friedlander_spectrum(frequency, *arguments)
-    assert spectrum.dtype == jnp.complex64
-    exact = friedlander_spectrum(
-        frequency.astype(float), *(float(x) for x in arguments)
-    )
-    apart = jnp.abs(spectrum.astype("complex128") - exact) / jnp.abs(exact)
-    assert apart.max() < 2e-6

@@ -1,11 +1,9 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.integrate import quad
 
 from jblast.waves.waveform import negative_phase_pressure
-from tests.tools.slopes import check_slopes
 
 DURATION, LOWEST, LENGTH = 4e-3, 2.5e4, 1.1e-2
 
@@ -53,30 +51,3 @@ def test_slopes_at_its_ends_are_those_of_the_docstring():
     before = slope(DURATION + LENGTH - 1e-9, DURATION, LOWEST, LENGTH)
     np.testing.assert_allclose(before, 13.5 * LOWEST / LENGTH**2 * 1e-9, rtol=1e-5)
     assert slope(DURATION + LENGTH + 1e-9, DURATION, LOWEST, LENGTH) == 0.0
-
-
-def test_gradients_are_those_of_finite_differences():
-    # before, within (twice) and after
-    time = jnp.array([1.0, 6.0, 11.0, 30.0])
-
-    def cubic(d, p, n):
-        return negative_phase_pressure(1e-3 * time, 1e-3 * d, 1e4 * p, 1e-3 * n) / 1e4
-
-    check_slopes(cubic, (4.0, 2.5, 11.0), order=2, rtol=1e-4)
-
-
-def test_a_batch_is_its_loop_and_single_precision_is_as_good_as_the_lowest():
-    time = jnp.linspace(0.0, 0.02, 101)
-    batch = jax.jit(negative_phase_pressure)(time, DURATION, LOWEST, LENGTH)
-    loop = [negative_phase_pressure(t, DURATION, LOWEST, LENGTH) for t in time]
-    np.testing.assert_allclose(batch, loop, rtol=1e-12, atol=1e-9)
-    arguments = [jnp.float32(x) for x in (DURATION, LOWEST, LENGTH)]
-    single = negative_phase_pressure(time.astype("float32"), *arguments)
-    assert single.dtype == jnp.float32
-    # relative to the lowest: it passes through zero at both ends
-    np.testing.assert_allclose(single.astype(float), batch, rtol=0, atol=3e-6 * LOWEST)
-
-
-def test_a_duration_of_nothing_is_named():
-    with pytest.raises(ValueError, match="negative_duration must be positive, got 0 s"):
-        negative_phase_pressure(0.0, DURATION, LOWEST, 0.0)

@@ -42,14 +42,6 @@ def test_a_chart_is_a_figure_a_table_to_read_and_one_to_work_with(jblast, topic)
     assert (jblast.directory / "out/halves.png").stat().st_size > 10_000
 
 
-def test_a_directory_with_files_is_not_written_over(jblast, topic):
-    (jblast.directory / "out").mkdir()
-    jblast.file("out/mine.txt", "")
-    code, out, err = jblast("chart", "halves", "--out", jblast.path("out"))
-    assert (code, out) == (2, "")
-    assert "--force" in err
-
-
 def test_an_unknown_topic_lists_them(jblast):
     code, out, err = jblast("chart", "arival")
     assert (code, out) == (2, "")

@@ -76,14 +76,6 @@ def test_clips_are_not_doubted_for_clocks_of_their_own(jblast):
 SAMPLES = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
 
 
-def test_each_record_of_samples_that_a_fit_would_refuse_is_told(jblast):
-    rows = [f"g{n},overpressure_record,,,{n},0,0,g{n}.csv\n" for n in (1, 2)]
-    code, text, err = jblast("check", jblast.file("log.csv", SAMPLES + "".join(rows)))
-    assert (code, err) == (2, "")
-    assert text.count("column record") == 2
-    assert "overpressure record 2" in text
-
-
 @pytest.mark.slow
 def test_records_of_samples_are_picked_and_doubted_as_readings_are(jblast):
     beside = DATA / "records_example"
@@ -94,12 +86,6 @@ def test_records_of_samples_are_picked_and_doubted_as_readings_are(jblast):
     code, text, err = jblast("check", jblast.file("log.csv", SAMPLES + "".join(rows)))
     assert (code, err) == (0, "")
     assert "overpressure record 2" in text
-
-
-def test_no_file_is_one_message(jblast):
-    code, text, err = jblast("check", jblast.path("none.csv"))
-    assert (code, text) == (2, "")
-    assert "no such file" in err
 
 
 @pytest.mark.parametrize(

@@ -47,14 +47,6 @@ def test_a_tolerance_that_none_meets_exits_4_and_still_answers(jblast):
     assert answer["method"] == "kingery_bulmash"
 
 
-def test_without_json_it_is_a_sentence_and_a_table(jblast):
-    scene = jblast.file("scene.toml", KNOWN)
-    code, out, _ = jblast("choose", scene, "--quantity", "air_arrival_s")
-    assert code == 4  # a third of 0.1 ms of 90 ms: nobody knows that
-    assert out.startswith("No method is accurate enough: air_arrival_s within 0.0")
-    assert "not valid at all sensors" in out
-
-
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
@@ -70,10 +62,3 @@ def test_what_cannot_be_asked_is_one_message_and_exit_2(jblast, asked, said):
     assert (code, out) == (2, "")
     assert said in err
     assert len(err.strip().splitlines()) == 1
-
-
-def test_a_free_mass_is_refused_by_name(jblast):
-    scene = jblast.file("scene.toml", SENSORS)
-    code, _, err = jblast("choose", scene, "--quantity", "air_arrival_s")
-    assert code == 2
-    assert "charge_mass_kg is free" in err

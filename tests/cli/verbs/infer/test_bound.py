@@ -2,7 +2,6 @@ import json
 
 import pytest
 
-from tests.cli.child import told
 from tests.cli.cli_files import SENSORS
 
 ANSWER = {
@@ -156,9 +155,3 @@ def test_bad_input_exits_2_with_one_message(jblast):
     said = jblast.refused("bound", mute, "--at", "charge_mass_kg=3")
     assert "no sensor records anything" in said
     assert "no such file" in jblast.refused("bound", jblast.path("none.toml"))
-
-
-def test_help_does_not_wait_for_jax():
-    said = told()["bound", "--help"]
-    assert "jax" not in said.modules
-    assert "--map" in said.out

@@ -191,16 +191,6 @@ def test_bad_input_is_one_message(jblast, content, options, said):
     assert message.count("\n") == 1
 
 
-def test_too_many_candidates_are_refused(jblast):
-    names = [f"c{i}" for i in range(12)]
-    drawn = np.random.default_rng(0).standard_normal((12, 30))
-    content = table(np.arange(30.0), *drawn, header=",".join(["time_s", *names]))
-    message = jblast.refused(
-        "discover", jblast.file("flight.csv", content), "--degree", "3"
-    )
-    assert "at most 100 candidates, got 455" in message
-
-
 def test_the_command_line_starts_without_pysindy():
     loaded = told()[("--help",)].modules
     assert "jblast.cli.main" in loaded

@@ -24,15 +24,6 @@ ABOUT = Frame(33.9, 35.5, 20.0)
 ASKED = ("--date", "2024-05-17", "--zone", "UTC")
 
 
-def test_the_file_alone_is_refused_with_what_to_type(jblast):
-    refused = jblast.refused("fit", str(CLIPS))
-    assert "line 10, column value_utc" in refused
-    assert "--date YYYY-MM-DD" in refused
-    assert "--zone" in refused
-    again = jblast.refused("fit", str(CLIPS), *ASKED[:2])
-    assert "expected a zone" in again
-
-
 def test_what_is_typed_then_frees_place_time_and_clocks():
     log = read(CLIPS, date="2024-05-17", zone="UTC")
     clocks = [f"clock_offset_s.clip_{number}" for number in range(2, 7)]

@@ -14,20 +14,6 @@ STATIONS = "sensor,east_m,north_m,up_m\na,10,0,0\n"
 SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
 
 
-def test_a_folder_without_positions_is_refused(jblast):
-    said = jblast.refused("fit", str(EXAMPLE))
-    assert (
-        "records_example: is a folder; for a folder of records also pass --positions"
-        in said
-    )
-
-
-def test_records_without_a_bang_are_refused(jblast):
-    words = ("fit", jblast.file("a.csv", SILENT))
-    said = jblast.refused(*words, "--positions", jblast.file("stations", STATIONS))
-    assert "a.csv: expected records of a blast, got nothing found in 1 of them" in said
-
-
 def test_a_record_that_cannot_be_read_is_not_left_out_in_silence(jblast):
     bad = jblast.file("b.csv", "time_s,p_pa\n0,1\n1,\n")
     words = ("fit", jblast.file("a.csv", SILENT), bad)

@@ -119,15 +119,3 @@ def test_no_log_at_all_that_can_be_fitted_exits_2(jblast):
     code, _, err = jblast("fit", *bad)
     assert code == 2
     assert "none of 2 logs" in err
-
-
-def test_a_log_named_twice_is_refused(jblast):
-    good = jblast.file("good.csv", log(*pressures(15.0)))
-    assert "got it twice" in jblast.refused("fit", good, good)
-
-
-def test_a_scene_among_the_logs_is_told_where_it_stands(jblast):
-    good = jblast.file("good.csv", log(*pressures(15.0)))
-    code, _, error = jblast("fit", good, jblast.file("scene.toml", "schema = 1\n"))
-    assert code == 2
-    assert "scene.toml: expected a log, got a scene; pass it by --scene" in error

@@ -3,12 +3,10 @@
 import json
 import tomllib
 
-import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate.documents import schema
-from jblast.sensors.camera.files.images import write_png
 
 SCENE = """
 [charge]
@@ -34,12 +32,6 @@ def scene(jblast) -> str:
     return jblast.file("scene.toml", SCENE)
 
 
-def test_the_list_needs_no_scene(jblast):
-    code, said, _ = jblast("tune", "--list")
-    assert code == 0
-    assert "camera_threshold_darker" in said
-
-
 @pytest.mark.parametrize(
     ("name", "content", "options", "words"),
     [
@@ -55,22 +47,6 @@ def test_the_list_needs_no_scene(jblast):
 def test_what_cannot_be_is_one_message(jblast, scene, name, content, options, words):
     path = jblast.path(name) if content is None else jblast.file(name, content)
     assert words in jblast.refused("tune", scene, path, *options)
-
-
-def test_a_folder_without_pictures_is_named(jblast, scene):
-    (jblast.directory / "empty").mkdir()
-    message = jblast.refused("tune", scene, jblast.path("empty"), *GROWTH)
-    assert "expected at least two PNG frames" in message
-
-
-def test_pictures_of_another_size_are_named(jblast, scene):
-    (jblast.directory / "film").mkdir()
-    for number in range(2):
-        path = jblast.directory / "film" / f"{number}.png"
-        write_png(path, np.zeros((4, 5, 3)))
-    message = jblast.refused("tune", scene, jblast.path("film"), *GROWTH)
-    assert "expected 16 x 12 pixels, as [camera] of" in message
-    assert "got 5 x 4" in message
 
 
 @pytest.mark.slow

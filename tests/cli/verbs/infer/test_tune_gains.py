@@ -59,10 +59,6 @@ def test_what_cannot_be_is_one_message(jblast, scene, options, words):
     assert words in jblast.refused("tune", *asked)
 
 
-def test_gains_need_a_scene(jblast):
-    assert "tune SCENE.toml --gains" in jblast.refused("tune", "--gains")
-
-
 @pytest.mark.slow
 def test_gains_are_tuned_printed_and_written(jblast):
     name, out = jblast.file("scene.toml", SCENE), jblast.path("tuned")

@@ -39,17 +39,6 @@ def test_a_log_is_written_in_our_units_with_what_was_done(jblast):
     assert not ours.understood
 
 
-def test_without_a_file_the_log_is_printed_and_a_file_is_not_overwritten(jblast):
-    theirs = jblast.file("theirs.csv", FORENSIC)
-    code, out, _ = jblast("convert", theirs)
-    assert code == 0
-    assert "gate,air_arrival_s,0.08125,0.0005," in out
-    jblast.file("log.csv", "mine")
-    code, _, said = jblast("convert", theirs, "--out", jblast.path("log.csv"))
-    assert (code, jblast.text("log.csv")) == (2, "mine")
-    assert "--force" in said
-
-
 def test_what_was_short_in_their_unit_is_short_in_ours(jblast):
     rows = "a,air_arrival_ms,12.4,0.7,1.1\na,peak_overpressure_kpa,4.1,0.07,1.1\n"
     theirs = jblast.file("t.csv", "sensor,quantity,value,sigma,range_ft\n" + rows)

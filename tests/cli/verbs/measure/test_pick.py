@@ -46,27 +46,6 @@ def test_what_cannot_be_read_is_one_message(jblast, name, content, said):
     assert said in jblast.refused("pick", jblast.file(name, content))
 
 
-def test_volts_are_told_the_option_by_its_name(jblast):
-    volts = jblast.file("a.csv", "time_s,p_v\n0,1\n1,2\n")
-    assert "pascals per volt, --sensitivity" in jblast.refused("pick", volts)
-    more = jblast.file("b.csv", "time_s,p_v\n0,1\n1,2\n")
-    said = jblast.refused("pick", volts, more)
-    assert said.count("add the pascals per volt, --sensitivity") == 2
-
-
-def test_what_exists_is_not_overwritten_unasked(jblast):
-    record, log = jblast.file("a.csv", SILENT), jblast.file("log.csv", "mine")
-    assert "--force" in jblast.refused("pick", record, "--out", log)
-    assert jblast.text("log.csv") == "mine"
-
-
-def test_a_log_that_would_have_no_row_is_said_not_to_be_written(jblast):
-    out = jblast.path("log.csv")
-    code, text, _ = jblast("pick", jblast.file("a.csv", SILENT), "--out", out)
-    assert (code, Path(out).exists()) == (3, False)
-    assert f"Not written: {out}" in text
-
-
 def test_a_bad_file_costs_the_others_nothing(jblast):
     good, bad = jblast.file("a.csv", SILENT), jblast.file("b.csv", "time_s,p_pa\n0,1\n")
     code, out, err = jblast("pick", good, bad)

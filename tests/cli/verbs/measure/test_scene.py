@@ -51,12 +51,6 @@ def test_a_scene_is_printed_or_written_and_never_over_another(jblast):
     )
 
 
-def test_a_bad_log_exits_2(jblast):
-    assert "duplicate" in jblast.refused(
-        "scene", jblast.file("log.csv", TWO + TWO.splitlines()[1] + "\n")
-    )
-
-
 @pytest.mark.parametrize(
     "log",
     [log for log in sorted(DATA.glob("*.csv")) if log.stem not in SOURCE_TABLES],

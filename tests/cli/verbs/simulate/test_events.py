@@ -130,30 +130,6 @@ def test_a_video_goes_by_its_clock_or_by_what_is_said(jblast):
         np.testing.assert_array_equal(getattr(slow, name), getattr(own, name))
 
 
-def test_a_video_whose_rate_varies_needs_the_rate(jblast):
-    stamps = [0, 20, 40, 100, 120, 140]
-    code, _, err = video(jblast, stamps=stamps)
-    assert code == 2
-    assert "a.mp4: expected a constant frame rate, got frames 2 and 3 100 ms" in err
-    assert "state its rate (--fps)" in err
-    assert video(jblast, "--fps", "30", stamps=stamps)[0] == 0
-
-
-def test_a_video_names_its_own_curve(jblast):
-    code, _, err = video(jblast, "--srgb")
-    assert code == 2
-    assert "--srgb: expected PNG frames" in err
-
-
-def test_png_frames_need_their_rate(jblast):
-    words = ["--out", jblast.path("events.h5")]
-    message = jblast.refused("events", jblast.path("frames"), *words)
-    assert (
-        "expected the rate of the PNG frames, in frames per second; add --fps"
-        in message
-    )
-
-
 def test_frames_without_events_give_an_empty_file(jblast):
     for i in range(len(GREYS)):
         save(jblast.directory, i, np.full(SHAPE, 9, np.uint8))
@@ -183,46 +159,6 @@ def test_polarities_may_have_thresholds_of_their_own(jblast):
     assert json.loads(out)["darker"] == 0
 
 
-@pytest.mark.parametrize("fps", ["0", "-3", "nan", "inf", "fast"])
-def test_a_frame_rate_that_is_none_is_refused(jblast, fps):
-    message = refused(jblast, fps=fps)
-    assert f"--fps: expected a positive number, got '{fps}'" in message
-
-
-@pytest.mark.parametrize("threshold", ["0", "-0.2", "0.2,-1", "nan", "", "1,2,3"])
-def test_a_threshold_that_is_none_is_refused(jblast, threshold):
-    assert "--threshold: expected" in refused(jblast, f"--threshold={threshold}")
-
-
-def test_a_missing_frame_is_named(jblast):
-    (jblast.directory / "frames" / "frame_0003.png").unlink()
-    assert "frame 3 is missing between frame_0002.png" in refused(jblast)
-
-
-def test_a_frame_of_another_size_is_named(jblast):
-    save(jblast.directory, 4, np.zeros((7, 9), np.uint8))
-    message = refused(jblast)
-    assert "frame_0004.png: expected 9 x 6 pixels" in message
-    assert "got 9 x 7" in message
-
-
-def test_a_frame_of_another_kind_is_named(jblast):
-    save(jblast.directory, 4, np.zeros((*SHAPE, 3), np.uint8))
-    assert "frame_0004.png: expected grey of 8 bits in all" in refused(jblast)
-
-
-@pytest.mark.parametrize("kept", [0, 30, 60])
-def test_a_corrupt_frame_is_named(jblast, kept):
-    path = jblast.directory / "frames" / "frame_0002.png"
-    path.write_bytes(path.read_bytes()[:kept])
-    assert "frame_0002.png: expected a" in refused(jblast)
-
-
-def test_a_transparent_frame_is_refused(jblast):
-    save(jblast.directory, 0, np.full((*SHAPE, 4), 100, np.uint8))
-    assert "frame_0000.png: expected an opaque frame" in refused(jblast)
-
-
 def test_numbers_without_zeros_before_them_are_put_in_order(jblast):
     for i, path in enumerate(sorted((jblast.directory / "frames").iterdir())):
         path.rename(path.with_name(f"f{i + 6}.png"))  # f10.png after f9.png
@@ -230,33 +166,10 @@ def test_numbers_without_zeros_before_them_are_put_in_order(jblast):
     assert json.loads(out)["events"] == 270
 
 
-def test_no_directory_no_frames_and_other_suffixes_are_refused(jblast):
-    assert ".png: expected a name ending in" in refused(jblast, out="events.png")
-    for path in (jblast.directory / "frames").iterdir():
-        path.unlink()
-    assert "expected at least two PNG frames, got 0" in refused(jblast)
-    (jblast.directory / "frames").rmdir()
-    assert "no such file or directory; expected a directory of PNG" in refused(jblast)
-
-
-def test_an_existing_file_is_left_alone_without_force(jblast):
-    jblast.file("events.h5", "mine")
-    code, _, err = converted(jblast)
-    assert code == 2
-    assert "exists already" in err
-    assert jblast.text("events.h5") == "mine"
-    assert converted(jblast, "--force")[0] == 0
-    assert h5py.is_hdf5(jblast.path("events.h5"))
-
-
 def test_nothing_is_left_of_a_file_that_could_not_be_finished(jblast):
     (jblast.directory / "frames" / "frame_0005.png").write_bytes(b"")
     refused(jblast)
     assert [path.name for path in jblast.directory.iterdir()] == ["frames"]
-
-
-def test_a_directory_that_is_not_there_cannot_be_written_to(jblast):
-    assert "cannot be written" in refused(jblast, out="none/events.h5")
 
 
 def test_the_default_camera_is_a_real_one_and_repeats_with_its_seed(jblast):
@@ -367,14 +280,3 @@ def test_pixels_below_the_floor_are_reported(jblast):
     # a higher floor, by the user: 16 / 255 in one of six frames is below it
     _, out, _ = converted(jblast, "--json", "--darkest", "0.1", "--force")
     assert json.loads(out)["below_darkest"] == pytest.approx((2 + 4 / 6) / 6)
-
-
-def test_frames_of_another_depth_are_refused(jblast):
-    deep_frames(jblast, "grey")
-    deep = jblast.directory / "frames" / "frame_0003.png"
-    pixels = np.full((*SHAPE, 3), 9, np.uint8)
-    Image.fromarray(pixels).save(deep)
-    message = refused(jblast)
-    assert (
-        "frame_0003.png: expected 16 bits as in frame_0000.png, got 8 bits" in message
-    )

@@ -112,9 +112,3 @@ def test_what_cannot_be_flown_is_refused(jblast, monkeypatch, text, options, sai
     error = jblast.refused("fly", scene(jblast, text), *options)
     for part in said:
         assert part in error
-
-
-def test_a_hold_writes_no_plan(jblast):
-    holds = SCENE.replace('mission = "short.plan"', "position_m = [5, 0, 2]")
-    error = jblast.refused("fly", scene(jblast, holds), "--plan-out", "a.plan")
-    assert "got one without a mission" in error

@@ -121,11 +121,3 @@ def test_what_is_missing_or_broken_is_named(jblast, world):
     jblast.file("run/run.json", '{"schema": 1}')
     said = jblast.refused("report", run)
     assert "run.json: expected the JSON of `jblast world --out`" in said
-
-
-def test_a_scene_that_changed_or_went_is_refused(jblast, world):
-    run = jblast.path("run")
-    other = jblast.file("other.toml", SCENE.replace("60, 0", "61, 0"))
-    assert "has changed since" in jblast.refused("report", run, "--scene", other)
-    (jblast.directory / "world.toml").unlink()
-    assert "--scene" in jblast.refused("report", run)

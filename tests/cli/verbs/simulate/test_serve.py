@@ -4,8 +4,6 @@ import socket
 
 import pytest
 
-from jblast.errors import InputError
-
 WORLD = "[world]\ncount = 2\n"
 
 REFUSED = {
@@ -35,19 +33,3 @@ def test_a_port_that_is_taken_is_one_message(jblast):
         words = ["serve", jblast.file("world.toml", WORLD), "--listen", address]
         err = jblast.refused(*words)
     assert f"--listen: expected a free port of this machine, got {address}" in err
-
-
-def test_a_scene_that_cannot_be_drawn_is_one_message(jblast):
-    scene = jblast.file("scene.toml", "[charge]\nmass_kg = 'free'\n")
-    assert "cannot be drawn" in jblast.refused("serve", scene)
-
-
-def test_without_its_extra_the_message_says_what_to_install(jblast, monkeypatch):
-    from jblast.world.remote import messages
-
-    def absent(module, extra, path, what):
-        raise InputError(f"{path}: {module} is not there; jblast[{extra}]")
-
-    monkeypatch.setattr(messages, "needed", absent)
-    err = jblast.refused("serve", jblast.file("world.toml", WORLD))
-    assert "jblast[serve]" in err

@@ -7,7 +7,6 @@ import time
 
 import pytest
 
-from jblast.autopilot import mavlink
 from jblast.autopilot.mavlink import Receiver, Sender
 
 SCENE = """
@@ -57,41 +56,6 @@ def test_what_cannot_be_served_is_one_message(jblast, name):
     err = jblast.refused("serve", jblast.file("scene.toml", SCENE), *words)
     assert message in err
     assert err.count("\n") == 1
-
-
-def test_a_scene_without_a_vehicle_is_one_message(jblast):
-    scene = jblast.file("scene.toml", "[world]\ncount = 2\n")
-    assert "expected a vehicle with its model" in jblast.refused("serve", scene, *ANY)
-
-
-@pytest.mark.parametrize("way", ["--mavlink", "--ground-station"])
-def test_without_its_extra_the_message_says_what_to_install(jblast, monkeypatch, way):
-    def absent(module):
-        raise ImportError(module)
-
-    monkeypatch.setattr("jblast.errors.import_module", absent)
-    mavlink.dialect.cache_clear()
-    err = jblast.refused("serve", jblast.file("scene.toml", SCENE), way)
-    mavlink.dialect.cache_clear()
-    assert "by the package pymavlink, which is not installed" in err
-    assert "pip install 'jblast[mavlink]'" in err
-
-
-def test_a_log_that_is_there_is_not_overwritten(jblast, tmp_path):
-    (tmp_path / "a.tlog").write_bytes(b"x")
-    words = [*ANY, "--tlog", str(tmp_path / "a.tlog")]
-    err = jblast.refused("serve", jblast.file("scene.toml", SCENE), *words)
-    assert "a.tlog" in err
-    assert (tmp_path / "a.tlog").read_bytes() == b"x"
-
-
-def test_where_the_port_is_taken_no_log_is_begun(jblast, tmp_path):
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        way = f"tcp:127.0.0.1:{other.getsockname()[1]}"
-        words = ["--mavlink", way, "--tlog", str(tmp_path / "a.tlog")]
-        err = jblast.refused("serve", jblast.file("scene.toml", SCENE), *words)
-    assert f"--mavlink: expected a free port of this machine, got {way}" in err
-    assert not (tmp_path / "a.tlog").exists()
 
 
 def connected(port: int) -> socket.socket:

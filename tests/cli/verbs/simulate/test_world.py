@@ -180,12 +180,6 @@ def test_what_cannot_be_a_world_is_told_in_one_message(jblast, change, words):
     assert not (jblast.directory / "run").exists()
 
 
-def test_a_log_of_blasts_told_one_by_one_has_no_random_ones(jblast):
-    scene = jblast.file("scene.toml", BY_LAND)
-    told = jblast.refused("simulate", scene, "--out", jblast.path("o"))
-    assert "[world]: expected single blasts" in told
-
-
 @pytest.mark.slow
 def test_a_fit_of_a_world_of_one_blast_holds_the_truth(jblast):
     scene = jblast.file("scene.toml", BY_LAND)
@@ -415,11 +409,3 @@ def test_the_jolt_of_a_fast_vehicle_tells_its_time_only(jblast):
     assert jblast("world", scene, "--out", out, "--seconds", "1")[0] == 0
     log = read(jblast.path("run/observations.csv"))
     assert log.quantity == ("flash_time_s", "air_arrival_s")
-
-
-def test_a_jolt_without_a_vehicle_is_refused(jblast):
-    log = jblast.file(
-        "log.csv",
-        "sensor,quantity,value,sigma,range_m\na,jolt_velocity_m_s,0.1,0.01,20\n",
-    )
-    assert "expected a [vehicle] in the scene" in jblast.refused("fit", log)

@@ -1,7 +1,6 @@
 """What is no record is refused in one message that names the file."""
 
 import os
-import sys
 
 import numpy as np
 import pytest
@@ -45,16 +44,6 @@ def test_ten_gigabytes_of_text_are_refused_before_they_are_read(tmp_path):
     os.truncate(path, 10**10)  # sparse: takes no room
     with pytest.raises(InputError, match=r"at most 2 GB of \.csv.* got 10 GB"):
         open_record(path)
-
-
-def test_an_absent_package_is_asked_for_by_its_extra(tmp_path, monkeypatch):
-    for package in ("obspy", "nptdms"):
-        monkeypatch.setitem(sys.modules, package, None)
-    for name, extra in (("a.sac", "seismic"), ("a.tdms", "tdms")):
-        path = tmp_path / name
-        path.write_bytes(b"TDSm" if extra == "tdms" else b"sac.")
-        with pytest.raises(InputError, match=rf"pip install 'jblast\[{extra}\]'"):
-            open_record(path)
 
 
 def test_a_sample_that_is_no_number_is_named_when_it_is_read(tmp_path):

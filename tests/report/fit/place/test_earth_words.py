@@ -10,7 +10,6 @@ import pytest
 from jblast.inference.fitting.place import on_earth
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report.fit.document import fit_document
-from jblast.report.fit.place import earth_lines
 from jblast.scene import Charge
 from tests.report.fit.place.located import BEIRUT, located
 
@@ -54,27 +53,6 @@ def test_a_place_is_told_in_degrees_within_an_ellipse():
     assert azimuth == pytest.approx(math.pi / 2, abs=0.02)
 
 
-def test_a_time_is_told_by_the_calendar_as_finely_as_it_is_known():
-    fit = dated(placed())
-    document = fit_document(fit)
-    assert document["origin_time_utc"] == "2020-08-04T15:08:18.310400Z"
-    assert document["place"]["ellipse_90_m"] is not None
-    (line,) = earth_lines(fit)
-    assert line.startswith("The charge was at 33.90210° N, 35.51890° E, 90 % ellipse")
-    assert line.endswith(
-        "; it exploded at 2020-08-04 15:08:18.310 UTC ± 0.020 s (90 %)."
-    )
-    (coarse,) = earth_lines(dated(placed(), value=41.7, half=30.0))
-    assert "2020-08-04 15:09:00 UTC ± 30 s" in coarse
-
-
-def test_whose_clock_it_is_by_is_said_where_others_are_free():
-    free = [f"clock_offset_s.m{number}" for number in (2, 3)]
-    fit = dated(placed(), clocks=free)
-    assert on_earth(fit).origin_clock == "m1"
-    assert earth_lines(fit)[0].endswith("(90 %) by the clock m1.")
-
-
 def test_each_of_several_charges_has_its_place_and_time():
     fit = dated(placed())
     others = (Charge(position_m=(0.0, 500.0, 0.0), time_s=2.0, name="second"),)
@@ -87,18 +65,3 @@ def test_each_of_several_charges_has_its_place_and_time():
     # 400 m further along the meridian, 110.92 km a degree
     north = second["place"]["lat_deg"] - first["place"]["lat_deg"]
     assert north == pytest.approx(400 / 110920, abs=1e-7)
-
-
-def test_a_log_in_metres_and_seconds_has_neither():
-    fit = located(SENSORS)
-    assert on_earth(fit).place is None
-    assert earth_lines(fit) == []
-    document = fit_document(fit)
-    assert document["place"] is None
-    assert document["origin_time_utc"] is None
-
-
-def test_a_place_that_was_given_has_no_ellipse():
-    place = on_earth(located(SENSORS, frame=BEIRUT)).place
-    assert place is not None
-    assert place.ellipse_90_m is None

@@ -1,13 +1,12 @@
 """KML read back: the same places as in GeoJSON, in the schema's order."""
 
 import json
-from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
-from jblast.report.fit.geo_files import FOLDERS, features, geojson, kml
+from jblast.report.fit.geo_files import features, geojson, kml
 from jblast.report.fit.place import ground_map
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
 
@@ -57,31 +56,3 @@ def test_it_holds_what_geojson_holds(fit):
         }
         for name, value in data.items():
             assert value == str(json.dumps(feature["properties"][name])).strip('"')
-
-
-def test_folders_name_their_kind_and_a_title_may_hold_any_sign():
-    root, _ = written(example())
-    document = root.find(f"{KML}Document")
-    assert document is not None
-    assert document.findtext(f"{KML}name") == "Blast fit: a & b"
-    names = [folder.findtext(f"{KML}name") for folder in document.iter(f"{KML}Folder")]
-    assert names == [name for name in FOLDERS.values() if name in names]
-
-
-def test_a_name_that_xml_cannot_hold_is_left_without_those_signs():
-    fit = example()
-    table = replace(fit.observations, sensor=("a\x00<b>", *fit.observations.sensor[1:]))
-    root, _ = written(replace(fit, observations=table))
-    assert "a<b>" in {m.findtext(f"{KML}name") for m in root.iter(f"{KML}Placemark")}
-
-
-def test_colours_are_alpha_blue_green_red():
-    root, _ = written(example(residuals=[-3.5, 3.5, 0.0, 1.5, np.nan]))
-    colours = {
-        mark.findtext(f"{KML}name"): mark.findtext(
-            f"{KML}Style/{KML}IconStyle/{KML}color"
-        )
-        for mark in root.iter(f"{KML}Placemark")
-    }
-    assert colours["m1"] == "ffac6621"  # #2166ac, deep blue: far below the law
-    assert colours["m2"] == "ff2b18b2"  # #b2182b, deep red

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from jblast.registry import law_for
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_blast_wind,
     kingery_bulmash_dynamic_pressure,
@@ -9,7 +8,6 @@ from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_reflected_pressure,
     kingery_bulmash_shock_speed,
 )
-from jblast.waves.laws.shock_kinematics import shock_kinematics_shock_speed
 
 AMBIENT, SOUND = 9e4, 330.0
 both_bursts = pytest.mark.parametrize("burst", ["surface", "free-air"])
@@ -43,39 +41,3 @@ def test_far_away_the_wind_is_that_of_sound():
     p = float(kingery_bulmash_pressure(1e5, 1.0, AMBIENT))
     wind = float(kingery_bulmash_blast_wind(1e5, 1.0, AMBIENT, SOUND))
     assert wind == pytest.approx(p * SOUND / (1.4 * AMBIENT), rel=1e-5)
-
-
-def test_sachs_scaling_brings_every_charge_to_one_kilogram():
-    # S_p = 1/2, S_d = (8/0.5)^(1/3), twice the sound speed
-    r, one = 3.0 * 16.0 ** (1 / 3), (3.0, 1.0)
-    assert float(kingery_bulmash_blast_wind(r, 8.0, 50_662.5, 680.58)) == pytest.approx(
-        2.0 * float(kingery_bulmash_blast_wind(*one)), rel=1e-12
-    )
-    assert float(kingery_bulmash_dynamic_pressure(r, 8.0, 50_662.5)) == pytest.approx(
-        0.5 * float(kingery_bulmash_dynamic_pressure(*one)), rel=1e-12
-    )
-
-
-def test_an_unknown_burst_is_refused():
-    with pytest.raises(ValueError, match="burst must be 'surface' or 'free-air'"):
-        kingery_bulmash_blast_wind(1.0, 1.0, burst="buried")
-
-
-@pytest.mark.parametrize(
-    ("quantity", "function", "sd"),
-    [
-        ("blast_wind_m_s", kingery_bulmash_blast_wind, 0.10),
-        ("dynamic_pressure_pa", kingery_bulmash_dynamic_pressure, 0.10),
-        ("shock_speed_m_s", kingery_bulmash_shock_speed, 0.01),
-    ],
-)
-def test_the_registry_knows_them_with_their_declared_scatter(quantity, function, sd):
-    law = law_for(quantity, "kingery_bulmash")
-    assert law.function is function
-    assert law.scatter() == (sd, 0.0, sd)
-
-
-def test_the_registry_knows_the_shock_speed_of_shock_kinematics():
-    law = law_for("shock_speed_m_s", "shock_kinematics")
-    assert law.function is shock_kinematics_shock_speed
-    assert law.scatter() == (0.01, 0.0, 0.01)

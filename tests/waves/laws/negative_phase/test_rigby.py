@@ -6,8 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.registry import law_for
+from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.curves import BLEND_WIDTH
 from jblast.waves.laws import negative_phase_rigby as rigby, negative_phase_ufc as ufc
 from tests.tools.slopes import with_slopes
@@ -144,20 +143,6 @@ def test_outside_its_range_it_is_a_power_law_with_the_end_slope(quantity, burst)
     np.testing.assert_allclose(slopes[:2], slopes[2:], rtol=1e-12, atol=1e-15)
 
 
-@every_curve
-def test_sachs_scaling_brings_every_charge_to_one_kilogram(quantity, burst):
-    mass, ambient, speed = 500.0, 7e4, 320.0
-    size = (mass * STANDARD_PRESSURE / ambient) ** (1 / 3)
-    thin, slow = ambient / STANDARD_PRESSURE, STANDARD_SOUND_SPEED / speed
-    factor = {"pressure": thin, "impulse": thin * size * slow, "duration": size * slow}
-    air = {} if quantity == "pressure" else {"sound_speed": speed}
-    np.testing.assert_allclose(
-        LAWS[quantity](3.0 * size, mass, ambient, burst=burst, **air),
-        LAWS[quantity](3.0, 1.0, burst=burst) * factor[quantity],
-        rtol=1e-13,
-    )
-
-
 def test_the_assumed_range_is_that_of_kingery_and_bulmash():
     z = np.array([0.06, 0.07, 39.0, 41.0])
     assert rigby.rigby_valid(z, 1.0).tolist() == [False, True, True, False]
@@ -167,25 +152,3 @@ def test_the_assumed_range_is_that_of_kingery_and_bulmash():
         True,
         False,
     ]
-
-
-@pytest.mark.parametrize(
-    ("quantity", "curve"),
-    [
-        ("reflected_negative_pressure_pa", "pressure"),
-        ("reflected_negative_impulse_pa_s", "impulse"),
-        ("negative_duration_s", "duration"),
-    ],
-)
-def test_the_registry_knows_each_quantity_and_lists_its_joins(quantity, curve):
-    law = law_for(quantity, "rigby_2014")
-    assert law.function is LAWS[curve]
-    assert law.scatter() == (0.15, 0.0, 0.10)
-    for burst, first in FIRST.items():
-        ends = {first, *(end for end, _ in PRINTED[curve, burst])}
-        assert ends <= set(law.joins)
-
-
-def test_an_unknown_burst_is_named():
-    with pytest.raises(ValueError, match="burst must be 'surface' or 'free-air'"):
-        rigby.rigby_negative_duration(1.0, 1.0, burst="underwater")

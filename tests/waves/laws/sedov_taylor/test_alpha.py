@@ -77,18 +77,3 @@ def test_gradient_is_the_derivative():
     # Richardson's extrapolation takes the error to h^4
     wide = (far_above - far_below) / (4 * step)
     np.testing.assert_allclose(slope, (4 * difference - wide) / 3, rtol=1e-10)
-
-
-def test_jit_and_batch_change_nothing():
-    batch = sedov_alpha(GAMMAS.reshape(7, 1))
-    assert batch.shape == (7, 1)
-    np.testing.assert_allclose(jax.jit(sedov_alpha)(GAMMAS), batch[:, 0], rtol=1e-14)
-    np.testing.assert_allclose(
-        [sedov_alpha(float(gamma)) for gamma in GAMMAS], batch[:, 0], rtol=1e-14
-    )
-
-
-def test_single_precision_keeps_five_digits():
-    single = sedov_alpha(GAMMAS.astype(np.float32))
-    assert single.dtype == np.float32
-    np.testing.assert_allclose(single, sedov_alpha(GAMMAS), rtol=1e-5)

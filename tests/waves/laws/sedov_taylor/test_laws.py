@@ -1,7 +1,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.waves.laws.sedov_taylor import (
@@ -125,25 +124,3 @@ def test_a_missing_time_stays_missing_and_spoils_no_other_gradient():
         return sedov_taylor_shock_radius(1e-3, mass, DENSITY, 1.4)
 
     np.testing.assert_allclose(masked(2e7), alone(2e7), rtol=1e-14)
-
-
-@pytest.mark.slow
-def test_second_derivatives_are_differences_of_the_first():
-    def log_radius(x):
-        time, mass, density, gamma = x
-        return jnp.log(sedov_taylor_shock_radius(time, mass, density, gamma))
-
-    @jax.jit
-    @jax.vmap
-    def slopes_and_curvatures(x, along):
-        return jax.jvp(jax.grad(log_radius), (x,), (along,))
-
-    at, step = np.array([2.0, 3.0, 1.2, 1.3]), 1e-5
-    ways = np.concatenate([np.eye(4), -np.eye(4)])
-    # one program: a step along each axis and back, and in the middle along each
-    places = np.concatenate([at + step * ways, np.tile(at, (4, 1))])
-    slopes, curvatures = slopes_and_curvatures(places, np.tile(np.eye(4), (3, 1)))
-    slopes = np.asarray(slopes)
-    difference = (slopes[:4] - slopes[4:8]) / (2 * step)
-    # a sixth of the step squared times fourth derivatives of up to 100; rounding 1e-10
-    np.testing.assert_allclose(curvatures[8:], difference, rtol=0, atol=1e-8)

@@ -119,14 +119,3 @@ def test_a_scene_gives_it_temperature_and_humidity():
             air.relative_humidity,
         )
         np.testing.assert_allclose(call(law.function, way), expected, rtol=1e-12)
-
-
-def test_a_humidity_of_more_than_one_is_refused():
-    with pytest.raises(ValueError, match="relative_humidity must be between 0 and 1"):
-        weak_shock_iso_pressure(100.0, 1.0, relative_humidity=50.0)
-
-
-def test_the_registry_knows_it():
-    law = law_for("peak_overpressure_pa", "weak_shock_iso")
-    assert 20.0 in law.joins
-    assert law.scatter() == (0.10, 0.0, 0.10)

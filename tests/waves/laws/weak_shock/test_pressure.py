@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.registry import law_for
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from jblast.waves.laws.weak_shock import weak_shock_pressure, weak_shock_valid
@@ -51,14 +50,3 @@ def test_nearer_it_is_a_power_law_with_the_slope_at_20(burst):
 def test_valid_from_20_to_ten_thousand():
     z = np.array([19.9, 20.1, 299.0, 301.0])
     assert weak_shock_valid(z, 1.0).tolist() == [False, True, True, False]
-
-
-def test_an_unknown_burst_is_refused():
-    with pytest.raises(ValueError, match="burst must be 'surface' or 'free-air'"):
-        weak_shock_pressure(30.0, 1.0, burst="underwater")
-
-
-def test_the_registry_knows_it():
-    law = law_for("peak_overpressure_pa", "weak_shock")
-    assert law.joins == (20.0,)
-    assert law.scatter() == (0.10, 0.0, 0.10)

@@ -83,11 +83,3 @@ def test_stations_that_are_none(jblast, good):
         ("sensor,esat_m,north_m,up_m\ngood,1,2,3\n", "did you mean east_m?"),
     ):
         assert said in refused(jblast, good, *words, jblast.file("st.csv", text))
-
-
-def test_a_folder_that_is_taken_is_left_alone(jblast, good):
-    jblast.directory.joinpath("out").mkdir()
-    jblast.file("out/mine.txt", "mine")
-    words = ("--template", template(jblast), "--out", jblast.path("out"))
-    assert "--force" in refused(jblast, good, *words)
-    assert jblast.text("out/mine.txt") == "mine"

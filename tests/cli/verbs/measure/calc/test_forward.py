@@ -53,22 +53,6 @@ def test_json_says_value_validity_and_range(numbers):
     assert pressure["shock_kinematics"]["valid"] is True
 
 
-def test_a_number_outside_its_range_is_marked_in_text(calc):
-    lines = calc("--mass 1 --range 100 --all-laws").splitlines()
-    (pressure, *_) = [
-        line
-        for line in lines[lines.index("Peak overpressure") :]
-        if "kingery_bulmash" in line
-    ]
-    assert "outside" in pressure
-    (acoustic,) = [
-        line
-        for line in calc("--mass 1 --range 600 --all-laws").splitlines()
-        if "acous" in line
-    ]
-    assert "outside" not in acoustic
-
-
 @pytest.mark.slow
 def test_lines_are_not_wider_than_96_columns(calc):
     for words in (
@@ -146,24 +130,6 @@ def test_csv_is_one_value_a_line_beneath_comments(calc, numbers):
         i = cases.index((float(row["range_m"]), float(row["mass_kg"])))
         assert float(row["value"]) == entry["value"][i]
         assert (row["valid"] == "true") == entry["valid"][i]
-
-
-def test_a_burst_between_the_limits_says_what_the_other_set_gives(numbers, calc):
-    found = numbers("--mass 15 --range 20 --height 1")
-    (note,) = found["inputs"]["notes"]
-    assert "the surface ones were used" in note
-    entry = found["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
-    free = numbers("--mass 15 --range 20 --burst free-air")
-    other = free["quantities"]["peak_overpressure_pa"]["kingery_bulmash"]
-    assert entry["other_burst"]["value"] == other["value"] < entry["value"]
-    assert "other_burst" not in found["quantities"]["air_arrival_s"]["wu_hao"]
-    assert "(free-air)" in calc("--mass 15 --range 20 --height 1 --all-laws")
-
-
-def test_a_note_of_a_csv_promises_no_more_than_stands_there(calc):
-    head = calc("--mass 15 --range 20 --height 1 --csv").partition("range_m,")[0]
-    assert "compare with the other --burst" in head
-    assert "beside" not in head
 
 
 @pytest.mark.parametrize(

@@ -99,13 +99,6 @@ def test_an_explosion_set_that_is_broken_is_refused_by_name(
     assert said in refused(jblast, "--seconds", "0.01", "--views", str(folder))
 
 
-def test_an_explosion_set_from_below_the_ground_alone_is_refused(jblast):
-    folder = jblast.directory / "set"
-    write_noise_set(folder, size=32, views=[(0.0, -20.0), (90.0, -5.0)])
-    message = refused(jblast, "--seconds", "0.01", "--views", str(folder))
-    assert "set/views.toml: elevation_deg: expected views from above the" in message
-
-
 @pytest.mark.parametrize("verb", ["render", "detect", "events"])
 def test_a_video_that_breaks_off_or_varies_is_refused_by_name(jblast, verb):
     short = make_video(jblast.directory / "short.mp4", flat(*range(16, 46)))

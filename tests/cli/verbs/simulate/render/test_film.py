@@ -106,20 +106,6 @@ def test_modes_write_what_they_say(jblast):
                 np.testing.assert_array_equal(column, kept[name])
 
 
-def test_what_is_said_without_json(jblast):
-    words = ["--out", jblast.path("out"), "--seconds", "0.01"]
-    code, out, _ = jblast("render", jblast.path("scene.toml"), *words)
-    assert code == 0
-    assert out.startswith("5 frames of 24 x 18 pixels at 500 Hz from 2 s: ")
-    assert "darker; times interpolated, error below 100 us for 99 % of them\n" in out
-    assert out.endswith(
-        "".join(
-            f"{jblast.path('out')}/{name}\n"
-            for name in ("frames", "events.h5", "contact_sheet.png")
-        )
-    )
-
-
 def test_times_are_those_asked_for(jblast):
     said = rendered(jblast, "--times", "1.99:2.01", "--fps", "1000", "--mode", "rgb")
     assert (said["start_s"], said["frames"]) == (1.99, 20)
@@ -236,11 +222,3 @@ def test_an_explosion_set_stands_in_the_place_of_the_ball(jblast, tmp_path):
     )
     assert code == 0
     assert "drawn at a height of 1.77 m" in text
-
-
-def test_a_scene_without_a_blast_has_no_film(jblast):
-    camera = "[camera]\nposition_m = [0, -40, 2]\nlook_at_m = [0, 0, 4]\n"
-    sizes = "width = 32\nheight = 24\nfocal_px = 30\n"
-    scene = jblast.file("bare.toml", camera + sizes)
-    told = jblast.refused("render", scene, "--out", jblast.path("film"))
-    assert "[charge]: expected a blast to film, got none" in told

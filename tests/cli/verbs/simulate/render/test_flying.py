@@ -76,12 +76,6 @@ def test_what_cannot_be_filmed_in_flight_is_refused(flying, words, said):
     assert said in refused(flying, *words)
 
 
-def test_a_flight_is_refused_by_a_camera_that_stands_still(flying):
-    words = ("--flight", flying.path("flight.csv"))
-    said = refused(flying, *words, scene=CHARGE + CAMERA)
-    assert "got a fixed one" in said
-
-
 @pytest.mark.slow  # the flight's programs are compiled
 def test_the_scenes_own_vehicle_is_flown(flying):
     said = rendered(flying, "--times", "2.0:2.1", "--mode", "rgb")

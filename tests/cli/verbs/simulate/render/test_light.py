@@ -5,7 +5,7 @@ import pytest
 
 from jblast.sensors.camera import read_events
 from jblast.sensors.camera.files.images import read_png
-from tests.cli.verbs.simulate.render.scenes import refused, rendered
+from tests.cli.verbs.simulate.render.scenes import rendered
 
 SHORT = ("--times", "2.0:2.006", "--mode", "rgb", "--fps", "250")
 
@@ -32,13 +32,6 @@ def test_a_wall_hides_the_fire_in_frames_and_events(jblast):
     document = rendered(jblast, *words)
     assert document["events"] == 0
     assert np.ptp(last_frame(jblast)) == 0
-
-
-def test_what_cannot_be_is_refused_in_one_line(jblast):
-    np.save(jblast.directory / "small.npy", np.ones((2, 2)))
-    small = jblast.path("small.npy")
-    assert "small.npy: expected 24 x 18 pixels" in refused(jblast, "--depth", small)
-    assert "--daylight: expected a positive" in refused(jblast, "--daylight", "0")
 
 
 def test_the_sky_follows_the_daylight_and_its_events_do_not(jblast):

@@ -93,12 +93,6 @@ def test_options_that_cannot_be_are_refused(jblast, options, said):
     assert said in refused(jblast, *options)
 
 
-def test_a_frame_rate_beyond_the_exposure_is_refused(jblast):
-    scene = CHARGE + CAMERA + "exposure_s = 2e-3\n"
-    message = refused(jblast, "--fps", "501", scene=scene)
-    assert "--fps: expected at most 500 Hz, as the camera's exposure_s" in message
-
-
 def test_an_existing_output_is_left_alone_without_force(jblast):
     rendered(jblast, "--seconds", "0.02")
     out = jblast.directory / "out"
@@ -127,14 +121,6 @@ def test_what_is_read_is_not_overwritten(jblast):
         message = jblast.refused("render", jblast.path("scene.toml"), *words)
         assert "expected another --out; this file is an input of the frames" in message
     assert {p: p.read_bytes() for p in frames.iterdir()} == before
-
-
-def test_a_directory_that_is_a_file_is_refused(jblast):
-    jblast.file("out", "mine")
-    words = ["--seconds", "0.01", "--out", jblast.path("out")]
-    message = jblast.refused("render", jblast.path("scene.toml"), *words)
-    assert "expected a directory, got a file" in message
-    assert jblast.text("out") == "mine"
 
 
 def test_frames_written_before_an_interruption_stay_whole(jblast, monkeypatch):

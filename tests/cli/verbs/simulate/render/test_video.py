@@ -60,13 +60,6 @@ def test_a_video_that_cannot_be_is_refused(jblast, options, said):
     assert said in refused(jblast, *SHORT, *options)
 
 
-def test_a_video_that_is_there_is_left_alone_without_force(jblast):
-    jblast.file("a.mp4", "mine")
-    message = refused(jblast, *SHORT, "--video", jblast.path("a.mp4"))
-    assert "a.mp4: exists already" in message
-    assert jblast.text("a.mp4") == "mine"
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["raw", "aedat4"])
 def test_events_may_have_another_format(jblast, suffix):

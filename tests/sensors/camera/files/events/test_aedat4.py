@@ -1,7 +1,5 @@
 """AEDAT4: ours is read, and others' are, by dv-processing."""
 
-import sys
-
 import dv_processing as dv
 import numpy as np
 import pytest
@@ -64,13 +62,3 @@ def test_files_without_events_are_refused(tmp_path):
     config = dv.io.MonoCameraWriter.EventOnlyConfig("a camera", (346, 260))
     with pytest.raises(InputError, match=r"b\.aedat4: .* packets of events, got none"):
         read_events(others(tmp_path / "b.aedat4", config))
-
-
-def test_dv_processing_is_asked_for_by_its_extra(tmp_path, monkeypatch):
-    path = tmp_path / "a.aedat4"
-    write_events(path, [events_of([0], [0], [0], [1])], 8, 6)
-    monkeypatch.setitem(sys.modules, "dv_processing", None)
-    with pytest.raises(
-        InputError, match=r"dv_processing.*pip install 'jblast\[aedat4\]"
-    ):
-        read_events(path)

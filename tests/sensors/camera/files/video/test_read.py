@@ -1,6 +1,5 @@
 """A video comes back as light and times; what is none, or not whole, is refused."""
 
-import sys
 from fractions import Fraction
 
 import av
@@ -214,11 +213,4 @@ def test_pixels_that_are_not_square_and_interlaced_rows_are_refused(tmp_path):
     with pytest.raises(
         InputError, match=r"b\.mp4: expected progressive frames, got inter"
     ):
-        open_video(path)
-
-
-def test_pyav_is_asked_for_by_its_extra(tmp_path, monkeypatch):
-    path = make_video(tmp_path / "a.mp4", flat(50, 60))
-    monkeypatch.setitem(sys.modules, "av", None)
-    with pytest.raises(InputError, match=r"a\.mp4: .*av.*pip install 'jblast\[video\]"):
         open_video(path)
