@@ -82,7 +82,8 @@ def test_the_wheel_holds_the_whole_package_and_its_data(tmp_path):
     ("python", "message"),
     [
         (
-            f'(echo "import sys; sys.version_info = (3, 14)"; cat) | "{sys.executable}" "$@"',
+            '(echo "import sys; sys.version_info = (3, 14)"; cat) |'
+            f' "{sys.executable}" "$@"',
             "jblast needs Python 3.11, 3.12 or 3.13, and",
         ),
         ('[ "$1" = - ] && exit 0; exit 1', "stopped while making an empty .venv."),

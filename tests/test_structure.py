@@ -125,8 +125,8 @@ def test_the_entries_of_each_folder_have_an_order():
             own = name.removeprefix(f"{folder}.").partition(".")[0]
             if name.startswith(f"{folder}."):
                 near = [one for one in files if one.startswith(f"{folder}.")]
-                there = {one.removeprefix(f"{folder}.").partition(".")[0] for one in near}
-                inside.setdefault(own, set()).update(there - {own})
+                names = {one[len(folder) + 1 :].partition(".")[0] for one in near}
+                inside.setdefault(own, set()).update(names - {own})
         if circle := circle_in(inside):
             circles[folder] = circle
     assert circles == {}
