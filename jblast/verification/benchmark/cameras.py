@@ -2,7 +2,7 @@
 
 Events: methods to find their times, and the cost of each effect of a real camera. The
 scene is a bright disc whose edge moves, with known events
-(`verification.simulated_recordings`). The camera of the second chart sees it in grey
+(`calibration.cases`). The camera of the second chart sees it in grey
 values of 8 bits, and 0.92 s more of the disc at rest.
 
 Views: interpolation between sides and between frames. Between sides: the eight views
@@ -16,16 +16,40 @@ cost of a frame is that of a film.
 import functools
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
+from calibration import cases
+from calibration.cases import (
+    BACKGROUND,
+    DURATION,
+    MASS,
+    SHAPE,
+    THRESHOLD,
+    WIDTH,
+    analytic,
+    disc_frames,
+    disc_light,
+    film,
+    filmed,
+    passed_wholly,
+    processor_seconds,
+)
 from jblast.fidelity.timing import best_of
 from jblast.progress import in_words
-from jblast.sensors.camera import ExplosionViews, explosion_views
+from jblast.scene import Camera, Charge, Scene, look_at
+from jblast.sensors.camera import (
+    ExplosionViews,
+    explosion_views,
+    linear_to_srgb,
+    luminance,
+    render,
+)
 from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import IDEAL, NoiseModel, noisy_stream
@@ -36,22 +60,15 @@ from jblast.verification.benchmark.chart import (
     BenchmarkPoint,
     register_benchmark,
 )
-from jblast.verification.simulated_recordings import (
-    DURATION,
-    LEFT_OUT,
-    SHAPE,
-    THRESHOLD,
-    WIDTH,
-    analytic,
-    close_up,
-    disc_frames,
-    disc_light,
-    film,
-    filmed,
-    passed_wholly,
-    processor_seconds,
-)
+from jblast.waves.fireball import fireball, fireball_duration
 
+LEFT_OUT = Path(cases.__file__).parent / "data" / "explosion_left_out"
+# So far that perspective changes the outline of the ball by 0.06 % only.
+CAMERA_DISTANCE_RADII = 30.0
+"""Distance of the camera of a close-up [fireball radii]."""
+# Below it the fire changes the grey by less than 2 % of its own light.
+MIN_OPACITY = 0.02
+"""Opacity above which a pixel belongs to the fire."""
 FRAMES = 32
 """Frames of the timed film."""
 # Eight views of the set, as many as are left out for the comparison between sides.
@@ -90,6 +107,54 @@ EFFECTS = {
     ),
 }
 """Cameras between an ideal one and `USUAL`."""
+
+
+class CloseUp(NamedTuple):
+    """Picture of the fire alone.
+
+    Attributes:
+        grey: Luminance in front of a uniform grey (sRGB), 0 to 1.
+        fire: True for pixels of the fire.
+    """
+
+    grey: Float[np.ndarray, "height width"]
+    fire: Bool[np.ndarray, "height width"]
+
+
+def close_up(
+    views: ExplosionViews, shown: ExplosionViews, view: int, frame: int
+) -> CloseUp:
+    """Render a set from the direction of a view, in the size of the view's picture.
+
+    Args:
+        views: Set to render.
+        shown: Set that contains the view.
+        view: Number of the view.
+        frame: Number of the frame in `shown`.
+    """
+    time = float(shown.phase[frame]) * float(fireball_duration(MASS))
+    radius = float(fireball(MASS, time).radius)
+    eye = CAMERA_DISTANCE_RADII * radius * np.asarray(shown.direction[view])
+    size = shown.frames.shape[2]
+    # tangents to a ball of radius 1 at distance d have the slope 1/sqrt(d^2 - 1)
+    focal = float(shown.radius[view, frame]) * np.sqrt(CAMERA_DISTANCE_RADII**2 - 1.0)
+    camera = Camera(
+        position=eye,
+        quaternion=look_at(eye, np.zeros(3)),
+        focal=np.full(2, focal),
+        center=np.asarray(shown.anchor[view]),
+        width=size,
+        height=size,
+    )
+    scene = Scene(charge=Charge(mass_kg=MASS))
+    (layer,) = np.asarray(
+        render(scene, camera, np.array([time]), views=views, ground=False, alpha=True)
+    )
+    alpha = layer[..., 3:]
+    light = np.clip(alpha * layer[..., :3] + (1.0 - alpha) * BACKGROUND, 0.0, 1.0)
+    return CloseUp(
+        luminance(np.asarray(linear_to_srgb(light))), alpha[..., 0] > MIN_OPACITY
+    )
 
 
 class NearerFrame(ExplosionViews):

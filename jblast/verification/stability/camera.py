@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from calibration.cases import THRESHOLD, film
+from calibration.surrogate import STAGES
 from jblast.errors import InputError
 from jblast.scene import Camera
 from jblast.sensors.camera.events.exact import frameless_events
@@ -21,8 +23,6 @@ from jblast.sensors.camera.events.ideal import (
 )
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.geometry import fold_radius, project, unproject
-from jblast.study.event_inversion import STAGES
-from jblast.verification.simulated_recordings import THRESHOLD, film
 from jblast.verification.stability.failure import (
     FailureMode,
     crossing,

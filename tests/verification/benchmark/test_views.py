@@ -8,7 +8,7 @@ import pytest
 
 from jblast.sensors.camera import explosion_views
 from jblast.verification.benchmark import BENCHMARKS, cameras
-from jblast.verification.simulated_recordings import LEFT_OUT
+from jblast.verification.benchmark.cameras import LEFT_OUT
 
 
 @pytest.fixture(scope="module")
