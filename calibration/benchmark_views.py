@@ -23,6 +23,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.cases import (
+    BACKGROUND,
+    Filmed,
+    filmed,
+    processor_seconds,
+)
 from jblast.errors import InputError
 from jblast.sensors.camera import (
     ExplosionViews,
@@ -31,12 +37,6 @@ from jblast.sensors.camera import (
     luminance,
     pixel_rays,
     render,
-)
-from jblast.verification.simulated_recordings import (
-    BACKGROUND,
-    Filmed,
-    filmed,
-    processor_seconds,
 )
 
 FRAMES, BATCH, REPEATS = 64, 256, 3

@@ -44,6 +44,7 @@ import numpy as np
 from jaxtyping import Float
 
 from calibration import run_part
+from calibration.cases import MICROPHONE_LAWS, POSITIONS, TRUTH, scene_with
 from jblast.cli.jax_start import start_jax
 from jblast.inference import Posterior
 from jblast.inference.fitting.solution import Solution
@@ -58,7 +59,6 @@ from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.record import to_error_scale
 from jblast.sensors.simulated_readings import Noise
-from jblast.verification.sampling_cases import LAWS, POSITIONS, TRUTH, scene_with
 
 LOGS = 400
 
@@ -92,13 +92,15 @@ def coverage(scene: Scene, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     layout, sigma, _ = planned_layout(scene)
     keys = jax.random.split(jax.random.key(11), LOGS)
     draw = eqx.filter_jit(
-        jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma, noise=noise))
+        jax.vmap(
+            lambda key: observe(key, scene, layout, MICROPHONE_LAWS, sigma, noise=noise)
+        )
     )
     measured = jax.vmap(lambda value: to_error_scale(value, layout.quantity))(
         draw(keys)
     )
     parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
-    laws = tuple(LAWS.items())
+    laws = tuple(MICROPHONE_LAWS.items())
     blank = Posterior(parameters, layout, measured[0], sigma, laws, noise)
 
     @eqx.filter_jit
@@ -142,11 +144,13 @@ def blank_and_logs(count: int) -> tuple[Posterior, Float[jax.Array, "log row"]]:
     scene = scene_with(scatter=True, positions=SEVEN)
     layout, sigma, _ = planned_layout(scene)
     keys = jax.random.split(jax.random.key(11), count)
-    read = jax.vmap(lambda key: observe(key, scene, layout, LAWS, sigma))(keys)
+    read = jax.vmap(lambda key: observe(key, scene, layout, MICROPHONE_LAWS, sigma))(
+        keys
+    )
     measured = jax.vmap(lambda value: to_error_scale(value, layout.quantity))(read)
     parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
     return Posterior(
-        parameters, layout, measured[0], sigma, tuple(LAWS.items())
+        parameters, layout, measured[0], sigma, tuple(MICROPHONE_LAWS.items())
     ), measured
 
 

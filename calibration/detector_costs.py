@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
+from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.signals import stream
-from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 BLOCKS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 SECONDS = 1

@@ -2,7 +2,7 @@ r"""How near the detectors come to what is possible, and what they cost.
 
     python -m calibration.detector_limits
 
-Known noise: 90 dB of colour (`verification/simulated_recordings.py`). The bounds come
+Known noise: 90 dB of colour (`calibration/cases.py`). The bounds come
 from integrals over the whole spectrum, $2E/N_0 = 4\int |H|^2/S\,df$ for a one-sided
 $S$, not from the filter: that is shorter, and waits for nothing after the template. One
 test at a known time finds $Q(Q^{-1}(p_f) - \sqrt{2E/N_0})$ of the blasts (Neyman and
@@ -21,6 +21,13 @@ import numpy as np
 import soundfile
 from scipy.stats import norm
 
+from calibration.cases import (
+    RATE,
+    coloured,
+    plain_normalised,
+    pulse,
+    rumble,
+)
 from calibration.detector_costs import costs
 from calibration.detector_figure import draw
 from jblast.signals import (
@@ -31,13 +38,6 @@ from jblast.signals import (
     recorded_template,
 )
 from jblast.signals.matched_filter import HALF_WIDTH, between_samples
-from jblast.verification.simulated_recordings import (
-    RATE,
-    coloured,
-    plain_normalised,
-    pulse,
-    rumble,
-)
 
 HERE = Path(__file__).parent
 SOUND, RESULTS = HERE / "data" / "sound", HERE / "results"

@@ -69,6 +69,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import erfcx
 
+from calibration.cases import POSITIONS as FIVE
 from calibration.six_stations import DISTANCES
 from jblast.cli.jax_start import start_jax
 from jblast.inference import fit_many, information_of_layout
@@ -76,7 +77,6 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
-from jblast.verification.sampling_cases import POSITIONS as FIVE
 
 MASS = {"charge_mass_kg": 30.0}
 PLACE = {"charge_east_m": 10.0, "charge_north_m": -5.0}

@@ -20,6 +20,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
+from calibration.cases import (
+    Recorder,
+    log_of_picks,
+    readings,
+    recorded,
+    uncertain_scene,
+)
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference.fitting.fit import solve
@@ -29,13 +36,6 @@ from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.inference.sampled_records import sampled_records
 from jblast.report.words import aligned
 from jblast.signals.picks import pick_records
-from jblast.verification.simulated_recordings import (
-    Recorder,
-    log_of_picks,
-    readings,
-    recorded,
-    uncertain_scene,
-)
 
 OUT = Path(__file__).parent / "results" / "record_samples.txt"
 LOGS, SEED, SNR = 4, 20, 10.0

@@ -44,7 +44,6 @@ from jblast.discovery.record import PER_HALF_WIDTH, Record, Sides, trajectory_re
 from jblast.discovery.sparse_regression import (
     Candidates,
     Regression,
-    Selection,
     exchangeable_terms,
     polynomial,
     repeated_terms,
@@ -266,74 +265,38 @@ def discover(
         threshold: Smallest share of a derivative's root mean square of a term.
         members: Number of members of the ensemble.
         seed: Seed of the ensemble.
+
+    Raises:
+        InputError: A candidate overflows.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
     record = trajectory_record(time_s, states, inputs, held=held)
     if candidates is None:
         candidates, outside = polynomial(names), outside or polynomial(names, 3)
-    return discover_in(
-        record,
-        candidates,
-        names[: states.shape[1]],
-        outside=outside,
-        threshold=threshold,
-        members=members,
-        seed=seed,
-    )
-
-
-def discover_in(
-    record: Record,
-    candidates: Candidates,
-    states: Sequence[str],
-    *,
-    outside: Candidates | None = None,
-    select: Selection = sparse_terms,
-    threshold: float = THRESHOLD,
-    members: int = MEMBERS,
-    seed: int = 0,
-) -> Discovery:
-    """Return the equations of a record's states.
-
-    Args:
-        record: Record of the states.
-        candidates: Candidate terms.
-        states: Names of the states.
-        outside: Terms outside of the search that residuals are compared with.
-        select: Selection of terms.
-        threshold: Threshold of the selection.
-        members: Number of members of the ensemble.
-        seed: Seed of the ensemble.
-
-    Raises:
-        InputError: A candidate overflows.
-    """
+    state_names = tuple(names[: states.shape[1]])
     begin = stages(STAGES)
     begin("terms")
     _check_finite(record, candidates)
     terms = integrals(record, record.sides, candidates)
     # Of equal terms the first of the list is kept.
     distinct = ~repeated_terms(terms)
-    covariances = [
-        (to_left @ to_left.T).toarray() * record.noise_sd[state] ** 2
-        for state in range(len(states))
-        for to_left in (record.noise_map(state),)
-    ]
+    to_left = record.windows.of_rows
+    covariances = [(to_left @ to_left.T).toarray() * sd**2 for sd in record.noise_sd]
 
     def kept_in(
         terms: Float[np.ndarray, "window term"],
         left: Float[np.ndarray, "window state"],
     ) -> Bool[np.ndarray, "state term"]:
         # repeated terms are never candidates: the regression would be singular
-        kept = np.zeros((len(states), len(distinct)), bool)
+        kept = np.zeros((len(state_names), len(distinct)), bool)
         for state, covariance in enumerate(covariances):
             regression = Regression(terms[:, distinct], covariance)
-            kept[state, distinct] = select(regression, left[:, state], threshold)
+            kept[state, distinct] = sparse_terms(regression, left[:, state], threshold)
         return kept
 
     rng = np.random.default_rng(seed)
     through = counted(members, "records with new noise")
-    count = np.zeros((len(states), len(distinct)), int)
+    count = np.zeros((len(state_names), len(distinct)), int)
     for member in range(members):
         sides = record.sides_of(record.with_noise(record.smooth, rng))
         found = kept_in(integrals(record, sides, candidates), sides.left)
@@ -380,20 +343,20 @@ def discover_in(
     ):
         segments *= 2
         skill = held_out_skill(record, candidates, find, segments)
-    names = np.asarray(candidates.names)
+    term_names = np.asarray(candidates.names)
     return Discovery(
-        tuple(states),
+        state_names,
         candidates,
         own,
         sure.low,
         sure.high,
         interval_level(members),
         inclusion,
-        record.noise_in_unit,
-        tuple(names[~distinct].tolist()),
+        record.noise_sd,
+        tuple(term_names[~distinct].tolist()),
         tuple(
             tuple(
-                (str(names[term]), str(names[other]))
+                (str(term_names[term]), str(term_names[other]))
                 for term, other in exchangeable_terms(
                     Regression(terms, covariance), record.sides.left[:, state], row
                 )
@@ -405,7 +368,7 @@ def discover_in(
         record.smooth[0],
         tuple(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])
-            for state in range(len(states))
+            for state in range(len(state_names))
         ),
         tuple((record.time_s[growing] - record.time_s[0]).tolist()),
         segments,
@@ -414,7 +377,7 @@ def discover_in(
 
 def _check_finite(record: Record, candidates: Candidates) -> None:
     with np.errstate(over="ignore", invalid="ignore"):  # rejected just below
-        values = candidates.evaluate(record.sides.columns) * record.rate[:, None]
+        values = candidates.evaluate(record.sides.columns)
     if not np.all(np.isfinite(values)):
         place, term = np.argwhere(~np.isfinite(values))[0]
         raise InputError(
@@ -497,14 +460,11 @@ def ensemble_uncertainty(
         record.time_s,
         record.states,
         record.inputs,
-        record.noise_in_unit,
+        record.noise_sd,
         growing,
         held=record.held,
     )
     reproduced = bool(np.all(off <= CLOSE))
-    # multiplicative noise needs positive values
-    if record.relative:
-        reproduced = reproduced and bool(np.all(made > 0.0))
     # errors are known exactly only in records that the equations made
     base = made if reproduced else record.smooth
     # windows two half widths apart share no row
@@ -569,8 +529,7 @@ def integrals(
     record: Record, sides: Sides, candidates: Candidates
 ) -> Float[np.ndarray, "window term"]:
     """Return the integral of each candidate over each window."""
-    values = candidates.evaluate(sides.columns) * record.rate[:, None]
-    return record.windows.integral @ values
+    return record.windows.integral @ candidates.evaluate(sides.columns)
 
 
 def coefficients_of(
@@ -600,22 +559,20 @@ def held_out_skill(
         segments: Number of segments, each held out once.
     """
     rows = len(record.time_s)
-    # Windows of a shock are in ln of the time.
-    place = np.log(record.time_s) if record.relative else record.time_s
     cut, spread = record.windows, np.std(record.states, axis=0)
     squared_errors = np.zeros((3, record.states.shape[1]))
     bounds = np.linspace(0, rows, segments + 1).astype(int)
     for first, last in pairwise(bounds):
         # A window that touches the segment would carry its rows into the fit.
-        seen = (cut.centre + cut.half <= place[first]) | (
-            cut.centre - cut.half >= place[last - 1]
+        seen = (cut.centre + cut.half <= record.time_s[first]) | (
+            cut.centre - cut.half >= record.time_s[last - 1]
         )
         if not np.any(seen):
             continue
         # Both guesses use no equation: the mean of the other rows, and a constant.
         elsewhere = np.delete(record.states, slice(first, last), axis=0).mean(axis=0)
         coefficients = find(seen)
-        length = place[last - 1] - place[first]
+        length = record.time_s[last - 1] - record.time_s[first]
         parts = max(
             1,
             min(

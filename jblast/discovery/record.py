@@ -22,8 +22,6 @@ from scipy import sparse
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 
-from jblast.errors import InputError
-
 POWER = 4
 r"""Power of a window: $\varphi$ and three derivatives vanish at its bounds."""
 PER_HALF_WIDTH = 4
@@ -120,11 +118,9 @@ class Record(NamedTuple):
         inputs: Inputs at the rows.
         held: Whether inputs are constant until the next row.
         windows: Integrals over windows.
-        rate: Factor of the terms, dt/ds, if windows are in another time s than t.
         smooth: Smoothed states at the rows.
         sides: Sides of the equations for the recorded states.
-        noise_sd: Standard deviation of the noise of each state, relative if `relative`.
-        relative: Whether the noise is multiplicative.
+        noise_sd: Standard deviation of the noise of each state.
         sides_of: Function of other states at these rows, with the same smoothing.
     """
 
@@ -133,34 +129,16 @@ class Record(NamedTuple):
     inputs: Float[np.ndarray, "row input"]
     held: bool
     windows: Windows
-    rate: Float[np.ndarray, " place"]
     smooth: Float[np.ndarray, "row state"]
     sides: Sides
     noise_sd: Float[np.ndarray, " state"]
-    relative: bool
     sides_of: Callable[[Float[np.ndarray, "row state"]], Sides]
-
-    @property
-    def noise_in_unit(self) -> Float[np.ndarray, " state"]:
-        """Standard deviation of the noise of each state, in its unit."""
-        if not self.relative:
-            return self.noise_sd
-        return self.noise_sd * np.sqrt(np.mean(self.smooth**2, axis=0))
-
-    def noise_map(self, state: int) -> sparse.csr_array:
-        """Return the matrix from the noise of a state at the rows to the left side."""
-        if not self.relative:
-            return self.windows.of_rows
-        return sparse.csr_array(
-            self.windows.of_rows.multiply(self.smooth[:, state][None, :])
-        )
 
     def with_noise(
         self, states: Float[np.ndarray, "row state"], rng: np.random.Generator
     ) -> Float[np.ndarray, "row state"]:
         """Return states with new noise of the size of this record's."""
-        noise = self.noise_sd * rng.standard_normal(states.shape)
-        return states * np.exp(noise) if self.relative else states + noise
+        return states + self.noise_sd * rng.standard_normal(states.shape)
 
 
 def trajectory_record(
@@ -197,71 +175,10 @@ def trajectory_record(
         inputs,
         held,
         cut,
-        np.ones(len(cut.time)),
         curves.value,
         sides(states, curves),
         noise_sd,
-        False,
         lambda states: sides(states, again(states)),
-    )
-
-
-def shock_record(
-    time_s: Float[np.ndarray, " row"], radius_m: Float[np.ndarray, " row"]
-) -> Record:
-    """Return the record of a shock radius, with windows in ln of the time.
-
-    A shock slows down as a power of time, so that ln of the radius is nearly linear in
-    ln of the time, and few, unevenly spaced rows suffice. The equation is still that of
-    dR/dt; its noise is relative, so that each window is divided by its left side.
-
-    Args:
-        time_s: Times since the detonation, positive, increasing [s].
-        radius_m: Radii, positive [m].
-
-    Raises:
-        InputError: The smoothed radius decreases somewhere.
-    """
-    log_time = np.log(time_s)
-    log_radius = np.log(radius_m)[:, None]
-    curves, noise_sd, again = smoothed(log_time, log_radius)
-    half = half_width(log_time, curves.value, curves.slope(log_time))
-    cut = windows(log_time, half)
-    left = cut.derivative @ np.exp(curves.at(cut.time))
-    if not np.all(left > 0.0):
-        raise InputError(
-            "shock radius: expected a smoothed radius that grows with time, got one "
-            "that decreases: its noise is too large"
-        )
-    # Divided by its left side, each window has an error of the same size.
-    relative = sparse.diags_array(1.0 / left[:, 0])
-    cut = cut._replace(
-        integral=sparse.csr_array(relative @ cut.integral),
-        derivative=sparse.csr_array(relative @ cut.derivative),
-        of_rows=sparse.csr_array(relative @ cut.of_rows),
-    )
-
-    def sides(log_radius: Float[np.ndarray, "row state"], curves: Curves) -> Sides:
-        radius, smooth = np.exp(curves.at(cut.time)), np.exp(curves.value)
-        noise = cut.of_rows @ (smooth * (log_radius - curves.value))
-        return Sides(radius, cut.derivative @ radius + noise)
-
-    def sides_of(radius: Float[np.ndarray, "row state"]) -> Sides:
-        log_radius = np.log(radius)
-        return sides(log_radius, again(log_radius))
-
-    return Record(
-        time_s,
-        radius_m[:, None],
-        np.empty((len(time_s), 0)),
-        False,
-        cut,
-        np.exp(cut.time),
-        np.exp(curves.value),
-        sides(log_radius, curves),
-        noise_sd,
-        True,
-        sides_of,
     )
 
 

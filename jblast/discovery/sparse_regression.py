@@ -72,16 +72,6 @@ def polynomial(
     return Candidates(tuple(names), evaluate)
 
 
-def powers(name: str, exponents: Sequence[float]) -> Candidates:
-    """Return powers of a positive column, such as $R^{-3/2}$."""
-    exponent = np.asarray(exponents, float)
-
-    def evaluate(values: Float[np.ndarray, "place column"]) -> np.ndarray:
-        return values[:, :1] ** exponent
-
-    return Candidates(tuple(f"{name}^{e:g}" if e else "1" for e in exponent), evaluate)
-
-
 class Regression(NamedTuple):
     """Regression problem of one equation, with windows as rows.
 
@@ -92,12 +82,6 @@ class Regression(NamedTuple):
 
     terms: Float[np.ndarray, "window term"]
     covariance: Float[np.ndarray, "window window"]
-
-
-Selection = Callable[
-    [Regression, Float[np.ndarray, " window"], float], Bool[np.ndarray, " term"]
-]
-"""Function from candidates, left side and threshold to a mask of terms."""
 
 
 def least_squares(
@@ -160,41 +144,6 @@ def sparse_terms(
         if certain[worst] >= SIGNIFICANT:
             break
         kept[worst] = False
-    return kept
-
-
-def grown_terms(
-    regression: Regression, left: Float[np.ndarray, " window"], threshold: float
-) -> Bool[np.ndarray, " term"]:
-    """Return a mask of the terms of an equation, by forward selection.
-
-    Powers of one positive number are nearly collinear, so that backward selection from
-    all of them fails. Forward regression (orthogonal least squares, Billings, Chen and
-    Korenberg 1989, Int. J. Control 49:2157) adds the term that explains most of the
-    residual, until the next one explains less than the threshold, or makes a
-    coefficient insignificant (three standard deviations).
-
-    Args:
-        regression: Regression problem.
-        left: Left side of the equation.
-        threshold: Smallest share of the left side's root mean square of a term.
-    """
-    size = np.sqrt(np.mean(regression.terms**2, axis=0))
-    # Up to all terms: the threshold below ends the selection.
-    optimizer = pysindy.FROLS(max_iter=len(size), alpha=RIDGE)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        optimizer.fit(regression.terms / size, left / np.sqrt(np.mean(left**2)))
-    kept, over = np.zeros(size.shape, bool), np.mean(left**2)
-    for coefficients in optimizer.history_[1:]:
-        more = kept | (coefficients[0] != 0.0)
-        found, sds = least_squares(regression, left, more)
-        now = np.mean((left - regression.terms @ found) ** 2)
-        gain = np.sqrt(max(over - now, 0.0) / np.mean(left**2))
-        sure = np.all(np.abs(found[more]) >= SIGNIFICANT * sds[more])
-        if gain < threshold or not sure:
-            break
-        kept, over = more, now
     return kept
 
 

@@ -1,7 +1,7 @@
 """The answer of `jblast discover`: equations, and evidence against them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +14,7 @@ from jblast.discovery.discover import (
     Replay,
 )
 from jblast.discovery.law_search import certain
-from jblast.discovery.noise_sweep import Outcome
-from jblast.discovery.shock import Slowing
-from jblast.report.words import aligned, significant
+from jblast.report.words import significant
 from jblast.results import Document
 
 COVERAGE = (0.73, 1.0)
@@ -67,41 +65,6 @@ def discovery_text(
             "",
         ]
     return "\n".join(lines)
-
-
-def slowing_text(slowing: Slowing) -> str:
-    """Return the equation of a shock's speed from a radius history."""
-    found = slowing.discovery
-    lines = [
-        equation_text(found, 0).replace("d(R)/dt", "dR/dt"),
-        *_terms_lines(found, 0),
-        f"  one power: dR/dt ~ R^{slowing.exponent:.3f}, {100.0 * found.level:.0f} % "
-        f"interval {slowing.low:.3f} to {slowing.high:.3f}; misfit "
-        f"{100.0 * slowing.misfit:.1f} %",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def outcomes_text(outcomes: Sequence[Outcome]) -> str:
-    """Return a table with a row for each equation and noise level."""
-    head = "of,noise,exact,missing,false,error,in 90 %,holds,law,whole"
-    rows: list[tuple[str, ...]] = [tuple(head.split(","))]
-    for o in outcomes:
-        rows.append(
-            (
-                f"{o.case}, {o.state}",
-                f"{100.0 * o.noise:g} %",
-                f"{o.exact:.2f}",
-                f"{o.missing:.2f}",
-                f"{o.false:.2f}",
-                "-" if math.isnan(o.error) else f"{100.0 * o.error:.2g} %",
-                "-" if math.isnan(o.covered) else f"{o.covered:.2f}",
-                f"{o.reproduced:.2f}",
-                f"{o.law:.2f}",
-                f"{o.whole:.2f}",
-            )
-        )
-    return "\n".join(aligned(rows)) + "\n"
 
 
 def _terms_lines(found: Discovery, state: int) -> list[str]:

@@ -1,6 +1,4 @@
-"""Figures of discovery: data against integrated equations, and effect of noise."""
-
-from collections.abc import Sequence
+"""Figures of discovery: data against integrated equations."""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,16 +6,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.discovery.discover import Discovery, Replay
-from jblast.discovery.noise_sweep import Outcome
 from jblast.report.discovery import doubts, equation_text
 from jblast.report.figure_style import (
     BLUE,
-    COLOURS,
     INK,
-    MARKERS,
     MUTED,
     VERMILLION,
-    log_ticks,
     new_figure,
     quiet,
     titled,
@@ -67,38 +61,6 @@ def discovery_figure(
         _inclusion(right, found, state)
     grid[-1][0].set_xlabel("time [s]")
     grid[-1][1].set_xlabel("share of the ensemble with the term")
-    return figure
-
-
-def noise_figure(outcomes: Sequence[Outcome]) -> Figure:
-    """Draw the share of records with exactly the true terms, and coefficient errors."""
-    figure = new_figure(11.0, 4.4)
-    left, right = figure.subplots(1, 2)
-    keys = list(dict.fromkeys((o.case, o.state) for o in outcomes))
-    for nth, key in enumerate(keys):
-        own = [o for o in outcomes if (o.case, o.state) == key and o.noise > 0.0]
-        noise = [100.0 * o.noise for o in own]
-        style = {
-            "color": COLOURS[nth],
-            "marker": MARKERS[nth],
-            "markersize": 5,
-            "label": ", ".join(key),
-        }
-        left.plot(noise, [100.0 * o.exact for o in own], **style)
-        right.plot(noise, [100.0 * o.error for o in own], **style)
-    for axes in (left, right):
-        quiet(axes)
-        axes.set_xscale("log")
-        log_ticks(axes.xaxis, (0.08, 35.0))
-        axes.set_xlabel("noise, share of the state's spread (of the radius) [%]")
-    right.set_yscale("log")
-    log_ticks(right.yaxis, right.get_ylim())
-    left.set_ylim(-4.0, 104.0)
-    left.set_ylabel("records [%]")
-    right.set_ylabel("largest error of a coefficient, median [%]")
-    titled(left, "Records with exactly the true terms")
-    titled(right, "Coefficients of these records")
-    left.legend(frameon=False, fontsize=9, loc="lower left")
     return figure
 
 

@@ -4,7 +4,7 @@ The statistic is the power of the samples after an instant over the power of tho
 before it, as in seismology (Allen 1978, Bull. Seism. Soc. Am. 68, 1521). It detects any
 sudden increase of power, by a door as well as by a blast, without regard to its form.
 There is no formula for its false-alarm rate in coloured noise or wind: the threshold
-has to be measured at the site (`verification/sampling_cases.py`).
+has to be measured at the site.
 """
 
 from typing import NamedTuple

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from calibration.benchmark_views import batched, fire_window
+from calibration.cases import BACKGROUND, filmed
 from jblast.sensors.camera import explosion_views, render
-from jblast.verification.simulated_recordings import BACKGROUND, filmed
 
 
 @pytest.mark.slow  # three programs

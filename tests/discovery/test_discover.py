@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from calibration.discovery import drag_case, motor_case, noisy_states
 from jblast.discovery.discover import basic_interval, discover, interval_level, replay
 from jblast.discovery.law_search import certain
-from jblast.discovery.noise_sweep import drag_case, motor_case, noisy_states
 from jblast.discovery.record import half_width, smoothed, windows
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.errors import InputError

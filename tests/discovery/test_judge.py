@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
+from calibration.discovery import motor_case, noise_sweep
 from jblast.discovery.discover import (
     Judgement,
     discover,
@@ -13,7 +14,6 @@ from jblast.discovery.discover import (
     unlikely,
 )
 from jblast.discovery.law_search import certain
-from jblast.discovery.noise_sweep import motor_case, noise_sweep
 from jblast.discovery.record import smoothed
 from jblast.discovery.sparse_regression import polynomial
 from jblast.report.discovery import doubts

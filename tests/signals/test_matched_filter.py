@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
+from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.errors import InputError
 from jblast.signals import (
     filtered_by,
@@ -11,7 +12,6 @@ from jblast.signals import (
     unsteadiness,
     white_noise,
 )
-from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 
 @pytest.mark.slow

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.errors import InputError
 from jblast.signals import detections, filtered_by, matched_kernel, threshold_for
 from jblast.signals.matched_filter import PeakPicker, between_samples
-from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 NOISE, SHAPE = rumble(), pulse(0.02)
 KERNEL = matched_kernel(SHAPE, RATE, NOISE)

@@ -3,9 +3,9 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.errors import InputError
 from jblast.signals import detections, filtered_by, matched_kernel, stream
-from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 NOISE, SHAPE = rumble(), pulse(0.02)
 KERNEL = matched_kernel(SHAPE, RATE, NOISE)

@@ -3,9 +3,9 @@ import functools
 import numpy as np
 import pytest
 
+from calibration.cases import RATE, coloured, rumble
 from jblast.errors import InputError
 from jblast.signals import best_match, template_bank
-from jblast.verification.simulated_recordings import RATE, coloured, rumble
 
 ROOTS, RANGES = np.geomspace(1.0, 3.0, 4), np.geomspace(60.0, 240.0, 4)
 NOISE = rumble()._replace(density=100 * rumble().density)

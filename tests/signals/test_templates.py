@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from calibration.cases import RATE
 from jblast.errors import InputError
 from jblast.signals import blast_template, recorded_template
-from jblast.verification.simulated_recordings import RATE
 from jblast.waves.waveform import blast_pulse
 
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.errors import InputError
 from jblast.signals import (
     false_alarms_at,
@@ -10,7 +11,6 @@ from jblast.signals import (
     threshold_for,
     white_noise,
 )
-from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 KERNEL = matched_kernel(pulse(0.02), RATE, rumble())
 

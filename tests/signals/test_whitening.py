@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.errors import InputError
 from jblast.signals import NoiseSpectrum, matched_kernel, noise_spectrum, white_noise
 from jblast.signals.noise import median_bias, whitening_taps
-from jblast.verification.simulated_recordings import RATE, coloured, pulse, rumble
 
 
 @pytest.mark.parametrize("average", ["mean", "median"])

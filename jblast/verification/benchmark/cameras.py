@@ -1,32 +1,34 @@
-"""Event cameras: cost against error.
+"""Event cameras and views of an explosion: cost against error.
 
 Events: methods to find their times, and the cost of each effect of a real camera. The
 scene is a bright disc whose edge moves, with known events
-(`verification.simulated_recordings`). The camera of the second chart sees it in grey
+(`calibration.cases`). The camera of the second chart sees it in grey
 values of 8 bits, and 0.92 s more of the disc at rest.
+
+Views: interpolation between sides and between frames. Between sides: the eight views
+left out of the set that is part of jblast, at their ten phases, compared with the
+interpolation from that set. Between frames: eight views of the set at phases removed
+from it, every second one, so that the gaps are twice as wide as its own. Likeness is
+over the pixels of the fire in either picture (sRGB luminance on a grey background); the
+cost of a frame is that of a film.
 """
 
 import functools
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from jblast.fidelity.timing import best_of
-from jblast.progress import in_words
-from jblast.sensors.camera.events.exact import frameless_events
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import IDEAL, NoiseModel, noisy_stream
-from jblast.sensors.camera.events.stream import stream_events
-from jblast.verification.benchmark.chart import (
-    Benchmark,
-    BenchmarkPoint,
-    register_benchmark,
-)
-from jblast.verification.simulated_recordings import (
+from calibration import cases
+from calibration.cases import (
+    BACKGROUND,
     DURATION,
+    MASS,
     SHAPE,
     THRESHOLD,
     WIDTH,
@@ -34,9 +36,46 @@ from jblast.verification.simulated_recordings import (
     disc_frames,
     disc_light,
     film,
+    filmed,
     passed_wholly,
+    processor_seconds,
 )
+from jblast.fidelity.timing import best_of
+from jblast.progress import in_words
+from jblast.scene import Camera, Charge, Scene, look_at
+from jblast.sensors.camera import (
+    ExplosionViews,
+    explosion_views,
+    linear_to_srgb,
+    luminance,
+    render,
+)
+from jblast.sensors.camera.events.exact import frameless_events
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.events.noise import IDEAL, NoiseModel, noisy_stream
+from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.image import psnr, ssim
+from jblast.verification.benchmark.chart import (
+    Benchmark,
+    BenchmarkPoint,
+    register_benchmark,
+)
+from jblast.waves.fireball import fireball, fireball_duration
 
+LEFT_OUT = Path(cases.__file__).parent / "data" / "explosion_left_out"
+# So far that perspective changes the outline of the ball by 0.06 % only.
+CAMERA_DISTANCE_RADII = 30.0
+"""Distance of the camera of a close-up [fireball radii]."""
+# Below it the fire changes the grey by less than 2 % of its own light.
+MIN_OPACITY = 0.02
+"""Opacity above which a pixel belongs to the fire."""
+FRAMES = 32
+"""Frames of the timed film."""
+# Eight views of the set, as many as are left out for the comparison between sides.
+EVERY = 4
+"""Stride of the views compared between frames."""
+Pair = tuple[ExplosionViews, int, int]
+"""A set of views, a view of it and a frame."""
 # The least of five: other load can only lengthen a call.
 REPEATS = 5
 # Frames a call: as many as the film has, so that one call is timed.
@@ -68,6 +107,174 @@ EFFECTS = {
     ),
 }
 """Cameras between an ideal one and `USUAL`."""
+
+
+class CloseUp(NamedTuple):
+    """Picture of the fire alone.
+
+    Attributes:
+        grey: Luminance in front of a uniform grey (sRGB), 0 to 1.
+        fire: True for pixels of the fire.
+    """
+
+    grey: Float[np.ndarray, "height width"]
+    fire: Bool[np.ndarray, "height width"]
+
+
+def close_up(
+    views: ExplosionViews, shown: ExplosionViews, view: int, frame: int
+) -> CloseUp:
+    """Render a set from the direction of a view, in the size of the view's picture.
+
+    Args:
+        views: Set to render.
+        shown: Set that contains the view.
+        view: Number of the view.
+        frame: Number of the frame in `shown`.
+    """
+    time = float(shown.phase[frame]) * float(fireball_duration(MASS))
+    radius = float(fireball(MASS, time).radius)
+    eye = CAMERA_DISTANCE_RADII * radius * np.asarray(shown.direction[view])
+    size = shown.frames.shape[2]
+    # tangents to a ball of radius 1 at distance d have the slope 1/sqrt(d^2 - 1)
+    focal = float(shown.radius[view, frame]) * np.sqrt(CAMERA_DISTANCE_RADII**2 - 1.0)
+    camera = Camera(
+        position=eye,
+        quaternion=look_at(eye, np.zeros(3)),
+        focal=np.full(2, focal),
+        center=np.asarray(shown.anchor[view]),
+        width=size,
+        height=size,
+    )
+    scene = Scene(charge=Charge(mass_kg=MASS))
+    (layer,) = np.asarray(
+        render(scene, camera, np.array([time]), views=views, ground=False, alpha=True)
+    )
+    alpha = layer[..., 3:]
+    light = np.clip(alpha * layer[..., :3] + (1.0 - alpha) * BACKGROUND, 0.0, 1.0)
+    return CloseUp(
+        luminance(np.asarray(linear_to_srgb(light))), alpha[..., 0] > MIN_OPACITY
+    )
+
+
+class NearerFrame(ExplosionViews):
+    """Views that show the nearer frame in time instead of a mixture of two."""
+
+    def frames_at(
+        self, phase: Float[Array, ""]
+    ) -> tuple[Int[Array, "1"], Float[Array, "1"]]:
+        """Return the nearer of the two frames, and its weight."""
+        frames, parts = super().frames_at(phase)
+        return frames[jnp.argmax(parts)][None], jnp.sum(parts)[None]
+
+
+def nearer(views: ExplosionViews) -> NearerFrame:
+    """Return the same views with the nearer frame in time."""
+    return NearerFrame(
+        **{part.name: getattr(views, part.name) for part in fields(views)}
+    )
+
+
+def thinned(views: ExplosionViews) -> ExplosionViews:
+    """Return every second frame of a set."""
+    kept: dict[str, Any] = {
+        name: getattr(views, name)[:, ::2]
+        for name in ("frames", "radius", "spread", "box")
+    }
+    return replace(views, **kept, height=views.height[::2], phase=views.phase[::2])
+
+
+def likeness(
+    views: ExplosionViews, pairs: Iterator[Pair]
+) -> tuple[Float[np.ndarray, " picture"], Float[np.ndarray, " picture"]]:
+    """Return PSNR [dB] and SSIM of the pictures of a set, one for each pair."""
+    found = []
+    for shown, view, frame in pairs:
+        true, seen = (close_up(one, shown, view, frame) for one in (shown, views))
+        fire = true.fire | seen.fire
+        found.append(
+            (psnr(true.grey, seen.grey, fire), ssim(true.grey, seen.grey, fire))
+        )
+    peak, structure = np.array(found).T
+    return peak, structure
+
+
+def between_sides(left_out: ExplosionViews) -> Iterator[Pair]:
+    """Yield all pictures of the left-out set."""
+    for view in range(len(left_out.direction)):
+        for frame in range(len(left_out.phase)):
+            yield left_out, view, frame
+
+
+def between_frames(views: ExplosionViews, every: int = EVERY) -> Iterator[Pair]:
+    """Yield the pictures between those of every second frame.
+
+    Args:
+        views: The full set.
+        every: Stride of the views.
+    """
+    for view in range(0, len(views.direction), every):
+        for frame in range(1, len(views.phase) - 1, 2):
+            yield views, view, frame
+
+
+def view_points() -> list[BenchmarkPoint]:
+    """Return the cost of a frame by each method, and its dissimilarity."""
+    progress, views = in_words(), explosion_views()
+    three, left_out = replace(views, sides=3), explosion_views(LEFT_OUT)
+    few = thinned(views)
+    methods: tuple[
+        tuple[str, str, ExplosionViews, ExplosionViews, Callable[[], Iterator[Pair]]],
+        ...,
+    ] = (
+        (
+            "nearest view",
+            "between sides",
+            views,
+            views,
+            lambda: between_sides(left_out),
+        ),
+        (
+            "three around",
+            "between sides",
+            three,
+            three,
+            lambda: between_sides(left_out),
+        ),
+        (
+            "nearer frame",
+            "between frames",
+            nearer(views),
+            nearer(few),
+            lambda: between_frames(views),
+        ),
+        ("two mixed", "between frames", views, few, lambda: between_frames(views)),
+    )
+    points = []
+    for name, panel, timed, shows, pairs in methods:
+        progress(name)
+        peak, structure = likeness(shows, pairs())
+        text = (
+            f"SSIM {structure.mean():.3f}, {structure.min():.3f} to "
+            f"{structure.max():.3f}; PSNR {peak.mean():.1f} dB, {peak.min():.1f} to "
+            f"{peak.max():.1f}; {len(peak)} pictures"
+        )
+        error = 1.0 - float(structure.mean())
+        cost = processor_seconds(timed, filmed(FRAMES))
+        points.append(BenchmarkPoint(name, cost, error, text, panel))
+    return points
+
+
+register_benchmark(
+    Benchmark(
+        name="views",
+        title="Views of an explosion: cost against likeness",
+        cost="processor time of a frame of 640 x 480 pixels, float64",
+        error="1 - SSIM over the pixels of the fire",
+        measure=view_points,
+        relative=False,
+    )
+)
 
 
 class Sent(NamedTuple):

@@ -1,4 +1,4 @@
-"""Fits, samplers and Monte Carlo: cost against error.
+r"""Fits, samplers and Monte Carlo: cost against error.
 
 Fit: methods to find the optimum of a log, their cost against the share of failures. The
 logs are those of `verification.stability.fits`: eight arrivals of one charge each, with
@@ -6,14 +6,16 @@ poor starts from 1 to 1,000 kg and from a square of 200 m. `fit_many` and `solve
 run from starts of their own choice.
 
 Sampler: methods to compute 90 % intervals of a posterior. The case is that of five
-microphones (`verification.sampling_cases`), whose optimum is known. The reference is a
+microphones (`calibration.cases`), whose optimum is known. The reference is a
 long run of the compiled sampler; its error is half the difference between its first and
 second half.
 
-Monte Carlo: draws by key, Sobol' points and importance sampling, for a pressure of
-three uncertain parameters whose mean and probabilities are known
-(`verification.sampling_cases`). An error is the rms over repetitions of the difference
-from the exact value.
+Monte Carlo: random draws and Sobol' points, for a pressure of three uncertain
+parameters whose mean and probability are known: peak pressure falls with the scaled
+distance $Z = R\,W^{-1/3}$ alone, and $\ln Z$ is normal where $\ln R$ and $\ln W$
+are. So the probability of a pressure above a threshold is that of $Z$ below a root,
+averaged over the scatter of the law by Gauss-Hermite quadrature. An error is the rms
+over repetitions of the difference from the exact value.
 """
 
 from collections.abc import Callable
@@ -22,42 +24,37 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from scipy.optimize import least_squares
+from jaxtyping import Array, Float
+from scipy.optimize import least_squares, root_scalar
+from scipy.special import ndtr
 
+from calibration.cases import MICROPHONE_LAWS, TRUTH, scene_with
 from jblast.fidelity.timing import best_of
 from jblast.inference import Posterior, solve
 from jblast.inference.identifiability import Identifiability, identifiability
 from jblast.inference.importance import Importance, importance, weighted_quantiles
-from jblast.inference.mcmc.engines import Emcee, Scan
+from jblast.inference.mcmc.engines import (
+    BLOCK,
+    Emcee,
+    Engine,
+    Scan,
+    WalkState,
+    mixture_of,
+)
 from jblast.inference.mode.laplace import NORMAL_Q95, Laplace, laplace
 from jblast.inference.mode.search import optima
-from jblast.inference.whitening import Whitened, whitened_density
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.whitening import Density, Whitened, densities, whitened_density
 from jblast.progress import in_words
-from jblast.sensors import planned_layout
+from jblast.scene import UncertainScene, freed
+from jblast.sensors import observe, planned_layout
+from jblast.sensors.record import to_error_scale
 from jblast.sensors.simulated_readings import written
-from jblast.study.rare import (
-    Margin,
-    Points,
-    random_scores,
-    rare_probability,
-    sobol_scores,
-)
+from jblast.study.sampling.draws import points_of
 from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,
     register_benchmark,
-)
-from jblast.verification.sampling_cases import (
-    CASE,
-    SHARES,
-    WALKERS,
-    interval_ends,
-    mean_pressure,
-    one_posterior,
-    pressure,
-    probability_above,
-    timed_walk,
 )
 from jblast.verification.stability.fits import (
     MISFIT_LIMIT,
@@ -69,19 +66,17 @@ from jblast.verification.stability.fits import (
     residuals,
     stock_fits,
 )
+from jblast.waves import kingery_bulmash_pressure
 
 DIMENSIONS = 3
 """Uncertain parameters of the pressure: mass, range and scatter."""
 # Powers of two: a Sobol sequence is balanced only there.
 SAMPLES = (1 << 10, 1 << 14, 1 << 18)
 """Samples of an estimate."""
-RARE_SAMPLES = (1 << 18, 1 << 22)
-"""Random samples for the rare event; fewer contain hardly one."""
 # Estimates with other seeds; the standard error of their rms is 18 %, 1/sqrt(2 x 16).
 REPETITIONS = 16
 COMMON_PA = 12e3
 """Pressure that about one sample in twenty exceeds [Pa]."""
-IMPORTANCE: dict[str, Points] = {"importance": "random", "both": "sobol"}
 Estimate = Callable[[int], float]
 """Function from a seed to an estimate."""
 # Factors of five or more: the slope of error against cost is visible on the chart.
@@ -117,18 +112,133 @@ STOCK = (
 )
 ABBREVIATIONS = {"Levenberg-Marquardt": "LM"}
 OWN_STARTS, POOR_STARTS = "own starts", "poor starts"
+MASS_KG, MASS_FACTOR = 15.0, 1.5
+"""Median of the charge mass [kg], and its standard deviation as a factor."""
+RANGE_M, RANGE_FACTOR = 40.0, 1.05
+"""The same of the range [m]."""
+SCATTER = 0.1
+"""Standard deviation of ln pressure about the law."""
+# Half as many agree to 1e-9.
+NODES = 120
+"""Nodes of the quadrature."""
+# Any number: the log is fixed by it.
+LOG_SEED = 11
+# Many walkers cost little in one compiled scan.
+WALKERS = 256
+SHARES = (0.05, 0.95)
+"""Quantiles at the bounds of the 90 % interval."""
+# Walks start from the normal approximation, so that a tenth is ample.
+WARM_UP = 10
+"""Divisor of the length of a walk that gives its warm-up."""
+
+
+def pressure(u: Float[Array, "3"]) -> Float[Array, ""]:
+    """Return the peak pressure of a sample in standard normal coordinates [Pa]."""
+    law = kingery_bulmash_pressure(
+        RANGE_M * RANGE_FACTOR ** u[1],
+        MASS_KG * MASS_FACTOR ** u[0],
+    )
+    return law * jnp.exp(SCATTER * u[2])
+
+
+def probability_above(threshold_pa: float) -> float:
+    """Return the probability of a pressure above a threshold, by quadrature."""
+    log_pressure = jax.jit(
+        lambda log_z: jnp.log(kingery_bulmash_pressure(jnp.exp(log_z), 1.0))
+    )
+    middle, sd = _log_z()
+    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    total = 0.0
+    for node, weight in zip(nodes, weights / weights.sum(), strict=True):
+        # At a given scatter the pressure falls with Z, and ln Z is normal.
+        target = np.log(threshold_pa) - SCATTER * node
+        root = root_scalar(
+            lambda z, target=target: float(log_pressure(jnp.asarray(z))) - target,
+            bracket=(np.log(0.2), np.log(1e4)),
+            xtol=1e-12,
+        ).root
+        total += weight * ndtr((root - middle) / sd)
+    return float(total)
+
+
+def mean_pressure() -> float:
+    """Return the mean pressure, by quadrature [Pa]."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    middle, sd = _log_z()
+    values = kingery_bulmash_pressure(jnp.exp(middle + sd * nodes), jnp.ones(NODES))
+    mean = float(np.asarray(values) @ weights / weights.sum())
+    # The mean of the log-normal scatter.
+    return mean * float(np.exp(0.5 * SCATTER**2))
+
+
+def _log_z() -> tuple[float, float]:
+    """Return mean and standard deviation of ln of the scaled distance."""
+    middle = np.log(RANGE_M) - np.log(MASS_KG) / 3
+    spread = np.hypot(np.log(RANGE_FACTOR), np.log(MASS_FACTOR) / 3)
+    return float(middle), float(spread)
+
+
+def one_posterior() -> Posterior:
+    """Return the posterior of one simulated log, with exact laws."""
+    scene = scene_with(scatter=False)
+    layout, sigma, _ = planned_layout(scene)
+    read = observe(jax.random.key(LOG_SEED), scene, layout, MICROPHONE_LAWS, sigma)
+    parameters = parameters_of(freed(UncertainScene(scene), list(TRUTH)))
+    measured = to_error_scale(read, layout.quantity)
+    return Posterior(
+        parameters, layout, measured, sigma, tuple(MICROPHONE_LAWS.items())
+    )
+
+
+def timed_walk(
+    sampler: Engine,
+    density: Density,
+    free: int,
+    steps: int,
+    seed: int = 0,
+    repeats: int = 1,
+) -> tuple[Float[np.ndarray, "step walker free"], float]:
+    """Walk from samples of a unit normal.
+
+    Args:
+        sampler: The sampler.
+        density: Log density in whitened coordinates.
+        free: Number of free parameters.
+        steps: Number of steps.
+        seed: Seed of the start and of the moves.
+        repeats: Number of timed repetitions.
+
+    Returns:
+        The chain without its warm-up, and the least time of the compiled walk [s].
+    """
+    w = np.random.default_rng(seed).standard_normal((WALKERS, free))
+    value = np.array(densities(density, jnp.asarray(w)))
+    start = WalkState(w, value, sampler.first_random(seed))
+    about = mixture_of(np.zeros((1, free)), np.eye(free)[None], np.ones(1))
+
+    def walk(steps: int) -> Float[np.ndarray, "step walker free"]:
+        return sampler.walk(density, about, start, steps, lambda: None).chain
+
+    # one block compiles the sampler, at a fraction of the time of the whole walk
+    seconds, chain = best_of(lambda: walk(steps), repeats, lambda: walk(BLOCK))
+    return chain[steps // WARM_UP :], seconds
+
+
+def interval_ends(
+    draws: Float[np.ndarray, "... free"],
+) -> Float[np.ndarray, "2 free"]:
+    """Return the bounds of the 90 % interval of each parameter, shape (2, free)."""
+    return np.quantile(draws.reshape(-1, draws.shape[-1]), SHARES, axis=0)
 
 
 def montecarlo_points(
     samples: tuple[int, ...] = SAMPLES,
-    rare_samples: tuple[int, ...] = RARE_SAMPLES,
     repetitions: int = REPETITIONS,
 ) -> list[BenchmarkPoint]:
-    """Return cost and error of each estimate of a mean and of two probabilities.
+    """Return cost and error of each estimate of a mean and of a probability.
 
     Args:
         samples: Numbers of samples of an estimate.
-        rare_samples: Numbers of random samples for the rare event.
         repetitions: Repetitions of each estimate, which differ by the seed.
     """
     progress = in_words()
@@ -139,12 +249,11 @@ def montecarlo_points(
         seconds, _ = best_of(lambda: estimate(0), 3)
         deviations = [estimate(seed) / true - 1 for seed in range(repetitions)]
         error = float(np.sqrt(np.mean(np.square(deviations))))
-        points = ": importance by Sobol' points" if method == "both" else ""
-        span = f"{number:,} samples, {repetitions} repetitions{points}"
+        span = f"{number:,} samples, {repetitions} repetitions"
         short = f"{number / 2**20:g}M" if number >= 2**20 else f"{number / 2**10:g}k"
         found.append(BenchmarkPoint(f"{method} {short}", seconds, error, span, panel))
 
-    generators = {"plain": random_scores_of, "Sobol": sobol_scores}
+    generators = {"plain": random_scores, "Sobol": sobol_scores}
     for name, scores in generators.items():
         for number in samples:
             add(
@@ -156,42 +265,31 @@ def montecarlo_points(
                     np.mean(pressures(of(n, DIMENSIONS, seed)))
                 ),
             )
-    for threshold, numbers in (
-        (COMMON_PA, samples),
-        (CASE.threshold_pa, rare_samples),
-    ):
-        true, edge = probability_above(threshold), margin_at(threshold)
-        title = f"probability of {true:.2g}"
-        for name, scores in generators.items():
-            for number in numbers:
-                add(
-                    title,
-                    name,
-                    number,
-                    true,
-                    lambda seed, n=number, of=scores, p=threshold: float(
-                        np.mean(pressures(of(n, DIMENSIONS, seed)) > p)
-                    ),
-                )
-        for name, points in IMPORTANCE.items():
-            for number in samples:
-                add(
-                    title,
-                    name,
-                    number,
-                    true,
-                    lambda seed, n=number, by=points, edge=edge: (
-                        rare_probability(
-                            edge, DIMENSIONS, n, seed=seed, points=by
-                        ).probability
-                    ),
-                )
+    true = probability_above(COMMON_PA)
+    for name, scores in generators.items():
+        for number in samples:
+            add(
+                f"probability of {true:.2g}",
+                name,
+                number,
+                true,
+                lambda seed, n=number, of=scores: float(
+                    np.mean(pressures(of(n, DIMENSIONS, seed)) > COMMON_PA)
+                ),
+            )
     return found
 
 
-def random_scores_of(count: int, dimensions: int, seed: int) -> np.ndarray:
-    """Return standard normal scores, each by the key of its number."""
-    return random_scores(np.arange(count), dimensions, seed)
+def random_scores(count: int, dimensions: int, seed: int) -> np.ndarray:
+    """Return standard normal scores."""
+    return np.random.default_rng(seed).standard_normal((count, dimensions))
+
+
+def sobol_scores(count: int, dimensions: int, seed: int) -> np.ndarray:
+    """Return standard normal scores of scrambled Sobol' points."""
+    points = points_of("sobol", dimensions, count, seed, "")
+    assert points is not None
+    return points(0, count)
 
 
 # Compiled once for all calls: a `jit` inside the function would trace at each call.
@@ -203,16 +301,11 @@ def pressures(scores: np.ndarray) -> np.ndarray:
     return np.asarray(_PRESSURES(jnp.asarray(scores)))
 
 
-def margin_at(threshold_pa: float) -> Margin:
-    """Return the margin of a pressure above a threshold."""
-    return lambda u: jnp.log(pressure(u) / threshold_pa)
-
-
 register_benchmark(
     Benchmark(
         name="montecarlo",
         title="Monte Carlo: cost against standard error, by number of samples",
-        cost="time of an estimate, with the search for the event",
+        cost="time of an estimate",
         error="rms over repetitions, relative to the exact value",
         measure=montecarlo_points,
     )

@@ -22,6 +22,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.cases import (
+    LAWS,
+    MASS,
+    RATE,
+    Recorder,
+    coloured,
+    layout,
+    log_of_picks,
+    plain_normalised,
+    pulse,
+    readings,
+    recorded,
+    rumble,
+    uncertain_scene,
+)
 from jblast.fidelity.timing import best_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
@@ -42,21 +57,6 @@ from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,
     register_benchmark,
-)
-from jblast.verification.simulated_recordings import (
-    LAWS,
-    MASS,
-    RATE,
-    Recorder,
-    coloured,
-    layout,
-    log_of_picks,
-    plain_normalised,
-    pulse,
-    readings,
-    recorded,
-    rumble,
-    uncertain_scene,
 )
 
 LENGTHS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from calibration.cases import THRESHOLD, film
+from calibration.surrogate import STAGES
 from jblast.errors import InputError
 from jblast.scene import Camera
 from jblast.sensors.camera.events.exact import frameless_events
@@ -20,9 +22,7 @@ from jblast.sensors.camera.events.ideal import (
     smooth_counts,
 )
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.geometry import project, unproject
-from jblast.study.event_inversion import STAGES
-from jblast.verification.simulated_recordings import THRESHOLD, film
+from jblast.sensors.camera.geometry import fold_radius, project, unproject
 from jblast.verification.stability.failure import (
     FailureMode,
     crossing,
@@ -269,7 +269,7 @@ def behind_failure() -> FailureMode:
 def fold_failure() -> FailureMode:
     """Measure the angle at which the distortion of a wide lens folds over."""
     camera = wide_camera()
-    edge = (-3.0 * BARREL[0]) ** -0.5  # 1 + 3 k1 r^2 = 0
+    edge = float(fold_radius(camera.distortion, jnp.array([1.0, 0.0])))
     out = 1.4 * edge
     bent = out * (1.0 + BARREL[0] * out**2)
     beyond = project(camera, jnp.array([out, 1.0, 0.0]))

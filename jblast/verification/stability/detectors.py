@@ -13,10 +13,22 @@ It is *marked* if its quality is not good.
 
 import functools
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Bool, Float, UInt8
 
+from calibration.cases import (
+    BEHIND,
+    RATE,
+    Recorder,
+    coloured,
+    plain_normalised,
+    pulse,
+    readings,
+    recorded,
+    rumble,
+)
 from jblast.errors import InputError
 from jblast.signals import (
     best_match,
@@ -34,19 +46,8 @@ from jblast.signals import (
 )
 from jblast.signals.flash.search import detect_flashes, flash_threshold
 from jblast.signals.flash.vertical_events import VerticalEvents
+from jblast.signals.picks import RecordPick, pick_records
 from jblast.verification.flash_films import blast, negative
-from jblast.verification.simulated_recordings import (
-    BEHIND,
-    OUTLIER_SD,
-    RATE,
-    Recorder,
-    Shares,
-    coloured,
-    plain_normalised,
-    pulse,
-    rumble,
-    shares_of,
-)
 from jblast.verification.stability.failure import (
     FailureMode,
     boundary_at,
@@ -123,6 +124,69 @@ WINDOWS = 60
 # The middle of a window of 2**15 samples, so that the filter has noise on both sides.
 BLAST_START = 14_000
 """First sample of a blast in a window."""
+# Few logs, as each is picked and fitted; the seed fixes them.
+LOGS, SEED = 5, 3
+# A normal error exceeds 4 sd once in 16,000.
+OUTLIER_SD = 4.0
+"""Error above which a reading is an outlier [sd]."""
+
+
+class Shares(NamedTuple):
+    """Shares of failed picks, by level.
+
+    Attributes:
+        failed: Share of outliers and of records without a pick.
+        unmarked: Share of outliers of good quality.
+        marked: Share of picks that are not of good quality, outliers or not.
+    """
+
+    failed: Float[np.ndarray, " level"]
+    unmarked: Float[np.ndarray, " level"]
+    marked: Float[np.ndarray, " level"]
+
+
+def shares_of(recorders: Sequence[Recorder]) -> Shares:
+    """Return the shares of failed picks for each recorder."""
+    rng = np.random.default_rng(SEED)
+    truths = [readings(rng, scatter=True) for _ in range(LOGS)]
+    records = []
+    for recorder in recorders:
+        # common random numbers: shares differ by the recorder alone
+        drawn = np.random.default_rng(SEED + 1)
+        records += [r for one in truths for r in recorded(drawn, one, recorder)]
+    picks = pick_records(records)
+    truth = np.tile(np.concatenate(truths), (len(recorders), 1))
+    far = np.array(
+        [is_far_off(one, true) for one, true in zip(picks, truth, strict=True)]
+    )
+    good = np.array([one.quality == "good" for one in picks])
+    found = np.array([bool(one.pick.found) for one in picks])
+    shape = len(recorders), -1
+
+    def share(which: Bool[np.ndarray, " record"]) -> Float[np.ndarray, " level"]:
+        return which.reshape(shape).mean(axis=1)
+
+    return Shares(share(far | ~found), share(far & good), share(~good))
+
+
+def is_far_off(one: RecordPick, truth: Float[np.ndarray, "4"]) -> bool:
+    """Return True if the error of a pick exceeds `OUTLIER_SD` of its own.
+
+    Args:
+        one: The pick.
+        truth: Arrival [s], peak [Pa], duration [s] and impulse [Pa s].
+    """
+    found = one.pick
+    arrival = float(found.air_arrival_s) - truth[0]
+    others = np.array(
+        [
+            found.peak_overpressure_pa,
+            found.positive_duration_s,
+            found.positive_impulse_pa_s,
+        ]
+    )
+    error = np.append(arrival, np.log(others / truth[1:]))
+    return bool(np.any(np.abs(error) > OUTLIER_SD * np.asarray(found.spread)[:4]))
 
 
 def record_failures() -> list[FailureMode]:

@@ -5,16 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import posterior_of
-from jblast.inference.posterior.record_likelihood import (
-    ResidualRows,
-    record_log_likelihood,
-)
-from jblast.inference.sampled_records import PRIMARY, sampled_records
-from jblast.sensors.simulated_readings import Noise
-from jblast.signals.picks import pick_records
-from jblast.verification.simulated_recordings import (
+from calibration.cases import (
     LAWS,
     MASS,
     Recorder,
@@ -24,6 +15,15 @@ from jblast.verification.simulated_recordings import (
     recorded,
     uncertain_scene,
 )
+from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.posterior.posterior import posterior_of
+from jblast.inference.posterior.record_likelihood import (
+    ResidualRows,
+    record_log_likelihood,
+)
+from jblast.inference.sampled_records import PRIMARY, sampled_records
+from jblast.sensors.simulated_readings import Noise
+from jblast.signals.picks import pick_records
 
 LOG_MASS = np.log(MASS) + np.linspace(-0.1, 0.1, 9)
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from calibration.cases import RATE
 from jblast.verification.benchmark import BENCHMARKS, records
-from jblast.verification.simulated_recordings import RATE
 
 
 @pytest.mark.slow

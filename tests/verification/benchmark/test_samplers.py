@@ -5,11 +5,13 @@ import pytest
 from jblast.inference.importance import Importance
 from jblast.inference.mcmc.engines import Emcee, Scan
 from jblast.inference.mode.laplace import Laplace
-from jblast.verification.benchmark.fits import sampler_points, solved, weighted_ends
-from jblast.verification.sampling_cases import (
+from jblast.verification.benchmark.fits import (
     WALKERS,
     interval_ends,
+    sampler_points,
+    solved,
     timed_walk,
+    weighted_ends,
 )
 
 STEPS, DRAWS = (100, 600), (500, 8000)

@@ -5,8 +5,8 @@ import pytest
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks.pick import NAMES
-from jblast.verification.simulated_recordings import Shares, is_far_off
 from jblast.verification.stability import detectors
+from jblast.verification.stability.detectors import Shares, is_far_off
 from jblast.verification.stability.failure import measures_of
 from tests.signals.records.made import record_pick
 

@@ -6,7 +6,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from jblast.verification.simulated_recordings import (
+from calibration.cases import (
     MASS,
     RANGES,
     Recorder,

@@ -6,17 +6,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.fitting.fit import solve
-from jblast.inference.fitting.solution import densities_of_samples, nodes_for
-from jblast.inference.sampled_records import sampled_records
-from jblast.signals.picks import pick_records
-from jblast.verification.simulated_recordings import (
+from calibration.cases import (
     Recorder,
     log_of_picks,
     readings,
     recorded,
     uncertain_scene,
 )
+from jblast.inference.fitting.fit import solve
+from jblast.inference.fitting.solution import densities_of_samples, nodes_for
+from jblast.inference.sampled_records import sampled_records
+from jblast.signals.picks import pick_records
 
 
 def test_there_are_nodes_to_spare_for_a_quadratic():

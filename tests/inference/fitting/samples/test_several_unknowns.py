@@ -4,10 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jblast.inference import fit
-from jblast.observations import read
-from jblast.scene import default_scene, freed, with_laws
-from jblast.verification.simulated_recordings import (
+from calibration.cases import (
     LAWS,
     MASS,
     RANGES,
@@ -15,6 +12,9 @@ from jblast.verification.simulated_recordings import (
     readings,
     recorded,
 )
+from jblast.inference import fit
+from jblast.observations import read
+from jblast.scene import default_scene, freed, with_laws
 
 HEAD = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
 BEARINGS = np.radians([20.0, 95.0, 160.0, 215.0, 280.0, 340.0])

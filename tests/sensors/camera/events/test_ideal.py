@@ -5,6 +5,13 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
+from calibration.cases import (
+    THRESHOLD,
+    WIDTH,
+    analytic,
+    film,
+    passed_wholly,
+)
 from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import (
     DARKEST,
@@ -15,13 +22,6 @@ from jblast.sensors.camera.events.ideal import (
     grey_table,
     ideal_events,
     log_intensity,
-)
-from jblast.verification.simulated_recordings import (
-    THRESHOLD,
-    WIDTH,
-    analytic,
-    film,
-    passed_wholly,
 )
 
 convert = jax.jit(ideal_events, static_argnames="capacity")

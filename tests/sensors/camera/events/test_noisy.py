@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.cases import HEIGHT, THRESHOLD, WIDTH, film
 from jblast.sensors.camera.events.ideal import Events, ideal_events
 from jblast.sensors.camera.events.noise import (
     IDEAL,
@@ -17,7 +18,6 @@ from jblast.sensors.camera.events.noise import (
     rested,
     shot_noise,
 )
-from jblast.verification.simulated_recordings import HEIGHT, THRESHOLD, WIDTH, film
 
 KEY = jax.random.key(0)
 BOTH = (THRESHOLD, THRESHOLD)

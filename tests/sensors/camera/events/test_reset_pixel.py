@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.cases import THRESHOLD, film
 from jblast.sensors.camera.events.ideal import ideal_events, reset_events
 from jblast.sensors.camera.events.noise import IDEAL, noisy_events
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.verification.simulated_recordings import THRESHOLD, film
 from tests.tools.slopes import check_slopes
 
 BOTH = (0.2, 0.3)

@@ -3,12 +3,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.cases import HEIGHT, THRESHOLD, WIDTH, film
 from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_intensity
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.image import LUMINANCE, grey_composite
-from jblast.verification.simulated_recordings import HEIGHT, THRESHOLD, WIDTH, film
 
 convert = jax.jit(ideal_events, static_argnames="capacity")
 SHAPE = (40, 12, 17)

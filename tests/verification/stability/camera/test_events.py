@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.verification.simulated_recordings import analytic
+from calibration.cases import analytic
 from jblast.verification.stability import camera
 from jblast.verification.stability.camera import behind_failure, fold_failure
 from jblast.verification.stability.failure import measures_of

@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from jblast.errors import InputError
-from jblast.sensors.camera.events.exact import frameless_events, implicit_times
-from jblast.sensors.camera.events.ideal import ideal_events
-from jblast.verification.simulated_recordings import (
+from calibration.cases import (
     BRIGHT,
     DARK,
     DURATION,
@@ -21,6 +18,9 @@ from jblast.verification.simulated_recordings import (
     disc_light,
     radius,
 )
+from jblast.errors import InputError
+from jblast.sensors.camera.events.exact import frameless_events, implicit_times
+from jblast.sensors.camera.events.ideal import ideal_events
 
 BOTH = (THRESHOLD, THRESHOLD)
 CLOSE = 2e-9

@@ -1,30 +1,28 @@
-"""Simulated recordings with known truth: pressure records, sound in noise, and films.
+"""Simulated recordings with known truth: microphones, pressure records, sound, films.
+
+Five microphones about a charge have few readings more than free parameters: mass,
+position in the plane and time, without a prior, with exact or scattering laws. A normal
+approximation is least accurate there.
 
 Pressure records are pulses by the laws, sampled with noise and drift. The surface
 charge of 15 kg is 8 to 40 m from the gauges. Position and time are known; the mass is
-to be estimated. A pick is an outlier if a reading differs from the truth by more than
-`OUTLIER_SD` of its own standard deviations. Sound for detectors is noise of a known
-spectrum with one pulse.
-
-The explosion in frames consists of eight views, `explosion_left_out`, of the explosion
-that is part of jblast. Their directions are random and not in its set; they have ten of
-its phases. A close-up shows one of these pictures with one pixel for each texel.
+to be estimated. Sound for detectors is noise of a known spectrum with one pulse.
 
 The moving disc has a bright edge that moves outwards. The logarithm of light is a
 logistic of the distance from the edge, 1 px wide, so the radius at which a threshold is
 crossed moves with the edge, and the camera events are known.
 """
 
+import dataclasses
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.observations import Observations, observed
@@ -34,26 +32,33 @@ from jblast.scene import (
     Camera,
     Charge,
     Scene,
+    Sensor,
     UncertainScene,
     freed,
     look_at,
     with_laws,
+    with_values,
 )
 from jblast.sensors import Layout, record
-from jblast.sensors.camera import (
-    ExplosionViews,
-    ViewSet,
-    linear_to_srgb,
-    luminance,
-    render,
-)
+from jblast.sensors.camera import ViewSet, render
 from jblast.sensors.camera.fireball import Appearance
 from jblast.signals import NoiseSpectrum
-from jblast.signals.picks import RecordPick, pick_records
+from jblast.signals.picks import RecordPick
 from jblast.signals.picks.pick_log import covariance_of, log_value
-from jblast.waves.fireball import fireball, fireball_duration
+from jblast.waves.fireball import fireball_duration
 from jblast.waves.pulse import pulse_mean, pulse_of
 
+POSITIONS = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
+"""East and north of each microphone [m]."""
+READ = (("air_arrival_s", 1e-4), ("peak_overpressure_pa", 0.02))
+"""Quantities of each microphone, with their standard errors [s], [-]."""
+TRUTH = {
+    "charge_mass_kg": 30.0,
+    "charge_east_m": 10.0,
+    "charge_north_m": -5.0,
+    "origin_time_s": 1.5,
+}
+MICROPHONE_LAWS = {quantity: "shock_kinematics" for quantity, _ in READ}
 HEIGHT, WIDTH = 48, 64
 SHAPE = HEIGHT, WIDTH
 # The last of the six thresholds is at 87 % of the rise. In the flat end of the edge 8
@@ -66,26 +71,14 @@ EDGE, SPEED, START, DURATION = 1.0, 260.0, 3.0, 0.08
 # A usual setting of event cameras: a change of light of 22 %.
 THRESHOLD = 0.2
 """Contrast threshold of the event camera [-]."""
-LEFT_OUT = Path(__file__).parent / "explosion_left_out"
 MASS = 15.0
 """Charge of the films and of the pressure records [kg]: that of the thesis."""
-# So far that perspective changes the outline of the ball by 0.06 % only.
-CAMERA_DISTANCE_RADII = 30.0
-"""Distance of the camera of a close-up [fireball radii]."""
 BACKGROUND = 0.18
 """Linear grey behind the fire: the mid-grey of photography."""
 REPEATS = 3
 """Timed runs, of which the fastest counts."""
-# Below it the fire changes the grey by less than 2 % of its own light.
-MIN_OPACITY = 0.02
-"""Opacity above which a pixel belongs to the fire."""
 RATE = 48000.0
 """Sampling rate of sound [Hz]."""
-# Few logs, as each is picked and fitted; the seed fixes them.
-LOGS, SEED = 5, 3
-# A normal error exceeds 4 sd once in 16,000.
-OUTLIER_SD = 4.0
-"""Error above which a reading is an outlier [sd]."""
 # Factors of about 1.4: scaled distances of 3 to 16 m/kg^(1/3).
 RANGES = (8.0, 11.0, 15.0, 20.0, 28.0, 40.0)
 """Slant ranges of the gauges [m]."""
@@ -98,6 +91,23 @@ SETTLES = 64
 """Discarded first samples of coloured noise."""
 SUCTION, SUCTION_IMPULSE = 0.2, 0.6
 """Underpressure and negative impulse over peak and impulse, about those of the laws."""
+
+
+def scene_with(
+    *, scatter: bool, positions: Sequence[tuple[float, float]] = POSITIONS
+) -> Scene:
+    """Return a scene of microphones about a charge.
+
+    Args:
+        scatter: True for scattering laws, False for exact ones.
+        positions: East and north of each microphone [m].
+    """
+    sensors = tuple(
+        Sensor(f"m{i}", jnp.array([*position, 1.5]), records=READ)
+        for i, position in enumerate(positions)
+    )
+    empty = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
+    return with_values(empty, TRUTH)
 
 
 def radius(x: Float[Array, "..."], y: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -157,54 +167,6 @@ def passed_wholly() -> np.ndarray:
     """Return True for pixels that the whole edge has passed, row by row."""
     begin, end = disc_frames(np.array([0.0, DURATION]))
     return ((begin < DARK + 1e-3) & (end > BRIGHT - 1e-3)).ravel()
-
-
-class CloseUp(NamedTuple):
-    """Picture of the fire alone.
-
-    Attributes:
-        grey: Luminance in front of a uniform grey (sRGB), 0 to 1.
-        fire: True for pixels of the fire.
-    """
-
-    grey: Float[np.ndarray, "height width"]
-    fire: Bool[np.ndarray, "height width"]
-
-
-def close_up(
-    views: ExplosionViews, shown: ExplosionViews, view: int, frame: int
-) -> CloseUp:
-    """Render a set from the direction of a view, in the size of the view's picture.
-
-    Args:
-        views: Set to render.
-        shown: Set that contains the view.
-        view: Number of the view.
-        frame: Number of the frame in `shown`.
-    """
-    time = float(shown.phase[frame]) * float(fireball_duration(MASS))
-    radius = float(fireball(MASS, time).radius)
-    eye = CAMERA_DISTANCE_RADII * radius * np.asarray(shown.direction[view])
-    size = shown.frames.shape[2]
-    # tangents to a ball of radius 1 at distance d have the slope 1/sqrt(d^2 - 1)
-    focal = float(shown.radius[view, frame]) * np.sqrt(CAMERA_DISTANCE_RADII**2 - 1.0)
-    camera = Camera(
-        position=eye,
-        quaternion=look_at(eye, np.zeros(3)),
-        focal=np.full(2, focal),
-        center=np.asarray(shown.anchor[view]),
-        width=size,
-        height=size,
-    )
-    scene = Scene(charge=Charge(mass_kg=MASS))
-    (layer,) = np.asarray(
-        render(scene, camera, np.array([time]), views=views, ground=False, alpha=True)
-    )
-    alpha = layer[..., 3:]
-    light = np.clip(alpha * layer[..., :3] + (1.0 - alpha) * BACKGROUND, 0.0, 1.0)
-    return CloseUp(
-        luminance(np.asarray(linear_to_srgb(light))), alpha[..., 0] > MIN_OPACITY
-    )
 
 
 class Filmed(NamedTuple):
@@ -347,20 +309,6 @@ def plain_normalised(
     return along / length
 
 
-class Shares(NamedTuple):
-    """Shares of failed picks, by level.
-
-    Attributes:
-        failed: Share of outliers and of records without a pick.
-        unmarked: Share of outliers of good quality.
-        marked: Share of picks that are not of good quality, outliers or not.
-    """
-
-    failed: Float[np.ndarray, " level"]
-    unmarked: Float[np.ndarray, " level"]
-    marked: Float[np.ndarray, " level"]
-
-
 @dataclass(frozen=True)
 class Recorder:
     """Properties of a recorder and its disturbances.
@@ -392,50 +340,6 @@ class Recorder:
     echo_size: float = 0.3
     echo_rise: float | None = None
     before: float = BEFORE
-
-
-def shares_of(recorders: Sequence[Recorder]) -> Shares:
-    """Return the shares of failed picks for each recorder."""
-    rng = np.random.default_rng(SEED)
-    truths = [readings(rng, scatter=True) for _ in range(LOGS)]
-    records = []
-    for recorder in recorders:
-        # common random numbers: shares differ by the recorder alone
-        drawn = np.random.default_rng(SEED + 1)
-        records += [r for one in truths for r in recorded(drawn, one, recorder)]
-    picks = pick_records(records)
-    truth = np.tile(np.concatenate(truths), (len(recorders), 1))
-    far = np.array(
-        [is_far_off(one, true) for one, true in zip(picks, truth, strict=True)]
-    )
-    good = np.array([one.quality == "good" for one in picks])
-    found = np.array([bool(one.pick.found) for one in picks])
-    shape = len(recorders), -1
-
-    def share(which: Bool[np.ndarray, " record"]) -> Float[np.ndarray, " level"]:
-        return which.reshape(shape).mean(axis=1)
-
-    return Shares(share(far | ~found), share(far & good), share(~good))
-
-
-def is_far_off(one: RecordPick, truth: Float[np.ndarray, "4"]) -> bool:
-    """Return True if the error of a pick exceeds `OUTLIER_SD` of its own.
-
-    Args:
-        one: The pick.
-        truth: Arrival [s], peak [Pa], duration [s] and impulse [Pa s].
-    """
-    found = one.pick
-    arrival = float(found.air_arrival_s) - truth[0]
-    others = np.array(
-        [
-            found.peak_overpressure_pa,
-            found.positive_duration_s,
-            found.positive_impulse_pa_s,
-        ]
-    )
-    error = np.append(arrival, np.log(others / truth[1:]))
-    return bool(np.any(np.abs(error) > OUTLIER_SD * np.asarray(found.spread)[:4]))
 
 
 def uncertain_scene(*, scatter: bool) -> UncertainScene:
