@@ -63,7 +63,7 @@ def test_datum_clock_and_what_a_fit_frees_are_told():
     assert "33.90000° N, 35.50000° W, 10 m, the centre of the sensors" in datum
     assert clock == "time zero is 2020-08-04 15:08:18 UTC"
     assert free.endswith("charge mass, charge east, charge north and origin time")
-    assert setting_lines(LOG, default_scene()) == []
+    assert setting_lines(LOG, default_scene()) == [free]
 
 
 def test_what_is_said_of_many_lines_is_said_once():
