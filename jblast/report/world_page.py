@@ -253,9 +253,8 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
     count = len(inside) - inside.count(None)
     marked = "; the remaining ones are marked" if missed else ""
     if count:
-        notes.append(
-            f"{count - len(missed)} of {count} 90 % intervals contain the truth{marked}."
-        )
+        inside_of = f"{count - len(missed)} of {count} 90 % intervals"
+        notes.append(f"{inside_of} contain the truth{marked}.")
     head = ["Blast", "Parameter", "Truth", "Answer", "90 % interval"]
     return Table("Fits of the readings", head, rows, (2, 3, 4), missed, notes)
 
