@@ -64,6 +64,8 @@ from jblast.waves.propagation import sound_speed_of
 
 OF_ALL = ("not_at_the_origin", "not_at_time_0", "clock_of_one_row")
 """Warnings about the whole log."""
+FREE = {"not_at_the_origin": "charge_east_m", "not_at_time_0": "origin_time_s"}
+"""Parameter that a fit has to free: no warning where it does so without a scene."""
 TWO_SIDED: Mapping[str, str] = {
     "too_slow_between": "the other arrival",
     "peak_rises": "the nearer peak",
@@ -184,9 +186,13 @@ def _physical(observations: Observations, uncertain: UncertainScene) -> list[Dou
     laws = scaled_laws(uncertain.scene)
     for rows, charge, label in _shots(observations, uncertain):
         its = for_log(uncertain, some_rows(observations, rows))
-        readings = readings_of(observations, its.scene, rows, its.beliefs)
+        # first at the origin at time 0, as in logs with ranges: it decides most
+        on_earth = observations.frame is not None or observations.epoch is not None
+        there = its if on_earth else uncertain
+        readings = readings_of(observations, there.scene, rows, there.beliefs)
         if len(readings.row):
-            doubted += _of_shot(observations, readings, laws, charge, its, label)
+            found = _of_shot(observations, readings, laws, charge, there, label)
+            doubted += [one for one in found if FREE.get(one.kind) not in its.beliefs]
     return doubted
 
 

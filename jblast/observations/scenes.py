@@ -1,20 +1,17 @@
 """Scenes for a log: the default scene, and a starter scene to edit.
 
-The default scene has a charge at the origin at time zero. In a log with degrees or
-dates these mean nothing, so the position, the origin time and the offsets of clocks
-that recorded a flash and an arrival are free there, and the air is the standard
-atmosphere at the height of the sensors.
+The default scene has a charge at the origin at time zero, the convention of logs with
+ranges. In a log with positions or dates the position, the origin time and the offsets
+of clocks that recorded a flash and an arrival are free if the log can identify them,
+and in a log in degrees the air is the standard atmosphere at the height of the sensors.
 
 The starter scene is a commented TOML file with what the log contains: sensors, their
-errors, clocks and the origin. It frees the position of the charge only if the geometry
-can determine it: at least three sensors that are not in a line and four rows, or a
-bearing, a flash and an arrival. A log can still leave a free parameter unidentified;
-that is decided by the fit.
+errors, clocks and the origin, and the same free parameters (`names_to_free`). A log can
+still leave a free parameter unidentified; that is decided by the fit.
 """
 
 import json
 import math
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +29,7 @@ from jblast.quantities import (
     TIMED,
     made_with,
 )
-from jblast.scene import Free, UncertainScene, default_scene, freed, with_values
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene import UncertainScene, freed, with_values
 from jblast.scene.reader.sensors import share_text
 from jblast.scene.uncertain import NO_SCENE
 from jblast.waves.propagation import standard_atmosphere
@@ -66,70 +62,62 @@ _LAW = """\
 
 
 def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainScene:
-    """Return the default scene adapted to a log in degrees or with dates.
+    """Return the default scene adapted to a log with positions or dates.
 
-    A charge at the origin has no meaning where the origin is the mean of the sensors'
-    positions, nor has time zero where that is the second of the first reading. The
-    position, the origin time and the clocks of `clocks_to_free` are therefore free; the
-    air is the standard atmosphere at the height of the sensors.
+    A charge at the origin at time 0 is a convention of logs with ranges. In other logs
+    the position, the origin time and clocks are free if the log can identify them
+    (`names_to_free`). In a log in degrees the air is the standard atmosphere at the
+    height of the sensors.
 
     Args:
         uncertain: A scene; only the default scene is changed.
         observations: The log.
     """
-    on_earth = observations.frame is not None
-    # a scene written by the user is used as it is
-    if uncertain.source != NO_SCENE or not (on_earth or observations.epoch):
-        return uncertain
-    names = []
-    # slant ranges need no position, and do not identify one
-    ranged = not np.isnan(observations.slant_range).all()
-    if on_earth and not ranged and "charge_range_m" not in uncertain.beliefs:
-        names += PLACE
-    if set(CLOCK_TIMES) & set(observations.quantity):
-        names.append("origin_time_s")
-    names += [f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations)]
-    uncertain = freed(uncertain, [n for n in names if n not in uncertain.beliefs])
     frame = observations.frame
+    placed = not np.isnan(observations.position).any()
+    # a scene written by the user is used as it is
+    if uncertain.source != NO_SCENE or not (placed or frame or observations.epoch):
+        return uncertain
+    known = set(uncertain.beliefs)
+    if "charge_range_m" in known:  # it replaces the position
+        known |= set(PLACE)
+    names = [n for n in names_to_free(observations) if n not in known]
+    uncertain = freed(uncertain, names)
     if frame is None or not frame.alt_m or not ALTITUDES.allows(frame.alt_m):
         return uncertain
     temperature, pressure = standard_atmosphere(frame.alt_m)
     air = {"air_temperature_k": temperature, "air_pressure_pa": pressure}
-    known = {
-        name: value for name, value in air.items() if name not in uncertain.beliefs
-    }
-    return replace(uncertain, scene=with_values(uncertain.scene, known))
+    stated = {name: value for name, value in air.items() if name not in known}
+    return replace(uncertain, scene=with_values(uncertain.scene, stated))
 
 
-def scene_of_records(observations: Observations) -> UncertainScene:
-    """Return the default scene for a log that was picked from records.
+def names_to_free(observations: Observations) -> list[str]:
+    """Return position, origin time and clocks that the log of one shot can identify.
 
-    Free are the mass, and what the starter scene of the shot with most rows frees.
+    The position needs at least three sensors that are not in a line and four rows, or a
+    bearing, a flash and an arrival; in a log in degrees it is always free. The origin
+    time is free if the position is and three rows are clock readings, with a flash, and
+    in a log in degrees or with dates.
 
     Args:
         observations: The log.
     """
-    shots = np.array(observations.shot)
-    # the shot with most rows identifies most parameters
-    most = max(dict.fromkeys(observations.shot), key=lambda name: (shots == name).sum())
-    one = some_rows(observations, np.flatnonzero(shots == most))
-    starter = tomllib.loads(starter_scene(replace(one, shot=("",) * len(one))))
-    beliefs = scene_from_document(starter, "starter scene").beliefs
-    free = [name for name, belief in beliefs.items() if isinstance(belief, Free)]
-    default = default_scene()
-    return freed(default, [name for name in free if name not in default.beliefs])
-
-
-def names_to_free(observations: Observations) -> list[str]:
-    """Return the parameters to free in a fit of a log without a scene.
-
-    The default scene has its charge at the origin at time 0, which no recording has.
-    """
-    # of logs in degrees `for_log` frees all
-    if observations.frame is not None or np.isnan(observations.position).any():
-        return []
-    known = default_scene().beliefs
-    return [n for n in scene_of_records(observations).beliefs if n not in known]
+    observations = _readings(observations)
+    quantities = observations.quantity
+    # slant ranges need no position, and do not identify one
+    ranged = not np.isnan(observations.slant_range).all()
+    at = observations.position[~np.isin(quantities, PLACELESS) & (not ranged)]
+    places = set(map(tuple, at[~np.isnan(at).any(axis=1)].tolist()))
+    # mass, two coordinates and a time are four unknowns
+    free = len(quantities) >= 4 and _in_no_line(places)
+    seen = set(quantities) >= _SEEN_AND_HEARD
+    on_earth = observations.frame is not None
+    names = list(PLACE) if places and (free or seen or on_earth) else []
+    clocks = np.isin(quantities, CLOCK_TIMES).sum()
+    dated = clocks > 0 and (on_earth or observations.epoch is not None)
+    if (free and clocks >= 3) or "flash_time_s" in quantities or dated:
+        names.append("origin_time_s")
+    return names + [f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations)]
 
 
 def clocks_to_free(observations: Observations) -> list[str]:
@@ -172,11 +160,7 @@ def _flashes_disagree(observations: Observations) -> bool:
 def starter_scene(observations: Observations) -> str:
     """Return a commented scene file for a log.
 
-    The mass is free. The position is free with at least three sensors that are not in a
-    line and four rows, or with a bearing, a flash and an arrival. The origin time is
-    free if the position is and three rows are clock readings, and always with a flash.
-    In a log in degrees the position, and in one in degrees or with dates the origin
-    time, is always free. Clocks with a flash and an arrival are free.
+    Free are the mass and what the log can identify (`names_to_free`).
 
     Args:
         observations: The log.
@@ -260,20 +244,13 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     lines = ["[charge]"]
     if len(set(observations.shot)) > 1:
         lines = ["[[charge]]", f"name = {toml_text(shot)}  # as the log's shot"]
-    quantities = [
-        quantity
-        for quantity, of in zip(observations.quantity, observations.shot, strict=True)
-        if of == shot
-    ]
     lines.append('mass_kg = "free"  # of the explosive; or a value, or a prior')
     lines.append('explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1')
     places = {place for log in logs for place in log.places}
     ranges = {slant_range for log in logs for slant_range in log.ranges}
-    seen = places and not ranges and set(quantities) >= _SEEN_AND_HEARD
-    # mass, two coordinates and a time are four unknowns
-    free = len(quantities) >= 4 and not ranges and _in_no_line(places)
-    on_earth = bool(places) and observations.frame is not None and not ranges
-    if free or seen or on_earth:
+    of = np.flatnonzero(np.isin(observations.shot, shot))
+    free = names_to_free(some_rows(observations, of))
+    if PLACE[0] in free:
         lines.append('position_m = ["free", "free", 0.0]  # or its known position')
     elif len(logs) == 1 and len(ranges) == 1:
         lines.append(f"range_m = {ranges.pop()!r}  # as in the log")
@@ -282,9 +259,7 @@ def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
     else:
         lines.append("position_m = [0.0, 0.0, 0.0]  # not identified by the log")
         lines.append('# position_m = ["free", "free", 0.0]  # or a prior of each')
-    clocks = sum(quantity in CLOCK_TIMES for quantity in quantities)
-    dated = bool(clocks) and (on_earth or observations.epoch is not None)
-    if (free and clocks >= 3) or "flash_time_s" in quantities or dated:
+    if "origin_time_s" in free:
         since = ""
         if observations.epoch is not None:
             since = f", in seconds since {observations.epoch:%Y-%m-%dT%H:%M:%SZ}"

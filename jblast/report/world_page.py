@@ -41,6 +41,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
+from jblast.report.fit.document import fits_answer
 from jblast.report.pages import page
 from jblast.report.provenance import provenance_of
 from jblast.report.words import (
@@ -165,13 +166,13 @@ class ShotAnswer:
     Attributes:
         shot: Name of the blast.
         rows: Parameter, truth, answer and 90 % interval as text, and whether the
-            interval contains the truth.
+            interval contains the truth; None for an unidentified parameter.
         ellipse: 90 % ellipse of the position; None if it was not identified.
         note: Reason for having no answer, or a warning; "" for a good answer.
     """
 
     shot: str
-    rows: tuple[tuple[str, str, str, str, bool], ...]
+    rows: tuple[tuple[str, str, str, str, bool | None], ...]
     ellipse: ConfidenceEllipse | None
     note: str = ""
 
@@ -247,12 +248,13 @@ def _answers(answers: Sequence[ShotAnswer]) -> Table:
     ]
     inside = [row[-1] for of in answers for row in of.rows]
     notes = [f"Blast {of.shot}: {of.note}" for of in answers if of.note]
-    marked = "" if all(inside) else "; the remaining ones are marked"
-    notes.append(
-        f"{sum(inside)} of {len(inside)} 90 % intervals contain the truth{marked}."
-    )
+    missed = [n for n, contains in enumerate(inside) if contains is False]
+    count = len(inside) - inside.count(None)
+    marked = "; the remaining ones are marked" if missed else ""
+    if count:
+        inside_of = f"{count - len(missed)} of {count} 90 % intervals"
+        notes.append(f"{inside_of} contain the truth{marked}.")
     head = ["Blast", "Parameter", "Truth", "Answer", "90 % interval"]
-    missed = [n for n, contains in enumerate(inside) if not contains]
     return Table("Fits of the readings", head, rows, (2, 3, 4), missed, notes)
 
 
@@ -595,7 +597,7 @@ def _film(
 def answers_of(
     directory: Path, document: dict[str, Any], scene: str | Path
 ) -> tuple[ShotAnswer, ...]:
-    """Fit the readings of each blast of a world separately.
+    """Fit the readings of each blast of a world separately, and write fits.json.
 
     Args:
         directory: Folder of the world.
@@ -609,6 +611,7 @@ def answers_of(
     logs = by_shot(read(directory / "observations.csv"))
     blasts = {blast["shot"]: blast for blast in document["blasts"]}
     found = fit_each(logs, uncertain)
+    save_text(fits_answer(found).to_json(), directory / "fits.json")
     return tuple(
         _answer(shot, found[shot], blasts[shot]) for shot in logs if shot in blasts
     )
@@ -684,9 +687,10 @@ def _answer(shot: str, found: Any, blast: dict[str, Any]) -> ShotAnswer:
 
 def _row(
     name: str, estimate: Estimate, truth: float
-) -> tuple[str, str, str, str, bool]:
+) -> tuple[str, str, str, str, bool | None]:
     printed = printed_estimate(name, estimate)
-    low, high = estimate.q05, estimate.q95
-    contains = low is not None and high is not None and low <= truth <= high
+    contains = None
+    if estimate.identified:
+        contains = bool(estimate.q05 <= truth <= estimate.q95)
     words = capitalised(parameter_words(name))
     return words, f"{truth:.6g}", printed.value_and_beside, printed.interval, contains

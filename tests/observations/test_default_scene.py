@@ -1,4 +1,4 @@
-"""What the default scene leaves free for a log of the Earth, and where a scene is."""
+"""What the default scene leaves free for a log, and where a scene is."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from jblast.errors import InputError
 from jblast.observations import some_rows
 from jblast.observations.grouping import located
 from jblast.observations.scenes import clocks_to_free, for_log
-from jblast.scene import Place, Scene, UncertainScene, default_scene
+from jblast.scene import Place, Scene, UncertainScene, default_scene, freed
 
 HEAD = "sensor,quantity,value,sigma,clock,lat_deg,lon_deg,alt_m\n"
 PLACES = {"a": "33.9,35.5,1500", "b": "33.902,35.5,1500", "c": "33.9,35.503,1500"}
@@ -74,6 +74,23 @@ def test_a_log_in_metres_and_a_scene_that_was_given_stay_as_they_are(tmp_path):
     assert for_log(default_scene(), jblast.read(path)).beliefs.keys() == {
         "charge_mass_kg"
     }
+
+
+def test_place_and_time_are_free_with_positions_in_metres_that_identify_them(tmp_path):
+    path = tmp_path / "metres.csv"
+    head = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
+    places = ("60,0,1", "-20,95,1", "-130,-40,1")
+    rows = [f"s{i},air_arrival_s,{i + 1},0.001,{at}\n" for i, at in enumerate(places)]
+    rows.append("s0,peak_overpressure_pa,9000,450,60,0,1\n")
+    path.write_text(head + "".join(rows))
+    place_and_time = ["charge_east_m", "charge_north_m", "origin_time_s"]
+    free = ["charge_mass_kg", *place_and_time]
+    assert list(for_log(default_scene(), jblast.read(path)).beliefs) == free
+    ranged = freed(default_scene(), ["charge_range_m"])
+    assert place_and_time[0] not in for_log(ranged, jblast.read(path)).beliefs
+    path.write_text(head + "".join(rows[1:]))
+    three = for_log(default_scene(), jblast.read(path))
+    assert list(three.beliefs) == free[:1]
 
 
 def test_positions_count_from_the_place_of_the_scene(tmp_path):

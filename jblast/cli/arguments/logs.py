@@ -235,23 +235,9 @@ class FromRecords(NamedTuple):
             write_text(directory / "picks.json", self.answer().to_json())
 
 
-def fit_command(
-    file: str | Path, observations: "Observations", scene: str | None = None
-) -> str:
-    """Return the command that fits a log.
-
-    Args:
-        file: File of the log.
-        observations: Its rows.
-        scene: Scene file; None: the command frees what the log determines.
-    """
-    from jblast.observations.scenes import names_to_free
-
-    words = ["jblast", "fit", str(file)]
-    if scene:
-        words += ["--scene", scene]
-    elif names := names_to_free(observations):
-        words += ["--free", ",".join(names)]
+def fit_command(file: str | Path, scene: str | None = None) -> str:
+    """Return the command that fits a log in a scene, or without one."""
+    words = ["jblast", "fit", str(file), *(["--scene", scene] if scene else [])]
     return shlex.join(words)
 
 

@@ -201,7 +201,7 @@ def run(options: argparse.Namespace) -> int:
             if rows is not None and not isinstance(rows, Observations):
                 rows = rows.observations
             assert rows is not None  # it has been written
-            command = fit_command(log, rows, options.scene)
+            command = fit_command(log, options.scene)
             sys.stdout.write(f"Fit it with: {command}\n")
     return 0 if found.detected else NOT_FOUND
 

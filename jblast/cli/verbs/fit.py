@@ -66,8 +66,8 @@ def add_arguments(verb: VerbParser) -> None:
         metavar="SCENE.toml",
         type=path,
         help="scene file with known values and priors; jblast scene writes one to "
-        "start from (default: a surface charge of unknown mass at the origin at time "
-        "0; for a log in degrees, or with dates, at an unknown position and time)",
+        "start from (default: a surface charge of unknown mass, at an unknown position "
+        "and time if the log can identify them, else at the origin at time 0)",
     )
     add_free(verb)
     add_law(verb)

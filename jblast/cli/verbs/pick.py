@@ -93,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
         if options.out:
             line = f"Not written: {options.out}, no pick is accepted as a row"
             if len(log.observations):
-                command = fit_command(options.out, log.observations)
+                command = fit_command(options.out)
                 line = f"Written: {options.out}\nFit it with: {command}"
             sys.stdout.write(f"{line}\n" if written else f"\n{line}\n")
     if found.refused:

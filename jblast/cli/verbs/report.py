@@ -57,4 +57,5 @@ def run(options: argparse.Namespace) -> int:
         options.folder, options.scene, fit=options.fit, out=options.out, begin=begin
     )
     sys.stdout.write(f"{answers_text(answers)}Written: {out}\n")
-    return 0
+    # a note is a fit that failed or is not reliable
+    return 4 if any(answer.note for answer in answers) else 0

@@ -148,7 +148,8 @@ class Fit:
         exit_code: 0 answered, 4 answered with a warning: not converged, not
             identifiable, no requested number identified, a poor fit, a law that is
             within its range for no row or not for those on which a requested number
-            depends, or a log that one wrong clock or sensor explains.
+            depends, intervals that importance sampling cannot check, or a log that one
+            wrong clock or sensor explains.
     """
 
     summary: Summary
@@ -205,7 +206,7 @@ class Fit:
         found = self.summary
         answered = found.converged and found.identifiable
         answered = answered and not found.identifies_nothing
-        doubt = self.is_poor or self.is_outside or self.summary.explained_by
+        doubt = self.is_poor or self.is_outside or found.explained_by or found.unchecked
         return 0 if answered and not doubt else 4
 
     @property
@@ -251,10 +252,10 @@ def fit(
             names a record, the likelihood is that of its samples
             (`inference.sampled_records`).
         scene: The scene and its unknown parameters, or its file. The default is a
-            surface charge of unknown mass at the origin at time 0, in sea-level air. In
-            a log in degrees or with dates, position and time are free as well
-            (`scenes.for_log`); with records, all that the stations can identify. A
-            fireball's growth time is free unless the scene states otherwise.
+            surface charge of unknown mass in sea-level air, at a free position and time
+            if the log can identify them, else at the origin at time 0
+            (`scenes.for_log`). A fireball's growth time is free unless the scene states
+            otherwise.
         positions: Table of stations: `log` is then records of pressure, to be picked.
         one_event: Treat the files as recordings of one event, each with its own clock,
             whose offset is free except for the first.

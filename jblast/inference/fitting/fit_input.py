@@ -15,7 +15,6 @@ from jblast.files import check_log_paths
 from jblast.observations import Observations, read
 from jblast.observations.grouping import by_shot, one_event as combined
 from jblast.observations.records.formats import Scaling
-from jblast.observations.scenes import scene_of_records
 from jblast.observations.table import RECORD_QUANTITIES, SAMPLES
 from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each
@@ -126,7 +125,6 @@ def fit_input(
                 )
     elif _is_picked(log):
         rows = log.observations()
-        uncertain = scene_of_records(rows) if scene is None else uncertain
         if one_event:
             logs, uncertain = _combined([rows], uncertain)
         else:

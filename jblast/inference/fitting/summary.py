@@ -1,5 +1,6 @@
 """Results of a fit as values: estimates, what they leave open, warnings."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -48,6 +49,7 @@ from jblast.inference.identifiability import (
     NullDirection,
     OtherMode,
 )
+from jblast.inference.importance import IntervalsOff
 from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.observations import Observations
 from jblast.observations.table import Understood
@@ -130,6 +132,14 @@ class Summary:
         """True if no requested number is identified."""
         names = requested(self.free)
         return bool(names) and not any(self.estimates[n].identified for n in names)
+
+    @property
+    def unchecked(self) -> bool:
+        """True if importance sampling cannot check the intervals: its k-hat is high."""
+        return any(
+            isinstance(one, IntervalsOff) and not math.isnan(one.k_hat)
+            for one in self.warnings
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary for JSON; numbers that are not finite become null."""

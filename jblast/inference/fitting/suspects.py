@@ -76,14 +76,6 @@ linear fit. Each is a search: a few seconds."""
 MAX_EXCHANGES = 3
 """Largest number of exchanges that are solved for, those that lower chi squared most:
 each is a search."""
-SCATTER = 0.015
-"""Relative scatter of travel times: 1 % per shot and 1 % per record in quadrature, as
-laws declare it."""
-MIN_SOUND_SPEED = 300.0
-"""Speed of sound in air of -49 C [m/s], the lowest in which people measure."""
-TIMES_SIGMA = 5.0
-"""Smallest difference of arrivals, in their errors, that neither readings nor laws
-explain: 1 in 1.7 million by chance."""
 MIN_ARRIVALS = 4
 """Smallest number of arrivals: three determine a position and a time."""
 
@@ -523,17 +515,16 @@ def more_to_free(
     for last in _refits(sets, observations, refit):
         if found := _as_more_to_free(*last):
             return found
-    if last is None:
-        return None
-    freed, names = last
+    if last is not None:
+        freed, names = last
 
-    def refit_freed(log, names_too, /, *, follow_range):
-        return refit(log, (*names, *names_too), follow_range=follow_range)
+        def refit_freed(log, names_too, /, *, follow_range):
+            return refit(log, (*names, *names_too), follow_range=follow_range)
 
-    wrong = explained_by(observations, freed, False, refit_freed)
-    if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
-        first, both = wrong[0], (*names, wrong[0].parameter)
-        return MoreToFree(both, first.p_value, first.estimates, first.name)
+        wrong = explained_by(observations, freed, False, refit_freed)
+        if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
+            first, both = wrong[0], (*names, wrong[0].parameter)
+            return MoreToFree(both, first.p_value, first.estimates, first.name)
     sets = each(_all_clocks(observations, uncertain), "sets of clocks freed")
     tried = (_as_more_to_free(*one) for one in _refits(sets, observations, refit))
     return next(filter(None, tried), None)
@@ -595,44 +586,7 @@ def _candidates(
     if place and len(found) > 2 and found[1] == place:
         # a known time with an unknown position is no more probable, and costs a search
         del found[1]
-    if len(found) > 1 and found[0] == origin and out_of_order(observations, uncertain):
-        # each set compiles a program, which takes some 10 s
-        del found[0]
     return found
-
-
-def out_of_order(observations: Observations, uncertain: UncertainScene) -> bool:
-    """Return True if the air wave reached a sensor well before a nearer one.
-
-    Then no origin time suffices: for a fixed position in still air, arrivals increase
-    with distance for any mass. Laws scatter by a share of the travel time, which is
-    taken as that of sound.
-
-    Args:
-        observations: The log.
-        uncertain: The scene; with a free position, or wind, the result is False.
-    """
-    scene = uncertain.scene
-    still = not (float(scene.air.wind_east) or float(scene.air.wind_north))
-    free = {"wind_east_m_s", "wind_north_m_s", *PLACE} & set(uncertain.beliefs)
-    if scene.others or scene.charge.range_m is not None or free or not still:
-        return False
-    is_arrival = np.array(observations.quantity) == "air_arrival_s"
-    place = observations.position - np.asarray(scene.charge.position_m, float)
-    reach = np.where(is_arrival, np.linalg.norm(place, axis=1), np.nan)
-    allowed = np.hypot(
-        np.nan_to_num(observations.sigma), SCATTER * reach / MIN_SOUND_SPEED
-    )
-    earliest = observations.value - TIMES_SIGMA * allowed
-    latest = observations.value + TIMES_SIGMA * allowed
-    clocks = np.array(observations.clock)
-    for clock in set(observations.clock):
-        rows = np.flatnonzero((clocks == clock) & np.isfinite(earliest))
-        rows = rows[np.argsort(reach[rows])]
-        nearer = np.maximum.accumulate(earliest[rows])
-        if np.any(nearer[:-1] > latest[rows[1:]]):
-            return True
-    return False
 
 
 def _as_more_to_free(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:

@@ -117,7 +117,9 @@ def uncertainty(
     if followed.bearing is not None:
         return followed
     found = _by_method(solution, method, seed=seed, rows=rows, store=store)
-    return followed if method == "weighted" and not found.weighted else found
+    if method != "weighted" or found.weighted:
+        return found
+    return replace(followed, findings=found.findings)
 
 
 def _along_range(solution: Solution, sight: RangeProfile, seed: int) -> Uncertainty:

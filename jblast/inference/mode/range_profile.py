@@ -30,6 +30,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.mode.laplace import NORMAL_Q95, climbed
 from jblast.inference.mode.search import HOPELESS, Optima
 from jblast.inference.mode.starts import layout_size, typical_step
@@ -79,9 +80,10 @@ direction of a front (`signals.arrays`)."""
 BEARINGS = 8
 """Number of bearings that are tried, 45 degrees apart. For a ring and for a line of
 sensors each optimum has one of them within its basin."""
-ROUNDS = 20
+ROUNDS = 60
 """Largest number of Newton steps at each range, which start from the optimum at the
-previous range. A climb that needs more is not at an optimum (`UNFINISHED`)."""
+previous range. A bearing along a line of sensors has no information and takes some 35.
+A climb that needs more is not at an optimum (`UNFINISHED`)."""
 GAIN = 1e-3
 """A step that gains less than this in ln of the density is the last: the error is far
 below `FALLEN`, by which ranges are compared."""
@@ -310,7 +312,7 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     ranges = np.linalg.norm(optima[:, at] - middle, axis=1)
     walker = _Walker(posterior, at, middle, width)
     first = walker.peak_of(optima[0])
-    # An optimum within one width decides most logs by one more climb, at a far range:
+    # An optimum within one width decides most logs by three climbs, at a far range:
     # following all ranges takes most of the time of a fit.
     if not (ranges[0] > width or walker.is_open_from(optima[0], first)):
         return None
@@ -400,8 +402,9 @@ class _Walker:
     def is_open_from(self, z, peak: _Place | None) -> bool:
         """Return True if a far place is nearly as probable as one among the sensors.
 
-        One far place is tried, in the direction of the plane wave that best fits the
-        arrivals.
+        Tried are the directions of the plane wave that best fits the arrivals. Those at
+        a line of sensors determine its slowness along the line only: it comes from
+        either side.
 
         Args:
             z: Coordinates of the place among the sensors.
@@ -410,6 +413,13 @@ class _Walker:
         layout = self.posterior.layout
         rows = np.array(layout.quantity) == "air_arrival_s"
         rows &= ~(np.asarray(layout.slant_range) > 0)
+        if not rows.any():
+            return False
+        distance = float(np.linalg.norm(z[self.at] - self.middle))
+        nearest = self.range_of(NEAREST_STEP)
+        here = peak or self._climbed(self._at_range(z, max(distance, nearest)))
+        if here is None:
+            return False
         away = np.asarray(layout.position)[rows, :2] - self.middle
         design = np.column_stack([np.ones(len(away)), away])
         times = np.asarray(self.posterior.measured)[rows]
@@ -417,17 +427,16 @@ class _Walker:
         # travel, so the charge lies towards -s. It is linear in t0 and s: no search is
         # needed.
         slowness = np.linalg.lstsq(design, times, rcond=None)[0][1:]
-        if not slowness.any():
-            return False
-        far = np.array(z)
-        far[self.at] = self.middle - slowness
-        distance = float(np.linalg.norm(z[self.at] - self.middle))
-        nearest = self.range_of(NEAREST_STEP)
-        here = peak or self._climbed(self._at_range(z, max(distance, nearest)))
-        there = self._climbed(self._at_range(far, self.range_of(ALL_DIRECTIONS_STEP)))
-        if here is None or there is None:
-            return False
-        return there.log_likelihood > here.log_likelihood - HOPELESS
+        across = np.linalg.svd(away)[2][1]
+        lacking = math.sqrt(max(STANDARD_SOUND_SPEED**-2 - slowness @ slowness, 0.0))
+        for side in (0, 1, -1):
+            far = np.array(z)
+            far[self.at] = self.middle - slowness + side * lacking * across
+            far = self._at_range(far, self.range_of(ALL_DIRECTIONS_STEP))
+            there = self._climbed(far)
+            if there and there.log_likelihood > here.log_likelihood - HOPELESS:
+                return True
+        return False
 
     def follow(self, z, level: int) -> None:
         """Add the optimum near a place, and follow it inwards and outwards."""
@@ -448,9 +457,6 @@ class _Walker:
                     break
                 top = max(p.log_likelihood for of in self.levels.values() for p in of)
                 if place.log_likelihood < top - HOPELESS:
-                    break
-                # beyond this range the bearing is known even less
-                if place.bearing_sd > DETERMINED:
                     break
 
     def add(self, place: _Place, level: int) -> bool:
@@ -479,14 +485,8 @@ class _Walker:
         return places
 
     def profile(self) -> RangeProfile | None:
-        """Return the profile of all places found; None without any.
-
-        In the direction of a line of sensors the times do not change with the bearing.
-        The optima on either side count, the saddle between them does not.
-        """
+        """Return the profile of all places found; None without any."""
         rows = [(k, p) for k in sorted(self.levels) for p in self.levels[k]]
-        known = [(k, p) for k, p in rows if p.bearing_sd < DETERMINED or p.is_peak]
-        rows = known or rows
         if not rows:
             return None
         level = np.array([k for k, _ in rows])

@@ -146,6 +146,7 @@ def _warnings_of(fit: Fit) -> str:
             ("not identifiable", not found.identifiable),
             ("nothing identified", found.identifiable and found.identifies_nothing),
             ("poor fit", fit.is_poor),
+            ("intervals not checked", found.unchecked),
             ("no row within its law's range", found.law_valid_rows == 0),
             ("depends on rows outside their law's range", bool(found.extrapolated)),
             ("outside its law's range", not found.law_valid and not fit.is_outside),
@@ -190,7 +191,7 @@ def summary(
     lines = textwrap.wrap(f"Fit{of}: {recordings}, {fitted} fitted", WIDTH)
     lines.append("")
     # a reader who stops after the first lines must see that the numbers are unusable
-    for problem in headline(fit):
+    for problem in headline(fit) + assumed_place(fit):
         lines += textwrap.wrap(problem, WIDTH)
     lines += [""] if lines[-1] else []
     lines += _estimate_table(found, accepted)
@@ -300,7 +301,7 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
         accepted: Published values by parameter name, each with its source.
     """
     found = fit.summary
-    sentences = headline(fit)
+    sentences = headline(fit) + assumed_place(fit)
     unknown = _unidentified_sentences(found)
     if found.unidentified:  # an unidentified parameter is the main result: it is first
         sentences, unknown = sentences + unknown, []
@@ -573,6 +574,11 @@ def headline(fit: Fit) -> list[str]:
             f"recordings outside the range of their laws; do not use "
             f"{'these values' if len(found.extrapolated) > 1 else 'this value'}."
         )
+    if found.unchecked:
+        lines.append(
+            "UNCERTAIN INTERVALS: importance sampling cannot check them; do not use "
+            "those below. --posterior emcee runs MCMC."
+        )
     if found.explained_by and not lines:
         lines.append("ONE SENSOR IS WRONG: do not use the numbers below.")
     if len(found.explained_by) > 1:
@@ -587,6 +593,18 @@ def headline(fit: Fit) -> list[str]:
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
     lines += [freeing(one) for one in more]
     return lines + bearing_lines(found) + unidentified_lines(found)
+
+
+def assumed_place(fit: Fit) -> list[str]:
+    """Return the sentence on a charge assumed at the origin of sensors with positions.
+
+    Beside ranges the origin is only a convention.
+    """
+    if np.isnan(fit.observations.position).any():
+        return []
+    no_scene = [one for one in fit.summary.warnings if isinstance(one, NoScene)]
+    assumed = [one for one in no_scene if not one.freed]
+    return [f"{capitalised(one)}." for one in all_words(assumed)]
 
 
 def bearing_lines(found: Summary) -> list[str]:

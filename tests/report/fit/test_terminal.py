@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from jblast.inference.fitting.findings import ExchangedSensors, WrongClock
+from jblast.inference.fitting.findings import ExchangedSensors, NoScene, WrongClock
+from jblast.inference.importance import IntervalsOff
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report import summary
 from jblast.report.fit.document import fit_document
@@ -113,3 +114,25 @@ def test_two_exchanged_sensors_are_named_with_what_to_do():
     )
     assert "exchange their positions in the log." in text
     assert fit.exit_code == 4
+
+
+def test_intervals_that_importance_sampling_cannot_check_are_a_problem():
+    good = example.three_parameters()
+    assert good.exit_code == 0
+    off = IntervalsOff("charge_mass_kg", np.nan, 1.2)
+    fit = replace(good, summary=replace(good.summary, warnings=(off,)))
+    assert fit.exit_code == 4
+    assert summary(fit).index("UNCERTAIN INTERVALS") < summary(fit).index("Estimates")
+    only_off = IntervalsOff("charge_mass_kg", 0.5, np.nan)
+    fit = replace(good, summary=replace(good.summary, warnings=(only_off,)))
+    assert fit.exit_code == 0
+
+
+def test_an_assumed_origin_is_stated_first_where_sensors_have_positions():
+    fit = example.three_parameters()
+    assumed = "No scene was given: a surface charge of TNT at the origin at time 0"
+    for warning, first in ((NoScene(), True), (NoScene(("charge_east_m",)), False)):
+        made = replace(fit, summary=replace(fit.summary, warnings=(warning,)))
+        beginning = " ".join(summary(made).partition("Estimates")[0].split())
+        assert (assumed in beginning) == first
+        assert conclusion(made)[0].startswith(assumed) == first

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 import soundfile
 
+from jblast.errors import InputError
+from jblast.report import world_page
 from jblast.report.flights import COLUMNS
+from tests.report import example
 
 SCENE = """
 [world]
@@ -121,3 +124,44 @@ def test_what_is_missing_or_broken_is_named(jblast, world):
     jblast.file("run/run.json", '{"schema": 1}')
     said = jblast.refused("report", run)
     assert "run.json: expected the JSON of `jblast world --out`" in said
+
+
+def fitted(jblast, monkeypatch, **answers):
+    """Return exit code and stdout of `report --fit` with these answers of the fits."""
+    rows = "".join(
+        f"mic,air_arrival_s,{time},1e-4,60,0,1.5,{shot}\n"
+        for shot, time in (("1", 1.4), ("2", 3.7))
+    )
+    head = "sensor,quantity,value,sigma,east_m,north_m,up_m,shot\n"
+    jblast.file("run/observations.csv", head + rows)
+    monkeypatch.setattr(world_page, "fit_each", lambda *_: answers)
+    monkeypatch.setattr(world_page, "world_page", lambda *_: "")  # figures take seconds
+    code, out, err = jblast("report", jblast.path("run"), "--fit")
+    assert err == ""
+    assert list(json.loads(jblast.text("run/fits.json"))["logs"]) == list(answers)
+    return code, out
+
+
+def test_fits_that_fail_are_exit_code_4_and_no_statement_on_coverage(
+    jblast, world, monkeypatch
+):
+    failed = InputError("no row with a probability")
+    code, out = fitted(jblast, monkeypatch, **{"1": failed, "2": failed})
+    assert code == 4
+    assert "Blast 2: no row with a probability" in out
+    assert "contain the truth" not in out
+
+
+def test_an_unidentified_parameter_has_no_interval_that_misses(
+    jblast, world, monkeypatch
+):
+    world["blasts"][0]["time_s"] = 1e-4  # as fitted
+    jblast.file("run/run.json", json.dumps(world))
+    fits = {"1": example.not_identifiable(), "2": example.three_parameters()}
+    code, out = fitted(jblast, monkeypatch, **fits)
+    assert code == 4  # mass and sound speed of the first
+    assert "Blast 1: not reliable" in out
+    # the time of each, and the mass of the second: 209 kg for 5 kg, 0.4 s for 3.5 s
+    assert "1 of 3 90 % intervals contain the truth; the remaining ones are" in out
+    good = dict.fromkeys(fits, fits["2"])
+    assert fitted(jblast, monkeypatch, **good)[0] == 0
