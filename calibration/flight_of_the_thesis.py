@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.thesis import CODED, PRINTED, Physics
+from calibration.thesis.physics import CODED, PRINTED, Physics
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.figure_files import write_figure

@@ -3,7 +3,7 @@
 python -m calibration.thesis_worlds
 
 The cases of Parab's thesis by three: as it prints them, as its plugins compute them
-(`calibration.thesis`), and as blasts are by jblast's own laws. A Hummingbird hovers
+(`calibration/thesis`), and as blasts are by jblast's own laws. A Hummingbird hovers
 with a microphone on it.
 
 1. Single cases: that of its table 4.1, corners of the worlds that it prints (charges
@@ -26,14 +26,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from calibration.thesis import (
+from calibration.thesis.loads import coded_angular_impulse
+from calibration.thesis.physics import (
     CODED,
     PRINTED,
     Physics,
     frame_differences,
     grey_bytes,
 )
-from calibration.thesis.loads import coded_angular_impulse
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.words import aligned

@@ -475,7 +475,7 @@ class FlightsAnswer(Document):
         integrator: Name of the integrator.
         backend: Backend of the computation.
         tolerance_m: Path error within which a vehicle has recovered.
-        load: "laws" or "custom profile".
+        load: "laws", "custom profile" or the user's function.
         drawn: Values sampled from priors; quantiles of several.
         blasts: Each blast at the vehicles.
         thresholds: Thresholds by exposure.
@@ -534,7 +534,7 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         integrator="rk4",
         backend=options.backend,
         tolerance_m=options.tolerance_m,
-        load="laws" if options.profile is None else "custom profile",
+        load=options.load_words,
         drawn={
             name: _spread(values) if several else float(values)
             for name, values in flights.drawn.items()

@@ -174,7 +174,7 @@ class MissionAnswer(Document):
         integrator: Name of the integrator.
         backend: Backend of the computation.
         tolerance_m: Path error within which a vehicle has recovered.
-        load: "laws" or "custom profile".
+        load: "laws", "custom profile" or the user's function.
         drawn: Values sampled from priors.
         completed: Whether it ended without a crash, with each waypoint reached.
         disarmed_s: Time at which it was disarmed after landing; null if it was not.
@@ -245,7 +245,7 @@ def mission_answer(flight: MissionFlight, *, scene: str, seed: int) -> MissionAn
         integrator="rk4",
         backend=options.backend,
         tolerance_m=options.tolerance_m,
-        load="laws" if options.profile is None else "custom profile",
+        load=options.load_words,
         drawn=flight.drawn,
         completed=flight.completed,
         disarmed_s=flight.disarmed_s,

@@ -162,7 +162,7 @@ class FilmMade:
     width: int
     height: int
     written: Written = field(metadata=AMONG)
-    stamps: Literal["interpolated", "of the frame"]
+    stamps: Literal["interpolated"]
     stamp_error_s: float
 
 

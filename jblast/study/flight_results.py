@@ -210,6 +210,13 @@ class Options:
     load: Callable[[Scene], FlightLoad] = blast_load
     estimator: str = ""
 
+    @property
+    def load_words(self) -> str:
+        """Source of the load: "laws", "custom profile" or the user's function."""
+        if self.profile is not None:
+            return "custom profile"
+        return "laws" if self.load is blast_load else self.load.__name__
+
 
 @dataclass(frozen=True)
 class Flights:

@@ -86,7 +86,7 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
     if spec.mission is not None:
         raise InputError(
             f"[vehicle] mission: {spec.mission}: expected a vehicle without a mission, "
-            "got one with a mission; only jblast fly supports missions"
+            "got one with a mission; jblast fly and world support missions"
         )
     gains = NAMED_GAINS[spec.model] | spec.gains
     if not integral:

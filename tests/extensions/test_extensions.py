@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import jblast
+from calibration.thesis.loads import coded_load
 from jblast.cli.main import main
 from jblast.environments import environment_params
 from jblast.errors import InputError
@@ -205,6 +206,16 @@ def test_a_controller_is_flown_by_its_name(extension):
     peaks = [float(one.metrics.peak_deviation_m) for one in flights.holds.values()]
     assert peaks[0] != peaks[1]
     assert 0 < min(peaks) < max(peaks) < np.inf
+
+
+def test_a_users_load_is_flown():
+    short = replace(SHORT, seconds=0.1, load=coded_load)
+    (flown, *_) = fly(scene(), short).holds.values()
+    # 5.39 m at 300 m/s; from the laws of the package no other number is known
+    assert float(flown.encounter.arrival_s[0]) == pytest.approx(29**0.5 / 300.0)
+    assert np.isnan(flown.encounter.scaled_distance).all()
+    # an impulse of 4 (2.2116^2 5.39^-2.16 + 0.0196) N s on 30 g
+    assert float(flown.metrics.peak_deviation_m) > 0.2
 
 
 def test_flights_by_a_users_controller_are_kept(extension, tmp_path):

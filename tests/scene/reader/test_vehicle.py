@@ -75,7 +75,7 @@ def test_a_mission_stands_beside_its_scene_and_begins_at_home():
     placed = read_vehicle({"vehicle": entries | {"position_m": [3, 4, 0]}}, "a.toml")
     assert placed is not None
     assert placed.placed
-    with pytest.raises(InputError, match="only jblast fly supports missions"):
+    with pytest.raises(InputError, match="jblast fly and world support missions"):
         hold_of(placed, integral=True)
 
 
