@@ -172,9 +172,10 @@ def _array_rows(
     finding = ArrayFinding(name, bang, found, probability, used=used)
     if not used:
         return finding, []
-    # instrument errors of the microphones are independent: the mean has 1/n of them
-    mean = float(np.mean([arrival.time_s for arrival in arrivals]))
-    variance = np.mean([arrival.sigma_s**2 for arrival in arrivals]) / len(arrivals)
+    # each microphone estimates the time at the centre, with an independent error
+    centred = np.array([arrival.time_s for arrival in arrivals]) - times.time
+    weight = np.array([arrival.sigma_s for arrival in arrivals]) ** -2.0
+    mean, variance = float(np.average(centred, weights=weight)), 1 / weight.sum()
     sd = np.sqrt(np.diag(found.covariance))
     values = {
         "air_arrival_s": (mean, float(np.sqrt(variance))),

@@ -57,10 +57,10 @@ LOSSY_SD_S = 1e-3
 spread within a block of AAC, of 128 samples or 2.7 ms at 48 kHz."""
 CLIP_SIGMAS = (
     "sigma of flash_time_s: that of first light in the picture, and the frame interval "
-    "over sqrt(12) for the offset of sound and picture; of air_arrival_s: that of the "
-    "arrival, and 1 ms for compression"
+    "over sqrt(12) for the offset of sound and picture"
 )
-"""Comment of a log of clips, whose sigmas are larger than the printed ones."""
+"""Comment of a log of clips, whose sigmas of flashes are larger than the printed
+ones."""
 LATE_US, PAUSE_US = 10**6, 60 * 10**6
 """First time of events [us] up to which they are on the clock of the film; later ones
 are counted from the first event. Longest accepted time without an event [us]."""
@@ -120,6 +120,8 @@ class FilmDetections(NamedTuple):
             bang. None without a scene or positions.
         sound: Arrivals in the sound track of a video; None without one.
         notes: Warnings, a sentence each.
+        own_clock: True for times by the clock of the file, which sound shares; False
+            for those by a given frame rate.
     """
 
     flashes: "FlashDetections"
@@ -135,6 +137,7 @@ class FilmDetections(NamedTuple):
     log: Observations | None
     sound: SoundDetections | None = None
     notes: tuple[str, ...] = ()
+    own_clock: bool = True
 
     @property
     def detected(self) -> bool:
@@ -256,7 +259,7 @@ def _clip(
     if has_sound(Path(file)):
         unused = "the sound track was not searched"
         # frames of slow motion are not on the clock of the sound
-        if of_film["fps"] is not None:
+        if not film.own_clock:
             notes.append(f"{unused}: its clock is not that of the given frame rate")
         else:
             try:
@@ -294,8 +297,7 @@ def _clip_log(
             rows.append((name, "flash_time_s", flash.growth.time_s, sigma))
         bang = bang_of(film)
         if bang is not None:
-            sigma = math.hypot(bang.sigma_s, LOSSY_SD_S)
-            rows.append((name, "air_arrival_s", bang.time_s, sigma))
+            rows.append((name, "air_arrival_s", bang.time_s, bang.sigma_s))
     names = [name for name, *_ in rows]
     log = observed(
         names,
@@ -429,11 +431,40 @@ def detect_sound(
                 any_form=not blast_form,
             )
         )
+    # an arrival of a template is the time of its first sample, which may not be a front
+    if template is None:
+        searched = _picked(searched)
+    searched = [_with_compression(one) for one in searched]
     log = None
     if stations is not None:
         names = ", ".join(Path(file).name for file in files)
         log = log_of(searched, stations, [f"jblast detect of {names}: {method.words}"])
     return SoundDetections(tuple(searched), tuple(dead), method, log)
+
+
+def _picked(searched: Sequence[Searched]) -> list[Searched]:
+    """Return channels with the times of the picks of their arrivals."""
+    from jblast.signals.picked_arrivals import Heard, picked_arrivals
+
+    heard = [
+        Heard(one.channel.samples, one.channel.rate_hz, 0.0, one.detections)
+        for one in searched
+    ]
+    return [
+        one._replace(detections=arrivals)
+        for one, arrivals in zip(searched, picked_arrivals(heard), strict=True)
+    ]
+
+
+def _with_compression(one: Searched) -> Searched:
+    """Return a channel of a clip with the error of its compression, or a channel."""
+    if Path(one.channel.record).suffix.lower() not in VIDEOS:
+        return one
+    arrivals = (
+        found._replace(sigma_s=math.hypot(found.sigma_s, LOSSY_SD_S))
+        for found in one.detections
+    )
+    return one._replace(detections=tuple(arrivals))
 
 
 def check_target(
@@ -666,6 +697,7 @@ def detect_film(
         directions,
         log,
         notes=opened.notes,
+        own_clock=opened.own_clock,
     )
 
 
@@ -677,6 +709,7 @@ class _Opened(NamedTuple):
     frames_hz: float
     seconds: float
     notes: tuple[str, ...] = ()
+    own_clock: bool = True
 
 
 def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
@@ -709,7 +742,7 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
             f"{path}: expected {argument('fps')} HZ, as PNG frames have no frame rate; "
             "got none"
         )
-    film = open_recording(path, fps, srgb=True)
+    film = open_recording(path, fps, srgb=True, varying=True)
     if len(film) < 2:
         raise InputError(f"{path}: expected at least two frames, got {len(film)}")
     through = counted(len(film), "frames")
@@ -723,7 +756,22 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
 
     seconds = float(film.times[-1] - film.times[0])
     hz = float(film.frames_hz)
-    return _Opened(blocks(), film.width, film.height, len(film), hz, seconds)
+    notes: tuple[str, ...] = ()
+    if fps is not None and film.varying:
+        notes = (
+            f"the frame rate varies: times are the time stamps of the file, and "
+            f"{argument('fps')} is not used",
+        )
+    return _Opened(
+        blocks(),
+        film.width,
+        film.height,
+        len(film),
+        hz,
+        seconds,
+        notes,
+        own_clock=fps is None or film.varying,
+    )
 
 
 def _events(

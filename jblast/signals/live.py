@@ -126,6 +126,7 @@ class SoundWatch:
         least_noise: Smallest standard deviation of the noise, in the stream's unit.
 
     Attributes:
+        rate_hz: Sampling rate [Hz].
         rejected: Arrivals of another form, by the last push.
         statistic: Largest outputs of all filters, by the last push.
         kernels: Filters; empty while the noise is learnt.
@@ -147,7 +148,7 @@ class SoundWatch:
         noise: NoiseSpectrum | None = None,
         least_noise: float = LEAST_NOISE,
     ):
-        self._templates, self._rate_hz = templates, rate_hz
+        self._templates, self.rate_hz = templates, rate_hz
         # by Bonferroni: alarms of the bank are at most the sum of the members'
         self._share = false_alarms_per_hour / len(templates)
         self._front_s, self._any_form = front_samples / rate_hz, any_form
@@ -185,7 +186,15 @@ class SoundWatch:
     def latency_s(self) -> float:
         """Largest delay from the first sample of a blast to its report [s]."""
         after = max(2 * self._longest + HALF_WIDTH + 2, self._after)
-        return (after + self._block) / self._rate_hz
+        return (after + self._block) / self.rate_hz
+
+    @property
+    def latest(self) -> tuple[int, Float[np.ndarray, " sample"]]:
+        """Number of the first stored sample, and the stored samples.
+
+        They contain those about the arrivals of the last push.
+        """
+        return self._taken - self._ring.size, self._ring
 
     def push(self, samples: ArrayLike) -> tuple[LiveDetection, ...]:
         """Add any number of samples; return the blasts that are decided by now.
@@ -226,18 +235,18 @@ class SoundWatch:
 
     def _learn_noise(self, samples: np.ndarray) -> None:
         try:
-            noise = noise_spectrum(samples, self._rate_hz, average="median")
+            noise = noise_spectrum(samples, self.rate_hz, average="median")
         except InputError:
             # silent or too short: noise of the least level
             offset = float(np.median(samples)) if samples.size else 0.0
-            half = self._rate_hz / 2
+            half = self.rate_hz / 2
             noise = NoiseSpectrum(np.array([0.0, half]), np.zeros(2), offset)
-        self._follower = NoiseFollower(self._rate_hz, noise.offset)
-        self._tune(noise, MEDIAN_SHARE * max(samples.size, self._block) / self._rate_hz)
+        self._follower = NoiseFollower(self.rate_hz, noise.offset)
+        self._tune(noise, MEDIAN_SHARE * max(samples.size, self._block) / self.rate_hz)
 
     def _tune(self, noise: NoiseSpectrum, seconds: float) -> None:
         """Compute filters and thresholds for noise that was measured over a time."""
-        rate = self._rate_hz
+        rate = self.rate_hz
         noise = noise._replace(density=np.maximum(noise.density, self._floor))
         before_s = self._before / rate
         self.kernels = [
@@ -309,7 +318,7 @@ class SoundWatch:
         # a peak is up to a sample after its highest output
         until = min(picker.decided for picker in self._pickers) - 1
         until = min(until, self._taken - self._after + self._longest)
-        until_s = math.inf if block is None else until / self._rate_hz
+        until_s = math.inf if block is None else until / self.rate_hz
         for one, nth in self._loudest.push(found, until_s):
             self._tested.append(self._test(one, nth))
         if block is not None and self._follower is not None:
@@ -320,9 +329,9 @@ class SoundWatch:
         if nth not in self._tests:
             if len(self._tests) == MAX_WINDOWS:
                 self._tests.clear()
-            self._tests[nth] = PulseTest(self._templates, self._rate_hz, self.noise)
+            self._tests[nth] = PulseTest(self._templates, self.rate_hz, self.noise)
         first = self._taken - self._ring.size
-        since_s = arrival.time_s - first / self._rate_hz
+        since_s = arrival.time_s - first / self.rate_hz
         fit = self._tests[nth](self._ring, since_s, nth)
         fit = fit.over(arrival.statistic, float(self.thresholds[nth]))
         return LiveDetection(arrival, fit, nth, self._count)
@@ -348,7 +357,7 @@ class SoundWatch:
         size = 2 * (self._power.shape[1] - 1)
         noise = follower.mean()
         least = np.maximum(noise.density, self._floor)
-        powers = bin_variances(noise._replace(density=least), size, self._rate_hz)
+        powers = bin_variances(noise._replace(density=least), size, self.rate_hz)
         return bool(np.any(np.abs(np.sqrt(self._power @ powers) - 1) > DRIFT))
 
 

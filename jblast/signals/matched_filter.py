@@ -459,12 +459,17 @@ class Detection(NamedTuple):
         sigma_s: Standard deviation of that time [s].
         snr_db: Estimate of 2E/N0 [dB].
         statistic: The same, in standard deviations of the noise.
+        template_s: Length of the template [s].
+        spread_s: Range of the times by all templates of a bank, each at its loudest
+            [s]: none for a sound of their form, large for any other.
     """
 
     time_s: float
     sigma_s: float
     snr_db: float
     statistic: float
+    template_s: float = 0.0
+    spread_s: float = 0.0
 
 
 def detections(
@@ -585,6 +590,7 @@ class PeakPicker:
             sigma_s=float(1 / (kernel.timing_rad_s * height)),
             snr_db=in_decibels(height),
             statistic=height,
+            template_s=kernel.template_samples / kernel.rate_hz,
         )
 
 

@@ -377,7 +377,8 @@ class Loudest:
         """
         chosen: list[tuple[Detection, int]] = []
         undecided: list[tuple[Detection, int]] = []
-        for one in sorted([*self._open, *found], key=lambda one: -one[0].statistic):
+        arrivals = sorted([*self._open, *found], key=lambda one: -one[0].statistic)
+        for one in arrivals:
             time = one[0].time_s
 
             def close(other_s: float, time: float = time) -> bool:
@@ -392,7 +393,14 @@ class Loudest:
             elif time + self._apart_s > until_s:
                 undecided.append(one)
             else:
-                chosen.append(one)
+                # the loudest of each template, which replaces its quieter ones
+                by_template = {
+                    nth: other.time_s
+                    for other, nth in reversed(arrivals)
+                    if close(other.time_s)
+                }
+                spread_s = float(np.ptp([*by_template.values()]))
+                chosen.append((one[0]._replace(spread_s=spread_s), one[1]))
                 self._chosen.append(time)
         self._open = undecided
         oldest = until_s - CHAIN_S - 2 * self._apart_s

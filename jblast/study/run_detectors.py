@@ -21,6 +21,7 @@ from jblast.signals.flash import Flash, FlashWatch
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
 from jblast.signals.live import LEAST_NOISE, LiveDetection, SoundWatch
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
+from jblast.signals.picked_arrivals import Heard, picked_arrivals
 from jblast.signals.search import bank_of_pulses
 from jblast.study.running import Frames, Packet, RunDetection, Samples
 from jblast.world import Arrivals
@@ -136,16 +137,16 @@ class RunDetectors:
 
     def _sounds(self, name: str, found: Iterable[LiveDetection]) -> list[RunDetection]:
         """Return the detections of the last push to a microphone's search."""
-        _, start_s = self._ears[name]
+        watch, start_s = self._ears[name]
+        first, samples = watch.latest
+        arrivals = [one.arrival for one in found]
+        rate_hz = watch.rate_hz
+        heard = Heard(samples, rate_hz, first / rate_hz, arrivals)
         return [
             self._detection(
-                name,
-                "sound",
-                start_s + one.arrival.time_s,
-                one.arrival.sigma_s,
-                one.arrival.statistic,
+                name, "sound", start_s + one.time_s, one.sigma_s, one.statistic
             )
-            for one in found
+            for one in picked_arrivals([heard])[0]
         ]
 
     def _looked(self, frames: Frames) -> list[RunDetection]:

@@ -40,6 +40,11 @@ from jblast.signals.picks.record_picks import RecordPick, pick_records
 BATCH_SAMPLES = 2**22
 """Samples that are read before they are picked, 32 MB in double precision: a folder of
 any size needs bounded memory, and chunks of `pick.LANES` records are mostly full."""
+MAX_PRESSURE_PA = 1e9
+"""Largest range of a record's samples [Pa]. The largest pressure of a blast in air is
+that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
+Bulmash begin (Z = 0.067 m/kg^(1/3)). A sensitivity given as its reciprocal is off by
+more than a factor of a million."""
 _, PEAK, DURATION, IMPULSE = RECORD_QUANTITIES
 Reason = Literal[
     "poor",
@@ -169,6 +174,8 @@ class _Reading:
                     self._timed(one, one.start_s - begin) for one in recordings
                 ]
                 runs = [(one, stretches(one)) for one in recordings]
+                for one, channels in runs:
+                    _check_scale(one, channels, self.scaling)
             except InputError as error:
                 self.refused.append(error)
                 continue
@@ -234,6 +241,36 @@ class _Reading:
         later = (recording.epoch - self.epoch).total_seconds()
         start = recording.start_s + later
         return replace(recording, epoch=self.epoch, start_s=start)
+
+
+def _check_scale(
+    recording: Recording, channels: Sequence[Stretches], scaling: Scaling | None
+) -> None:
+    """Raise an error for pressures that no blast has.
+
+    Raises:
+        InputError: The range of samples in pascals exceeds `MAX_PRESSURE_PA`.
+    """
+    if not recording.calibrated:
+        return
+    largest = max(
+        (np.ptp(one.samples) for channel in channels for one in channel.records),
+        default=0.0,
+    )
+    if largest <= MAX_PRESSURE_PA:
+        return
+    remedy = "check the unit and the scale of the samples"
+    if scaling is not None and scaling.sensitivity is not None:
+        remedy = (
+            f"{argument('sensitivity')} is in pascals per volt or count: write "
+            f"{1 / scaling.sensitivity:.6g} if {scaling.sensitivity:g} is in volts or "
+            "counts per pascal"
+        )
+    raise InputError(
+        f"{recording.source}: expected pressures below {MAX_PRESSURE_PA / 1e9:g} GPa, "
+        f"more than a blast in air has at the charge, got {largest / 1e9:.4g} GPa; "
+        f"{remedy}"
+    )
 
 
 def _long_enough(recordings: Sequence[Recording]) -> list[Recording]:

@@ -117,7 +117,7 @@ class RecordPick:
 
 
 def pick_records(
-    records: Sequence[PressureRecord], *, turn: bool = True
+    records: Sequence[PressureRecord], *, turn: bool = True, least_length: int = 0
 ) -> list[RecordPick]:
     """Return the pick of each recording.
 
@@ -128,6 +128,7 @@ def pick_records(
     Args:
         records: The recordings.
         turn: True to pick records of mostly negative pressure with reversed sign, too.
+        least_length: Smallest length to which records are padded [samples].
 
     Raises:
         InputError: One of them has too few samples, or one that is not finite.
@@ -136,7 +137,8 @@ def pick_records(
     for place, record in enumerate(records):
         _check(record)
         # records of one padded length share a compiled program
-        length = filled_length(min(record.samples.size, LONGEST_STRETCH))
+        size = max(record.samples.size, least_length)
+        length = filled_length(min(size, LONGEST_STRETCH))
         groups[length, record.high_pass_hz is not None].append(place)
     found: dict[int, Pick] = {}
     for (length, passed), places in groups.items():
@@ -153,7 +155,8 @@ def pick_records(
         dataclasses.replace(made[k].record, samples=-made[k].record.samples)
         for k in falls
     ]
-    for k, other in zip(falls, pick_records(turned, turn=False), strict=True):
+    others = pick_records(turned, turn=False, least_length=least_length)
+    for k, other in zip(falls, others, strict=True):
         if _better(other, made[k]):
             notes: tuple[NoteKind, ...] = (*other.notes, "reversed_polarity")
             made[k] = RecordPick(made[k].record, other.pick, "doubtful", notes)

@@ -6,7 +6,12 @@ import pytest
 from jblast.errors import InputError
 from jblast.observations.records.clips import read_track
 from jblast.observations.records.formats import open_record
-from jblast.signals.detect_files import FilmDetections, detect, recording_kind
+from jblast.signals.detect_files import (
+    FilmDetections,
+    bang_of,
+    detect,
+    recording_kind,
+)
 from tests.test_mutations_of_files import clip
 
 START = "2024-05-17T11:53:00Z"
@@ -50,6 +55,30 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     cut.write_bytes(paths[0].read_bytes()[:900])
     with pytest.raises(InputError, match=r"cut\.mp4: expected a complete video"):
         read_track(cut)
+
+
+@pytest.mark.slow
+def test_a_varying_frame_rate_goes_by_the_time_stamps_of_the_file():
+    # 30 frames a second, from 0.5 to 1.0 s 20: by even steps the flash is 0.15 s early
+    film = detect("tests/data/vfr.mp4", fps=30.0)
+    assert isinstance(film, FilmDetections)
+    (flash,) = film.flashes.flashes
+    assert flash.growth.time_s == pytest.approx(1.012, abs=2 * flash.growth.sigma_s)
+    assert "the frame rate varies" in film.notes[0]
+    bang = bang_of(film)
+    assert bang is not None
+    assert bang.time_s == pytest.approx(2.4, abs=2 * bang.sigma_s)
+
+
+@pytest.mark.slow
+def test_the_bang_of_a_telephone_is_timed_by_its_onset():
+    # 500 m at 340 m/s: a high-pass of 60 Hz, an echo and AAC
+    film = detect("tests/data/phone.mp4")
+    assert isinstance(film, FilmDetections)
+    bang = bang_of(film)
+    assert bang is not None
+    assert bang.sigma_s < 2e-3
+    assert bang.time_s == pytest.approx(2.4906, abs=2 * bang.sigma_s)
 
 
 @pytest.mark.parametrize(

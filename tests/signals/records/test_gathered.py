@@ -3,6 +3,7 @@
 import warnings
 from datetime import UTC, datetime
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,6 +68,17 @@ def test_what_cannot_be_read_is_named_and_the_rest_picked(tmp_path):
     assert "broken.csv: line 3, column p_pa: expected a number, got 'x'" in said[0]
     assert "short.wav: channel 1: expected 16 samples or more, got 1" in said[1]
     assert "expected records with different names, got a twice" in said[2]
+
+
+def test_a_sensitivity_given_as_its_reciprocal_is_refused():
+    # 62,500 counts per pascal, and a blast of 5 Pa
+    path = Path("tests/data/counts_per_pa.mseed")
+    (error,) = gathered([path], Scaling(sensitivity=62500.0)).refused
+    assert "expected pressures below 1 GPa" in str(error)
+    assert "write 1.6e-05 if 62500 is in volts or counts per pascal" in str(error)
+    found = gathered([path], Scaling(sensitivity=1.6e-5))
+    assert not found.refused
+    assert float(found.picks[0].pick.air_arrival_s) == pytest.approx(40.0, abs=0.01)
 
 
 def test_times_of_day_share_the_clock_of_the_first(tmp_path):

@@ -24,7 +24,7 @@ from jblast.sensors.camera.files.images import (
     read_colours,
     read_frames,
 )
-from jblast.sensors.camera.files.video import Video, check_even, open_video
+from jblast.sensors.camera.files.video import Video, check_even, is_even, open_video
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import srgb_to_linear
 
@@ -72,6 +72,11 @@ class ImageSequence:
     def is_video(self) -> bool:
         """True for one file, with a clock and a transfer curve of its own."""
         return isinstance(self.source, Video)
+
+    @property
+    def varying(self) -> bool:
+        """True for a varying frame rate."""
+        return not is_even(self.times)
 
     @property
     def darkest(self) -> float:
@@ -126,7 +131,11 @@ class ImageSequence:
 
 
 def open_recording(
-    path: str | Path, fps: float | None = None, *, srgb: bool = False
+    path: str | Path,
+    fps: float | None = None,
+    *,
+    srgb: bool = False,
+    varying: bool = False,
 ) -> ImageSequence:
     """Open a folder of frames, or a video.
 
@@ -137,17 +146,21 @@ def open_recording(
             used, which for slow motion is not that of the scene.
         srgb: True if grey values of PNG frames are sRGB; by default they are linear
             light. A video states its own curve.
+        varying: True to accept a video of varying frame rate. Its times are the time
+            stamps of the file, whatever `fps` is: no constant rate is right for it.
 
     Raises:
         InputError: There is no such recording, or it is incomplete: as in `frame_files`
-            and `open_video`. PNG frames require `fps`.
+            and `open_video`. PNG frames require `fps`. The frame rate varies.
     """
     path = Path(path)
     if path.is_file():
         video = open_video(path, even=False)
-        if fps is None:
-            check_even(path, video.times, f", or state its rate ({argument('fps')})")
-        times = video.times if fps is None else np.arange(len(video)) / fps
+        times = video.times
+        if not varying or (np.diff(times) <= 0).any():
+            check_even(path, times)
+        if fps is not None and is_even(times):
+            times = np.arange(len(video)) / fps
         size = video.width, video.height
         return ImageSequence(path, *size, times, video, srgb, video.bits)
     if not path.exists():

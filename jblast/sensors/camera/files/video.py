@@ -343,29 +343,34 @@ def seconds(stamps: Sequence[int], base: Fraction) -> Float[np.ndarray, " frame"
     return ticks * base.numerator / base.denominator
 
 
-def check_even(path: Path, times: Float[np.ndarray, " frame"], other: str = "") -> None:
+def is_even(times: Float[np.ndarray, " frame"]) -> bool:
+    """Return True if intervals are positive and deviate by less than `UNEVEN`."""
+    steps = np.diff(times)
+    # the median is not affected by a gap
+    usual = float(np.median(steps))
+    return bool((steps > 0).all() and np.abs(steps - usual).max() < UNEVEN * usual)
+
+
+def check_even(path: Path, times: Float[np.ndarray, " frame"]) -> None:
     """Reject a varying frame rate.
 
     Args:
         path: The video, for the message.
         times: Times of its frames [s].
-        other: Other remedy, appended to the message.
 
     Raises:
-        InputError: An interval deviates by `UNEVEN` or more from the usual one, or is
-            zero.
+        InputError: The times are not even (`is_even`).
     """
-    steps = np.diff(times)
-    # the median is not affected by a gap
-    usual = float(np.median(steps))
-    off = np.abs(steps - usual)
-    if (steps > 0).all() and off.max() < UNEVEN * usual:
+    if is_even(times):
         return
-    at = int(np.argmin(steps)) if steps.min() <= 0 else int(np.argmax(off))
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    longest = int(np.argmax(np.abs(steps - usual)))
+    at = int(np.argmin(steps)) if steps.min() <= 0 else longest
     raise InputError(
         f"{path}: expected a constant frame rate, got frames {at} and {at + 1} "
         f"{1e3 * steps[at]:.4g} ms apart, usually {1e3 * usual:.4g} ms; convert "
-        f"it (ffmpeg -i IN -fps_mode cfr OUT){other}"
+        "it (ffmpeg -i IN -fps_mode cfr OUT)"
     )
 
 

@@ -130,6 +130,13 @@ def test_a_video_goes_by_its_clock_or_by_what_is_said(jblast):
         np.testing.assert_array_equal(getattr(slow, name), getattr(own, name))
 
 
+@pytest.mark.parametrize("options", [[], ["--fps", "30"]])
+def test_a_video_whose_rate_varies_is_refused(jblast, options):
+    code, _, err = video(jblast, *options, stamps=[0, 20, 40, 100, 120, 140])
+    assert code == 2
+    assert "a.mp4: expected a constant frame rate, got frames 2 and 3 100 ms" in err
+
+
 def test_frames_without_events_give_an_empty_file(jblast):
     for i in range(len(GREYS)):
         save(jblast.directory, i, np.full(SHAPE, 9, np.uint8))

@@ -1,5 +1,7 @@
 """A folder of frames and a video are read alike."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,17 @@ def test_a_video_goes_by_its_clock_or_by_the_rate_that_is_said(tmp_path):
     np.testing.assert_allclose(light[[0, 2], 0, 0], [0.0, 1.0], atol=1e-6)
     np.testing.assert_allclose(open_recording(path, 1000.0).times, [0, 1e-3, 2e-3])
     assert times is not film.times
+
+
+@pytest.mark.parametrize("fps", [None, 30.0])
+def test_a_varying_frame_rate_goes_by_the_time_stamps_of_the_file(fps):
+    path = Path("tests/data/vfr.mp4")
+    film = open_recording(path, fps, varying=True)
+    assert film.varying
+    # 30 frames a second, from 0.5 to 1.0 s 20
+    assert film.times[[14, 24, 90]] == pytest.approx([0.464, 0.948, 3.151], abs=1e-3)
+    with pytest.raises(InputError, match="expected a constant frame rate"):
+        open_recording(path, fps)
 
 
 @pytest.mark.parametrize(("kind", "bits"), [("yuv444p", 8), ("yuv444p10le", 10)])

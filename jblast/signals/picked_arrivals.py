@@ -1,0 +1,123 @@
+"""Arrivals of a search with the times of their picks.
+
+A matched filter is most sensitive with a template that resembles the sound, but its
+time is right only for the template's own form: behind a high-pass, an echo or a clipped
+peak the best of a bank is a longer pulse that begins before the sound does, by up to
+half of its own duration. The search therefore decides that there is a blast, and the
+pick of the samples about it (`picks`) when it arrived. Its error contains that of the
+form.
+
+Where no pulse and no onset can be picked, the time of the search remains. The templates
+of a bank agree on it if the sound has their form, so the range of their times is the
+error by the form.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.observations.records.recording import PressureRecord
+from jblast.signals.matched_filter import Detection
+from jblast.signals.picks import RecordPick, pick_records
+from jblast.signals.picks.pick import LEAST_SAMPLES, filled_length
+from jblast.signals.search import OTHER_FRONT
+
+BEFORE_S, AFTER_S = 0.25, 0.75
+"""Interval before and after an arrival that is picked [s]: enough quiet to measure the
+noise, and the longest pulses of the bank with their suction, 0.3 s. Between two
+arrivals it ends midway."""
+
+
+class Heard(NamedTuple):
+    """Arrivals in samples of a channel.
+
+    Attributes:
+        samples: The samples, in any unit.
+        rate_hz: Sampling rate [Hz].
+        start_s: Time of the first sample [s].
+        arrivals: Arrivals in order of time, on the same clock.
+    """
+
+    samples: Float[np.ndarray, " sample"]
+    rate_hz: float
+    start_s: float
+    arrivals: Sequence[Detection]
+
+
+def picked_arrivals(channels: Sequence[Heard]) -> list[tuple[Detection, ...]]:
+    """Return the arrivals of each channel with the times of their picks.
+
+    Args:
+        channels: Arrivals with the samples about them.
+    """
+    records = [list(_intervals(channel)) for channel in channels]
+    rates = {channel.rate_hz for channel in channels}
+    # one length for all arrivals of one rate, however close to each other: each length
+    # is another program to compile
+    picks = {
+        rate: iter(
+            pick_records(
+                [
+                    record
+                    for own, channel in zip(records, channels, strict=True)
+                    for record in own
+                    if channel.rate_hz == rate and _can_be_picked(record)
+                ],
+                least_length=filled_length(round((BEFORE_S + AFTER_S) * rate)),
+            )
+        )
+        for rate in rates
+    }
+    return [
+        tuple(
+            _timed(
+                arrival,
+                next(picks[channel.rate_hz]) if _can_be_picked(record) else None,
+            )
+            for arrival, record in zip(channel.arrivals, own, strict=True)
+        )
+        for own, channel in zip(records, channels, strict=True)
+    ]
+
+
+def _intervals(channel: Heard) -> Iterator[PressureRecord]:
+    """Yield the samples about each arrival."""
+    times = [arrival.time_s for arrival in channel.arrivals]
+    middles = [0.5 * (one + other) for one, other in pairwise(times)]
+    bounds = pairwise([-math.inf, *middles, math.inf])
+    for time, (last, following) in zip(times, bounds, strict=False):
+        begin, end = (
+            int(
+                np.clip(
+                    (at - channel.start_s) * channel.rate_hz, 0, channel.samples.size
+                )
+            )
+            for at in (max(time - BEFORE_S, last), min(time + AFTER_S, following))
+        )
+        yield PressureRecord(
+            name="",
+            samples=channel.samples[begin:end],
+            rate_hz=channel.rate_hz,
+            start_s=channel.start_s + begin / channel.rate_hz,
+            calibrated=False,
+        )
+
+
+def _can_be_picked(record: PressureRecord) -> bool:
+    return record.samples.size >= LEAST_SAMPLES and bool(np.ptp(record.samples) > 0)
+
+
+def _timed(arrival: Detection, picked: RecordPick | None) -> Detection:
+    """Return an arrival with the time of its pick, or with a larger error."""
+    if picked is not None and picked.quality != "poor":
+        time_s = float(picked.pick.air_arrival_s)
+        if abs(time_s - arrival.time_s) <= arrival.template_s:
+            # a sample may be an instant or the mean over an interval
+            unknown_s = OTHER_FRONT / picked.record.rate_hz
+            sigma_s = math.hypot(float(picked.pick.spread[0]), unknown_s)
+            return arrival._replace(time_s=time_s, sigma_s=sigma_s)
+    return arrival._replace(sigma_s=math.hypot(arrival.sigma_s, arrival.spread_s))
