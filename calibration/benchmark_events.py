@@ -23,7 +23,6 @@ from jblast.sensors.camera.events.ideal import (
 )
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.image import grey_composite
 from jblast.verification.benchmark.cameras import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
@@ -67,27 +66,20 @@ def _rows() -> list[Row]:
     alpha = disc(times)
     colour = np.full((*alpha.shape, 4), BRIGHT, np.uint8)
     colour[..., 3] = alpha
-    behind = np.full((HEIGHT, WIDTH), BACKGROUND, np.float32)
-    light = np.concatenate([grey_composite(part, behind) for part in _cut(colour)])
+    opacity = alpha.astype(np.float32) / 255.0
+    light = BACKGROUND + opacity * np.float32(BRIGHT / 255.0 - BACKGROUND)
     grey = np.round(255.0 * light).astype(np.uint8)
     copy = np.empty_like(colour)
-    composite = jax.jit(grey_composite)
-
-    def composited() -> None:
-        for part in _cut(colour):
-            jax.block_until_ready(composite(part, behind))
 
     rows: list[Row] = [
         ("copied, RGBA of 8 bits", _rate(lambda: np.copyto(copy, colour)), None, None),
-        ("composited only", _rate(composited), None, None),
     ]
-    films: dict[str, tuple[Any, np.ndarray, dict[str, Any]]] = {
-        "composited and converted": (colour, _log(light), {"background": behind}),
-        "converted, grey of 8 bits": (grey, grey_table()[grey], {}),
-        "converted, float32": (light, _log(light), {}),
+    films = {
+        "converted, grey of 8 bits": (grey, grey_table()[grey]),
+        "converted, float32": (light, _log(light)),
     }
-    for label, (frames, logs, options) in films.items():
-        found = streamed(times, frames, **options)
+    for label, (frames, logs) in films.items():
+        found = streamed(times, frames)
         rows.append((label, *found, known_count(logs)))
     noisy = np.random.default_rng(0).integers(0, 256, (64, HEIGHT, WIDTH), np.uint8)
     label = "converted, every pixel in every frame"
@@ -139,7 +131,7 @@ def _cut(frames: np.ndarray) -> list[np.ndarray]:
     return [frames[a : a + BLOCK] for a in range(0, len(frames), BLOCK)]
 
 
-def streamed(times: np.ndarray, frames: np.ndarray, **options) -> tuple[float, int]:
+def streamed(times: np.ndarray, frames: np.ndarray) -> tuple[float, int]:
     """Return pixel-frames a second of the stream, and its events."""
     both = THRESHOLD, THRESHOLD
     found = 0
@@ -147,7 +139,7 @@ def streamed(times: np.ndarray, frames: np.ndarray, **options) -> tuple[float, i
     def run() -> None:
         nonlocal found
         blocks = zip(_cut(times), _cut(frames), strict=True)
-        parts = stream_events(blocks, both, **options)
+        parts = stream_events(blocks, both)
         found = sum(int(part.count) for part in parts)
 
     return _rate(run, frames.shape[0]), found

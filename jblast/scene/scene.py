@@ -191,8 +191,7 @@ class Scene(eqx.Module):
     sedov_gamma: Float[Array, ""] = eqx.field(
         converter=as_float_array, default=PARAMETERS["sedov_gamma"].default
     )
-    # None = eqx.field( | None differs from a number: a fit can free it only if it is
-    # given.
+    # None differs from a number: a fit can free it only if it is given.
     fireball_growth: Float[Array, ""] | None = eqx.field(
         converter=as_optional_float_array, default=None
     )

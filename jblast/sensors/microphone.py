@@ -39,7 +39,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 from jblast.errors import InputError, shown
 from jblast.scene import Ambient, Instrument, Scene, Sensor
 from jblast.sensors.arrivals import Track, counted_from, heard, wave_mean
-from jblast.sensors.gauge import edges_of, rate_of
+from jblast.sensors.gauge import check_kind, edges_of, rate_of
 from jblast.sensors.instrument import Chain, chain_block, chain_start, instrument_chain
 from jblast.sensors.samples import (
     BLOCK,
@@ -338,22 +338,13 @@ def _start(
     wave_paths: WavePaths,
 ) -> tuple[Sound, Any]:
     """Prepare a microphone; reject a sensor of another kind or below the ground."""
-    label = f"microphone {shown(microphone.name)}"
-    if microphone.kind not in ("", "microphone"):
-        raise InputError(
-            f"{label}: expected a sensor of kind microphone, "
-            f"got {shown(microphone.kind)}"
-        )
-    places = microphone.position_m if track is None else track.position
-    if not isinstance(places, Tracer):
-        up = np.asarray(places)[..., 2].min()
-        if not up >= 0:
-            raise InputError(
-                f"{label}: expected a position on or above the ground, got {up:g} m up"
-            )
+    check_kind(microphone, "microphone", track=track)
     start = as_float_array(start_s)
     if not isinstance(start, Tracer) and not np.isfinite(np.asarray(start)):
-        raise InputError(f"{label}: expected a finite start_s, got {float(start):g} s")
+        raise InputError(
+            f"sensor {shown(microphone.name)}: expected a finite start_s, got "
+            f"{float(start):g} s"
+        )
     place = microphone.position_m if track is None else track
     # Outside jit the waves compile one by one, absent ones are left out, and errors in
     # the remaining ones are reported.

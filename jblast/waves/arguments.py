@@ -100,7 +100,6 @@ ARGUMENTS: dict[str, Argument] = {
     # the shape of a wave
     "time": Argument("s", (-0.005, 0.02), open=True),
     "peak_overpressure": _positive("Pa", 1e2, 1e6),
-    "reflected_pressure": _positive("Pa", 1e3, 5e6),
     "duration": _positive("s", 1e-3, 1e-2),
     "impulse": _positive("Pa s", 10.0, 1e3),
     "decay": Argument("1", (0.1, 5.0)),

@@ -86,12 +86,9 @@ def drawn(f, count: int = POINTS, seed: int = 0) -> dict[str, np.ndarray]:
             if low > 0 and high > 30 * low
             else low + (high - low) * u
         )
-    # an impulse is the pressure times a part of the duration; a wall at least doubles
+    # an impulse is the pressure times a part of the duration
     part = rng.uniform(0.05, 0.6, count)
     values["impulse"] = part * values["peak_overpressure"] * values["duration"]
-    values["reflected_pressure"] = values["peak_overpressure"] * rng.uniform(
-        2, 8, count
-    )
     # what lies on one way
     values["ground_range"] = 0.9 * values["slant_range"]
     return {name: values[name] for name in numbers_of(f)}

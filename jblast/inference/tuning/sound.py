@@ -315,9 +315,9 @@ def passed_power(
 
     With $w = \tan(\pi f/f_s)/\tan(\pi f_c/f_s)$, $1/(1 + w^4)$ of a Butterworth
     low-pass of second order turned by the bilinear transform,
-    $w^4/(1 + w^4)$ of a high-pass: what `filter_gain` finds of `causal_filter` by
-    solving its system, for batches of which XLA's pool of threads on the CPU may wait
-    in vain, within a program that differentiates them (jaxlib 0.10).
+    $w^4/(1 + w^4)$ of a high-pass. It is a closed form, because XLA's pool of threads
+    on the CPU may wait in vain for batches of solved systems within a program that
+    differentiates them (jaxlib 0.10).
 
     Args:
         rate: Sampling rate [Hz].

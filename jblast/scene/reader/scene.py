@@ -440,7 +440,6 @@ def read_camera(document: dict[str, Any], source: str) -> Camera | None:
     if "camera" not in document:
         return None
     where = f"{source}: [camera]"
-    _check_quaternion_key(document["camera"], where)
     entry = table(document, "camera", source)
     mount = _mount(entry, document, where)
     place = "offset_m" if mount else "position_m"
@@ -536,20 +535,6 @@ def _quaternion(entry: dict[str, Any], position: Float[np.ndarray, "3"], where: 
         numbers / np.abs(numbers).max()
     )  # whose squares neither over- nor underflow
     return scaled / np.linalg.norm(scaled)
-
-
-def _check_quaternion_key(entry: Any, where: str) -> None:
-    """Reject the old key with the scalar first, and name the replacement."""
-    if not isinstance(entry, dict) or "quaternion" not in entry:
-        return
-    old, new = entry["quaternion"], LISTS["quaternion_xyzw"]
-    if isinstance(old, list) and len(old) == 4:
-        # The numbers in their new order, to copy into the file.
-        new = str([*old[1:], old[0]])
-    raise InputError(
-        f"{where} quaternion: expected quaternion_xyzw, scalar last, got {shown(old)}, "
-        f"formerly scalar first; write quaternion_xyzw = {new}"
-    )
 
 
 def _list(entry: dict[str, Any], key: str, where: str) -> Float[np.ndarray, " number"]:

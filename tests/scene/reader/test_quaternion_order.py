@@ -4,10 +4,8 @@ import tomllib
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
-from jblast.errors import InputError
 from jblast.scene import Camera, look_at, matrix_quaternion, quaternion_matrix
 from jblast.scene.reader.scene import read_camera
 from jblast.sensors.camera.geometry import to_camera
@@ -62,12 +60,3 @@ def test_a_file_says_the_order_in_the_keys_name():
     )
     assert read is not None
     np.testing.assert_allclose(read.quaternion, QUARTER, atol=1e-15)
-
-
-def test_the_key_without_an_order_is_refused_with_what_to_write_in_its_place():
-    document = tomllib.loads(f"{CAMERA}quaternion = [0.5, -0.5, 0, 0.1]")
-    with pytest.raises(InputError) as caught:
-        read_camera(document, "scene.toml")
-    assert "scene.toml: [camera] quaternion: " in str(caught.value)
-    assert "quaternion_xyzw = [-0.5, 0, 0.1, 0.5]" in str(caught.value)
-    assert "scalar last" in str(caught.value)

@@ -3,8 +3,7 @@
 Most pixels of a block of frames cross no threshold. These are found by the extremes of
 the block, compared with bounds in the units of the image, without a logarithm. The few
 other pixels are followed frame by frame. The events are those of `ideal_events`, in the
-same order. An image is cut into strips of rows, and colour frames are composited over a
-background strip by strip.
+same order. An image is cut into strips of rows.
 """
 
 import os
@@ -20,7 +19,6 @@ from jaxtyping import ArrayLike, Float, Int, UInt8
 from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import (
     DARKEST,
-    EIGHT_BITS,
     Events,
     Held,
     Reference,
@@ -31,12 +29,10 @@ from jblast.sensors.camera.events.ideal import (
     reset_runs,
     rounding,
 )
-from jblast.sensors.camera.image import grey_composite
 
 # each block has its own number of frames, so no axis has a name
 Frames = UInt8[np.ndarray, "_ _ _ ..."] | Float[np.ndarray, "_ _ _"]
 Block = tuple[Float[np.ndarray, " _"], Frames]
-_composite = jax.jit(grey_composite)
 
 
 def stream_events(
@@ -44,11 +40,10 @@ def stream_events(
     thresholds: tuple[Float[ArrayLike, "..."], Float[ArrayLike, "..."]],
     *,
     table: Float[np.ndarray, "256"] | None = None,
-    background: Float[np.ndarray, "height width"] | None = None,
     in_logarithms: bool = False,
     begun: Float[np.ndarray, "height width"] | None = None,
     refractory_s: float | None = None,
-    darkest: float | None = None,
+    darkest: float = DARKEST,
     workers: int | None = None,
 ) -> Iterator[Events]:
     """Yield the events of each block of a stream.
@@ -58,19 +53,16 @@ def stream_events(
 
     Args:
         blocks: Times [s], rising through the stream, and frames of linear light: grey
-            values of 8 bits, floats with full scale 1, or with a `background` RGBA of
-            8 bits.
+            values of 8 bits, or floats with full scale 1.
         thresholds: Positive and negative, as positive numbers; one for all pixels or
             an array (height, width).
         table: Logarithm of the light of each 8-bit value; by default `grey_table()`.
-        background: Grey light behind the frames, full scale 1.
         in_logarithms: True if float frames are logarithms of the light.
         begun: Logarithm of the first frame minus each pixel's reference; default 0.
         refractory_s: Time for which a pixel is held in reset after an event [s]; see
             `reset_events`. By default it is not.
-        darkest: Floor of float frames and of RGBA over a background, as a fraction of
-            full scale (`darkest_of`); by default `DARKEST`, and half a
-            step of 8 bits for RGBA. The floor of grey values is that of `table`.
+        darkest: Floor of float frames, as a fraction of full scale (`darkest_of`). The
+            floor of grey values is that of `table`.
         workers: Threads, each for a strip of rows; by default one per core.
 
     Raises:
@@ -79,8 +71,6 @@ def stream_events(
     """
     check_thresholds(thresholds)
     table = grey_table() if table is None else table
-    if darkest is None:
-        darkest = DARKEST if background is None else EIGHT_BITS
     workers = workers or os.cpu_count() or 1
     strips: list[Strip] = []
     found: list[Found] = []
@@ -106,7 +96,7 @@ def stream_events(
             if not strips:
                 options = table, in_logarithms, refractory_s, darkest
                 begun = np.zeros(shape[:2]) if begun is None else begun
-                strips = _strips(shape, thresholds, begun, options, background, workers)
+                strips = _strips(shape, thresholds, begun, options, workers)
             jobs = [
                 pool.submit(strip.advance, times, strip.rows_of(frames))
                 for strip in strips
@@ -201,7 +191,7 @@ class Strip:
     def advance(self, times: Float[np.ndarray, " frame"], block: np.ndarray) -> Found:
         """Return the events of the next frames, one row of `block` per frame."""
         if self.last is None:
-            self.start(float(times[0]), self.values(block[0]))
+            self.start(float(times[0]), block[0].copy())
         assert self.last is not None
         at, values, last = self.loud(block)
         # logarithms of the few loud pixels only
@@ -218,10 +208,6 @@ class Strip:
     def rows_of(self, frames: np.ndarray) -> np.ndarray:
         """Return the values of these rows, one row per frame."""
         return frames[:, self.rows].reshape(len(frames), -1)
-
-    def values(self, frame: np.ndarray) -> np.ndarray:
-        """Return the image values of the first frame."""
-        return frame.copy()
 
     def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the pixels that may send events, their values, and all last values."""
@@ -287,7 +273,7 @@ class Strip:
         return interval, lane, *(v[interval, lane] for v in runs)
 
 
-def _strips(shape, thresholds, begun, options, background, workers) -> list[Strip]:
+def _strips(shape, thresholds, begun, options, workers) -> list[Strip]:
     """Return strips of rows of the image, one per worker."""
     height, width = shape[:2]
     both = [np.broadcast_to(np.asarray(t, float), (height, width)) for t in thresholds]
@@ -296,12 +282,7 @@ def _strips(shape, thresholds, begun, options, background, workers) -> list[Stri
     strips = []
     for a, b in pairwise(edges):
         steps = both[0][a:b], both[1][a:b]
-        given = slice(a, b), width, steps, begun[a:b], *options
-        strips.append(
-            Strip(*given)
-            if background is None
-            else CompositeStrip(*given, background=background[a:b])
-        )
+        strips.append(Strip(slice(a, b), width, steps, begun[a:b], *options))
     return strips
 
 
@@ -345,47 +326,3 @@ def _reset(logs, times, thresholds, refractory_s, state):
     held = Held(*state)
     runs, held = reset_runs(logs, times, tuple(thresholds), refractory_s, held)
     return (runs.count, runs.first, runs.pace), (held.level, held.until)
-
-
-class CompositeStrip(Strip):
-    """Strip whose frames have one word of RGBA per pixel.
-
-    Only pixels whose word differs from that before the block are composited.
-    """
-
-    def __init__(self, *args, background: Float[np.ndarray, "height width"]):
-        """Store the arguments of `Strip`, and the grey light behind these rows."""
-        super().__init__(*args)
-        self.background = background.ravel()
-
-    def rows_of(self, frames: UInt8[np.ndarray, "frame height width 4"]) -> np.ndarray:
-        """Return one word per pixel, one row per frame; a view if possible."""
-        rows = frames[:, self.rows]
-        if rows.strides[-1] != 1:
-            rows = np.ascontiguousarray(rows)
-        return rows.view(np.uint32).reshape(len(rows), -1)
-
-    def values(self, frame: np.ndarray) -> np.ndarray:
-        """Return the grey light of the first frame."""
-        self.words = frame.copy()
-        return self.composited(frame[None], np.arange(frame.size))[0]
-
-    def loud(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pixels that may send events, their values, and all last values."""
-        assert self.last is not None
-        # integer comparison of whole words: far cheaper than compositing
-        changed = np.flatnonzero((block != self.words).any(axis=0))
-        values = self.composited(block[:, changed], changed)
-        last = self.last.copy()
-        last[changed] = values[-1]
-        self.words = block[-1].copy()
-        loud = self.leaves_bounds(values, changed)
-        return changed[loud], values[:, loud], last
-
-    def composited(self, words: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return the grey light of some pixels."""
-        if not at.size:
-            return np.empty((len(words), 0), self.background.dtype)
-        rgba = widened(words)[:, None, :, None].view(np.uint8)
-        light = _composite(rgba, widened(self.background[at])[None])
-        return np.asarray(light)[:, 0, : len(at)]

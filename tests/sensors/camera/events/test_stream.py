@@ -8,7 +8,6 @@ from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_intensity
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.camera.image import LUMINANCE, grey_composite
 
 convert = jax.jit(ideal_events, static_argnames="capacity")
 SHAPE = (40, 12, 17)
@@ -97,30 +96,6 @@ def test_thresholds_may_differ_from_pixel_to_pixel():
 def test_srgb_frames_are_decoded_by_their_table():
     frames, table = flicker(np.uint8), grey_table(srgb=True)
     same(gathered(frames, table=table), reference(table[frames]))
-
-
-def test_colour_frames_are_laid_over_the_background():
-    rng = np.random.default_rng(1)
-    rgba = rng.integers(0, 256, (*SHAPE, 4), dtype=np.uint8)
-    background = rng.random(SHAPE[1:])
-    light = rgba / 255.0
-    alpha = light[..., 3]
-    by_hand = alpha * (light[..., :3] @ np.array(LUMINANCE)) + (1 - alpha) * background
-    np.testing.assert_allclose(grey_composite(rgba, background), by_hand, rtol=1e-12)
-    same(gathered(rgba, background=background), reference(log_intensity(by_hand)))
-
-
-@pytest.mark.parametrize("order", ["C", "F"])
-def test_colour_frames_of_which_little_changes_give_the_same(order):
-    rng = np.random.default_rng(2)
-    rgba = np.repeat(rng.integers(0, 256, (1, *SHAPE[1:], 4), np.uint8), 40, axis=0)
-    # a patch that jumps now and then, also from the last frame of a block to the next
-    for frame in (3, 7, 14, 20, 21, 39):
-        rgba[frame:, 2:11, 3:14] = rng.integers(0, 256, (9, 11, 4), np.uint8)
-    background = rng.random(SHAPE[1:])
-    light = np.asarray(grey_composite(rgba, background))
-    ours = gathered(np.asarray(rgba, order=order), background=background)
-    same(ours, reference(log_intensity(light)))
 
 
 def test_a_still_film_gives_no_event():
