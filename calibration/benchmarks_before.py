@@ -29,14 +29,13 @@ from jblast.files import write_text
 
 HERE = Path(__file__).parents[1]
 RESULT = HERE / "calibration" / "results" / "benchmarks_before.txt"
-NAMES = ("laws", "fit_many", "flights", "events", "euler", "picks")
+NAMES = ("laws", "fit_many", "flights", "events", "picks")
 CHILD = HERE / "calibration" / "benchmark_in_turns.py"
 COLUMNS = {
     "laws": {"float64": 0, "float32": 1},
     "fit_many": {"": 0},
     "flights": {"": 2},
     "events": {"": 0},
-    "euler": {"": 0},
     "picks": {"": 0},
 }
 """Which numbers of a row are rates, and what tells them apart."""
@@ -44,7 +43,6 @@ COUNTED = {
     "fit_many": r"fits/s(?!.*scipy)",
     "flights": r"JAX float",
     "events": r"copied|composited|converted|grey",
-    "euler": r"cell-steps/s",
     "laws": r"arrival|pressure",
     "picks": r"records/s",
 }

@@ -66,7 +66,6 @@ from jblast.fidelity.errors import (
     MASSES,
     NODES,
     REFERENCES,
-    SOLVER as SOLVER,
     Conditions,
     exponents,
     is_covered,
@@ -246,7 +245,7 @@ def write_costs() -> None:
     """Write what a reading by every method costs."""
     write(
         "costs",
-        "Seconds a reading, many at once, float64; of the solver, one run.",
+        "Seconds a reading, many at once, float64.",
         ("quantity", "method", "cost_s"),
         [
             (q, m, f"{method_seconds(q, m):.3g}")
@@ -456,7 +455,7 @@ def real_errors(
     reference = np.asarray(reference_value(quantity, path))
     found = {}
     for method, holds in conditions.holds.items():
-        if method in methods_for(quantity) and method != SOLVER:
+        if method in methods_for(quantity):
             off = np.abs(value_of(quantity, method, path) / reference - 1.0)
             found[method] = np.where(np.asarray(holds) & covered, off, np.inf)
     return found
