@@ -4,10 +4,11 @@ BIN := .venv/bin
 # compiled Python is kept: without it every start takes seconds longer
 export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
-.PHONY: help fit test quick test-slow test-all check docs tutorials format lock bench-start clean
+.PHONY: help fit chart stability test quick test-slow test-all check docs tutorials format lock bench-start clean
 
 help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
+	@echo 'make chart       cost against error of every method; make stability where each fails'
 	@echo 'make test        the tests that take seconds'
 	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
@@ -23,6 +24,13 @@ help:
 
 fit: .venv/run
 	$(BIN)/python -m calibration.fit
+
+# Page and figures of the kept tables; MEASURE=--measure measures anew.
+chart: .venv/run
+	$(BIN)/python -m calibration.charts $(MEASURE)
+
+stability: .venv/run
+	$(BIN)/python -m calibration.stability $(MEASURE)
 
 test: .venv/dev
 	$(PYTEST) -m "not slow"

@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.charts import EFFECTS, USUAL
 from jblast.fidelity.timing import best_of
 from jblast.sensors.camera.events.ideal import (
     count_events,
@@ -33,7 +34,6 @@ from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.events.warp_stream import EventKernel
 from jblast.sensors.camera.image import grey_composite
-from jblast.verification.benchmark.cameras import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
 BLOCK = 32

@@ -50,6 +50,7 @@ from jaxtyping import Bool, Float
 
 import jblast.fidelity
 from calibration import run_part
+from calibration.charts import method_seconds
 from calibration.far_pressure import SHALLOW, bend, every_record
 from calibration.gauge_200g import as_read, at_front, distance, table
 from jblast.cli.jax_start import start_jax
@@ -85,7 +86,6 @@ from jblast.registry import call, law_for, total_scatter
 from jblast.report.words import comma_separated
 from jblast.scene.charge import Burst, tnt_factor
 from jblast.study.statistics import wilson_interval
-from jblast.verification.benchmark.laws import method_seconds
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from jblast.waves.paths import Path as WavePath
 from jblast.waves.propagation import (

@@ -51,11 +51,9 @@ WITHIN = {
     "inference.many": (
         *("fold", "solver", "residuals", "lanes", "starts", "engine", "fit_many"),
     ),
-    "verification": ("stability", "benchmark"),
     "cli": ("arguments", "verbs"),
 }
 BESIDE = {
-    "waves": {"euler": ("waveform",)},
     "inference": {"many": ("mcmc", "fitting", "design")},
 }
 """Folders that stand beside others: none of the two imports the other."""

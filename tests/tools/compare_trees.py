@@ -15,7 +15,7 @@ between two records and exits with 1 if anything does:
 
 Words may change: text on the terminal, pages and figures are not compared, only
 whether they are there. `serve` needs a client and `bake` needs Blender; tests of their
-own run them. `chart` prints times of this machine.
+own run them.
 """
 
 import argparse
@@ -164,7 +164,6 @@ COMMANDS = (
     Command("check_hta", "check DATA/hta_1.csv --json", exact=False),
     Command("choose", "choose records.toml --quantity air_arrival_s --json"),
     Command("choose_peak", "choose prior.toml --quantity peak_overpressure_pa --json"),
-    Command("stability", "stability clocks wave-forms --json"),
     Command(
         "bound",
         "bound records.toml --free charge_mass_kg --at charge_mass_kg=15 --json",
