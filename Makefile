@@ -6,10 +6,11 @@ export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 # shapes and types of arguments: to check them takes as long as to import
 TYPED = --jaxtyping-packages=jblast,beartype.beartype
-.PHONY: help fit test quick test-slow test-all check check-types check-text docs tutorials format lock bench-start clean
+.PHONY: help fit chart stability test quick test-slow test-all check check-types check-text docs tutorials format lock bench-start clean
 
 help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
+	@echo 'make chart       cost against error of every method; make stability where each fails'
 	@echo 'make test        the tests that take seconds'
 	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
@@ -25,6 +26,13 @@ help:
 
 fit: .venv/run
 	$(BIN)/python -m calibration.fit
+
+# Page and figures of the kept tables; MEASURE=--measure measures anew.
+chart: .venv/run
+	$(BIN)/python -m calibration.charts $(MEASURE)
+
+stability: .venv/run
+	$(BIN)/python -m calibration.stability $(MEASURE)
 
 test: .venv/dev
 	$(PYTEST) -m "not slow"

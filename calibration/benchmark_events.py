@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.charts import EFFECTS, USUAL
 from jblast.fidelity.timing import best_of
 from jblast.sensors.camera.events.ideal import (
     grey_table,
@@ -23,7 +24,6 @@ from jblast.sensors.camera.events.ideal import (
 )
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.verification.benchmark.cameras import EFFECTS, USUAL
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
 BLOCK = 32

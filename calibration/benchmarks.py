@@ -13,7 +13,6 @@ BENCHMARKS = (
     "laws",
     "fit_many",
     "picks",
-    "euler",
     "flights",
     "events",
     "views",
@@ -24,7 +23,7 @@ BENCHMARKS = (
 )
 """Each has a function `NAME_text`, in the module of its name or of its subject."""
 SUBJECTS = {"flight_kernel": "flights"}
-SPLIT = {"fit_many", "euler", "flights", "world", "environments", "study"}
+SPLIT = {"fit_many", "flights", "world", "environments", "study"}
 """Those that use every core as a device of its own."""
 
 

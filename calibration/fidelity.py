@@ -50,6 +50,7 @@ from jaxtyping import Bool, Float
 
 import jblast.fidelity
 from calibration import run_part
+from calibration.charts import method_seconds
 from calibration.far_pressure import SHALLOW, bend, every_record
 from calibration.gauge_200g import as_read, at_front, distance, table
 from jblast.cli.jax_start import start_jax
@@ -66,7 +67,6 @@ from jblast.fidelity.errors import (
     MASSES,
     NODES,
     REFERENCES,
-    SOLVER as SOLVER,
     Conditions,
     exponents,
     is_covered,
@@ -86,7 +86,6 @@ from jblast.registry import call, law_for, total_scatter
 from jblast.report.words import comma_separated
 from jblast.scene.charge import Burst, tnt_factor
 from jblast.study.statistics import wilson_interval
-from jblast.verification.benchmark.laws import method_seconds
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
 from jblast.waves.paths import Path as WavePath
 from jblast.waves.propagation import (
@@ -246,7 +245,7 @@ def write_costs() -> None:
     """Write what a reading by every method costs."""
     write(
         "costs",
-        "Seconds a reading, many at once, float64; of the solver, one run.",
+        "Seconds a reading, many at once, float64.",
         ("quantity", "method", "cost_s"),
         [
             (q, m, f"{method_seconds(q, m):.3g}")
@@ -461,7 +460,7 @@ def real_errors(
     reference = np.asarray(reference_value(quantity, path))
     found = {}
     for method, holds in conditions.holds.items():
-        if method in methods_for(quantity) and method != SOLVER:
+        if method in methods_for(quantity):
             off = np.abs(value_of(quantity, method, path) / reference - 1.0)
             found[method] = np.where(np.asarray(holds) & covered, off, np.inf)
     return found

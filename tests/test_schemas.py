@@ -52,12 +52,10 @@ from jblast.report.discovery import (
 from jblast.report.fit.document import fit_answer, fit_document
 from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
-from jblast.report.stability import StabilityAnswer
 from jblast.report.study_run import study_answer
 from jblast.scene.reader.scene import scene_from_document
 from jblast.signals.picks import log_of
 from jblast.study import run_into
-from jblast.verification.stability.failure import FailureMode
 from tests.report import example
 from tests.report.picks.test_picks import found as picked
 from tests.study.example import study_in
@@ -236,18 +234,11 @@ def test_the_schema_of_a_check_takes_faults_and_warnings():
         check(documents.schema("check"), answer.to_dict())
 
 
-def test_the_schema_of_failure_modes_takes_one():
-    mode = FailureMode("laws", "a law", "it ends", math.inf, "m", "", "marks", "so")
-    document = StabilityAnswer({"laws": [mode]}).to_dict()
-    assert document["areas"]["laws"][0]["edge"] == "it ends"
-    check(documents.schema("stability"), document)
-
-
 @pytest.mark.parametrize(
     "name",
     [
         *("fit", "pick", "one_pick", "bound", "calc", "check", "choose", "fly"),
-        *("discover", "stability_mode", "render", "events", "world", "serve"),
+        *("discover", "render", "events", "world", "serve"),
         *("tune", "one_tuned", "detect", "one_arrival", "one_array", "listen"),
     ],
 )

@@ -19,7 +19,6 @@ from jblast.report.gains import GainsAnswer
 from jblast.report.listen import ListenAnswer
 from jblast.report.missions import MissionAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer
-from jblast.report.stability import StabilityAnswer
 from jblast.report.study_results import StudyReportAnswer
 from jblast.report.study_run import StudyAnswer
 from jblast.report.tune import TuneAnswer
@@ -55,7 +54,6 @@ DOCUMENTS: dict[str, tuple[type, str]] = {
         WatchedAnswer,
         "What came of jblast serve --ground-station",
     ),
-    "stability": (StabilityAnswer, "Failure modes, by jblast stability"),
 }
 """Types and titles of documents."""
 PARTS = {
@@ -71,7 +69,6 @@ PARTS = {
     "study_report_outcome": ("study_report", "outcomes"),
     "study_report_shares": ("study_report", "sensitivity"),
     "study_report_input": ("study_report", "sensitivity", "numbers"),
-    "stability_mode": ("stability", "areas"),
 }
 """Parts of documents that have a table of their own: the keys that lead to them."""
 TYPES = {"Choice": Choice, "PickAnswer": PickAnswer}

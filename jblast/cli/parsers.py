@@ -274,16 +274,4 @@ VERBS = (
         "choose the cheapest method that is accurate enough for a scene",
         "jblast choose scene.toml --quantity air_arrival_s --tolerance 0.01",
     ),
-    Verb(
-        "chart",
-        "methods",
-        "chart cost against error, measured on this machine",
-        "jblast chart pressure --out charts",
-    ),
-    Verb(
-        "stability",
-        "methods",
-        "measure the limits of each method and the behaviour there",
-        "jblast stability laws --out limits",
-    ),
 )

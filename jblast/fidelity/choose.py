@@ -21,7 +21,6 @@ from jaxtyping import Array, Float
 from jblast.errors import InputError, nearest
 from jblast.fidelity.errors import (
     REFERENCES,
-    SOLVER,
     Conditions,
     continues_reference,
     cost_table,
@@ -224,8 +223,6 @@ def choose_for(
     quantity: str,
     conditions: Sequence[Conditions],
     tolerance: float,
-    *,
-    laws_only: bool = False,
 ) -> Choice:
     """Return the cheapest method that is accurate enough at all positions.
 
@@ -234,15 +231,12 @@ def choose_for(
         conditions: Conditions from every charge at its positions.
         tolerance: Largest accepted relative error; zero requests the most accurate
             method.
-        laws_only: True if the method must be a law, as in a fit; the solver is then
-            listed but not chosen.
     """
     z = np.concatenate([each.z for each in conditions])
     span = float(z.min()), float(z.max())
     uncertainty = worst_reference_uncertainty(quantity, conditions)
     candidates = sorted(candidates_for(quantity, conditions, uncertainty), key=_cost)
-    allowed = [c for c in candidates if not (laws_only and c.method == SOLVER)]
-    accurate = [c for c in allowed if c.valid and c.predicted_error <= tolerance]
+    accurate = [c for c in candidates if c.valid and c.predicted_error <= tolerance]
     if accurate:
         # The cheapest comes first, as candidates are sorted by cost.
         limit = ALIKE * _cost(accurate[0])
@@ -252,7 +246,7 @@ def choose_for(
         without_height = blind_to_height(quantity, conditions)
         # a method with the depth as input, even outside its range, before one without
         found = min(
-            allowed,
+            candidates,
             key=lambda c: (
                 c.method in without_height,
                 *_fallback_order(quantity, c, conditions),
@@ -484,7 +478,7 @@ def blind_to_height(quantity: str, conditions: Sequence[Conditions]) -> set[str]
             return {
                 method
                 for method in one.holds
-                if method == SOLVER or not _has_height(law_for(quantity, method))
+                if not _has_height(law_for(quantity, method))
             }
     return set()
 

@@ -4,8 +4,7 @@ For real TNT the reference is Kingery and Bulmash within the range of their tabl
 Beyond it the reference of the peak is the weak shock with the absorption of ISO 9613-1,
 up to the range where recorded peaks depart from it. The reference of impulse and
 duration is there the recordings to which `ford_2021` was fitted. The uncertainty of a
-reference, $e_{ref}$, is measured against recordings where there are any. The exact
-point source is the reference of numerics alone, for the shock solver.
+reference, $e_{ref}$, is measured against recordings where there are any.
 
 In scaled terms most laws are curves of Z alone, so the error for 1 kg in standard air
 holds for all masses. Other dependences (Wu's and Hao's arrival obeys neither Hopkinson
@@ -13,10 +12,6 @@ nor Sachs) are products of powers with measured exponents. The absorption in the
 reference depends on frequency, and therefore on distance, mass and air. It is measured
 on a separate grid. `calibration/fidelity.py` writes the tables in `data/`, CSV files
 with a commented header that dates them.
-
-The shock solver is a method like the laws: one run gives all distances. Its energy is
-4.184 MJ/kg at a point. On the surface the ground is a perfect mirror, equivalent to
-twice the charge in free air.
 """
 
 import csv
@@ -25,7 +20,7 @@ import math
 from functools import cache
 from importlib.resources import files
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -34,18 +29,13 @@ from jaxtyping import Array, Bool, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity.timing import seconds
 from jblast.kept_programs import kept
 from jblast.registry import call, law_for, names_for
 from jblast.scene import Air, Scene
 from jblast.scene.charge import Burst
-from jblast.waves.laws.point_source import LENGTH
 from jblast.waves.paths import Path, path_between
 from jblast.waves.scaling import scaled_distance
 from jblast.waves.shock import FAR_END
-
-if TYPE_CHECKING:  # a choice reads the cost of a run from a table, and needs no run
-    from jblast.waves.euler import Decay
 
 # Seventeen steps to a factor of 2 are 4 % each.
 PER_OCTAVE = 17
@@ -95,16 +85,6 @@ MAX_DISTANCE = 5000.0
 DATA = files("jblast.fidelity") / "data"
 Numbers = Float[Array | np.ndarray, " place"]
 Marks = Bool[Array | np.ndarray, " place"]
-SOLVER = "euler"
-# Enough for 0.1 % (`calibration/results/point_source.txt`).
-SOLVER_CELLS = 100
-"""Cells of a run of the solver."""
-SOLVED = ("air_arrival_s", "peak_overpressure_pa", "shock_speed_m_s")
-"""Quantities of the solver."""
-LAMBDAS = (0.1, 100.0)
-"""Smallest and largest scaled distance R (P0/E)^(1/3) of a run."""
-# 200 nodes over three decades are 3.5 % apart, about the spacing of NODES.
-SOLVER_NODES = np.geomspace(*LAMBDAS, 200)
 
 
 def standard_path(
@@ -131,14 +111,13 @@ def standard_path(
 
 
 def methods_for(quantity: str) -> tuple[str, ...]:
-    """Return the candidate methods for a quantity: laws, and the solver."""
-    laws = tuple(
+    """Return the candidate methods for a quantity."""
+    return tuple(
         name
         for name in names_for(quantity)
         if "time_since_detonation" not in law_for(quantity, name).arguments()
         and (quantity, name) not in CONTINUATIONS
     )
-    return laws + ((SOLVER,) if quantity in SOLVED else ())
 
 
 def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " place"]:
@@ -149,22 +128,12 @@ def value_of(quantity: str, method: str, path: Path) -> Float[np.ndarray, " plac
         method: One of `methods_for`.
         path: Paths to every position, with the TNT-equivalent mass.
     """
-    if method == SOLVER:
-        scaled = solver_value(quantity, scaled_distances(path), path.one_burst())
-        unit = {
-            "air_arrival_s": path.slant_range / path.sound_speed,
-            "peak_overpressure_pa": path.ambient_pressure,
-            "shock_speed_m_s": path.sound_speed,
-        }[quantity]
-        return scaled * np.asarray(unit)
     value = np.asarray(call(law_for(quantity, method).function, path))
     return np.broadcast_to(value, path.slant_range.shape)
 
 
 def holds(quantity: str, method: str, path: Path) -> Bool[np.ndarray, " place"]:
     """Return True at positions where a method is valid."""
-    if method == SOLVER:
-        return np.asarray(solver_holds(scaled_distances(path), path.one_burst()))
     valid = np.asarray(call(law_for(quantity, method).valid, path))
     return np.broadcast_to(valid, path.slant_range.shape)
 
@@ -606,12 +575,6 @@ def conditions_of(quantity: str, path: Path) -> Conditions:
     holds = {
         name: call(law_for(quantity, name).valid, path) for name in names_for(quantity)
     }
-    if quantity in SOLVED:
-        here = solver_holds(z, path.one_burst())
-        if quantity == "peak_overpressure_pa":
-            # farther out recorded peaks depart from theory, for laws and solver alike
-            here = here & (z <= FAR_END)
-        holds[SOLVER] = here
     return Conditions(
         z=z,
         slant_range=path.slant_range,
@@ -625,57 +588,3 @@ def conditions_of(quantity: str, path: Path) -> Conditions:
 
 
 jitted_conditions = kept(conditions_of)
-
-
-def point_source_length(burst: str) -> float:
-    """Return the scaled distance Z of lambda = 1 [m/kg^(1/3)]."""
-    # A rigid ground doubles the energy, and lengths grow with its cube root.
-    return LENGTH * (2.0 ** (1.0 / 3.0) if burst == "surface" else 1.0)
-
-
-@cache
-def solver_decay(cells: int = SOLVER_CELLS) -> "Decay":
-    """Return the decay of the front by a run, at `NODES`."""
-    from jblast.waves.euler import decay_at, point_source_march
-
-    return decay_at(SOLVER_NODES, point_source_march(cells, LAMBDAS[1]))
-
-
-def seconds_of_run(cells: int = SOLVER_CELLS) -> float:
-    """Return the time of a compiled run [s]."""
-    from jblast.waves.euler import point_source_march
-
-    return seconds(lambda: point_source_march(cells, LAMBDAS[1]).history, 1)
-
-
-def solver_value(
-    quantity: str, z: Float[np.ndarray, " place"], burst: str
-) -> Float[np.ndarray, " place"]:
-    r"""Return a quantity of 1 kg in standard air: $c_0 t/R$, $p/P_0$ or $U/c_0$.
-
-    The logarithm is interpolated; the value is NaN outside the range of the run.
-
-    Args:
-        quantity: One of `SOLVED`.
-        z: Scaled distances [m/kg^(1/3)].
-        burst: "surface" or "free-air".
-    """
-    run = solver_decay()
-    lambdas = z / point_source_length(burst)
-    given = {
-        "air_arrival_s": run.arrival / run.scaled,
-        "peak_overpressure_pa": run.overpressure_ratio,
-        # Rankine-Hugoniot with gamma = 1.4
-        "shock_speed_m_s": np.sqrt(1.0 + 6.0 / 7.0 * run.overpressure_ratio),
-    }[quantity]
-    # In logarithms the decay is nearly straight between nodes.
-    value = np.exp(np.interp(np.log(lambdas), np.log(run.scaled), np.log(given)))
-    return np.where(solver_holds(z, burst), value, math.nan)
-
-
-def solver_holds(
-    z: Float[Array | np.ndarray, " place"], burst: str
-) -> Bool[Array | np.ndarray, " place"]:
-    """Return True for scaled distances within the run."""
-    lambdas = z / point_source_length(burst)
-    return (lambdas >= LAMBDAS[0]) & (lambdas <= LAMBDAS[1])

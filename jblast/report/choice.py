@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
-from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES, SOLVER
+from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES
 from jblast.registry import LAWS
 from jblast.report.words import aligned, hanging
 from jblast.results import Answer, among
@@ -91,7 +91,7 @@ def reason_for(choice: Choice) -> str:
         parts.append(
             f"{dearest.method}, the reference, {more}"
             if dearest.is_reference
-            else f"{named(dearest.method)} {more} (error {percent(dearest.error)})"
+            else f"{dearest.method} {more} (error {percent(dearest.error)})"
         )
     parts += [BY_HEIGHT[choice.by_height]] if choice.by_height else []
     return "; ".join([*parts, *choice.notes])
@@ -129,17 +129,11 @@ def _times(ratio: float) -> str:
     return f"{float(f'{ratio:.0e}'):g}" if ratio < 1e3 else f"{digit}e{int(power)}"
 
 
-def named(method: str) -> str:
-    """Return the name of a method in a sentence."""
-    return "the Euler solver" if method == SOLVER else method
-
-
 def _of_the_chosen(choice: Choice, found: Candidate) -> str:
     low, high = (f"{z:.3g}" for z in choice.span)
     z = f"Z = {low} m/kg^(1/3)" if low == high else f"Z = {low} to {high} m/kg^(1/3)"
-    law = LAWS.get((choice.quantity, found.method))
-    where = f"inside {law.range}" if law else "inside the run"
-    name = named(found.method)
+    where = f"inside {LAWS[choice.quantity, found.method].range}"
+    name = found.method
     if choice.quantity not in REFERENCES:
         if choice.reference_uncertainty == 0.0:
             return f"{name}: exact"
@@ -178,7 +172,7 @@ def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
     others = [
         c
         for c in choice.candidates
-        if c.method not in (found.method, SOLVER)
+        if c.method != found.method
         and math.isfinite(c.error)
         and c.error > max(found.error, choice.tolerance)
     ]

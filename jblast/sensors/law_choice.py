@@ -22,7 +22,6 @@ from jblast.quantities import QUANTITIES
 from jblast.registry import LAWS, is_law, names, names_for
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
-from jblast.scene.reader.tables import LAW_NAMES_LATER
 from jblast.sensors.layout import Layout, components
 from jblast.sensors.record import path_to
 from jblast.waves.height_of_burst import burst_notes, scaled_height
@@ -105,8 +104,6 @@ def _law_of_quantity(word: str, quantity: str, name: str) -> dict[str, str]:
             "expected a law for one of these"
         )
     if name != "auto" and name not in names_for(quantity):
-        if _is_planned(name):
-            raise InputError(f"{_LAWS} {word}: {name} is not supported yet")
         raise InputError(
             f"{_LAWS} {word}: expected auto or one of "
             f"{', '.join(names_for(quantity)) or '(none yet)'}, got {name!r}"
@@ -121,17 +118,10 @@ def _laws_of_name(name: str) -> dict[str, str]:
         return dict.fromkeys(QUANTITIES, "auto")
     if name in names():
         return {quantity: law for quantity, law in LAWS if law == name}
-    if _is_planned(name):
-        raise InputError(f"{_LAWS} {name}: {name} is not supported yet")
     raise InputError(
         f"{_LAWS} {name}: expected auto, NAME or QUANTITY=NAME with NAME one of "
         f"{', '.join(names())}, got {name!r}{nearest(name, names())}"
     )
-
-
-def _is_planned(name: str) -> bool:
-    """Return True for a law that the contract names and that does not exist yet."""
-    return name in LAW_NAMES_LATER and name not in names()
 
 
 def choose_laws(
@@ -215,7 +205,7 @@ def _choose(
     # the strictest stated tolerance of any row; without one the best law wins
     stated = [share for share in shares if share > 0.0]
     tolerance = min(stated, default=0.0)
-    choice = choose_for(quantity, found, tolerance, laws_only=True)
+    choice = choose_for(quantity, found, tolerance)
     return TakenLaw(choice.method, choice)
 
 

@@ -1,1 +1,1 @@
-"""Measured cost, error and failure modes: `jblast chart` and `jblast stability`."""
+"""Cases with a known truth: films, recordings and posteriors."""

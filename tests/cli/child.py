@@ -11,7 +11,6 @@ QUESTIONS = (
     ("calc", "--help"),
     ("bound", "--help"),
     ("choose", "--help"),
-    ("stability", "--help"),
     ("clac",),
 )
 

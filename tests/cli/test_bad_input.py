@@ -66,10 +66,6 @@ SCENES = {
     "a camera without a place": ("[camera]\n", ["[camera] position_m", "got nothing"]),
     "a vehicle without a model": ("[vehicle]\n", ["[vehicle] model", "got nothing"]),
     "a world of nothing": ("[world]\ncount = 0\n", ["[world] count", "got 0"]),
-    "a law to come": (
-        '[law]\nair_arrival_s = "euler"\n',
-        ["air_arrival_s", "euler", "not supported yet"],
-    ),
     "no such law, for what the log lacks": (
         '[law]\npositive_duration_s = "ford_2020"\n',
         ["positive_duration_s", "did you mean ford_2021"],
@@ -91,7 +87,6 @@ OPTIONS = {
     "--free charge_mass_kg.main": ["did you mean charge_mass_kg"],
     "--free charge_mas_kg": ["did you mean charge_mass_kg"],
     "--free charge_range_m,charge_east_m": ["charge_range_m", "charge_east_m"],
-    "--law euler": ["not supported yet"],
     "--law nobody": ["expected auto", "'nobody'"],
     "--law air_arrival=wu_hao": ["did you mean air_arrival_s"],
     "--law air_arrival_s=ford_2021": ["wu_hao", "'ford_2021'"],

@@ -210,7 +210,7 @@ def test_a_far_peak_is_promised_no_better_than_recordings_are():
     assert near.predicted_error > 0.5
 
 
-def test_where_no_law_of_the_peak_holds_a_fit_takes_the_weak_shock_and_not_the_solver():
+def test_where_no_law_of_the_peak_holds_a_fit_takes_the_weak_shock():
     far = scene(600.0, mass=1.0, quantity=PRESSURE)  # Z = 600, past the end of all
     laws = resolve_laws(far, planned_layout(far)[0])
     assert laws[PRESSURE].name == "shock_kinematics"

@@ -14,8 +14,7 @@ between two records and exits with 1 if anything does:
 - sounds, frames, events and stores: at all. They are compared byte by byte.
 
 Words may change: text on the terminal, pages and figures are not compared, only
-whether they are there. `serve` needs a client; tests of its own run it. `chart` prints
-times of this machine.
+whether they are there. `serve` needs a client; tests of its own run it.
 """
 
 import argparse
@@ -164,7 +163,6 @@ COMMANDS = (
     Command("check_hta", "check DATA/hta_1.csv --json", exact=False),
     Command("choose", "choose records.toml --quantity air_arrival_s --json"),
     Command("choose_peak", "choose prior.toml --quantity peak_overpressure_pa --json"),
-    Command("stability", "stability clocks wave-forms --json"),
     Command(
         "bound",
         "bound records.toml --free charge_mass_kg --at charge_mass_kg=15 --json",

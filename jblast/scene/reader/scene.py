@@ -25,7 +25,6 @@ from jblast.scene.reader.random_blasts import read_random_blasts
 from jblast.scene.reader.sensors import read_clocks, read_sensors
 from jblast.scene.reader.tables import (
     GROUND_PATHS,
-    LAW_NAMES_LATER,
     LISTS,
     VEHICLE_MODELS,
     Uncertain,
@@ -35,7 +34,6 @@ from jblast.scene.reader.tables import (
     fixed_number,
     known_keys,
     name_of,
-    not_yet,
     read_numbers,
     table,
     tables,
@@ -258,8 +256,6 @@ def _law(law: dict[str, Any], where: str) -> tuple[tuple[tuple[str, str], ...], 
     names = []
     for key in (key for key in law if key in QUANTITIES):
         name = name_of(law[key], f"{where} {key}")
-        if name in LAW_NAMES_LATER:
-            raise not_yet(f"{where} {key}", f'"{name}"')
         names.append((key, name))
     scatter = true_or_false(law.get("scatter", True), f"{where} scatter")
     return tuple(pair for pair in names if pair[1] != "auto"), scatter

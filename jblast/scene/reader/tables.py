@@ -154,8 +154,6 @@ LATER: dict[str, tuple[str, ...]] = {}
 SATURATIONS = ("clip", "compress")
 VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
 GROUND_PATHS = ("head", "thesis")
-LAW_NAMES_LATER = ("euler", "emulator")
-"""Reserved law names that are not supported yet; the others are in the registry."""
 CELSIUS = "add 273.15"
 FAHRENHEIT = "subtract 32, multiply by 5/9 and add 273.15"
 TEMPERATURES = {

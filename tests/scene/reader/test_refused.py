@@ -42,10 +42,6 @@ BAD = {
     ),
     "explosive that is no text": ("[charge]\nexplosive = 3\n", ["in quotes", "got 3"]),
     "ground path": ("[ground]\npath = 'tunnel'\n", ["[ground] path", "head, thesis"]),
-    "later law": (
-        "[law]\nair_arrival_s = 'euler'\n",
-        ["[law] air_arrival_s", "not supported yet"],
-    ),
     "free sensor": (
         "[[sensor]]\nname = 'a'\nposition_m = ['free', 0, 0]\n",
         ["'a' position_m", "not supported yet"],

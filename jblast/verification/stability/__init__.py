@@ -1,1 +1,0 @@
-"""Failure modes of each method, measured, and the response of jblast."""
