@@ -36,11 +36,13 @@ class Bounds:
         above: Exclusive lower bound.
         at_least: Lower bound.
         at_most: Upper bound.
+        other_units: Units in which values are given by mistake, with their sizes.
     """
 
     above: float = -math.inf
     at_least: float = -math.inf
     at_most: float = math.inf
+    other_units: tuple[tuple[str, float], ...] = ()
 
     @overload
     def allows(self, value: float) -> bool: ...
@@ -67,6 +69,13 @@ class Bounds:
             return f"above {self.above:g}"
         return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
 
+    def hint(self, value: float) -> str:
+        """Return how a refused value reads in another unit; "" if it fits none."""
+        for unit, size in self.other_units:
+            if self.allows(value * size):
+                return f"; {value:g}{unit} is {value * size:g}"
+        return ""
+
 
 POSITIVE = Bounds(above=0.0)
 UNBOUNDED = Bounds()
@@ -74,6 +83,13 @@ UNBOUNDED = Bounds()
 # atmosphere's lowest layer ends at 11 km. No wind on the ground reaches 100 m/s.
 TEMPERATURES = Bounds(at_least=150.0, at_most=400.0)
 ALTITUDES = Bounds(at_least=-500.0, at_most=11_000.0)
+# The standard atmosphere has 107 kPa at the lowest of these altitudes and 22.6 kPa at
+# the highest; weather changes it by 5 %.
+PRESSURES = Bounds(
+    at_least=20e3,
+    at_most=120e3,
+    other_units=(("hPa", 100.0), ("kPa", 1e3), ("bar", 1e5)),
+)
 WINDS = Bounds(at_least=-100.0, at_most=100.0)
 
 
@@ -268,7 +284,7 @@ _ROWS = (
         key=Key("air", "pressure_pa"),
         spread=Spread(1.1, "factor"),
         default=STANDARD_PRESSURE,
-        bounds=POSITIVE,
+        bounds=PRESSURES,
         decides=True,
     ),
     Parameter(

@@ -88,7 +88,8 @@ class Law:
         valid: Function with such arguments, True within the range of validity.
         scatter: Scatter of real blasts about the law, in ln of the quantity (of the
             travel time for arrivals): standard deviations between shots, between paths
-            of a shot and between records of a path. A function with such arguments.
+            of a shot and between records of a path. Normal where it is drawn; in a fit
+            the last is the scale of a Student-t. A function with such arguments.
         scatter_source: Source of the scatter: the script that measured it, or
             "declared".
         joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous

@@ -1,8 +1,9 @@
 """A simulated log: a scene sampled from its priors, recorded, with errors.
 
-The error model is that of the fit. Effects shared by a shot and by a path are normal.
-The remaining error of each row is Student-t with 4 degrees of freedom (or normal); its
-scale is the row's sigma and the law's record scatter in quadrature.
+All scatter of laws is normal, in ln except for angles: exp of a Student-t has no mean.
+Errors of instruments are Student-t with 4 degrees of freedom, or normal. A declared
+number is the standard deviation of a normal error and the scale of a Student-t one,
+whose standard deviation is 1.41 times larger.
 
 Student's t is drawn in polar form, without rejection. `jax.random.t` divides by a gamma
 variate, which is drawn by rejection: in a batch all elements wait for the slowest one,
@@ -19,7 +20,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
 
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
@@ -266,11 +267,12 @@ def observe(
         layout: Rows of a log.
         laws: Name of the law for each of `layout.quantities()`.
         sigma: Instrument error of each row: in its unit for `ADDITIVE`, else relative.
-        noise: Distribution of the independent errors.
+        noise: Distribution of the independent errors of instruments.
         shared_error: Contribution of one standard deviation of each shared instrument
             error to each row, in addition to `sigma`; None if all are independent.
-        own: Independent standardised errors, instead of drawn ones. Batches draw them
-            by `student_errors`; a log keeps `jax.random.t`, so that seeds reproduce.
+        own: Student-t errors of the instruments, of scale 1, instead of drawn ones.
+            Batches draw them by `student_errors`; a log keeps `jax.random.t`, so that
+            seeds reproduce.
     """
     recording = record(scene, layout, laws)
     shared_key, own_key = jax.random.split(key)
@@ -285,16 +287,36 @@ def observe(
         # a separate key: the draws of all other effects do not depend on this one
         fields_key = jax.random.fold_in(shared_key, 1)
         shared += neighbours @ jax.random.normal(fields_key, (neighbours.shape[1],))
-    if own is None and noise == "student":
-        own = jax.random.t(own_key, STUDENT_FREEDOM, sigma.shape)
-    elif own is None:
-        own = jax.random.normal(own_key, sigma.shape)
-    error = shared + own * jnp.hypot(sigma, of_laws.record_sd)
+    if noise == "gaussian":  # one draw for the sum of two normal errors
+        both = independent_scale(sigma, of_laws.record_sd)
+        error = shared + both * jax.random.normal(own_key, sigma.shape)
+    else:
+        if own is None:
+            own = jax.random.t(own_key, STUDENT_FREEDOM, sigma.shape)
+        law_key = jax.random.fold_in(shared_key, 3)
+        of_record = jax.random.normal(law_key, sigma.shape)
+        error = shared + of_laws.record_sd * of_record + sigma * own
     # additive quantities add their error, the others multiply: it is in ln
     moved, grown = recording.value + error, recording.value * jnp.exp(error)
     read = jnp.where(np.isin(layout.quantity, ADDITIVE), moved, grown)
     circular = np.isin(layout.quantity, CIRCULAR)
     return jnp.where(circular, jnp.mod(read, 2 * math.pi), read)
+
+
+def independent_scale(
+    sigma: Float[ArrayLike, "..."], record_sd: Float[ArrayLike, "..."]
+) -> Float[Array, "..."]:
+    """Return the scale of the independent error of rows in a fit.
+
+    The standard deviation of a normal error, the scale of a Student-t one. With scales,
+    90 % intervals from normal errors contain the truth in 94 % of logs of many rows;
+    a Student-t of the same standard deviation would have 80 %.
+
+    Args:
+        sigma: Instrument error of each row.
+        record_sd: Scatter of the law from record to record.
+    """
+    return jnp.hypot(sigma, record_sd)
 
 
 def student_errors(

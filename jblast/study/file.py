@@ -437,6 +437,7 @@ def _allowed(key: str, value: Any, where: str) -> float:
     if not bounds.allows(number):
         raise InputError(
             f"{where}: expected a number that is {bounds.words()}, got {shown(value)}"
+            f"{bounds.hint(number)}"
         )
     return number
 

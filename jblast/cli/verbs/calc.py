@@ -469,7 +469,7 @@ def _bounded(options: argparse.Namespace, option: str, parameter: str) -> float:
     if not bounds.allows(value):
         raise InputError(
             f"--{option.replace('_', '-')}: expected a number that is "
-            f"{bounds.words()}, got {value:g}"
+            f"{bounds.words()}, got {value:g}{bounds.hint(value)}"
         )
     return value
 

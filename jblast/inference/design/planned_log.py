@@ -224,6 +224,7 @@ def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
     if not bounds.allows(value):
         raise InputError(
             f"{where}: expected a number that is {bounds.words()}, got {value:g}"
+            f"{bounds.hint(value)}"
         )
     if not math.isfinite(value):
         raise InputError(f"{where}: expected a finite number, got {value:g}")

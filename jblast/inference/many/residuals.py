@@ -31,7 +31,7 @@ from jblast.quantities import ADDITIVE, TIMES
 from jblast.scene import Free, with_values
 from jblast.sensors import Layout
 from jblast.sensors.record import clock_offsets, record, residuals_of, to_error_scale
-from jblast.sensors.simulated_readings import Noise, loadings
+from jblast.sensors.simulated_readings import Noise, independent_scale, loadings
 
 MAX_NAMED = 20
 """Largest number of bad logs that a message names."""
@@ -357,7 +357,7 @@ def row_program(
             for (name, belief), at in zip(beliefs, unknowns, strict=False)
         }
         recording = record(with_values(parameters.scene, numbers), here, dict(laws))
-        sd = jnp.hypot(error, recording.record_sd[0])
+        sd = independent_scale(error, recording.record_sd[0])
         shared = loadings(recording, here)[0]
         # Fisher information of the mean alone: the dependence of the errors on the
         # parameters is left out, as in `fisher_information`

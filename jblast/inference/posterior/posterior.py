@@ -60,7 +60,13 @@ from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 from jblast.sensors.path_scatter import DENSE, KERNELS, TYPICAL, kernel_weights
 from jblast.sensors.record import Recording, count_effects, residuals_of, to_error_scale
-from jblast.sensors.simulated_readings import ErrorModel, Noise, error_model, paths_of
+from jblast.sensors.simulated_readings import (
+    ErrorModel,
+    Noise,
+    error_model,
+    independent_scale,
+    paths_of,
+)
 
 MAX_EFFECT_NUMBERS = 30_000_000
 """Largest product of rows and shared effects. A fit needs a few arrays of this size
@@ -258,7 +264,7 @@ class Posterior(eqx.Module):
                 to_error_scale(predicted, self.layout.quantity),
                 self.layout.quantity,
             ),
-            sd=jnp.hypot(self.sigma, of_laws.record_sd),
+            sd=independent_scale(self.sigma, of_laws.record_sd),
             loading=self._loading(of_laws),
             predicted=predicted,
             valid=recording.valid,

@@ -313,7 +313,11 @@ def _prior(value: dict[str, Any], parameter: Parameter, where: str) -> Uncertain
 
 def _check(value: float, parameter: Parameter, where: str, what: str) -> None:
     bounds = parameter.bounds
-    _require(bounds.allows(value), where, f"{what} that is {bounds.words()}", value)
+    if not bounds.allows(value):
+        raise InputError(
+            f"{where}: expected {what} that is {bounds.words()}, got {shown(value)}"
+            f"{bounds.hint(value)}"
+        )
 
 
 def _require(condition: bool, where: str, expected: str, got: Any) -> None:

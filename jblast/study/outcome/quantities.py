@@ -20,7 +20,7 @@ from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names, settled
-from jblast.sensors.simulated_readings import STUDENT_FREEDOM, observe, student_errors
+from jblast.sensors.simulated_readings import observe
 from jblast.study.outcome.family import (
     Answers,
     Family,
@@ -142,11 +142,9 @@ def prepare(setting: Setting) -> Prepared:
 
     def one(key, numbers) -> Answers:
         scene = with_values(like, numbers)
-        # the scatter has one error for each reading: all rows are drawn together
+        # scatter is shared by rows: all are drawn together
         if scene.scatter:
-            key, of_rows = jax.random.split(key)
-            own = student_errors(of_rows, STUDENT_FREEDOM, exact.size)
-            values = observe(key, scene, layout, laws, exact, own=own)
+            values = observe(key, scene, layout, laws, exact, noise="gaussian")
             rows = {q: values[n * count :][:count] for n, q in enumerate(quantities)}
         else:
             rows = {

@@ -56,7 +56,8 @@ class FordCurve(eqx.Module):
         shot_sd: Scatter in ln shared by all records of one shot at the surface.
         burial_sd: Additional scatter of a shot per unit of $-x$, in quadrature.
         path_sd: Scatter in ln shared by the records of one path.
-        record_sd: Scale of the Student-t (4 degrees of freedom) of one record, in ln.
+        record_sd: Scatter in ln of one record: scale of a Student-t with 4 degrees of
+            freedom.
     """
 
     coefficients: Float[Array, "4"] = eqx.field(converter=as_float_array)

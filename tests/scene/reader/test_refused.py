@@ -81,6 +81,14 @@ BAD = {
         ["[charge] mass_kg", "a number that is positive", "got -15"],
     ),
     "zero range": ("[charge]\nrange_m = 0\n", ["range_m", "positive", "got 0"]),
+    "hectopascals": (
+        "[air]\npressure_pa = 1013\n",
+        ["[air] pressure_pa", "between 20000 and 120000", "1013hPa is 101300"],
+    ),
+    "a prior up to no pressure": (
+        "[air]\npressure_pa = { uniform = [1e3, 1e5] }\n",
+        ["[air] pressure_pa", "a bound", "between 20000 and 120000", "got 1000"],
+    ),
     "cold": ("[air]\ntemperature_k = 15\n", ["between 150 and 400", "got 15"]),
     "per cent": ("[air]\nrelative_humidity = 50\n", ["between 0 and 1", "got 50"]),
     "above the troposphere": ("[air]\naltitude_m = 2e4\n", ["altitude_m", "11000"]),

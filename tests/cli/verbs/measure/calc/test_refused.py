@@ -26,6 +26,11 @@ BAD = {
     ),
     "a negative range in a list": ("--mass 5 --range 3,-1", ["--range", "-1"]),
     "an infinite range": ("--mass 5 --range inf", ["--range", "finite"]),
+    "a pressure in hectopascals": (
+        "--mass 100 --range 50 --quantity overpressure --pressure 1013",
+        ["--pressure", "between 20000 and 120000", "1013hPa is 101300"],
+    ),
+    "a pressure in bar": ("--mass 1 --range 9 --pressure 0.9", ["0.9bar is 90000"]),
     "a pressure of zero": ("--mass 5 --range 9 --pressure 0", ["--pressure", "got 0"]),
     "a negative overpressure": ("--mass 5 --overpressure -2", ["--overpressure", "-2"]),
     "a temperature in Celsius": (

@@ -1,0 +1,80 @@
+"""Scatter of laws that is drawn, and the scatter that `calc` prints."""
+
+import math
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.registry import law_for
+from jblast.scene import Scene, Sensor, with_values
+from jblast.sensors import observe, planned_layout
+from jblast.sensors.calculator import Question, law_scatters
+from jblast.sensors.simulated_readings import STUDENT_FREEDOM, independent_scale
+
+PEAK, LAW = "peak_overpressure_pa", "kingery_bulmash"
+RANGE_M, MASS_KG, COUNT = 51.0, 12.0, 400_000
+GAUGE = Sensor("gauge", jnp.array([0.0, RANGE_M, 0.0]), records=((PEAK, 0.05),))
+SCENE = with_values(
+    replace(Scene(), sensors=(GAUGE,)), {"charge_mass_kg": MASS_KG, "charge_up_m": 0.0}
+)
+
+
+@pytest.fixture(scope="module", params=["student", "gaussian"])
+def peaks(request):
+    """Return peaks of an exact instrument, by noise of instruments."""
+    layout, sigma, _ = planned_layout(SCENE)
+    exact = jnp.zeros_like(sigma)
+
+    @jax.jit
+    @jax.vmap
+    def drawn(key):
+        return observe(key, SCENE, layout, {PEAK: LAW}, exact, noise=request.param)[0]
+
+    return np.asarray(drawn(jax.random.split(jax.random.key(3), COUNT)))
+
+
+def test_the_scatter_drawn_is_the_number_that_calc_prints(peaks):
+    question = Question(
+        scene=replace(SCENE, sensors=()),
+        slant_range=(RANGE_M,),
+        charge_mass=(MASS_KG,),
+    )
+    printed = law_scatters(question, [(PEAK, LAW)])[PEAK, LAW][0]
+    assert printed == pytest.approx(math.hypot(*law_for(PEAK, LAW).scatter()))
+    # four standard errors of the sd of a normal
+    assert np.log(peaks).std() == pytest.approx(printed, rel=4 / math.sqrt(2 * COUNT))
+
+
+def test_drawn_scatter_is_normal_in_the_logarithm(peaks):
+    z = np.log(peaks)
+    z = (z - z.mean()) / z.std()
+    # four standard errors of skewness and kurtosis; half of the variance as Student-t
+    # has a kurtosis without bound
+    assert abs(np.mean(z**3)) < 4 * math.sqrt(6 / COUNT)
+    assert abs(np.mean(z**4) - 3) < 4 * math.sqrt(24 / COUNT)
+    assert abs(z).max() < 6.5  # 1 in 30,000 for a normal
+
+
+def interval_coverage(scale: float) -> float:
+    """Return the coverage of 90 % intervals of many unit-normal errors fitted as t.
+
+    The spread of the estimate of a mean is that of an M-estimator (Huber 1964), its
+    interval that of the information of the Student-t density.
+    """
+    x, step = np.linspace(-12.0, 12.0, 100_001, retstep=True)
+    weight = np.exp(-(x**2) / 2) / math.sqrt(2 * math.pi) * step
+    u, nu = x / scale, STUDENT_FREEDOM
+    score = (nu + 1) * u / (nu + u**2) / scale
+    slope = (nu + 1) * (nu - u**2) / (nu + u**2) ** 2 / scale**2
+    spread = math.sqrt(weight @ score**2) / (weight @ slope)
+    claimed = scale * math.sqrt((nu + 3) / (nu + 1))
+    return math.erf(1.6449 * claimed / spread / math.sqrt(2))
+
+
+def test_normal_errors_in_a_student_fit_have_the_stated_coverage():
+    scale = float(independent_scale(0.6, 0.8))  # of a unit normal
+    assert interval_coverage(scale) == pytest.approx(0.94, abs=5e-3)
+    assert interval_coverage(scale / math.sqrt(2)) == pytest.approx(0.80, abs=5e-3)
