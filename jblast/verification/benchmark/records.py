@@ -22,6 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibration.eye_pick import eye_pick
 from jblast.fidelity.timing import best_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
@@ -33,11 +34,10 @@ from jblast.progress import in_words
 from jblast.signals import (
     filtered_by,
     matched_kernel,
-    sta_lta,
     threshold_for,
     white_noise,
 )
-from jblast.signals.picks import eye_pick, pick_records
+from jblast.signals.picks import pick_records
 from jblast.verification.benchmark.chart import (
     Benchmark,
     BenchmarkPoint,
@@ -163,7 +163,6 @@ def methods() -> dict[str, Loudest]:
         "bank of five other lengths": lambda window: max(
             loudest(window) for loudest in bank
         ),
-        "short over long average": lambda window: float(sta_lta(window, RATE).max()),
     }
 
 
