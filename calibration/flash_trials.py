@@ -16,9 +16,9 @@ from typing import NamedTuple, TypeVar
 import jax
 import numpy as np
 
+from calibration.vertical_events import VerticalEvents
 from jblast.progress import counted
 from jblast.sensors.camera import ExplosionViews, explosion_views
-from jblast.signals.flash.vertical_events import VerticalEvents
 from jblast.signals.flash.watch import Watch
 from jblast.verification.flash_films import KINDS, blast, negative
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from calibration.eye_pick import eye_pick
 from calibration.picks_records import (
     SAMPLES,
     Made,
@@ -29,7 +30,7 @@ from calibration.picks_records import (
 )
 from jblast.cli.jax_start import start_jax
 from jblast.report.words import aligned
-from jblast.signals.picks import Pick, eye_pick, pick
+from jblast.signals.picks import Pick, pick
 
 MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""

@@ -15,6 +15,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from calibration.flash_trials import (
     BALL,
@@ -39,7 +40,8 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import aligned
-from jblast.signals.flash.search import Tail, fitted_tail
+from jblast.signals.flash.search import Tail
+from jblast.signals.matched_filter import HOUR_S
 from jblast.verification.flash_films import KINDS, SECONDS
 
 RESULTS = Path(__file__).parent / "results"
@@ -147,6 +149,39 @@ def summary(
         for r, few in small.items()
     ]
     return [*lines, *aligned(rows, right={1, 2, 3, 4, 5})]
+
+
+def fitted_tail(
+    greatest: Float[np.ndarray, " trial"], seconds: float, share: float = 0.05
+) -> Tail:
+    """Return the tail of the largest statistics of sequences without a blast.
+
+    The Pareto shape is that of L-moments (Hosking and Wallis 1987, eq. 9). A shape
+    below 0 is set to 0, since it would give the tail an upper bound.
+
+    Args:
+        greatest: Largest statistic of each sequence.
+        seconds: Length of each [s].
+        share: Share of the sequences in the tail.
+    """
+    ordered = np.sort(greatest)
+    count = max(round(share * len(ordered)), 8)
+    level = float(ordered[-count - 1])
+    excess = ordered[-count:] - level
+    # most sequences have no evidence at all: values equal to the level are no excess
+    if excess.max() > 0.0:
+        excess = excess[excess > 0.0]
+        count = len(excess)
+    mean = float(excess.mean())
+    # plotting positions of Hosking and Wallis, (i - 0.35) / n
+    weights = (np.arange(count) + 0.65) / count
+    second = float((excess * (1.0 - weights)).mean())
+    shape = -(mean / (mean - 2.0 * second) - 2.0) if mean > 2.0 * second else 0.0
+    shape = max(shape, 0.0)
+    scale = mean * (1.0 - shape) if shape < 1.0 else mean
+    hours = len(ordered) * seconds / HOUR_S
+    rate, largest = count / hours, float(ordered[-1])
+    return Tail(level, scale, shape, rate, len(ordered), hours, largest)
 
 
 def tails_of(greatest: dict[str, np.ndarray]) -> list[Tail]:

@@ -8,10 +8,8 @@ and the message names jblast's quantity. Unit suffixes are matched in lower case
 because column names are typed by hand, except MPa and mPa, which differ in case only.
 Factors of units that are not SI come from pint, in fractions.
 
-A product of a factor and a number as written is rounded once. 12.4 ms is 0.0124 s, but
-in floating point 12.4 and 0.001 are rounded before the multiplication, and the product
-is 0.012400000000000001. Decimal arithmetic on the text is exact up to the last
-step.
+A value is multiplied by the numerator of its factor and divided by the denominator:
+12.4 ms are 0.0124 s, where 12.4 times 0.001 is 0.012400000000000001.
 
 Peak levels in decibels are not converted by a factor:
 
@@ -31,8 +29,6 @@ References:
 
 import math
 import re
-from collections.abc import Sequence
-from decimal import Context, Decimal
 from fractions import Fraction
 from functools import cache
 from itertools import product
@@ -48,8 +44,6 @@ ANY = ("value", "sigma")
 """Columns with the unit of the row's quantity."""
 MAX_LISTED = 12
 """Maximum number of units that a message lists: about one line."""
-_DIGITS = Context(prec=40)
-"""Decimal context with over twice a float's digits: a product is rounded only once."""
 REFERENCE_PA = 20e-6
 """Pressure of a level of 0 dB [Pa], IEC 61672-1."""
 LN_PER_DB = math.log(10.0) / 20.0
@@ -329,19 +323,17 @@ def si_ratio(suffix: str) -> Fraction:
     return _ratio(dimension, pint)
 
 
-def products(
-    ratio: Fraction, texts: Sequence[str], *others: Sequence[str]
-) -> Float[np.ndarray, " row"]:
-    """Return decimal numbers times a ratio, correctly rounded.
+def in_si(values: Float[np.ndarray, " row"], suffix: str) -> Float[np.ndarray, " row"]:
+    """Return values in SI.
 
     Args:
-        ratio: Common factor.
-        texts: The numbers, by row; other text gives NaN.
-        *others: Additional factors, by row.
+        values: Values in a unit.
+        suffix: The unit, as for `si_factor`.
     """
-    denominator = Decimal(ratio.denominator)
-    factor = _DIGITS.divide(Decimal(ratio.numerator), denominator)
-    return np.array([_product(factor, row) for row in zip(texts, *others, strict=True)])
+    ratio = si_ratio(suffix)
+    # too large a value overflows to infinity, which its row reports
+    with np.errstate(over="ignore"):
+        return values * float(ratio.numerator) / float(ratio.denominator)
 
 
 def overpressure(level_db: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -473,15 +465,6 @@ def _registry():
     # In fractions a foot is 0.3048 m; in floats it would be 0.30479999999999996 m.
     exact: Any = Fraction  # documented by pint, but missing in its type annotations
     return pint.UnitRegistry(non_int_type=exact)
-
-
-def _product(factor: Decimal, texts: tuple[str, ...]) -> float:
-    try:
-        for text in texts:
-            factor = _DIGITS.multiply(factor, Decimal(text))
-        return float(factor)
-    except (ArithmeticError, ValueError):  # not a number, or not finite
-        return math.nan
 
 
 def _short(word: str) -> str:

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from jblast.observations.log_io import (
         read as read,
         to_pandas as to_pandas,
-        to_xarray as to_xarray,
         write as write,
     )
     from jblast.observations.placement import resolve_positions as resolve_positions
@@ -30,7 +29,6 @@ HOMES = {
     "some_rows": "jblast.observations.grouping",
     "starter_scene": "jblast.observations.scenes",
     "to_pandas": "jblast.observations.log_io",
-    "to_xarray": "jblast.observations.log_io",
     "write": "jblast.observations.log_io",
 }
 

@@ -17,7 +17,6 @@ import math
 import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import NamedTuple
 
 from jblast.errors import InputError, argument, nearest, shown
@@ -46,7 +45,6 @@ from jblast.units import (
     SHARE,
     OurName,
     our_name,
-    products,
     spelt,
     unit_spelt,
     what_to_write,
@@ -105,7 +103,7 @@ class UnitOf:
 
 
 def read_header(
-    table: Table, faults: Faults, units_row: Mapping[str, UnitOf], *, strict: bool
+    table: Table, faults: Faults, units_row: Mapping[str, UnitOf]
 ) -> Header:
     """Rename a table's columns to our names.
 
@@ -113,7 +111,6 @@ def read_header(
         table: The table; its header is changed, and unknown columns are removed.
         faults: Collects unknown columns.
         units_row: Units from a row of units, by column as written.
-        strict: True if names must be exactly ours.
 
     Raises:
         InputError: A column is missing or repeated, or has two units.
@@ -121,10 +118,10 @@ def read_header(
     where = table.at(table.header_line)
     header, unknown = Header(), set()
     for index, theirs in enumerate(table.header):
-        ours = column_of(theirs, units_row.get(theirs), table, strict=strict)
+        ours = column_of(theirs, units_row.get(theirs), table)
         if ours is None:
             unknown.add(index)
-            advice = _advice(theirs, strict=strict)
+            advice = _advice(theirs)
             faults.add(InputError(f"{where}: unknown column {shown(theirs)}{advice}"))
             continue
         name, unit = ours
@@ -142,12 +139,12 @@ def read_header(
                 table.understood = (*table.understood, Renamed(theirs, name))
         table.header[index] = name
     table.drop_columns(unknown)
-    _check_all_there(table, where, strict=strict)
+    _check_all_there(table, where)
     return header
 
 
 def column_of(
-    theirs: str, stated: UnitOf | None, table: Table, *, strict: bool
+    theirs: str, stated: UnitOf | None, table: Table
 ) -> tuple[str, OurName | None] | None:
     """Return our column, and its unit if that is not ours; None for an unknown name.
 
@@ -155,7 +152,6 @@ def column_of(
         theirs: Its name as written.
         stated: Its unit by a row of units.
         table: For the position in messages.
-        strict: True if names must be exactly ours.
 
     Raises:
         InputError: The row of units has another unit than the name.
@@ -163,8 +159,6 @@ def column_of(
     # the usual case first: most columns have our names
     if theirs in COLUMNS and stated is None:
         return theirs, None
-    if strict:
-        return None
     key = spelt(theirs)
     if stated is not None:
         return _with_units_row(theirs, key, stated, table)
@@ -197,7 +191,7 @@ def _with_units_row(
     return (key, None) if key in COLUMNS and key not in NUMBERS else None
 
 
-def _advice(name: str, *, strict: bool) -> str:
+def _advice(name: str) -> str:
     """Return the advice for an unknown column."""
     if not name:
         return "; expected a name above every column that is not empty"
@@ -215,12 +209,10 @@ def _advice(name: str, *, strict: bool) -> str:
             f"; it is a quantity, {ours.name}, not a column: put {shown(name)} into "
             "column quantity, one measurement a row"
         )
-    if strict:
-        return f"; ours is column {ours.name}: multiply by {ours.factor:.9g}"
     return expected
 
 
-def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
+def _check_all_there(table: Table, where: str) -> None:
     """Raise an error for missing columns; a height that is left out is 0."""
     got = table.header
     missing = [name for name in NEEDED if name not in got]
@@ -233,7 +225,7 @@ def _check_all_there(table: Table, where: str, *, strict: bool) -> None:
         )
     partial = [name for name in POSITION if name not in got]
     # surveys on level ground have no heights
-    if partial == ["up_m"] and not strict:
+    if partial == ["up_m"]:
         table.header.append("up_m")
         east = table.columns[got.index("east_m")]
         table.columns.append(["0" if text else "" for text in east])
@@ -612,11 +604,14 @@ class ErrorColumn(NamedTuple):
             return written
         # an error of a level is in decibels, whatever the level is
         value = "1" if self.is_level else value.lstrip("> ")
-        (share,) = products(Fraction(1, 100), [value], [written])
         # text that is not a number is refused later, with the text itself
+        try:
+            share = float(value) * float(written) / 100.0
+        except ValueError:
+            return written
         if not math.isfinite(share):
             return written
-        return repr(float(share / LN_PER_DB if self.is_level else share))
+        return repr(share / LN_PER_DB if self.is_level else share)
 
 
 def error_columns(

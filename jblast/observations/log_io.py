@@ -30,7 +30,6 @@ from jblast.observations.covariances import (
     write_covariances,
 )
 from jblast.observations.dialects import (
-    UnitOf,
     drop_blanks,
     made_long,
     read_header,
@@ -58,7 +57,7 @@ from jblast.observations.table import (
     observed,
 )
 from jblast.progress import stages
-from jblast.quantities import CLOCK_TIMES, QUANTITIES
+from jblast.quantities import CLOCK_TIMES
 from jblast.units import dimension_of
 
 STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
@@ -68,7 +67,6 @@ STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
 def read(
     source: Any,
     *,
-    strict: bool = False,
     wide: bool = False,
     faults: list[InputError] | None = None,
     date: str | None = None,
@@ -94,7 +92,6 @@ def read(
     Args:
         source: A path (text, .xlsx, .ods, .parquet), an open file or buffer of text or
             bytes, or a `pandas.DataFrame`.
-        strict: True if only UTF-8 text with commas, our columns and units is accepted.
         wide: True if each quantity has a column of its own.
         faults: Every fault is appended here, and reading continues with the other rows
             and columns; None: the first is raised.
@@ -113,7 +110,7 @@ def read(
     """
     found = Faults(faults)
     try:
-        log = _read(source, found, strict=strict, wide=wide, date=date, zone=zone)
+        log = _read(source, found, wide=wide, date=date, zone=zone)
         # a data frame has no file beside it: the covariances are in its attributes
         attached = getattr(source, "attrs", {}).get(COVARIANCES)
         return with_covariances(log, found, attached)
@@ -128,38 +125,34 @@ def _read(
     source: Any,
     faults: Faults,
     *,
-    strict: bool,
     wide: bool,
     date: str | None,
     zone: str | None,
 ) -> Observations:
     begin = stages(STAGES)
     begin("loading")
-    table = table_of(source, faults, strict=strict)
+    table = table_of(source, faults)
     begin("taking lines apart")
     where = table.at(table.header_line)
     nothing = f"{where}: nothing after the header; expected one measurement a row"
-    units_row: dict[str, UnitOf] = {}
-    if not strict:
-        # blank rows first: a row of units is recognised as the second row
-        drop_blanks(table)
-        units_row = take_units_row(table)
+    # blank rows first: a row of units is recognised as the second row
+    drop_blanks(table)
+    units_row = take_units_row(table)
     if wide:
         table = made_long(table, units_row)
     else:
         # before the names of columns are checked, whose errors would not explain a
         # recording
         refuse_series(table)
-        if not strict:
-            refuse_wide(table, units_row)
-    header = read_header(table, faults, units_row, strict=strict)
+        refuse_wide(table, units_row)
+    header = read_header(table, faults, units_row)
     if not len(table.lines):
         raise InputError(nothing)
     refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
-    if not strict and not wide:
+    if not wide:
         take_decimal_commas(table, NUMBERS)
     begin("checking columns")
-    rows = Rows(table, header, faults, strict=strict, date=date, zone=zone)
+    rows = Rows(table, header, faults, date=date, zone=zone)
     if not rows.lines:
         n, first = len(rows.skipped), rows.skipped[0]
         raise InputError(
@@ -307,53 +300,6 @@ def to_pandas(observations: Observations) -> Any:
     if observations.covariances:
         frame.attrs[COVARIANCES] = covariance_rows(observations)
     return frame
-
-
-def to_xarray(observations: Observations) -> Any:
-    """Return a log as an `xarray.Dataset` along `row`.
-
-    Each quantity is a variable, NaN in rows of other quantities, with a variable
-    `sigma_QUANTITY`; sensors and positions are coordinates; `units` and `long_name` are
-    attributes.
-    """
-    import xarray
-
-    quantity = np.array(observations.quantity)
-    variables: dict[str, Any] = {}
-    for name in dict.fromkeys(observations.quantity):
-        # samples are in files of their own
-        if name not in QUANTITIES:
-            continue
-        one, here = QUANTITIES[name], quantity == name
-        variables[name] = (
-            "row",
-            np.where(here, observations.value, np.nan),
-            {"units": one.unit, "long_name": one.meaning},
-        )
-        variables[f"sigma_{name}"] = (
-            "row",
-            np.where(here, observations.sigma, np.nan),
-            {"units": one.unit, "long_name": f"standard deviation of {one.words}"},
-        )
-    numbers = dict(zip(POSITION, observations.position.T, strict=True))
-    numbers |= {"range_m": observations.slant_range, "time_s": observations.time}
-    coordinates: dict[str, Any] = {
-        name: ("row", held, {"units": _unit(name)}) for name, held in numbers.items()
-    }
-    names = ("sensor", "quantity", "path", "shot", "clock")
-    coordinates |= {name: ("row", list(getattr(observations, name))) for name in names}
-    coordinates["record"] = ("row", list(observations.records()))
-    coordinates[LOWER_BOUND] = ("row", observations.bounds())
-    attributes = {
-        "source": observations.source,
-        "comments": "\n".join(observations.comments),
-    }
-    if observations.frame is not None:
-        frame = observations.frame
-        attributes["origin"] = f"{frame.lat_deg!r} {frame.lon_deg!r} {frame.alt_m!r}"
-    if observations.epoch is not None:
-        attributes["epoch"] = observations.epoch.isoformat()
-    return xarray.Dataset(variables, coordinates, attributes)
 
 
 def _unit(column: str) -> str:

@@ -13,9 +13,8 @@ is a fault. Rows without a value are skipped and reported.
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -55,10 +54,9 @@ from jblast.units import (
     SHARE,
     OurName,
     dimension_of,
+    in_si,
     our_name,
     overpressure,
-    products,
-    si_ratio,
     what_to_write,
 )
 
@@ -131,7 +129,7 @@ class Fields:
             lambda row: f"a finite number, got {_with_advice(texts[row], column)}",
         )
         own = None if column in ANY else self.units.get(column)
-        return numbers if own is None else products(si_ratio(own.unit), texts)
+        return numbers if own is None else in_si(numbers, own.unit)
 
     def refuse(
         self,
@@ -191,14 +189,12 @@ class Measured:
 
     def converted(
         self,
-        texts: Mapping[str, Sequence[str]],
         value: Float[np.ndarray, " row"],
         sigma: Float[np.ndarray, " row"],
     ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
-        """Return values and sigmas in our units, as products of what was written.
+        """Return values and sigmas in our units.
 
         Args:
-            texts: Columns as written; `value` and `sigma` are used.
             value: Values as numbers; NaN for other text.
             sigma: Sigmas likewise.
         """
@@ -206,28 +202,25 @@ class Measured:
             return value, sigma
         ours, errors = value.copy(), sigma.copy()
         for unit, rows in self._by_unit():
-            values, sigmas = ([texts[of][r] for r in rows] for of in ("value", "sigma"))
             level = unit is not None and unit.dimension == LEVEL
-            ratio = Fraction(1) if unit is None or level else si_ratio(unit.unit)
             if level:
                 # too large a level overflows to infinity, which its row reports
                 with np.errstate(over="ignore"):
                     ours[rows] = overpressure(value[rows])
             elif unit is not None:
-                ours[rows] = products(ratio, values)
+                ours[rows] = in_si(value[rows], unit.unit)
             own = self.columns.get("sigma")
             if own is None and not level:
-                errors[rows] = products(ratio, sigmas)
+                errors[rows] = in_si(sigma[rows], unit.unit) if unit else sigma[rows]
             # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
             elif own is None or own.dimension == LEVEL:
                 errors[rows] = sigma[rows] * LN_PER_DB * ours[rows]
             elif own.dimension != SHARE:
-                errors[rows] = products(si_ratio(own.unit), sigmas)
+                errors[rows] = in_si(sigma[rows], own.unit)
             elif level:
                 errors[rows] = sigma[rows] * own.factor * ours[rows]
             else:
-                # one product of exact fractions is rounded once
-                share = products(ratio * si_ratio(own.unit), values, sigmas)
+                share = in_si(ours[rows] * sigma[rows], own.unit)
                 # the sign of a wrong negative sigma survives, and is refused later
                 errors[rows] = np.copysign(share, sigma[rows])
         return ours, errors
@@ -254,13 +247,11 @@ class Rows(Fields):
         header: Header,
         faults: Faults,
         *,
-        strict: bool,
         date: str | None = None,
         zone: str | None = None,
     ):
-        self.strict = strict
         # before the columns are split, so that line numbers stay with their rows
-        self.skipped: tuple[int, ...] = () if strict else _drop_empty(table)
+        self.skipped: tuple[int, ...] = _drop_empty(table)
         super().__init__(table, header, faults)
         self.date, self.zone = date, zone
         self.comments, self.found = table.comments, table.understood
@@ -271,7 +262,7 @@ class Rows(Fields):
         self.refuse(
             [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
         )
-        held = measured(self, strict=self.strict)
+        held = measured(self)
         self.texts["quantity"] = list(held.quantity)
         dated = np.zeros(len(self.lines), bool)
         if VALUE_UTC in self.texts:
@@ -351,7 +342,7 @@ class Rows(Fields):
         sampled = take_samples(self, kind)
         bound = self.bounds(in_ln)
         raw = self.number("value", optional=False)
-        value, sigma = held.converted(self.texts, raw, self.number("sigma"))
+        value, sigma = held.converted(raw, self.number("sigma"))
         # clock times are seconds already, whatever unit the column has
         value = np.where(dated, raw, value)
         texts = self.texts["value"]
@@ -534,12 +525,11 @@ def _number(text: str) -> float:
         return math.nan
 
 
-def measured(rows: Fields, *, strict: bool) -> Measured:
+def measured(rows: Fields) -> Measured:
     """Identify the quantity of each row, and refuse unknown ones.
 
     Args:
         rows: The log.
-        strict: True if names of quantities must be exactly ours.
     """
     theirs, columns = rows.text("quantity"), rows.units
     clocked = rows.texts.get(VALUE_UTC) or [""] * len(theirs)
@@ -551,7 +541,7 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
         if name in names:
             continue
         value = columns.get("value")
-        found = None if strict else _meant(name, value, dated=name in dated)
+        found = _meant(name, value, dated=name in dated)
         if found is None:
             unknown.add(name)
             names[name] = name
@@ -562,7 +552,7 @@ def measured(rows: Fields, *, strict: bool) -> Measured:
         rows.report(
             [name in unknown for name in theirs],
             "quantity",
-            lambda row: _unknown(theirs[row], strict=strict),
+            lambda row: _unknown(theirs[row]),
         )
     quantity = tuple(names[name] for name in theirs) if units else theirs
     found = Measured(theirs, quantity, units, columns)
@@ -656,14 +646,9 @@ def converted_columns(rows: Fields) -> list[Understood]:
     return understood
 
 
-def _unknown(quantity: str, *, strict: bool) -> str:
+def _unknown(quantity: str) -> str:
     """Return the message for an unknown quantity, with advice."""
     message = f"unknown quantity {shown(quantity)}"
-    ours = our_name(quantity) if strict else None
-    if ours is not None:
-        level = ours.dimension == LEVEL
-        times = "" if level else f": multiply by {ours.factor:.9g}"
-        return f"{message}; ours is {ours.name}{times}"
     if advice := what_to_write(quantity):
         return message + advice
     near = nearest(quantity, QUANTITIES)

@@ -139,7 +139,6 @@ def table_of(
     source: Any,
     faults: Faults,
     *,
-    strict: bool,
     expected: str = EXPECTED,
     within: str = WITHIN,
 ) -> Table:
@@ -148,7 +147,6 @@ def table_of(
     Args:
         source: A path, an object with `read`, or a `pandas.DataFrame`.
         faults: Collects faults that leave the rest readable.
-        strict: True if only UTF-8 text with commas is accepted.
         expected: The expected kind of file, for messages.
         within: Its expected content, for messages.
 
@@ -160,7 +158,7 @@ def table_of(
         return frame_table(source)
     data = _data(source, name, expected)
     suffix = PurePath(name).suffix.lower()
-    if isinstance(source, (str, os.PathLike)) and not strict:
+    if isinstance(source, (str, os.PathLike)):
         if suffix in RECORDINGS:
             raise InputError(
                 f"{name}: is a recording, not a log; pick its arrival and peak first "
@@ -172,21 +170,19 @@ def table_of(
                 f"{name}: expected a log in one of {endings}, got {suffix}"
             )
     # a buffer may have no name: its first bytes decide
-    elif isinstance(data, bytes) and not strict:
+    elif isinstance(data, bytes):
         suffix = suffix if suffix in (*WORKBOOKS, *PARQUET) else _looks_like(data)
         name = name if PurePath(name).suffix.lower() == suffix else f"{name}{suffix}"
-    if isinstance(data, bytes) and not strict:
+    if isinstance(data, bytes):
         if suffix in WORKBOOKS:
             return workbook_table(data, name)
         if suffix in PARQUET:
             return parquet_table(data, name)
     encoding = ""
     if isinstance(data, bytes):
-        encoding = "" if strict else BYTE_ORDER_MARKS.get(data[:2], "")
-        data = decoded(data, name, expected, utf16=not strict)
-    return text_table(
-        data, name, faults, strict=strict, encoding=encoding, within=within
-    )
+        encoding = BYTE_ORDER_MARKS.get(data[:2], "")
+        data = decoded(data, name, expected, utf16=True)
+    return text_table(data, name, faults, encoding=encoding, within=within)
 
 
 def _data(source: Any, name: str, expected: str) -> bytes | str:
@@ -238,7 +234,6 @@ def text_table(
     source: str,
     faults: Faults,
     *,
-    strict: bool,
     encoding: str = "",
     within: str = WITHIN,
 ) -> Table:
@@ -248,7 +243,6 @@ def text_table(
         text: Lines that end in `\n`.
         source: Its source, for messages.
         faults: Collects lines that are too short or too long.
-        strict: True if the comma is the only separator.
         encoding: Encoding of the text, if not UTF-8.
         within: Its expected content, for messages.
 
@@ -263,17 +257,17 @@ def text_table(
         elif stripped:
             lines.append(line)
             numbers.append(number)
-    if lines and not strict and (match := SEPARATOR_LINE.match(lines[0].strip(" "))):
+    if lines and (match := SEPARATOR_LINE.match(lines[0].strip(" "))):
         named = match[1]
         del lines[0], numbers[0]
     if not lines:
         raise InputError(f"{source}: line 1: the file is empty; expected {within}")
-    separator = named or ("," if strict else separator_of(lines[0]))
+    separator = named or separator_of(lines[0])
     if separator not in lines[0]:
         _refuse_other_separator(f"{source}: line {numbers[0]}", lines[0])
     records = _records(source, lines, numbers, separator, faults)
     header = [name.strip() for name in records[0]]
-    if len(header) == 1 and not strict:
+    if len(header) == 1:
         raise InputError(
             f"{source}: line {numbers[0]}: expected columns separated by commas, "
             f"semicolons or tabs, got one column {shown(header[0])}"

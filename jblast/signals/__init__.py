@@ -12,7 +12,6 @@ from jblast.signals.arrays import (
     Direction as Direction,
     PairDelay as PairDelay,
     RelativeTimes as RelativeTimes,
-    Weighting as Weighting,
     direction as direction,
     pair_delay as pair_delay,
     relative_times as relative_times,
@@ -36,23 +35,13 @@ from jblast.signals.matched_filter import (
     matched_kernel as matched_kernel,
     stream as stream,
     threshold_for as threshold_for,
-    unsteadiness as unsteadiness,
 )
 from jblast.signals.noise import (
     NoiseSpectrum as NoiseSpectrum,
     noise_spectrum as noise_spectrum,
     white_noise as white_noise,
 )
-from jblast.signals.sta_lta import (
-    Trigger as Trigger,
-    sta_lta as sta_lta,
-    triggers as triggers,
-)
 from jblast.signals.templates import (
-    Match as Match,
-    Member as Member,
-    best_match as best_match,
     blast_template as blast_template,
     recorded_template as recorded_template,
-    template_bank as template_bank,
 )

@@ -6,19 +6,13 @@ records, whose cross spectrum $G_k = X_{1k}^* X_{2k}$ has the weights $\psi_k$,
 $$C(\tau) = \sum_k \psi_k \,\mathrm{Re}\,(G_k e^{i\omega_k\tau}).$$
 
 With sound of power $S_k$ in both and noise of powers $N_{1k}$, $N_{2k}$ (in a bin of
-the window's transform) the weights are
+the window's transform) the weights are those of maximum likelihood,
 
-$$\psi^{\rm PHAT}_k = 1/|G_k|\ \ (S_k > 0), \qquad
-\psi^{\rm ML}_k = \frac{S_k}{S_k(N_{1k}+N_{2k}) + N_{1k}N_{2k}}
-               = \frac{1}{S_k}\frac{\gamma_k^2}{1-\gamma_k^2},$$
+$$\psi_k = \frac{S_k}{S_k(N_{1k}+N_{2k}) + N_{1k}N_{2k}}
+         = \frac{1}{S_k}\frac{\gamma_k^2}{1-\gamma_k^2},$$
 
-the second with the coherence $\gamma^2 = S^2/((S+N_1)(S+N_2))$. While the correct peak
-is found, the variance of a delay with any weights is
-
-$$\sigma^2 = \frac{\sum \psi^2\omega^2 (S(N_1+N_2) + N_1N_2)}
-                 {2\,(\sum \psi\,\omega^2 S)^2},$$
-
-and that of the second the Cramér-Rao bound,
+with the coherence $\gamma^2 = S^2/((S+N_1)(S+N_2))$. While the correct peak is found,
+the variance of a delay is the Cramér-Rao bound,
 $\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$. Sums run over the bins above zero
 and below half the rate.
 
@@ -61,7 +55,7 @@ References:
 
 from collections.abc import Mapping, Sequence
 from itertools import combinations
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Complex, Float
@@ -85,7 +79,6 @@ infinite, as if delays were exact."""
 TAPERED_SHARE = 0.05
 """Share of a window over which it fades in, and out: samples cut off at the ends would
 correlate at zero delay. The blast is well inside."""
-Weighting = Literal["ml", "phat"]
 PEAK_SIGNIFICANCE = 10.0
 """Smallest height of a correlation peak [standard deviations of noise alone]. Noise
 reaches five or six among the lags of a window; a wrong peak would be a wrong bearing
@@ -173,8 +166,6 @@ def relative_times(
     rate_hz: float,
     noise_variance: Float[ArrayLike, "channel bin"],
     largest_s: Float[ArrayLike, "..."],
-    *,
-    weighting: Weighting = "ml",
 ) -> RelativeTimes:
     """Return the times at which a front passed each microphone.
 
@@ -186,7 +177,6 @@ def relative_times(
             transform (`noise.bin_variances`) [unit of the samples, squared].
         largest_s: Largest delay of all pairs, or of each [s]: the distance between the
             microphones over the speed of sound, with a margin.
-        weighting: As in `pair_delay`.
 
     Raises:
         InputError: Too few or too many records, an odd window, or samples that are not
@@ -231,7 +221,6 @@ def relative_times(
             noise[[i, j]],
             rate_hz,
             float(reach[i, j]),
-            weighting=weighting,
         )
         for i, j in combinations(range(count), 2)
     }
@@ -293,8 +282,6 @@ def pair_delay(
     noise: Float[np.ndarray, "2 bin"],
     rate_hz: float,
     largest_s: float,
-    *,
-    weighting: Weighting = "ml",
 ) -> PairDelay:
     """Return the delay between two records of one window.
 
@@ -305,33 +292,22 @@ def pair_delay(
         rate_hz: Sampling rate [Hz].
         largest_s: Largest delay that the positions of the microphones allow [s]; the
             sound must be at least as far from either end of the window.
-        weighting: `ml` is the most precise; `phat` gives all bins with sound the same
-            weight, so that a tone, or an echo, counts only by its bandwidth.
     """
     cross = np.conj(spectra[0]) * spectra[1]
     bins = np.arange(len(cross))
     omega = 2 * np.pi * bins * rate_hz / (2 * (len(cross) - 1))
     both = sound * noise.sum(axis=0) + noise[0] * noise[1]
-    if weighting == "ml":
-        psi = np.divide(sound, both, out=np.zeros_like(both), where=both > 0)
-        expected = psi
-    else:
-        size = np.abs(cross)
-        used = (size > 0) & (sound > 0)
-        psi = np.divide(1.0, size, out=np.zeros_like(size), where=used)
-        power = np.sqrt((sound + noise[0]) * (sound + noise[1]))
-        expected = np.divide(1.0, power, out=np.zeros_like(power), where=power > 0)
+    psi = np.divide(sound, both, out=np.zeros_like(both), where=both > 0)
     # spectra are real at zero and at half the rate: no phase is defined there
     psi[[0, -1]] = 0.0
-    expected = np.where(psi > 0, expected, 0.0)
     # the height at the maximum is compared with the standard deviation of the same sum
     # for noise alone, whose phases are random
     lag = _greatest_lag(psi * cross, rate_hz, largest_s)
     spectrum = psi * cross * np.exp(1j * omega * lag)
-    by_chance = np.sqrt(0.5 * np.sum(expected**2 * noise[0] * noise[1]))
+    by_chance = np.sqrt(0.5 * np.sum(psi**2 * noise[0] * noise[1]))
     height = float(np.sum(spectrum.real))
     significance = height / by_chance if by_chance > 0 else 0.0
-    curvature = np.sum(expected * omega**2 * sound)
+    curvature = np.sum(psi * omega**2 * sound)
     if (
         not significance > PEAK_SIGNIFICANCE
         or not curvature > 0
@@ -339,7 +315,7 @@ def pair_delay(
     ):
         return PairDelay(np.nan, np.inf, (0.0, 0.0, 0.0), float(significance))
     parts = [
-        float(np.sum(expected**2 * omega**2 * part) / 2 / curvature**2)
+        float(np.sum(psi**2 * omega**2 * part) / 2 / curvature**2)
         for part in (sound * noise[0], sound * noise[1], noise[0] * noise[1])
     ]
     whole = sum(parts)

@@ -34,7 +34,7 @@ Wesolowsky 1990). For highly correlated outputs it is Rice's $\nu_0 e^{-u^2/2}$ 
 Bell System Technical Journal 24, eq. 3.3-11), with $\nu_0 = f_s \varphi_1/2\pi$
 upcrossings of zero. If the noise fills the sampled band it is half as large at $u = 6$,
 because crossings between two samples are not seen. The rate holds for steady noise
-only; `unsteadiness` measures how steady it is.
+only.
 
 A maximum above the threshold is a blast if no higher one is within `dead` samples
 before it or `wait` samples after it. The filter responds to a blast from `reach`
@@ -203,35 +203,6 @@ def matched_filter(
         room_s = (samples.size - shape.size) / rate_hz
         kernel = matched_kernel(shape, rate_hz, noise_spectrum, before_s=room_s)
     return filtered_by(samples, kernel)
-
-
-def unsteadiness(filtered: Filtered, stretch_s: float = 0.1) -> float:
-    """Return the deviation of a statistic in its loudest tenth over that of the rest.
-
-    It is near 1 for steady noise, for which thresholds hold. From 1.4 on the recording
-    contains gusts, birds or loud blasts, and false alarms are at least twice as
-    frequent as requested.
-
-    Args:
-        filtered: Output of a filter.
-        stretch_s: Length of the intervals that are compared [s].
-
-    Raises:
-        InputError: There are fewer than ten intervals.
-    """
-    inside = filtered.statistic[filtered.start : filtered.stop]
-    size = max(round(stretch_s * filtered.kernel.rate_hz), 1)
-    count = inside.size // size
-    if count < 10:
-        raise InputError(
-            f"{argument('stretch_s')}: expected ten intervals within "
-            f"{inside.size / filtered.kernel.rate_hz:.3g} s, got {stretch_s:g} s"
-        )
-    rows = inside[: count * size].reshape(count, size)
-    # by power of intervals, since single outputs scatter too much
-    power = np.sort(np.mean(rows**2, axis=1))
-    loud = max(count // 10, 1)
-    return float(np.sqrt(power[-loud:].mean() / power[:-loud].mean()))
 
 
 def filtered_by(recording: ArrayLike, kernel: MatchedKernel) -> Filtered:

@@ -1,7 +1,7 @@
 """Onsets in a recording of any length: intervals that may contain a blast.
 
 An onset is a large ratio of the power of a few milliseconds to that of the half second
-before them, as in `sta_lta`, but about the mean of that half second, in bins and block
+before them (STA/LTA, Allen 1978), about the mean of that half second, in bins and block
 by block: a recording of any length takes constant memory. The result is an interval of
 equal length about each onset. The fit of a pulse decides if it contains a blast
 (`picks`).
@@ -13,10 +13,13 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.observations.records.recording import PressureRecord, Recording
-from jblast.signals.sta_lta import ON
 
 SHORT_BINS, LONG_BINS = 5, 500
-"""Windows after and before an onset: the defaults of `sta_lta`, 5 ms and 0.5 s."""
+"""Windows after and before an onset, conventions: 5 ms, the order of the positive phase
+of 1 kg, and a hundred times as long, so that its scatter is a tenth."""
+ON = 10.0
+"""Least ratio of powers of an onset, a convention: stationary noise rarely reaches
+10 dB."""
 BIN_S, BIN_SAMPLES = 0.001, 4
 """Length of a bin [s], and the smallest number of samples of one: the power of fewer
 scatters by more than its mean, so slow recorders have longer bins."""

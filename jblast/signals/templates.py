@@ -1,25 +1,12 @@
-r"""Templates: recorded blasts, blasts by the laws, and banks of these.
+"""Templates: recorded blasts and blasts by the laws.
 
 A template begins with the sample at which the front arrives. The filter does not depend
 on its scale. By the laws it is the mean of the pressure over each sample, as an
 instrument records it, from the front to the end of the suction, without ground effects
 and echoes.
-
-A bank has a template for each pair of $W^{1/3}$ and range. In pascals the likelihood of
-each member is compared *at its own amplitude*: with the filter's output $s$ and the
-member's response $r = \sqrt{2E/N_0}$ it is, against noise alone,
-
-$$\ln L = s\,r - r^2/2$$
-
-(Kay II, eq. 4.4), and peak and duration together identify charge and range. Where the
-recording's gain is unknown the amplitude is free, $\ln L = s^2/2$, and only the form
-remains, which identifies little but the duration: beyond about Z = 5 all pairs of
-$W^{1/3}$ and range with the same duration have the same form. `Match.members` are all
-that fit nearly as well; the spread of their ranges shows what is identified.
 """
 
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -27,20 +14,10 @@ from numpy.typing import ArrayLike
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.errors import InputError, argument
-from jblast.signals.matched_filter import (
-    FALSE_ALARMS_PER_HOUR,
-    Detection,
-    detections,
-    filtered_by,
-    matched_kernel,
-    threshold_for,
-)
 from jblast.signals.noise import (
-    NoiseSpectrum,
     checked_positive,
     checked_samples,
     checked_template,
-    noise_spectrum as measured_spectrum,
 )
 
 LONGEST_S = 60.0
@@ -49,9 +26,6 @@ equations of its filter stay within memory."""
 FADE = 0.2
 """Share of a recorded template over which its end fades; a cut would be another
 front."""
-LN_LIKELIHOOD_RANGE = 3.0
-"""Largest difference in ln likelihood to the best member of a match: others are more
-than 20 times less likely."""
 
 
 def recorded_template(
@@ -162,103 +136,3 @@ def blast_templates(
     longest = 2 ** int(counts.max() - 1).bit_length()
     rows = np.asarray(sampled(pulses, rate_hz, longest), float)
     return [checked_template(row[:n]) for row, n in zip(rows, counts, strict=True)]
-
-
-class Member(NamedTuple):
-    """One blast of a bank.
-
-    Attributes:
-        cube_root_kg: W^(1/3) [kg^(1/3)].
-        range_m: Slant range [m].
-        template: Samples from the front onwards [Pa].
-    """
-
-    cube_root_kg: float
-    range_m: float
-    template: Float[np.ndarray, " tap"]
-
-
-class Match(NamedTuple):
-    """The loudest blast in a recording, by a bank of templates.
-
-    Attributes:
-        detection: Detection by the best member.
-        best: Member of the largest likelihood.
-        members: All members that are nearly as likely, the best first.
-        calibrated: True if amplitudes counted; if only forms did, the members have a
-            duration in common rather than a charge or a range.
-    """
-
-    detection: Detection
-    best: Member
-    members: tuple[Member, ...]
-    calibrated: bool
-
-
-def template_bank(
-    cube_roots_kg: Iterable[float], ranges_m: Iterable[float], rate_hz: float
-) -> tuple[Member, ...]:
-    """Return the blasts of all pairs of W^(1/3) and range.
-
-    Args:
-        cube_roots_kg: Values of W^(1/3) [kg^(1/3)].
-        ranges_m: Slant ranges [m].
-        rate_hz: Sampling rate [Hz].
-    """
-    ranges = tuple(ranges_m)
-    pairs = [(root, far) for root in cube_roots_kg for far in ranges]
-    masses, far = [root**3 for root, _ in pairs], [there for _, there in pairs]
-    rows = blast_templates(masses, far, rate_hz) if pairs else []
-    return tuple(Member(*pair, row) for pair, row in zip(pairs, rows, strict=True))
-
-
-def best_match(
-    recording: ArrayLike,
-    bank: Iterable[Member],
-    rate_hz: float,
-    *,
-    noise_spectrum: NoiseSpectrum | None = None,
-    calibrated: bool = False,
-    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-) -> Match | None:
-    """Return the best match of a bank to a recording; None without a detection.
-
-    Args:
-        recording: Samples of one channel, in pascals if calibrated.
-        bank: The blasts.
-        rate_hz: Sampling rate of both [Hz].
-        noise_spectrum: Spectrum of the noise; None to measure it in the recording.
-        calibrated: True for a recording in pascals.
-        false_alarms_per_hour: Mean rate of false alarms of all members together [1/h].
-
-    Raises:
-        InputError: The bank is empty, or recording or rate are invalid.
-    """
-    samples = checked_samples("recording", recording)
-    members = tuple(bank)
-    if not members:
-        raise InputError(f"{argument('bank')}: expected at least one blast, got none")
-    each = checked_positive("false_alarms_per_hour", false_alarms_per_hour, "1/h")
-    each /= len(members)
-    if noise_spectrum is None:
-        noise_spectrum = measured_spectrum(samples, rate_hz)
-    matches: list[tuple[float, Member, Detection]] = []
-    for member in members:
-        kernel = matched_kernel(member.template, rate_hz, noise_spectrum)
-        found = detections(filtered_by(samples, kernel), threshold_for(kernel, each))
-        for one in found:
-            free, size = one.statistic, kernel.response
-            # Kay II, eq. 4.4, at the member's amplitude or maximized over it
-            log_likelihood = free * size - size**2 / 2 if calibrated else free**2 / 2
-            matches.append((log_likelihood, member, one))
-    if not matches:
-        return None
-    best = max(matches, key=lambda entry: entry[0])
-    near = [
-        entry
-        for entry in sorted(matches, key=lambda entry: -entry[0])
-        # only members that match the same arrival are alternatives
-        if best[0] - entry[0] < LN_LIKELIHOOD_RANGE
-        and abs(entry[2].time_s - best[2].time_s) * rate_hz < best[1].template.size
-    ]
-    return Match(best[2], best[1], tuple(entry[1] for entry in near), calibrated)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import read, to_pandas, to_xarray
+from jblast.observations import read, to_pandas
 from jblast.observations.covariances import rows_with_covariance
 from tests.observations.records.test_covariances import picked
 from tests.observations.rows import HEADER, ROW
@@ -85,16 +85,3 @@ def test_a_named_index_is_a_column_and_levels_of_columns_are_refused():
     frame.columns = pd.MultiIndex.from_product([["x"], frame.columns])
     with pytest.raises(InputError, match="columns of one level"):
         read(frame)
-
-
-def test_a_data_set_has_a_variable_a_quantity_with_its_unit(log, tmp_path):
-    ours = read(log(LOG))
-    data = to_xarray(ours)
-    assert data["peak_overpressure_pa"].attrs["units"] == "Pa"
-    assert data["east_m"].attrs["units"] == "m"
-    np.testing.assert_array_equal(
-        data["peak_overpressure_pa"].values, [np.nan, 2e4, 3e3, np.nan]
-    )
-    np.testing.assert_array_equal(data["sigma_shock_radius_m"].values[3], 0.1)
-    assert data["lower_bound"].values.tolist() == [False, True, False, False]
-    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")

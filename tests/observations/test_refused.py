@@ -149,58 +149,16 @@ BAD = {
     ),
     "workbook": (b"PK\x03\x04\x14\x00", ["line 1", "zip archive", "plain text"]),
 }
-NOT_OURS = {
-    "column in kilometres": (
-        "sensor,quantity,value,sigma,range_km\na,air_arrival_s,1,,1\n",
-        ["line 1", "'range_km'", "column range_m", "multiply by 1000"],
-    ),
-    "semicolons": (
-        (HEADER + ROW).replace(",", ";"),
-        ["line 1", "separated by commas", "got semicolons"],
-    ),
-    "tabs": ((HEADER + ROW).replace(",", "\t"), ["line 1", "commas", "got tabs"]),
-    "quantity in kilopascal": (
-        HEADER + ROW.replace("air_arrival_s", "overpressure_kPa"),
-        ["line 2", "'overpressure_kPa'", "peak_overpressure_pa", "multiply by 1000"],
-    ),
-    "quantity in milliseconds": (
-        HEADER + ROW.replace("air_arrival_s", "arrival_ms"),
-        ["line 2", "'arrival_ms'", "ours is air_arrival_s", "multiply by 0.001"],
-    ),
-    "no value": (
-        HEADER + ROW.replace("0.05", ""),
-        ["line 2", "column value", "a finite number", "got nothing"],
-    ),
-    "decimal comma": (
-        HEADER + ROW.replace("0.05", '"0,05"'),
-        ["line 2", "column value", "'0,05'", "decimal point"],
-    ),
-    "NaN": (HEADER + ROW.replace("0.05", "NaN"), ["line 2", "column value", "'NaN'"]),
-    "NaN sigma": (
-        HEADER + ROW.replace("0.001", "nan"),
-        ["line 2", "column sigma", "'nan'"],
-    ),
-    "UTF-16": ((HEADER + ROW).encode("utf-16"), ["line 1", "UTF-8", "got UTF-16"]),
-}
-"""What is read, but where only our own dialect is asked for."""
 
 
-@pytest.mark.parametrize("strict", [False, True], ids=["generous", "strict"])
 @pytest.mark.parametrize(("content", "said"), BAD.values(), ids=BAD.keys())
-def test_bad_input_is_told_by_file_line_column_expectation_and_find(
-    log, content, said, strict
-):
-    refused(log(content), said, strict=strict)
+def test_bad_input_is_told_by_file_line_column_expectation_and_find(log, content, said):
+    refused(log(content), said)
 
 
-@pytest.mark.parametrize(("content", "said"), NOT_OURS.values(), ids=NOT_OURS.keys())
-def test_where_we_are_strict_no_other_dialect_is_read(log, content, said):
-    refused(log(content), said, strict=True)
-
-
-def refused(path, said, *, strict):
+def refused(path, said):
     with pytest.raises(InputError) as caught:
-        read(path, strict=strict)
+        read(path)
     message = str(caught.value)
     assert "log.csv: " in message
     for words in said:

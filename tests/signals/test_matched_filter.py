@@ -9,7 +9,6 @@ from jblast.signals import (
     matched_filter,
     matched_kernel,
     noise_spectrum,
-    unsteadiness,
     white_noise,
 )
 
@@ -133,17 +132,6 @@ def test_digital_silence_within_a_recording_does_not_lower_its_noise():
     alone, both = (noise_spectrum(one, RATE).density for one in (sound, silent))
     # one window of 63 stands on both sides of the edge, and the offset differs a little
     assert np.median(both / alone) == pytest.approx(1, abs=0.03)
-
-
-def test_gusts_are_marked_and_steady_noise_is_not():
-    rng, kernel = np.random.default_rng(6), matched_kernel(pulse(0.01), RATE, rumble())
-    sound = coloured(rng, rumble(), 2**17)[0]
-    calm = unsteadiness(filtered_by(sound, kernel))
-    assert calm < 1.15
-    sound[60_000:70_000] *= 5
-    assert unsteadiness(filtered_by(sound, kernel)) > 2
-    with pytest.raises(InputError, match="ten intervals within"):
-        unsteadiness(filtered_by(sound, kernel), stretch_s=1.0)
 
 
 @pytest.mark.parametrize("more", [0, 1, 300])

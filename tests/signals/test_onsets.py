@@ -7,7 +7,6 @@ from jblast.observations.records import recording
 from jblast.observations.records.recording import Recording
 from jblast.signals import onsets
 from jblast.signals.onsets import stretches
-from jblast.signals.sta_lta import sta_lta
 
 RATE = 8000.0
 OFFSET = 30.0
@@ -98,11 +97,3 @@ def test_ratios_are_those_of_their_definition():
         assert mean[nth] == pytest.approx(before.mean(), rel=1e-9)
         expected = ((after - before.mean()) ** 2).mean() / before.var()
         assert ratio[nth] == pytest.approx(expected, rel=1e-6)  # sums of squares
-
-
-def test_the_trigger_is_where_seismologys_is():
-    samples = noise_with_bangs(2.0, [(1.0, 20.0)]) - OFFSET
-    ratio, _ = onsets._ratios(samples.reshape(-1, 8))
-    ours = (onsets.LONG_BINS + int(np.argmax(ratio > 10.0))) * 8
-    theirs = int(np.argmax(sta_lta(samples, RATE, short_s=0.005, long_s=0.5) > 10.0))
-    assert ours == pytest.approx(theirs, abs=8)  # a bin

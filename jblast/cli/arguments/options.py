@@ -181,11 +181,6 @@ def add_reading(verb: VerbParser) -> None:
         help="time zone of the times in value_utc that have none: +02:00, UTC, "
         "Asia/Beirut",
     )
-    verb.advanced.add_argument(
-        "--strict",
-        action="store_true",
-        help="rejection of other columns, units and separators than those of jblast",
-    )
 
 
 def add_json(
@@ -205,11 +200,11 @@ def add_force(verb: VerbParser, files: str = "existing files in --out") -> None:
 def reading_words(options: argparse.Namespace) -> str:
     """Return the options of `add_reading` as text for another command line."""
     # The next command must read the log in the same way, or it finds other columns.
-    flags = [f" --{name}" for name in ("strict", "wide") if getattr(options, name)]
+    flags = [" --wide"] if options.wide else []
     values = {name: getattr(options, name) for name in ("date", "zone")}
     return "".join([*flags, *(f" --{name} {v}" for name, v in values.items() if v)])
 
 
 def reading_options(options: argparse.Namespace) -> dict[str, Any]:
     """Return the options of `add_reading` as arguments of `jblast.read`."""
-    return {name: getattr(options, name) for name in ("date", "strict", "wide", "zone")}
+    return {name: getattr(options, name) for name in ("date", "wide", "zone")}

@@ -75,7 +75,6 @@ def fit_input(
     laws: Laws = (),
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
-    strict: bool = False,
     wide: bool = False,
     date: str | None = None,
     zone: str | None = None,
@@ -91,7 +90,6 @@ def fit_input(
         laws: As for `jblast.fit`.
         scaling: As for `jblast.fit`.
         high_pass_hz: As for `jblast.fit`.
-        strict: As for `jblast.read`.
         wide: As for `jblast.read`.
         date: As for `jblast.read`.
         zone: As for `jblast.read`.
@@ -137,7 +135,6 @@ def fit_input(
             sources,
             uncertain,
             one_event,
-            strict=strict,
             wide=wide,
             date=date,
             zone=zone,

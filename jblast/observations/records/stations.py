@@ -77,9 +77,7 @@ def read_stations(
     within = f"a header {','.join(COLUMNS[:4])} and a station a row"
     gathered: list[InputError] = []
     faults = Faults(gathered)
-    table = table_of(
-        path, faults, strict=False, expected="a table of stations", within=within
-    )
+    table = table_of(path, faults, expected="a table of stations", within=within)
     drop_blanks(table)
     header = _header(table, take_units_row(table))
     if not len(table.lines):

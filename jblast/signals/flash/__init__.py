@@ -17,4 +17,3 @@ from jblast.signals.flash.search import (
     flash_threshold as flash_threshold,
     log_of as log_of,
 )
-from jblast.signals.flash.vertical_events import VerticalEvents as VerticalEvents

@@ -53,7 +53,6 @@ from jblast.signals.flash.fireball import (
     silhouettes,
 )
 from jblast.signals.flash.watch import (
-    DRIFT,
     LIGHT_OFFSET,
     LIT_LOG_CHANGE,
     MIN_PIXELS,
@@ -102,14 +101,6 @@ SLOWEST_S = 0.02
 known to a factor of two (`waves.fireball`). The test is tuned for up to 1 t."""
 SPARKLE = "pixels went on lighting up as before it, as on glittering water"
 GROWS_ON = "its growth did not slow down as a fireball's of up to 1 t does"
-LIKE_A_LAMP = (
-    "it lit up within two frames, as a lamp does, and at this frame rate its growth is "
-    "not visible; check it by eye"
-)
-LAMP_STATISTIC = math.log1p(math.pi * 10.0**2 / MIN_PIXELS) - 2 * DRIFT
-"""Statistic of a fireball of 10 px, the smallest that the test is tuned for, of which
-the first frame shows the final radius, and which stays for another frame. It is below
-the threshold, because a lamp has the same: in slow films it is reported as rejected."""
 SAME_AS_REJECTED = "it belongs to what had been rejected there before"
 STEP_S = 1e-3
 """Time over which events are summed to one change [s]: the tuned frame interval."""
@@ -151,9 +142,7 @@ class Rejected(NamedTuple):
 
     Attributes:
         time_s: Time of the alarm [s].
-        reason: Reason of the rejection: `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`;
-            `LIKE_A_LAMP` for a statistic below the threshold in a slow film, with the
-            time of the first frame that shows it.
+        reason: Reason of the rejection: `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`.
     """
 
     time_s: float
@@ -272,7 +261,6 @@ class FlashWatch:
         self._kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
         self._alarm: int | None = None
         self._pending: deque[tuple[int, Seen]] = deque()
-        self._lamps = _Lamps(self._stays + 1 if rate < SLOW_HZ and not changes else 0)
         self._spurned: tuple[int, tuple[int, int, int, int]] | None = None
         self._number = -1
         self._parts: np.ndarray | float = 0.0
@@ -314,7 +302,6 @@ class FlashWatch:
         self._start()
         while self._pending:
             self._decide(*self._pending.popleft())
-        self._rejected += self._lamps.ended()
         return self._reported()
 
     def _reported(self) -> tuple[Flash, ...]:
@@ -353,8 +340,6 @@ class FlashWatch:
         self._times.append(time)
         self._statistics.append(seen.statistic)
         loud = seen.statistic > self._threshold
-        alarmed = self._alarm is not None or loud
-        self._rejected += self._lamps.add(time, seen, alarmed=alarmed)
         if self._alarm is None and loud:
             self._alarm = number
             self._pending.append((number, seen))
@@ -409,43 +394,6 @@ class FlashWatch:
             return SPARKLE
         spots, earliest, _ = _spots(frames, images, begun, at, seen, self._changes)
         return GROWS_ON if grows_on(spots, earliest) else None
-
-
-class _Lamps:
-    """Lights of one or two frames, with a statistic below the threshold."""
-
-    def __init__(self, frames: int):
-        """Create the empty state.
-
-        Args:
-            frames: Largest number of frames from the first evidence to
-                `LAMP_STATISTIC`; 0 for films that show growth.
-        """
-        self._frames = frames
-        self._times: deque[float] = deque(maxlen=max(frames, 1))
-        self._now: float | None = None
-
-    def add(self, time: float, seen: Seen, *, alarmed: bool) -> list[Rejected]:
-        """Process a frame; return a light that has ended.
-
-        Args:
-            time: Its time [s].
-            seen: Result of the test after it.
-            alarmed: True for evidence above the threshold, now or recently.
-        """
-        self._times.append(time)
-        if alarmed:
-            self._now = None
-        elif seen.statistic <= LAMP_STATISTIC:
-            return self.ended()
-        elif self._now is None and seen.frames <= self._frames:
-            self._now = self._times[-seen.frames]
-        return []
-
-    def ended(self) -> list[Rejected]:
-        """Return the present light, which has ended."""
-        lit, self._now = self._now, None
-        return [] if lit is None else [Rejected(lit, LIKE_A_LAMP)]
 
 
 def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
@@ -640,49 +588,6 @@ class Tail(NamedTuple):
         if self.shape == 0.0:
             return self.level + self.scale * ratio
         return self.level + self.scale * math.expm1(self.shape * ratio) / self.shape
-
-    def false_alarms(self, threshold: float) -> float:
-        """Return the rate at which a threshold is exceeded without a blast [1/h]."""
-        excess = max(threshold - self.level, 0.0) / self.scale
-        if self.shape == 0.0:
-            rate = self.per_hour * math.exp(-excess)
-        else:
-            rate = self.per_hour * (1.0 + self.shape * excess) ** (-1.0 / self.shape)
-        over = threshold - self.greatest
-        return max(rate, math.exp(-max(over, 0.0) / self.scale) / self.hours)
-
-
-def fitted_tail(
-    greatest: Float[np.ndarray, " trial"], seconds: float, share: float = 0.05
-) -> Tail:
-    """Return the tail of the largest statistics of sequences without a blast.
-
-    The Pareto shape is that of L-moments (Hosking and Wallis 1987, eq. 9). A shape
-    below 0 is set to 0, since it would give the tail an upper bound.
-
-    Args:
-        greatest: Largest statistic of each sequence.
-        seconds: Length of each [s].
-        share: Share of the sequences in the tail.
-    """
-    ordered = np.sort(greatest)
-    count = max(round(share * len(ordered)), 8)
-    level = float(ordered[-count - 1])
-    excess = ordered[-count:] - level
-    # most sequences have no evidence at all: values equal to the level are no excess
-    if excess.max() > 0.0:
-        excess = excess[excess > 0.0]
-        count = len(excess)
-    mean = float(excess.mean())
-    # plotting positions of Hosking and Wallis, (i - 0.35) / n
-    weights = (np.arange(count) + 0.65) / count
-    second = float((excess * (1.0 - weights)).mean())
-    shape = -(mean / (mean - 2.0 * second) - 2.0) if mean > 2.0 * second else 0.0
-    shape = max(shape, 0.0)
-    scale = mean * (1.0 - shape) if shape < 1.0 else mean
-    hours = len(ordered) * seconds / HOUR_S
-    rate, largest = count / hours, float(ordered[-1])
-    return Tail(level, scale, shape, rate, len(ordered), hours, largest)
 
 
 MEASURED = Tail(

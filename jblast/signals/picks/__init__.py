@@ -2,9 +2,7 @@
 
 from jblast.signals.picks.pick import (
     NAMES as NAMES,
-    EyePick as EyePick,
     Pick as Pick,
-    eye_pick as eye_pick,
     pick as pick,
 )
 from jblast.signals.picks.pick_files import (

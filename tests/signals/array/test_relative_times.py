@@ -11,7 +11,7 @@ FAR = 3e-3
 TRIES = 200
 
 
-def delays_of(weighting, noise, tries=TRIES, seed=0):
+def delays_of(noise, tries=TRIES, seed=0):
     """Errors of delays, their sigmas and how much the peaks stand out."""
     rng = np.random.default_rng(seed)
     errors, sigmas = [], []
@@ -22,7 +22,6 @@ def delays_of(weighting, noise, tries=TRIES, seed=0):
             RATE,
             variance(noise, 2),
             FAR,
-            weighting=weighting,
         )
         delay = times.pairs[0, 1]
         errors.append(delay.delay - (later[1] - later[0]))
@@ -30,19 +29,17 @@ def delays_of(weighting, noise, tries=TRIES, seed=0):
     return np.array(errors), np.array(sigmas)
 
 
-@pytest.mark.parametrize("weighting", ["ml", "phat"])
 @pytest.mark.parametrize("noise", [0.03, 0.05])
-def test_normalised_errors_of_a_delay_are_one(weighting, noise):
-    errors, sigmas = delays_of(weighting, noise)
+def test_normalised_errors_of_a_delay_are_one(noise):
+    errors, sigmas = delays_of(noise)
     scaled = errors / sigmas
-    # Monte Carlo: sd of 200 is known to 5 %, the mean to 0.07; phat's error follows
-    # from expected weights, of single bins they differ
+    # Monte Carlo: sd of 200 is known to 5 %, the mean to 0.07
     assert 0.85 < scaled.std() < 1.2
     assert abs(scaled.mean()) < 0.25
 
 
 def test_the_best_weights_reach_the_bound_of_cramer_and_rao():
-    errors, sigmas = delays_of("ml", 0.01)
+    errors, sigmas = delays_of(0.01)
     assert errors.std() == pytest.approx(bound(0.01), rel=0.15)  # 3 sd of 200 tries
     # weights that are measured leave out bins in which the sound is not told from noise
     np.testing.assert_allclose(sigmas, bound(0.01), rtol=0.05)

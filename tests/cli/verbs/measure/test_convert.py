@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from jblast.observations import read
 
@@ -63,14 +62,7 @@ def test_a_wide_table_is_told_the_option_and_made_long_by_it(jblast):
     assert (code, "read it with --wide" in said) == (2, True)
     code, _, _ = jblast("convert", wide, "--wide", "--out", jblast.path("long.csv"))
     assert code == 0
-    long = read(jblast.path("long.csv"), strict=True)
+    long = read(jblast.path("long.csv"))
     assert long.sensor == ("a", "a", "b")
     np.testing.assert_allclose(long.value, [0.03, 4e4, 0.09])
     np.testing.assert_allclose(long.sigma, [0.001, np.nan, 0.001])
-
-
-@pytest.mark.parametrize("verb", ["convert", "fit", "scene"])
-def test_where_we_are_strict_another_dialect_is_refused(jblast, verb):
-    theirs = jblast.file("theirs.csv", FORENSIC)
-    code, _, said = jblast(verb, theirs, "--strict")
-    assert (code, "got semicolons" in said) == (2, True)
