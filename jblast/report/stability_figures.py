@@ -41,10 +41,8 @@ from jblast.verification.stability.failure import FailureMode
 from jblast.verification.stability.flights import impulse_errors as pulse_errors
 from jblast.verification.stability.laws import (
     FINE_SIGMA,
-    MAX_RISE_SAMPLES,
     SIGMA,
     TIMES,
-    slope_ratio,
 )
 from jblast.verification.stability.waveforms import (
     SHORT_STEP,
@@ -157,30 +155,6 @@ def wave_forms(axes: Axes, modes: Sequence[FailureMode]) -> None:
     axes.set(xlabel="decay b", ylabel="relative error")
     quiet(axes)
     titled(axes, "Impulse of a pulse, float32")
-
-
-def gradients(axes: Axes, modes: Sequence[FailureMode]) -> None:
-    """Draw the share of the misfit's slope in the gradient against the rise time."""
-    samples = range(MAX_RISE_SAMPLES // 2 + 1)
-    share = [100.0 * slope_ratio(n) for n in samples]
-    axes.axhline(100.0, color=MUTED, linewidth=1.0)
-    axes.plot(samples, share, "o-", color=BLUE, markersize=4)
-    axes.plot(0, share[0], "o", color=VERMILLION)
-    axes.annotate(
-        f"sharp front: {share[0]:.0f} %",
-        (0, share[0]),
-        xytext=(8, 0),
-        textcoords="offset points",
-        color=VERMILLION,
-        fontsize=9,
-        va="center",
-    )
-    axes.set(
-        xlabel="samples in the rise of the front", ylabel="share in the gradient (%)"
-    )
-    axes.set_ylim(0.0, 120.0)
-    quiet(axes)
-    titled(axes, "Misfit's slope in the arrival")
 
 
 def clocks(axes: Axes, modes: Sequence[FailureMode]) -> None:
@@ -324,7 +298,6 @@ def shares(axes: Axes, modes: Sequence[FailureMode]) -> None:
 
 PANELS: dict[str, Callable[[Axes, Sequence[FailureMode]], None]] = {
     "wave forms": wave_forms,
-    "gradients": gradients,
     "clocks": clocks,
     "solver": solver,
     "flights": flights,

@@ -34,7 +34,6 @@ from jblast.verification.stability.failure import (
     verified,
 )
 from jblast.waves import (
-    finite_rise_pressure,
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
     kingery_bulmash_pressure,
@@ -58,18 +57,6 @@ from jblast.waves.laws.wu_hao import wu_hao_air_valid
 # A pulse of some kg of TNT at a few tens of metres; the peak is 1, units scale out.
 DURATION, DECAY = 10e-3, 1.5
 """Positive phase [s] and decay coefficient [-] of the test pulse."""
-# 1,000 samples in a positive phase, so that only the front is badly resolved.
-RATE = 1e5
-"""Sampling rate of the record [Hz]."""
-# Between two samples: at a whole sample the slope would hit the jump of the front.
-MISPLACED = 1.3335e-3
-"""Error of the assumed arrival [s]."""
-# Rises longer than this give the slope to within a few per cent.
-MAX_RISE_SAMPLES = 20
-"""Samples in the longest rise."""
-# A search along a slope that is off by 5 % still converges.
-SLOPE_ERROR = 0.05
-"""Largest accepted relative error of a slope [-]."""
 SIGMA = 1e-3
 """Standard error of the arrivals of a plain recorder [s]."""
 FINE_SIGMA = 1e-6
@@ -109,59 +96,19 @@ INNER_Z, OUTER_Z, LAST_Z = 0.01, 100.0, 1e3
 
 def gradient_failures() -> list[FailureMode]:
     """Measure every failure mode of a derivative."""
-    return [_front(), _misfit(), _distance(), _laws_at_zero()]
+    return [_front(), _distance(), _laws_at_zero()]
 
 
-def pulse(
-    time: Float[Array, "..."], rise_time: Float[Array, ""] | None = None
-) -> Float[Array, "..."]:
-    """Return the pulse with unit peak, sharp or with a rise time [s]."""
-    if rise_time is None:
-        return modified_friedlander_pressure(time, 1.0, DURATION, DECAY)
-    return finite_rise_pressure(time, 1.0, DURATION, DECAY, rise_time)
-
-
-@jax.jit
-def misfit_slopes(
-    rise_time: Float[Array, ""] | None = None,
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return d(misfit)/d(arrival) by JAX and by differences over 20 samples [1/s].
-
-    The misfit is the mean square over a record. The assumed arrival is `MISPLACED`
-    later than the true one.
-    """
-    time = jnp.arange(0.0, 0.05, 1.0 / RATE)
-    record = pulse(time - 0.02, rise_time)
-
-    def misfit(arrival):
-        return jnp.mean((pulse(time - arrival, rise_time) - record) ** 2)
-
-    # over 20 samples each way the jumps at single samples average out
-    arrival, step = 0.02 + MISPLACED, 20.0 / RATE
-    difference = (misfit(arrival + step) - misfit(arrival - step)) / (2.0 * step)
-    return jax.grad(misfit)(arrival), difference
-
-
-def slope_ratio(samples: int) -> float:
-    """Return the slope of the misfit by JAX over that by differences [-].
-
-    Args:
-        samples: Samples in the rise of the front; 0 for a sharp front.
-    """
-    by_jax, by_differences = misfit_slopes(
-        jnp.asarray(samples / RATE) if samples else None
-    )
-    return float(by_jax / by_differences)
+def pulse(time: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return the sharp pulse with unit peak."""
+    return modified_friedlander_pressure(time, 1.0, DURATION, DECAY)
 
 
 def _front() -> FailureMode:
-    slope = jax.grad(lambda t: pulse(t))
-    before, at, after = (float(slope(t)) for t in (-1e-9, 0.0, 1e-9))
-    rise = jnp.asarray(1e-4)
-    soft = [float(jax.grad(lambda t: pulse(t, rise))(t)) for t in (-1e-9, 0.0)]
+    before, at, after = (float(jax.grad(pulse)(t)) for t in (-1e-9, 0.0, 1e-9))
     step = 1e-6
     secant = float(pulse(jnp.asarray(step)) - pulse(jnp.asarray(-step))) / (2 * step)
-    inside = before == 0.0 and np.isclose(at, after, rtol=1e-5) and soft == [0.0, 0.0]
+    inside = before == 0.0 and np.isclose(at, after, rtol=1e-5)
     return FailureMode(
         area="gradients",
         method="sharp front, slope in time",
@@ -171,25 +118,7 @@ def _front() -> FailureMode:
         beyond=f"{before:g} Ps/s before, {at:.0f} at it and after; differences over "
         f"{2e6 * step:g} us: {secant:+.0f}",
         response=verified("holds", bool(inside), "slope at the arrival"),
-        message="pressure and slope at the arrival are those behind the front, finite; "
-        "finite_rise_pressure has one slope from both sides",
-    )
-
-
-def _misfit() -> FailureMode:
-    sharp, soft = slope_ratio(0), slope_ratio(MAX_RISE_SAMPLES)
-    samples = np.arange(1, MAX_RISE_SAMPLES + 1)
-    error = np.array([abs(slope_ratio(int(n)) - 1.0) for n in samples])
-    return FailureMode(
-        area="gradients",
-        method="sharp front, misfit of a record",
-        failure="the slope misses the change as the front passes a sample",
-        boundary=float(samples[error > SLOPE_ERROR].max()),
-        unit="samples of rise and fewer",
-        beyond=f"sharp: d(misfit)/d(arrival) is {100 * sharp:.0f} % of the true slope",
-        response=verified("holds", abs(soft - 1.0) < SLOPE_ERROR, "misfit of a record"),
-        message=f"finite_rise_pressure: {100 * soft:.0f} % with {MAX_RISE_SAMPLES} "
-        "samples in the rise",
+        message="pressure and slope at the arrival are those behind the front, finite",
     )
 
 
