@@ -133,7 +133,6 @@ from jblast.waves.waveform import (
     BlastPulse as BlastPulse,
     blast_pressure as blast_pressure,
     blast_pulse as blast_pulse,
-    finite_rise_pressure as finite_rise_pressure,
     friedlander_decay as friedlander_decay,
     friedlander_impulse as friedlander_impulse,
     friedlander_pressure as friedlander_pressure,

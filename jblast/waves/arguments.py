@@ -103,7 +103,6 @@ ARGUMENTS: dict[str, Argument] = {
     "duration": _positive("s", 1e-3, 1e-2),
     "impulse": _positive("Pa s", 10.0, 1e3),
     "decay": Argument("1", (0.1, 5.0)),
-    "rise_time": _positive("s", 1e-5, 1e-3),
     "negative_pressure": _positive("Pa", 1e2, 5e4),
     "negative_duration": _positive("s", 5e-3, 5e-2),
     # propagation of sound

@@ -15,15 +15,14 @@ $t_d$. For $b < -1$ the pressure even rises behind the front, so $P_s$ is not th
 In single precision everything keeps five digits and more, but near $t_d$ the pressure
 passes through zero, and its error is then a rounding of $P_s$.
 
-Impulse and decay depend on the integrals
+Impulse and decay depend on the integral
 
-$$k(b) = \int_0^1 (1-x)\,e^{-bx}\,dx = \frac{1}{b} - \frac{1-e^{-b}}{b^2}, \qquad
-  g(b) = \int_0^1 x\,e^{-bx}\,dx = \frac{1-(1+b)\,e^{-b}}{b^2}$$
+$$k(b) = \int_0^1 (1-x)\,e^{-bx}\,dx = \frac{1}{b} - \frac{1-e^{-b}}{b^2}$$
 
-$k$ falls from $1/2$ at $b = 0$ as $1/b$, and grows as $e^{-b}/b^2$ for negative $b$.
-Both closed forms cancel near zero, their derivatives more so. For $|b| < 1$ they are
-replaced by series in $b$, so that value and derivatives keep nearly all their digits.
-Below $b = -700$ ($-80$ in single precision) they overflow.
+which falls from $1/2$ at $b = 0$ as $1/b$, and grows as $e^{-b}/b^2$ for negative $b$.
+The closed form cancels near zero, its derivatives more so. For $|b| < 1$ it is replaced
+by a series in $b$, so that value and derivatives keep nearly all their digits. Below
+$b = -700$ ($-80$ in single precision) it overflows.
 
 The negative phase is a cubic that ends,
 
@@ -38,22 +37,7 @@ the slope returned is that of the negative phase. The cubic does not keep $P^-$ 
 the ambient pressure, which no suction exceeds; the laws for $P^-$ do.
 
 Real fronts rise in a finite time: by the thickness of a weak shock, by the ground and
-the turbulence on the path, and in every gauge. A sharp front has no derivative with
-respect to its arrival time. `finite_rise_pressure` has one everywhere: it is the sharp
-pulse $p_F$ after two equal lags, as in a critically damped gauge,
-
-$$p(t) = \int_0^t p_F(u)\,\frac{t-u}{\tau^2}\,e^{-(t-u)/\tau}\,du
-  = P_s\,x^2\,e^{-x} \left[k(w) + \frac{t}{t_d}\,k'(w)\right]$$
-
-with $x = t/\tau$, $\beta = b/t_d$ and $w = (\beta - 1/\tau)\,t$. This is a
-construction, not a law of the front's shape. Pressure and slope are exactly zero up to
-the arrival and start smoothly there ($t^2$); the curvature jumps. The integral of the
-kernel is one, so the impulse of the whole record is unchanged for $b > 0$. As the rise
-time goes to zero the sharp pulse is recovered, with a difference of $(1 +
-b)\,2\tau/t_d$ of $P_s$ behind the front: the lag is $2\tau$, and the peak is lower than
-$P_s$.
-
-The rise time of a weak shock is
+the turbulence on the path, and in every gauge. The rise time of a weak shock is
 
 $$\tau = \frac{\tau_0}{1 + \tau_0/\tau_m}, \qquad
   \tau_0 = \frac{0.0479\ \text{Pa s}}{P}, \qquad
@@ -126,9 +110,6 @@ from jblast.waves.laws.shock_kinematics import (
 )
 from jblast.waves.scaling import sachs_distance_factor
 
-# 10 and 90 % of a step $1 - (1 + x)\,e^{-x}$ are at x = 0.5318116 and 3.8897202.
-RISE_OVER_LAG = 3.3579086
-r"""Rise time of two equal lags over one lag $\tau$ [-]."""
 # 1 ms at 1 psf, the rule of thumb of sonic booms, from memory: good to a factor of 3.
 RISE_TIME_TIMES_PEAK = 1e-3 * 47.88
 """Rise time times peak of a weak shock in air [Pa s]."""
@@ -406,40 +387,6 @@ def _spectrum(
 
 
 @checked
-def finite_rise_pressure(
-    time: Float[ArrayLike, "..."],
-    peak_overpressure: Float[ArrayLike, "..."],
-    duration: Float[ArrayLike, "..."],
-    decay: Float[ArrayLike, "..."],
-    rise_time: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the overpressure of a pulse with a finite rise [Pa].
-
-    Args:
-        time: Time $t$ since the first arrival [s], negative before it.
-        peak_overpressure: $P_s$ of the sharp pulse [Pa], positive.
-        duration: Duration of its positive phase $t_d$ [s], positive.
-        decay: Decay $b$ of the sharp pulse [-].
-        rise_time: Time from 10 to 90 % of a step [s], positive: $3.358\,\tau$.
-    """
-    time, peak, duration, decay, rise_time = as_float_arrays(
-        time, peak_overpressure, duration, decay, rise_time
-    )
-    before = time < 0
-    t = jnp.where(before, 0.0, time)
-    phase, x = t / duration, t * (RISE_OVER_LAG / rise_time)
-    w = decay * phase - x
-    # e^-x k(w) with the larger exponential taken out, so that neither overflows:
-    # e^w k(w) = g(-w), and -k' is the same for w and -w but for that factor.
-    slow = w < 0
-    exponent = jnp.where(slow, decay * phase, x)
-    size = jnp.where(slow, -w, w)  # not abs: it has no slope at zero, this has
-    kept = jnp.where(slow, late_fraction(size), impulse_fraction(size))
-    shape = kept - phase * middle_fraction(size)
-    return jnp.where(before, 0.0, peak * x * x * jnp.exp(-exponent) * shape)
-
-
-@checked
 def negative_phase_pressure(
     time: Float[ArrayLike, "..."],
     duration: Float[ArrayLike, "..."],
@@ -490,16 +437,6 @@ def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
     near, b = _split(decay)
     # (b + expm1(-b))/b^2, so divided that a large b does not overflow when squared
     far = (1.0 + jnp.expm1(-b) / b) / b
-    return jnp.where(near, _polynomial(series, jnp.where(near, decay, 0.0)), far)
-
-
-@jax.jit
-def late_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return $g(b)$, the integral weighted with time."""
-    series = [(-1.0) ** n / (math.factorial(n) * (n + 2)) for n in range(SERIES_TERMS)]
-    near, b = _split(decay)
-    # this form cancels near b = 0, where the series replaces it
-    far = (-jnp.expm1(-b) / b - jnp.exp(-b)) / b
     return jnp.where(near, _polynomial(series, jnp.where(near, decay, 0.0)), far)
 
 

@@ -7,14 +7,12 @@ import pytest
 from jblast.waves.waveform import (
     decay_of_fraction,
     impulse_fraction,
-    late_fraction,
     middle_fraction,
 )
 from tests.tools.slopes import with_slopes
 
 WEIGHTS = {
     impulse_fraction: lambda x: 1 - x,
-    late_fraction: lambda x: x,
     middle_fraction: lambda x: x * (1 - x),
 }
 AT = {integral: with_slopes(integral) for integral in WEIGHTS}
@@ -38,12 +36,6 @@ def test_the_first_terms_are_those_of_the_series():
     np.testing.assert_allclose(
         AT[impulse_fraction](b)[0], 0.5 - b / 6 + b**2 / 24, rtol=0, atol=1e-9 / 100
     )
-
-
-def test_early_and_late_make_the_whole():
-    b = np.array([-3.0, 0.5, 4.0])
-    whole = AT[impulse_fraction](b)[0] + AT[late_fraction](b)[0]
-    np.testing.assert_allclose(whole, -np.expm1(-b) / b, rtol=1e-14)
 
 
 def test_the_decay_is_found_to_rounding_over_eighteen_decades():
