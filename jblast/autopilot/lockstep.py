@@ -621,26 +621,6 @@ def state_reported(
     )
 
 
-def state_heard(
-    origin: Origin, reported: Float[Array, "18"], rotor_speed_rad_s: Float[Array, "4"]
-) -> State:
-    """Return the state in the numbers of HIL_STATE_QUATERNION.
-
-    Args:
-        origin: Geodetic origin of the scene.
-        reported: Fields of the message.
-        rotor_speed_rad_s: Rotor speeds, which the message lacks.
-    """
-    lat_lon_alt = reported[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
-    return State(
-        level_of(origin, lat_lon_alt),
-        world(reported[10:13] / 100),
-        attitude_in(reported[:4]),
-        body(reported[4:7]),
-        rotor_speed_rad_s,
-    )
-
-
 def _geodetic_whole(origin: Origin, place_m: Float[Array, "3"]) -> list[Array]:
     """Return latitude and longitude [1e-7 degree], height [mm]."""
     return [*jnp.round(geodetic_of(origin, place_m) * jnp.array([1e7, 1e7, 1e3]))]
@@ -671,14 +651,6 @@ def attitude_out(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
     return jnp.roll(turned, 1)
 
 
-def attitude_in(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
-    """Return an attitude (x, y, z, w) from the autopilot's form (w, x, y, z)."""
-    ours = jnp.roll(quaternion, -1)
-    return quaternion_product(
-        quaternion_product(jnp.asarray(TURN), ours), jnp.asarray(FLIP)
-    )
-
-
 def origin_at(place: Place) -> Origin:
     """Return the origin at a geodetic position."""
     lat, lon = np.radians(place.lat_deg), np.radians(place.lon_deg)
@@ -704,19 +676,6 @@ def geodetic_of(origin: Origin, place_m: Float[Array, "3"]) -> Float[Array, "3"]
         flat = flat.at[2].add(origin.height_m - _geodetic(origin, flat)[2])
     found = _geodetic(origin, flat)
     return found.at[2].set(place_m[2] + origin.height_m)
-
-
-def level_of(origin: Origin, geodetic: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return the position of a latitude, longitude [degree] and height [m]."""
-    lat, lon = jnp.radians(geodetic[0]), jnp.radians(geodetic[1])
-    out = jnp.stack(
-        [jnp.cos(lat) * jnp.cos(lon), jnp.cos(lat) * jnp.sin(lon), jnp.sin(lat)]
-    )
-    normal = RADIUS_M / jnp.sqrt(1 - ECCENTRICITY_SQUARED * out[2] * out[2])
-    stretch = jnp.array([1.0, 1.0, 1 - ECCENTRICITY_SQUARED])
-    centred = (normal * stretch + origin.height_m) * out
-    flat = jnp.asarray(origin.axes) @ (centred - origin.centred_m)
-    return flat.at[2].set(geodetic[2] - origin.height_m)
 
 
 def _geodetic(origin: Origin, enu_m: Float[Array, "3"]) -> Float[Array, "3"]:

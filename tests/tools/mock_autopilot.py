@@ -17,14 +17,20 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jblast.autopilot.lockstep import (
     ARMED,
+    ECCENTRICITY_SQUARED,
+    FLIP,
     LOCKSTEP,
     PERIOD_S,
+    RADIUS_M,
     STATE,
+    TURN,
     Origin,
-    state_heard,
+    body,
     state_reported,
+    world,
 )
 from jblast.autopilot.mavlink import Message, Receiver, Sender
+from jblast.scene.camera import quaternion_product
 from jblast.vehicle import Controller, State, Vehicle
 
 
@@ -148,3 +154,44 @@ def fly_mock(address: tuple[str, int], mock: Mock, turns: int) -> int:
                     link.sendall(answer)
                     answered += 1
     return answered
+
+
+def state_heard(
+    origin: Origin, reported: Float[Array, "18"], rotor_speed_rad_s: Float[Array, "4"]
+) -> State:
+    """Return the state in the numbers of HIL_STATE_QUATERNION.
+
+    Args:
+        origin: Geodetic origin of the scene.
+        reported: Fields of the message.
+        rotor_speed_rad_s: Rotor speeds, which the message lacks.
+    """
+    lat_lon_alt = reported[7:10] * jnp.array([1e-7, 1e-7, 1e-3])
+    return State(
+        level_of(origin, lat_lon_alt),
+        world(reported[10:13] / 100),
+        attitude_in(reported[:4]),
+        body(reported[4:7]),
+        rotor_speed_rad_s,
+    )
+
+
+def attitude_in(quaternion: Float[Array, "4"]) -> Float[Array, "4"]:
+    """Return an attitude (x, y, z, w) from the autopilot's form (w, x, y, z)."""
+    ours = jnp.roll(quaternion, -1)
+    return quaternion_product(
+        quaternion_product(jnp.asarray(TURN), ours), jnp.asarray(FLIP)
+    )
+
+
+def level_of(origin: Origin, geodetic: Float[Array, "3"]) -> Float[Array, "3"]:
+    """Return the position of a latitude, longitude [degree] and height [m]."""
+    lat, lon = jnp.radians(geodetic[0]), jnp.radians(geodetic[1])
+    out = jnp.stack(
+        [jnp.cos(lat) * jnp.cos(lon), jnp.cos(lat) * jnp.sin(lon), jnp.sin(lat)]
+    )
+    normal = RADIUS_M / jnp.sqrt(1 - ECCENTRICITY_SQUARED * out[2] * out[2])
+    stretch = jnp.array([1.0, 1.0, 1 - ECCENTRICITY_SQUARED])
+    centred = (normal * stretch + origin.height_m) * out
+    flat = jnp.asarray(origin.axes) @ (centred - origin.centred_m)
+    return flat.at[2].set(geodetic[2] - origin.height_m)

@@ -9,12 +9,13 @@ from scipy.spatial.transform import Rotation
 
 from jblast.autopilot import lockstep
 from jblast.autopilot.flight_record import euler, scalar_first
-from jblast.autopilot.lockstep import geodetic_of, level_of, origin_at, rotors_of
+from jblast.autopilot.lockstep import geodetic_of, origin_at, rotors_of
 from jblast.errors import InputError
 from jblast.missions.mission import geodetic
 from jblast.observations.places import Frame
 from jblast.scene import Place
 from jblast.vehicle import named
+from tests.tools.mock_autopilot import attitude_in, level_of
 
 TO_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 TO_FRD = np.diag([1.0, -1, -1])
@@ -39,7 +40,7 @@ def test_attitudes_are_turned_as_matrices_say_and_come_back(attitude):
     expected = TO_NED @ Rotation.from_quat(attitude).as_matrix() @ TO_FRD
     found = Rotation.from_quat(np.roll(told, -1)).as_matrix()
     np.testing.assert_allclose(found, expected, atol=1e-14)
-    back = Rotation.from_quat(np.asarray(lockstep.attitude_in(jnp.asarray(told))))
+    back = Rotation.from_quat(np.asarray(attitude_in(jnp.asarray(told))))
     np.testing.assert_allclose(
         back.as_matrix(), Rotation.from_quat(attitude).as_matrix(), atol=1e-14
     )
