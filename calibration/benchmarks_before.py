@@ -5,32 +5,38 @@
 TREE is a checkout of an earlier commit (`git worktree add TREE COMMIT`); both run with
 this Python and its packages. A benchmark runs in two processes at once, one a tree, and
 each stretch that it times runs while the other process waits: first a call of the one,
-then the same call of the other. Their clock is the processor's, all cores together
-(`calibration.benchmark_in_turns`): rates are those of a second of one core. Of each row
-the best round counts; beside the ratio stands what the rounds of the earlier tree alone
-leave open: their best over their second best. Rounds that have ended are kept in a file
-and not run again.
+then the same call of the other. Their clock is the processor's, all cores together:
+rates are those of a second of one core. Of each row the best round counts; beside the
+ratio stands what the rounds of the earlier tree alone leave open: their best over their
+second best. Rounds that have ended are kept in a file and not run again.
+
+    python calibration/benchmarks_before.py timed NAME TURN DONE
+
+is one of the two processes, with its tree on PYTHONPATH. TURN and DONE are file
+descriptors: where a benchmark reads its clock for the first time a byte is written to
+DONE and one is read from TURN; where it reads it again, a byte is written to DONE. For
+a tree without this benchmark the one beside this file runs, on the tree's package.
 """
 
 import argparse
 import contextlib
+import importlib.util
 import itertools
 import json
 import os
 import re
+import runpy
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
-
-from jblast.files import write_text
 
 HERE = Path(__file__).parents[1]
 RESULT = HERE / "calibration" / "results" / "benchmarks_before.txt"
 NAMES = ("laws", "fit_many", "flights", "events", "picks")
-CHILD = HERE / "calibration" / "benchmark_in_turns.py"
 COLUMNS = {
     "laws": {"float64": 0, "float32": 1},
     "fit_many": {"": 0},
@@ -68,10 +74,10 @@ def main() -> None:
             keys = [f"{name} {which} {turn}" for which in ("before", "now")]
             if not all(key in kept for key in keys):
                 kept |= zip(keys, in_turns((asked.tree, HERE), name), strict=True)
-                write_text(asked.kept, json.dumps(kept))
+                asked.kept.write_text(json.dumps(kept))
     text = table(kept, commit(asked.tree), commit(HERE))
     text += f"\n{asked.note}\n" if asked.note else ""
-    write_text(asked.out, text)
+    asked.out.write_text(text)
     sys.stdout.write(text)
 
 
@@ -94,7 +100,7 @@ class Run(contextlib.AbstractContextManager["Run"]):
         self._done, done = os.pipe()
         self._output = tempfile.TemporaryFile("w+")  # noqa: SIM115
         self._process = subprocess.Popen(
-            [sys.executable, str(CHILD), name, str(theirs), str(done)],
+            [sys.executable, __file__, "timed", name, str(theirs), str(done)],
             cwd=tree,
             env=os.environ | {"PYTHONPATH": path_with(tree)},
             stdout=self._output,
@@ -139,6 +145,44 @@ def path_with(tree: Path) -> str:
     """Return where Python looks for modules: in a tree first, else as here."""
     here = os.environ.get("PYTHONPATH", "").split(os.pathsep)
     return os.pathsep.join([str(tree.resolve()), *filter(None, here)])
+
+
+def taking_turns(turn: int, done: int) -> Callable[[], float]:
+    """Return a clock [s]; the first, third ... time it is read it waits for its turn.
+
+    Args:
+        turn: File descriptor of the bytes that give this process its turn.
+        done: File descriptor that gets a byte when it waits, and when it has ended.
+    """
+    is_ours = False
+
+    def now() -> float:
+        nonlocal is_ours
+        caller = os.path.basename(sys._getframe(1).f_code.co_filename)
+        if not (caller.startswith("benchmark_") or caller == "timing.py"):
+            return time.process_time()
+        is_ours = not is_ours
+        if not is_ours:
+            end = time.process_time()
+            os.write(done, b".")
+            return end
+        os.write(done, b".")
+        os.read(turn, 1)
+        return time.process_time()
+
+    return now
+
+
+def run_timed(name: str, turn: str, done: str) -> None:
+    """Run a benchmark by such a clock."""
+    sys.path.pop(0)
+    time.perf_counter = taking_turns(int(turn), int(done))
+    sys.argv = ["benchmarks", name]
+    if importlib.util.find_spec(f"calibration.benchmark_{name}"):
+        runpy.run_module("calibration.benchmarks", run_name="__main__")
+    else:
+        mine = Path(__file__).with_name(f"benchmark_{name}.py")
+        runpy.run_path(str(mine), run_name="__main__")
 
 
 def commit(tree: Path) -> str:
@@ -202,4 +246,4 @@ def table(kept: dict[str, str], before: str, now: str) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    run_timed(*sys.argv[2:]) if sys.argv[1:2] == ["timed"] else main()

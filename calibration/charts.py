@@ -43,6 +43,7 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
 from calibration import cases, stability_fits as poor
+from calibration.eye_pick import eye_pick
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import errors
@@ -82,7 +83,7 @@ from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.record import to_error_scale
 from jblast.sensors.simulated_readings import written
 from jblast.signals import filtered_by, matched_kernel, threshold_for, white_noise
-from jblast.signals.picks import eye_pick, pick_records
+from jblast.signals.picks import pick_records
 from jblast.vehicle import (
     PositionHold,
     State,

@@ -76,7 +76,7 @@ from jblast.sensors.calculator import (
     scene_path,
     with_rows,
 )
-from jblast.sensors.camera.geometry import fold_radius, project, unproject
+from jblast.sensors.camera.geometry import project, unproject
 from jblast.signals import matched_filter
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
@@ -596,7 +596,7 @@ def camera_failures() -> list[Mode]:
     bent = camera(k1)
     ahead, behind = (project(plain, jnp.array([1.0, y, 0.5])).seen for y in (5.0, -5.0))
     column, row = (200.0 * x / -5.0 + c for x, c in ((1.0, 319.5), (-0.5, 239.5)))
-    fold = float(fold_radius(bent.distortion, jnp.array([1.0, 0.0])))
+    fold = (-1.0 / (3.0 * k1)) ** 0.5  # where r + k1 r^3 turns back
     out, top = 1.4 * fold, fold * (1.0 + k1 * fold**2)
     beyond, inside = (
         project(bent, jnp.array([x, 1.0, 0.0])).seen for x in (out, 0.99 * fold)

@@ -327,7 +327,7 @@ def march(
         if not flow.alive or not parts[-1].shock[-1] > parts[-1].shock[0]:
             raise RuntimeError(
                 f"expected positive densities and pressures and steps of a positive "
-                f"length, got others at a shock radius of {float(flow.shock):g} m"
+                f"length, got none at a shock radius of {float(flow.shock):g} m"
             )
     whole = jax.tree.map(lambda *part: np.concatenate(part), *parts)
     moved = np.concatenate([[True], np.diff(whole.shock) > 0.0])
