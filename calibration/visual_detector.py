@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.films import KINDS, SECONDS
 from calibration.flash_trials import (
     BALL,
     METHODS,
@@ -40,7 +41,6 @@ from jblast.report.figure_style import (
 )
 from jblast.report.words import aligned
 from jblast.signals.flash.search import Tail, fitted_tail
-from jblast.verification.flash_films import KINDS, SECONDS
 
 RESULTS = Path(__file__).parent / "results"
 RATES = (0.1, 1.0, 10.0, 100.0)

@@ -29,6 +29,7 @@ from calibration.cases import (
     recorded,
     rumble,
 )
+from calibration.films import blast, negative
 from jblast.errors import InputError
 from jblast.signals import (
     best_match,
@@ -47,7 +48,6 @@ from jblast.signals import (
 from jblast.signals.flash.search import detect_flashes, flash_threshold
 from jblast.signals.flash.vertical_events import VerticalEvents
 from jblast.signals.picks import RecordPick, pick_records
-from jblast.verification.flash_films import blast, negative
 from jblast.verification.stability.failure import (
     FailureMode,
     boundary_at,

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.ford_2021 import ADOPTED, QUANTITIES, fit
 from jblast.registry import call, law_for
 from jblast.waves.laws.ford_2021 import (
     Ford2021,
@@ -235,3 +236,14 @@ def test_batched_values_are_those_of_a_loop():
             law(r, 50.0, h, *STANDARD) for r, h in zip(ranges, heights, strict=True)
         ]
         assert jnp.allclose(together, jnp.stack(alone), rtol=1e-14)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_packaged_coefficients_are_what_the_script_finds(quantity):
+    found = fit(quantity, ADOPTED[quantity]).curve
+    packaged = ford_2021()
+    kept = packaged.impulse if "impulse" in quantity else packaged.duration
+    # The search stops where the likelihood is flat to 1e-13 of itself.
+    for name, value in vars(found).items():
+        assert np.allclose(getattr(kept, name), value, rtol=1e-3, atol=1e-4), name
