@@ -1,7 +1,7 @@
 """Films with and without a blast, watched by several processes at a time.
 
 All are sequences of 160 x 120 pixels at 1,000 frames a second
-(`jblast.verification.flash_films`). Every other blast is the explosion that comes with
+(`calibration.films`). Every other blast is the explosion that comes with
 jblast, the rest are the law's smooth balls.
 """
 
@@ -16,11 +16,11 @@ from typing import NamedTuple, TypeVar
 import jax
 import numpy as np
 
+from calibration.films import KINDS, blast, negative
 from calibration.vertical_events import VerticalEvents
 from jblast.progress import counted
 from jblast.sensors.camera import ExplosionViews, explosion_views
 from jblast.signals.flash.watch import Watch
-from jblast.verification.flash_films import KINDS, blast, negative
 
 SOON_S = 0.02
 """A blast is to be seen within this of its first light [s]."""

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from calibration.films import KINDS, SECONDS
 from calibration.flash_trials import (
     BALL,
     METHODS,
@@ -42,7 +43,6 @@ from jblast.report.figure_style import (
 from jblast.report.words import aligned
 from jblast.signals.flash.search import Tail
 from jblast.signals.matched_filter import HOUR_S
-from jblast.verification.flash_films import KINDS, SECONDS
 
 RESULTS = Path(__file__).parent / "results"
 RATES = (0.1, 1.0, 10.0, 100.0)

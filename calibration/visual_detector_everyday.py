@@ -20,6 +20,7 @@ import jax
 import numpy as np
 from scipy.stats import chi2
 
+from calibration.films import OTHERS, RATE_HZ, SECONDS, blast, negative
 from calibration.visual_detector_fresh import share
 from jblast.files import write_text
 from jblast.progress import counted
@@ -27,7 +28,6 @@ from jblast.report.words import aligned
 from jblast.sensors.camera import explosion_views
 from jblast.signals.flash import detect_flashes
 from jblast.signals.flash.search import FlashDetections, flash_threshold
-from jblast.verification.flash_films import OTHERS, RATE_HZ, SECONDS, blast, negative
 
 RESULTS = Path(__file__).parent / "results"
 FIRST = 3_000_000

@@ -11,6 +11,7 @@ in sight. Here are other seeds, and the detector as it is shipped. Written to
 from itertools import pairwise
 from pathlib import Path
 
+from calibration.films import SECONDS
 from calibration.flash_trials import (
     BALL,
     PICTURES,
@@ -23,7 +24,6 @@ from jblast.files import write_text
 from jblast.report.words import aligned
 from jblast.signals.flash.search import flash_threshold
 from jblast.study.statistics import wilson_interval
-from jblast.verification.flash_films import SECONDS
 
 RESULTS = Path(__file__).parent / "results"
 FIRST = 2_000_000

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.ford_2021 import ADOPTED, QUANTITIES, fit
 from jblast.registry import call, law_for
 from jblast.waves.laws.ford_2021 import (
     Ford2021,
@@ -204,3 +205,14 @@ def test_table_of_laws_calls_the_packaged_and_a_refitted_set():
     shot, path_sd, record = call(refitted.scatter, path)
     assert shot.shape == (2,)
     assert (float(path_sd), float(record)) == (0.2, 0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_packaged_coefficients_are_what_the_script_finds(quantity):
+    found = fit(quantity, ADOPTED[quantity]).curve
+    packaged = ford_2021()
+    kept = packaged.impulse if "impulse" in quantity else packaged.duration
+    # The search stops where the likelihood is flat to 1e-13 of itself.
+    for name, value in vars(found).items():
+        assert np.allclose(getattr(kept, name), value, rtol=1e-3, atol=1e-4), name

@@ -1,4 +1,5 @@
 import csv
+import json
 from pathlib import Path
 
 import jax
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 import jblast
+from calibration.ground_motion import COEFFICIENTS, QUANTITIES, read_ground
 from jblast.registry import law_for
 from jblast.scene import Charge, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
@@ -14,6 +16,9 @@ from jblast.sensors.law_choice import law_names
 from jblast.waves import ground_motion_displacement, ground_motion_velocity
 from jblast.waves.laws.ground_motion import ground_motion_curve, log_curve, log_gradient
 
+PACKAGED = json.loads(
+    (Path(jblast.__path__[0]) / "waves/data/ground_motion.json").read_text("utf-8")
+)
 DATA = Path(jblast.__path__[0]).parent / "calibration/data/seismic_ford2021.csv"
 RECORDED = {
     "ground_displacement_m": "p_wave_displacement",
@@ -116,3 +121,34 @@ def test_what_never_happens_moves_nothing():
     scene = with_values(scene, {"origin_time_s": np.inf})
     laws = dict.fromkeys(RECORDED, "ground_motion")
     assert not np.asarray(record(scene, layout, laws).value).any()
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_coefficients_are_those_of_least_squares_with_the_scatter_they_came_with(
+    quantity,
+):
+    records, curve = read_ground(), PACKAGED["curves"][quantity]
+    b = dict(zip(COEFFICIENTS, curve["coefficients"], strict=True))
+    mass = np.cbrt(records.charge_mass)
+    height = records.height_of_burst / mass
+    coupled = 1 / (1 + np.exp(b["b4"] * (height - b["b5"])))
+    log_range = np.log(records.slant_range / mass)
+    design = np.stack([np.ones(len(mass)), log_range, coupled], axis=1)
+    covariance = curve["record_sd"] ** 2 * np.eye(len(mass))
+    for names, sd in (
+        (records.site, curve["site_sd"]),
+        (records.shot, curve["shot_sd"]),
+        (records.path, curve["path_sd"]),
+    ):
+        covariance += sd**2 * (names[:, None] == names[None, :])
+    weighted = np.linalg.solve(covariance, design)
+    value = records.log_value[quantity]
+    found = np.linalg.solve(design.T @ weighted, weighted.T @ value)
+    # what is packaged is rounded to six digits, and b5 with it
+    np.testing.assert_allclose(found, curve["coefficients"][:3], rtol=1e-4, atol=1e-4)
+    # slopes by b5 vanish there: it is the most probable one, not one of the likes
+    slope = b["b3"] * b["b4"] * coupled * (1 - coupled)
+    left = np.linalg.solve(covariance, value - design @ found)
+    assert abs(slope @ left) < 1e-3 * np.sqrt(
+        slope @ np.linalg.solve(covariance, slope)
+    )

@@ -6,12 +6,13 @@ image. The fireball is either the law's smooth ball, in the air or on the ground
 hides its lower half), or a rendered explosion on the ground, from any side and from up
 to 30 degrees above. On the ground its light falls on the background below the horizon.
 
-Lookalikes are lamps, cars, glints, shots, lightning and noise. Each has random
-parameters and returns the light in front of a background at a time. The ranges of these
-parameters are set by hand to cover everyday scenes; none is fitted.
+Lookalikes are lamps, cars, glints, shots, lightning and noise. Each draws parameters
+and returns the light in front of a background at a time, from four primitives: discs,
+glare, rectangles and a gain over time. The ranges of the parameters are set by hand to
+cover everyday scenes; none is fitted.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -67,7 +68,6 @@ class BlastFilm(NamedTuple):
         range_m: Distance from the camera [m].
         radius_px: Final radius of the fireball [px].
         pixel: Position of the burst in frame `first` (x, y) [px].
-        in_air: True if the ground does not hide the lower half.
     """
 
     times: Float[np.ndarray, " frame"]
@@ -78,48 +78,39 @@ class BlastFilm(NamedTuple):
     range_m: float
     radius_px: float
     pixel: tuple[float, float]
-    in_air: bool
 
 
-@dataclass(frozen=True)
-class ImageSensor:
-    """Noise of an image sensor, with a variance linear in the light.
+def seen(
+    rng: np.random.Generator,
+    light: Light,
+    dark: float = 0.008,
+    full: float = 2e-4,
+    hot: float = 1e-4,
+) -> UInt8[np.ndarray, "height width"]:
+    """Return light with noise, as linear grey values of 8 bits.
 
-    Attributes:
-        dark: Standard deviation in the dark, as a share of full scale.
-        full: Additional variance at full light, in the same unit squared.
+    Args:
+        rng: Random generator.
+        light: Light, 1 at full scale.
+        dark: Standard deviation in the dark.
+        full: Additional variance at full light.
         hot: Share of hot pixels, each of which flashes 10 times a second.
     """
-
-    dark: float = 0.008
-    full: float = 2e-4
-    hot: float = 1e-4
-
-    def seen(
-        self, rng: np.random.Generator, light: Float[np.ndarray, "height width"]
-    ) -> UInt8[np.ndarray, "height width"]:
-        """Return light with noise, as linear grey values of 8 bits."""
-        spread = np.sqrt(self.dark**2 + self.full * np.maximum(light, 0.0))
-        noise = rng.standard_normal(light.shape, np.float32)
-        seen = light + spread * noise
-        sparks = rng.poisson(self.hot * light.size * 10.0 / RATE_HZ)
-        if sparks:
-            seen[
-                rng.integers(light.shape[0], size=sparks),
-                rng.integers(light.shape[1], size=sparks),
-            ] = 1.0
-        return np.rint(255.0 * np.clip(seen, 0.0, 1.0)).astype(np.uint8)
+    spread = np.sqrt(dark**2 + full * np.maximum(light, 0.0))
+    noise = rng.standard_normal(light.shape, np.float32)
+    grey = light + spread * noise
+    sparks = rng.poisson(hot * light.size * 10.0 / RATE_HZ)
+    if sparks:
+        rows, columns = (rng.integers(n, size=sparks) for n in light.shape)
+        grey[rows, columns] = 1.0
+    return np.rint(255.0 * np.clip(grey, 0.0, 1.0)).astype(np.uint8)
 
 
 def blast(
     seed: int,
     *,
-    charge_kg: float | None = None,
     radius_px: float | None = None,
-    rate_hz: float = RATE_HZ,
-    moving: float = 0.7,
     drift: float | None = None,
-    sensor: ImageSensor | None = None,
     pictures: ExplosionViews | None = None,
     filmed_s: float = FILMED_S,
 ) -> BlastFilm:
@@ -127,35 +118,28 @@ def blast(
 
     Args:
         seed: Seed of the scene.
-        charge_kg: Mass of TNT [kg]; by default log-uniform from 1 to 1,000.
         radius_px: Final radius [px]; by default log-uniform from 10 to 50.
-        rate_hz: Frame rate [Hz].
-        moving: Probability that the camera moves.
         drift: Speed of a purely sideways motion of the image [px/s]; by default the
             motion is random.
-        sensor: Noise of the sensor; by default that of `ImageSensor`.
         pictures: Views of an explosion, in place of the ball of the law.
         filmed_s: Duration of the film behind the burst [s].
     """
     # 99 separates these seeds from those of `negative`, which begin with the kind
     rng = np.random.default_rng([99, seed])
-    # drawn in any case, so that a given charge or radius changes nothing else
-    drawn = 10 ** rng.uniform(0.0, 3.0), 10 * 5 ** rng.uniform(0.0, 1.0)
-    charge_kg = drawn[0] if charge_kg is None else charge_kg
-    radius_px = drawn[1] if radius_px is None else radius_px
+    # drawn in any case, so that a given radius changes nothing else
+    charge_kg, drawn_px = 10 ** rng.uniform(0.0, 3.0), 10 * 5 ** rng.uniform(0.0, 1.0)
+    radius_px = drawn_px if radius_px is None else radius_px
     sine = radius_px / np.hypot(FOCAL, radius_px)
     distance = LARGEST_RADIUS * charge_kg ** (1 / 3) / sine
     across = rng.uniform(20, WIDTH - 20) - 0.5 * (WIDTH - 1)
     down = rng.uniform(25, HEIGHT - 15) - 0.5 * (HEIGHT - 1)
     in_air = bool(rng.random() < 0.5)
-    behind = random_background(rng, moving=moving)
+    behind = random_background(rng)
     if drift is not None:
         behind = Background(behind.texture, drift=(drift, 0.0))
     # the burst has a random phase within its frame
-    lead = round(LEAD * rate_hz / RATE_HZ)
-    burst = (lead + rng.uniform(0.0, 1.0)) / rate_hz
-    count = round(filmed_s * rate_hz)
-    times = np.arange(lead + 1 + count) / rate_hz
+    burst = (LEAD + rng.uniform(0.0, 1.0)) / RATE_HZ
+    times = np.arange(LEAD + 1 + round(filmed_s * RATE_HZ)) / RATE_HZ
     azimuth, elevation = 0.0, 0.0
     if pictures is not None:
         in_air = False
@@ -164,26 +148,24 @@ def blast(
         mass_kg=charge_kg, position_m=(0.0, 0.0, 2.0 * distance if in_air else 0.0)
     )
     camera = _camera(charge, distance, (azimuth, elevation), (across, down))
-    layers = _layers(charge, camera, pictures, times[lead + 1 :] - burst)
-    sensor = ImageSensor() if sensor is None else sensor
-    frames = [sensor.seen(rng, behind.light(float(t))) for t in times[: lead + 1]]
+    layers = _layers(charge, camera, pictures, times[LEAD + 1 :] - burst)
+    frames = [seen(rng, behind.light(float(t))) for t in times[: LEAD + 1]]
     start = np.array(behind.moved(burst))
-    for time, layer in zip(times[lead + 1 :], layers, strict=True):
+    for time, layer in zip(times[LEAD + 1 :], layers, strict=True):
         # the motion of the camera moves the fireball together with the background
         dx, dy = np.array(behind.moved(float(time))) - start
         light, alpha = _moved(layer, dx, dy)
-        frames.append(sensor.seen(rng, light + (1 - alpha) * behind.light(float(time))))
+        frames.append(seen(rng, light + (1 - alpha) * behind.light(float(time))))
     pixel = 0.5 * (WIDTH - 1) + across, 0.5 * (HEIGHT - 1) + down
     return BlastFilm(
         times,
         np.stack(frames),
         burst,
-        lead + 1,
+        LEAD + 1,
         charge_kg,
         distance,
         radius_px,
         (float(pixel[0]), float(pixel[1])),
-        in_air,
     )
 
 
@@ -272,6 +254,68 @@ def _moved(
     return out
 
 
+def _place(rng: np.random.Generator) -> tuple[float, float]:
+    return rng.uniform(10, WIDTH - 10), rng.uniform(10, HEIGHT - 10)
+
+
+def _disc(x: float, y: float, radius: float) -> Light:
+    """Return the approximate coverage of each pixel by a disc, 0 to 1."""
+    distance = np.hypot(_X - np.float32(x), _Y - np.float32(y))
+    return np.clip(np.float32(radius + 0.5) - distance, 0.0, 1.0)
+
+
+def _glare(x: float, y: float, reach: float) -> Light:
+    """Return a bell about a place, 1 there and 1/e at the reach."""
+    return np.exp(-((_X - x) ** 2 + (_Y - y) ** 2) / reach**2)
+
+
+def _box(left: float, top: float, width: float, height: float) -> Light:
+    """Return the coverage of each pixel by a rectangle, 0 to 1."""
+    across = np.clip(_X - left + 0.5, 0, 1) * np.clip(left + width - _X + 0.5, 0, 1)
+    above = across * np.clip(_Y - top + 0.5, 0, 1)
+    return above * np.clip(top + height - _Y + 0.5, 0, 1)
+
+
+def _added(shape: Light, power: Callable[[float], float]) -> Disturbance:
+    """Return a source of light with a power over time."""
+    return lambda time, behind: behind + np.float32(power(time)) * shape
+
+
+def _gained(shape: Light, gain: Callable[[float], float]) -> Disturbance:
+    """Return more light on the scene, by a gain over time."""
+    return lambda time, behind: behind * (1.0 + np.float32(gain(time)) * shape)
+
+
+def _spots(
+    at: Callable[[float], Iterable[tuple[float, float, float, float]]],
+) -> Disturbance:
+    """Return discs by their light, columns, rows and radii at a time."""
+
+    def lit(time: float, behind: Light) -> Light:
+        for bright, x, y, radius in at(time):
+            behind = behind + np.float32(bright) * _disc(x, y, radius)
+        return behind
+
+    return lit
+
+
+def _heated(age: float, rise: float) -> float:
+    """Return the share of a lamp's light: at once for diodes, slower for filaments."""
+    share = 1.0 if rise == 0.0 else -np.expm1(-age / rise)
+    # the light of a filament is about the cube of its share of the temperature
+    return share**3
+
+
+def _add_spot(light: Light, bright: np.float32, x: float, y: float, r: float) -> None:
+    """Add a small disc to an image in place."""
+    # only the pixels about it: glitter has up to 1,500 spots a frame
+    left, top = max(int(x - r) - 1, 0), max(int(y - r) - 1, 0)
+    bottom, right = max(int(y + r) + 3, 0), max(int(x + r) + 3, 0)
+    here = np.s_[top:bottom, left:right]
+    distance = np.hypot(_X[here] - x, _Y[here] - y)
+    light[here] += bright * np.clip(r - distance + 0.5, 0.0, 1.0).astype(np.float32)
+
+
 def car(rng: np.random.Generator) -> Disturbance:
     """Return a passing car, brighter or darker than the background, some with lamps."""
     length, height = rng.uniform(15, 90), rng.uniform(6, 40)
@@ -285,16 +329,11 @@ def car(rng: np.random.Generator) -> Disturbance:
 
     def passing(time: float, behind: Light) -> Light:
         left = begin + speed * time
-        # Shares of partly covered pixels, so that the edges of the car move smoothly.
-        cover = np.clip(_X - left + 0.5, 0, 1) * np.clip(left + length - _X + 0.5, 0, 1)
-        cover = (
-            cover * np.clip(_Y - y + 0.5, 0, 1) * np.clip(y + height - _Y + 0.5, 0, 1)
-        )
         upper = (y + 0.4 * height > _Y) & (
             np.abs(_X - left - 0.5 * length) < 0.3 * length
         )
         body = np.where(upper, np.float32(paint * windows), np.float32(paint))
-        light = behind + cover * (body - behind)
+        light = behind + _box(left, y, length, height) * (body - behind)
         if lamp:
             nose = left + length if sense > 0 else left
             light = light + 3.0 * _disc(nose, y + 0.7 * height, lamp)
@@ -311,20 +350,15 @@ def glints(rng: np.random.Generator) -> Disturbance:
     xs, ys = rng.normal(x0, spread, count), rng.normal(y0, 0.4 * spread, count)
     starts, lives = rng.uniform(0.0, 0.3, count), rng.uniform(1e-3, 20e-3, count)
     sizes = rng.uniform(0.3, 3.0, count)
-    speeds = rng.normal(0.0, 150.0, (2, count))
+    u, v = rng.normal(0.0, 150.0, (2, count))
 
-    def sparkling(time: float, behind: Light) -> Light:
-        light = behind
+    def sparkling(time: float):
         for i in np.flatnonzero((time >= starts) & (time < starts + lives)):
             age = time - starts[i]
             bright = 4.0 * np.sin(np.pi * age / lives[i])
-            spot = _disc(
-                xs[i] + speeds[0, i] * age, ys[i] + speeds[1, i] * age, sizes[i]
-            )
-            light = light + np.float32(bright) * spot
-        return light
+            yield bright, xs[i] + u[i] * age, ys[i] + v[i] * age, sizes[i]
 
-    return sparkling
+    return _spots(sparkling)
 
 
 def lamps(rng: np.random.Generator) -> Disturbance:
@@ -341,20 +375,16 @@ def lamps(rng: np.random.Generator) -> Disturbance:
     apart = rng.uniform(2.5, 8.0) * radius
     pulsed = rng.uniform(2e-3, 10e-3) if rng.random() < 0.3 else 0.0
     off = on + rng.uniform(0.03, 0.3)
-    centres = [(x, y), (x + apart, y)][: rng.integers(1, 3)]
     shape = np.zeros_like(_X)
-    for a, b in centres:
-        away = np.hypot(_X - a, _Y - b) / radius
-        shape += _disc(a, b, radius) + glare / (1.0 + away**2)
+    for a in (x, x + apart)[: rng.integers(1, 3)]:
+        away = np.hypot(_X - a, _Y - y) / radius
+        shape += _disc(a, y, radius) + glare / (1.0 + away**2)
 
-    def lit(time: float, behind: Light) -> Light:
-        if not on <= time < off or (pulsed and (time - on) % pulsed > 0.5 * pulsed):
-            return behind
-        share = 1.0 if rise == 0.0 else -np.expm1(-(time - on) / rise)
-        # the light of a filament is about the cube of its share of the temperature
-        return behind + np.float32(power * share**3) * shape
+    def lit(time: float) -> float:
+        dark = not on <= time < off or (pulsed and (time - on) % pulsed > 0.5 * pulsed)
+        return 0.0 if dark else power * _heated(time - on, rise)
 
-    return lit
+    return _added(shape, lit)
 
 
 def lightning(rng: np.random.Generator) -> Disturbance:
@@ -365,18 +395,16 @@ def lightning(rng: np.random.Generator) -> Disturbance:
     rises = 10 ** rng.uniform(-4.0, -2.3, count)
     gains = rng.uniform(0.2, 5.0, count)
     x, y = _place(rng)
-    reach = rng.uniform(40.0, 400.0)
-    shape = np.exp(-((_X - x) ** 2 + (_Y - y) ** 2) / reach**2)
+    strokes = list(zip(starts, falls, rises, gains, strict=True))
 
-    def struck(time: float, behind: Light) -> Light:
-        gain = 0.0
-        for start, fall, rise, most in zip(starts, falls, rises, gains, strict=True):
-            age = time - start
-            if age >= 0.0:
-                gain += most * -np.expm1(-age / rise) * np.exp(-age / fall)
-        return behind * (1.0 + np.float32(gain) * shape)
+    def struck(time: float) -> float:
+        return sum(
+            most * -np.expm1(-(time - start) / rise) * np.exp(-(time - start) / fall)
+            for start, fall, rise, most in strokes
+            if time >= start
+        )
 
-    return struck
+    return _gained(_glare(x, y, rng.uniform(40.0, 400.0)), struck)
 
 
 def mains(rng: np.random.Generator) -> Disturbance:
@@ -385,13 +413,9 @@ def mains(rng: np.random.Generator) -> Disturbance:
     hz, depth = rng.choice([100.0, 120.0]), rng.uniform(0.1, 0.9)
     x, y = _place(rng)
     reach, phase = rng.uniform(5.0, 120.0), rng.uniform(0, 2 * np.pi)
-    shape = np.exp(-((_X - x) ** 2 + (_Y - y) ** 2) / reach**2)
-
-    def humming(time: float, behind: Light) -> Light:
-        wave = depth * np.sin(2 * np.pi * hz * time + phase)
-        return behind * (1.0 + np.float32(wave) * shape)
-
-    return humming
+    return _gained(
+        _glare(x, y, reach), lambda t: depth * np.sin(2 * np.pi * hz * t + phase)
+    )
 
 
 def nothing(rng: np.random.Generator) -> Disturbance:
@@ -407,17 +431,13 @@ def shots(rng: np.random.Generator) -> Disturbance:
     lives, sizes = rng.uniform(1e-3, 5e-3, count), rng.uniform(2.0, 14.0, count)
     rise = rng.uniform(0.2e-3, 1e-3)
 
-    def flashing(time: float, behind: Light) -> Light:
-        light = behind
+    def flashing(time: float):
         for start, life, size in zip(starts, lives, sizes, strict=True):
             age = time - start
             if 0.0 <= age < life:
-                bright = 5.0 * np.exp(-1.5 * age / life)
-                spot = _disc(x, y, size * min(age / rise, 1.0))
-                light = light + np.float32(bright) * spot
-        return light
+                yield 5.0 * np.exp(-1.5 * age / life), x, y, size * min(age / rise, 1.0)
 
-    return flashing
+    return _spots(flashing)
 
 
 LOOKALIKES: dict[str, Callable[[np.random.Generator], Disturbance]] = {
@@ -486,14 +506,13 @@ def camera_flash(rng: np.random.Generator) -> Disturbance:
     begin, lasts = rng.uniform(0.0, 0.25), 10 ** rng.uniform(-3.7, -2.3)
     power, gain = rng.uniform(5.0, 100.0), rng.uniform(0.1, 3.0)
     size, reach = rng.uniform(1.0, 5.0), rng.uniform(2.0, 15.0)
-    glare = np.exp(-((_X - x) ** 2 + (_Y - y) ** 2) / reach**2)
+    shape = _disc(x, y, size) + np.float32(0.03) * _glare(x, y, reach)
+    lamp = np.float32(power) * shape
 
     def flashed(time: float, behind: Light) -> Light:
-        age = time - begin
-        if age < 0.0:
+        if time < begin:
             return behind
-        share = np.float32(np.exp(-age / lasts))
-        lamp = np.float32(power) * (_disc(x, y, size) + np.float32(0.03) * glare)
+        share = np.float32(np.exp(-(time - begin) / lasts))
         return behind * (1.0 + np.float32(gain) * share) + share * lamp
 
     return flashed
@@ -529,14 +548,9 @@ def door(rng: np.random.Generator) -> Disturbance:
         width = wide * part * (2.0 - part)
         if width == 0.0:
             return behind
-        left = x - 0.5 * width if both else x
-        cover = np.clip(_X - left + 0.5, 0, 1) * np.clip(left + width - _X + 0.5, 0, 1)
-        top = y - 0.5 * high
-        cover = cover * np.clip(_Y - top + 0.5, 0, 1)
-        cover = cover * np.clip(top + high - _Y + 0.5, 0, 1)
-        square = (_X - x) ** 2 + (_Y - y) ** 2
-        gain = spill * width / wide * np.exp(-square / 60.0**2)
+        gain = spill * width / wide * _glare(x, y, 60.0)
         light = behind * (1.0 + gain.astype(np.float32))
+        cover = _box(x - 0.5 * width if both else x, y - 0.5 * high, width, high)
         return light + cover * (np.float32(daylight) - light)
 
     return opening
@@ -575,18 +589,12 @@ def headlights(rng: np.random.Generator) -> Disturbance:
     begin, rise = rng.uniform(0.0, 0.2), rng.choice([0.0, rng.uniform(0.03, 0.15)])
     power, reach = rng.uniform(1.0, 30.0), rng.uniform(2.0, 12.0)
     shape = sum(
-        _disc(c, y, size) + 0.05 * np.exp(-((_X - c) ** 2 + (_Y - y) ** 2) / reach**2)
+        _disc(c, y, size) + 0.05 * _glare(c, y, reach)
         for c in (x - 0.5 * apart, x + 0.5 * apart)
     )
-
-    def lit(time: float, behind: Light) -> Light:
-        if time < begin:
-            return behind
-        share = 1.0 if rise == 0.0 else -np.expm1(-(time - begin) / rise)
-        # as in `lamps`: about the cube of the share of the final temperature
-        return behind + np.float32(power * share**3) * shape
-
-    return lit
+    return _added(
+        shape, lambda t: power * _heated(t - begin, rise) if t >= begin else 0.0
+    )
 
 
 def welding(rng: np.random.Generator) -> Disturbance:
@@ -599,7 +607,7 @@ def welding(rng: np.random.Generator) -> Disturbance:
     flicker = rng.uniform(0.0, 0.6)
     hz, phase = rng.choice([100.0, 120.0, 300.0]), rng.uniform(0.0, 2 * np.pi)
     square = (_X - x) ** 2 + (_Y - y) ** 2
-    shape = _disc(x, y, size) + 0.03 * np.exp(-square / reach**2)
+    shape = _disc(x, y, size) + 0.03 * _glare(x, y, reach)
     shape = shape + 0.3 / (1.0 + square / 36.0) / power
     count = 60
     angles, speeds = rng.uniform(0, 2 * np.pi, count), rng.uniform(50, 600, count)
@@ -635,59 +643,26 @@ OTHERS = tuple(EVERYDAY)
 """Names of `EVERYDAY`."""
 
 
-def negative(kind: str, seed: int, rate_hz: float = RATE_HZ) -> Sequence:
+def negative(kind: str, seed: int) -> Sequence:
     """Return times [s] and linear grey frames of 8 bits without a blast.
 
     Args:
         kind: One of `KINDS` or `OTHERS`.
         seed: Seed of the scene.
-        rate_hz: Frame rate [Hz].
     """
     # With the kind in the seed, scenes of two kinds do not share their numbers.
     rng = np.random.default_rng([(KINDS + OTHERS).index(kind), seed])
     behind = random_background(rng, moving=1.0 if kind == "ego-motion" else 0.7)
-    sensor = ImageSensor()
+    sensor: tuple[float, ...] = ()
     if kind == "noise":
         worse = rng.uniform(1.0, 5.0)
-        sensor = ImageSensor(0.008 * worse, 2e-4 * worse**2, 10 ** rng.uniform(-4, -2))
+        sensor = 0.008 * worse, 2e-4 * worse**2, 10 ** rng.uniform(-4, -2)
     disturbance = (LOOKALIKES | EVERYDAY)[kind](rng)
-    times = np.arange(round(SECONDS * rate_hz)) / rate_hz
+    times = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     frames = [
-        sensor.seen(rng, disturbance(float(t), behind.light(float(t)))) for t in times
+        seen(rng, disturbance(float(t), behind.light(float(t))), *sensor) for t in times
     ]
     return times, np.stack(frames)
-
-
-def negatives(count: int, first: int = 0) -> Iterator[tuple[str, Sequence]]:
-    """Yield the kind and the sequence of each lookalike, all kinds in turn.
-
-    Args:
-        count: Number of sequences.
-        first: Number of the first sequence, to split the work.
-    """
-    for number in range(first, first + count):
-        kind = KINDS[number % len(KINDS)]
-        yield kind, negative(kind, number // len(KINDS))
-
-
-def _place(rng: np.random.Generator) -> tuple[float, float]:
-    return rng.uniform(10, WIDTH - 10), rng.uniform(10, HEIGHT - 10)
-
-
-def _disc(x: float, y: float, radius: float) -> Light:
-    """Return the approximate coverage of each pixel by a disc, 0 to 1."""
-    distance = np.hypot(_X - np.float32(x), _Y - np.float32(y))
-    return np.clip(np.float32(radius + 0.5) - distance, 0.0, 1.0)
-
-
-def _add_spot(light: Light, bright: np.float32, x: float, y: float, r: float) -> None:
-    """Add a small disc to an image in place."""
-    # only the pixels about it: glitter has up to 1,500 spots a frame
-    left, top = max(int(x - r) - 1, 0), max(int(y - r) - 1, 0)
-    bottom, right = max(int(y + r) + 3, 0), max(int(x + r) + 3, 0)
-    here = np.s_[top:bottom, left:right]
-    distance = np.hypot(_X[here] - x, _Y[here] - y)
-    light[here] += bright * np.clip(r - distance + 0.5, 0.0, 1.0).astype(np.float32)
 
 
 def texture(

@@ -1,1 +1,0 @@
-"""Cases with a known truth: films, recordings and posteriors."""
