@@ -15,7 +15,7 @@ from jblast.sensors.calculator import Question, law_scatters
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, independent_scale
 
 PEAK, LAW = "peak_overpressure_pa", "kingery_bulmash"
-RANGE_M, MASS_KG, COUNT = 51.0, 12.0, 400_000
+RANGE_M, MASS_KG, COUNT = 51.0, 12.0, 100_000
 GAUGE = Sensor("gauge", jnp.array([0.0, RANGE_M, 0.0]), records=((PEAK, 0.05),))
 SCENE = with_values(
     replace(Scene(), sensors=(GAUGE,)), {"charge_mass_kg": MASS_KG, "charge_up_m": 0.0}
