@@ -35,6 +35,8 @@ fit assumes, seed 19; in each the gauges write down what they read, but no more 
 their full scale of 20 kPa, which most often clips four. The same logs are fitted four
 ways: what would have been read without a full scale; the clipped values as lower
 bounds; clipped rows left out; clipped values as if they were readings.
+
+The scatter of laws is drawn as normal, and fitted as part of a Student-t of that scale.
 """
 
 import equinox as eqx

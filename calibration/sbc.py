@@ -3,7 +3,7 @@ r"""Is a 90 % interval right for 90 % of blasts? Six cases, 500 logs each.
     python -m calibration.sbc [LOGS] > calibration/results/sbc.txt
 
 Truths are drawn from the priors of each file in `calibration/scenes/`, a log of each is
-simulated with the errors `jblast fit` assumes (Student-t, and what the laws scatter),
+simulated with the errors `jblast fit` assumes (Student-t; normal scatter of laws),
 and the truth is ranked among draws of the posterior (theory below): of
 emcee for every log, of Laplace's approximation where its diagnostic let it answer.
 Log i has seed i. If intervals are right, ranks are uniform: that is tested by
