@@ -1,5 +1,7 @@
 """Arrivals of a search with the times of their picks."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
@@ -58,7 +60,7 @@ def test_of_two_arrivals_each_has_its_own_pick(lengths):
 def test_without_a_pick_the_range_of_the_bank_is_an_error(lengths, peaks):
     channel = heard(peaks, [arrival(2.0, spread_s=0.02)])
     (found,) = picked_arrivals([channel])
-    assert found == (arrival(2.0, 0.02)._replace(sigma_s=np.hypot(1e-5, 0.02)),)
+    assert found == (arrival(2.0, 0.02)._replace(sigma_s=math.hypot(1e-5, 0.02)),)
 
 
 def test_channels_without_arrivals_are_not_picked(lengths):
