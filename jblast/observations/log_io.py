@@ -1,4 +1,4 @@
-"""Input and output of logs: text, spreadsheets, Parquet, pandas and xarray.
+"""Input and output of logs: text, spreadsheets, Parquet and pandas.
 
 `read` turns any source into a table of text, identifies its columns, refuses records of
 samples and tables in which more than one reading is possible, and checks each row.

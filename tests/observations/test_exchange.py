@@ -1,4 +1,4 @@
-"""A log goes to pandas and back as it was, and to xarray with its units."""
+"""A log goes to pandas and back as it was."""
 
 import numpy as np
 import pandas as pd
