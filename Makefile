@@ -27,7 +27,7 @@ help:
 fit: .venv/run
 	$(BIN)/python -m calibration.fit
 
-# Page and figures of the kept tables; MEASURE=--measure measures anew.
+# Page and figures of the kept tables; MEASURE=--measure measures again.
 chart: .venv/run
 	$(BIN)/python -m calibration.charts $(MEASURE)
 

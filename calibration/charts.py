@@ -1,7 +1,7 @@
 r"""Cost against error of every method: the table, the page and the figures.
 
     python -m calibration.charts [TOPIC ...]            # page and figures, as kept
-    python -m calibration.charts [TOPIC ...] --measure  # measured anew on this machine
+    python -m calibration.charts [TOPIC ...] --measure  # measured again on this machine
 
 A topic has panels, a panel has methods with a cost, an error and at most one reference.
 Rows are kept in `results/charts.csv`; the page `results/charts.md` has all of them.
@@ -1269,22 +1269,22 @@ def main() -> None:
     """Draw the kept tables; with --measure, measure first."""
     parser = argparse.ArgumentParser(description="Cost against error of every method.")
     parser.add_argument("topic", nargs="*", metavar="TOPIC", help=", ".join(TOPICS))
-    parser.add_argument("--measure", action="store_true", help="measure anew")
-    asked = parser.parse_args()
-    if unknown := [name for name in asked.topic if name not in TOPICS]:
+    parser.add_argument("--measure", action="store_true", help="measure again")
+    options = parser.parse_args()
+    if unknown := [name for name in options.topic if name not in TOPICS]:
         parser.error(f"no topic {unknown[0]!r}: expected {', '.join(TOPICS)}")
     kept, measured_on = read()
-    if asked.measure:
+    if options.measure:
         start_jax()
         progress = in_words()
-        for name in asked.topic or TOPICS:
+        for name in options.topic or TOPICS:
             progress(name)
             kept[name] = TOPICS[name].measure()
         kept = {name: kept[name] for name in TOPICS if name in kept}
         measured_on = machine()
         write_text(KEPT, table(kept, measured_on))
     write_text(KEPT.with_suffix(".md"), page(kept, measured_on))
-    for name in asked.topic or SHOWN:
+    for name in options.topic or SHOWN:
         folder = RESULTS / "charts" if name in SHOWN else Path("out/charts")
         folder.mkdir(parents=True, exist_ok=True)
         write_figure(figure_of(TOPICS[name], kept[name]), folder / f"{name}.png")

@@ -1,7 +1,7 @@
 r"""Where does each method fail, and what does jblast do there?
 
     python -m calibration.stability [AREA ...]            # page and figure, as kept
-    python -m calibration.stability [AREA ...] --measure  # measured anew
+    python -m calibration.stability [AREA ...] --measure  # measured again
 
 Each method is used past its limit. There jblast marks the answer as extrapolated,
 refuses with a message, or falls back to another method: every row states the limit,
@@ -596,7 +596,7 @@ def camera_failures() -> list[Mode]:
     bent = camera(k1)
     ahead, behind = (project(plain, jnp.array([1.0, y, 0.5])).seen for y in (5.0, -5.0))
     column, row = (200.0 * x / -5.0 + c for x, c in ((1.0, 319.5), (-0.5, 239.5)))
-    fold = (-1.0 / (3.0 * k1)) ** 0.5  # where r + k1 r^3 turns back
+    fold = math.sqrt(-1.0 / (3.0 * k1))  # 1 + 3 k1 r^2 = 0
     out, top = 1.4 * fold, fold * (1.0 + k1 * fold**2)
     beyond, inside = (
         project(bent, jnp.array([x, 1.0, 0.0])).seen for x in (out, 0.99 * fold)
@@ -1210,14 +1210,14 @@ def main() -> None:
     """Draw the kept table; with --measure, measure first."""
     parser = argparse.ArgumentParser(description="Where each method fails.")
     parser.add_argument("area", nargs="*", metavar="AREA", help=", ".join(AREAS))
-    parser.add_argument("--measure", action="store_true", help="measure anew")
-    asked = parser.parse_args()
-    areas = [area.replace("-", " ") for area in asked.area] or list(AREAS)
+    parser.add_argument("--measure", action="store_true", help="measure again")
+    options = parser.parse_args()
+    areas = [area.replace("-", " ") for area in options.area] or list(AREAS)
     if unknown := [area for area in areas if area not in AREAS]:
         parser.error(f"no area {unknown[0]!r}: expected {', '.join(AREAS)}")
     start_jax()
     modes, progress = read(), in_words()
-    for area in areas if asked.measure else ():
+    for area in areas if options.measure else ():
         progress(area)
         module, function = AREAS[area]
         modes[area] = getattr(importlib.import_module(module), function)()

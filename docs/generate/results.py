@@ -8,7 +8,6 @@ from pathlib import Path
 
 KEPT = "calibration/results"
 INDEX = "calibration/INDEX.md"
-CHARTS = "charts/"
 BENCHMARK = "benchmark_"
 WIDE = "---\nhide: [toc]\n---\n\n"
 """Front matter of a page whose tables need all the width there is."""
@@ -44,7 +43,6 @@ def all_of_them(root: Path) -> list[Result]:
     files = [
         *sorted(kept.glob("*.md")),
         *sorted(kept.glob("*.txt")),
-        *sorted(kept.glob(f"{CHARTS}*.md")),
     ]
     return [_result(root, path) for path in files]
 
@@ -70,13 +68,7 @@ def index_rows(root: Path) -> list[tuple[str, str, list[str], list[str], list[st
 def page(result: Result) -> str:
     """Write the page of a result: unchanged, or its question and its table."""
     if result.source.endswith(".md"):
-        if not result.text.startswith("## "):
-            return result.text
-        # the text of a chart, for terminals, has no picture and no title
-        heading, _, rest = result.text[3:].partition("\n")
-        pictures = "".join(f"![{heading}]({name})\n\n" for name in result.pictures)
-        text = rest.strip().replace("\n### ", "\n## ")
-        return f"# {heading}\n\n{pictures}{text}\n"
+        return result.text
     question = f"{result.question}\n\n" if result.question else ""
     written = f"Written by `{result.script}`.\n\n" if result.script else ""
     pictures = "".join(f"![{result.title}]({name})\n\n" for name in result.pictures)
@@ -130,24 +122,14 @@ def _first_sentence(text: str) -> str:
 def _title(name: str, text: str) -> str:
     if name.endswith(".md"):
         heading = next(line for line in text.splitlines() if line.startswith("#"))
-        title = heading.lstrip("# ")
-        return f"Chart: {_subject(title)}" if name.startswith(CHARTS) else title
+        return heading.lstrip("# ")
     return name.removesuffix(".txt").replace("_", " ").capitalize()
-
-
-def _subject(title: str) -> str:
-    """Return what a chart is of: its title goes on with what is drawn against what."""
-    subject = title.partition(":")[0]
-    is_name = " " in subject and subject == subject.title()  # Monte Carlo
-    return subject if is_name else subject[0].lower() + subject[1:]
 
 
 def _script(root: Path, name: str) -> tuple[str, str]:
     """Return the command that writes a file, and its question, by the index."""
     for command, question, _, kept, _ in index_rows(root):
         if any(fnmatch(name, pattern) for pattern in kept):
-            if command.startswith("jblast "):
-                return command, question
             if name.startswith(BENCHMARK) and command.startswith(BENCHMARK):
                 subject = name.removeprefix(BENCHMARK).partition(".")[0]
                 subject = subject.removesuffix("_gpu")

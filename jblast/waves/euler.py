@@ -55,6 +55,7 @@ pressure is added everywhere: the whole then has the energy $E$ and that of the 
 swept up, exactly.
 """
 
+import dataclasses
 import functools
 import math
 from collections.abc import Sequence
@@ -113,10 +114,6 @@ class Air(eqx.Module):
     gamma: Float[Array, ""] = eqx.field(
         converter=as_float_array, default=AIR_HEAT_CAPACITY_RATIO
     )
-
-    def sound_speed(self) -> Float[Array, ""]:
-        """Return the speed of sound [m/s]."""
-        return jnp.sqrt(self.gamma * self.pressure / self.density)
 
 
 class Flow(eqx.Module):
@@ -325,10 +322,8 @@ def march(
         flow, history = _run(flow, end, records=RECORDS, stride=stride, gauges=gauges)
         parts.append(jax.tree.map(np.asarray, history))
         if not flow.alive or not parts[-1].shock[-1] > parts[-1].shock[0]:
-            raise RuntimeError(
-                f"expected positive densities and pressures and steps of a positive "
-                f"length, got none at a shock radius of {float(flow.shock):g} m"
-            )
+            at = f"at a shock radius of {float(flow.shock):g} m"
+            raise RuntimeError(f"expected positive densities and pressures, lost {at}")
     whole = jax.tree.map(lambda *part: np.concatenate(part), *parts)
     moved = np.concatenate([[True], np.diff(whole.shock) > 0.0])
     return flow, jax.tree.map(lambda values: values[moved], whole)
@@ -385,16 +380,12 @@ def cell_centres(radius: Float[Array, " face"]) -> Float[Array, " cell"]:
     return 0.75 * (a + b) * (a * a + b * b) / (a * a + a * b + b * b)
 
 
-def shell_volume(
-    inner: Float[Array, "..."], thickness: Float[Array, "..."]
-) -> Float[Array, "..."]:
+def shell_volume(inner, thickness):
     r"""Return the volume of a shell [m3], $h\,(r^2 + rh + h^2/3)$."""
     return thickness * (inner * (inner + thickness) + thickness * thickness / 3.0)
 
 
-def swept_radius(
-    radius: Float[Array, " face"], volume: Float[Array, " face"]
-) -> Float[Array, " face"]:
+def swept_radius(radius, volume):
     r"""Return the radius of a face after it has swept a volume, $\sqrt[3]{r^3+3V}$ [m].
 
     Args:
@@ -461,9 +452,8 @@ def _step(flow: Flow, end) -> tuple[Flow, Front]:
 def _advanced(flow: Flow, rates, mass, advance) -> Flow:
     """Return the flow after a step of given changes."""
     swept, momentum, energy, time = rates
-    return Flow(
-        flow.air,
-        flow.length,
+    return dataclasses.replace(
+        flow,
         radius=swept_radius(flow.radius, swept),
         mass=flow.mass + jnp.diff(mass),
         volume=flow.volume + jnp.diff(swept),
@@ -471,7 +461,6 @@ def _advanced(flow: Flow, rates, mass, advance) -> Flow:
         energy=flow.energy + energy,
         shock=flow.shock + advance,
         time=flow.time + time,
-        alive=flow.alive,
     )
 
 
@@ -483,11 +472,8 @@ def _rates(flow: Flow, cells: Gas, front: Front, overtaken, advance):
     flux = face_flux(*reconstruct(cells), overtaken, impulse, air.gamma)
     # Nothing passes the centre. At the shock the ambient air enters.
     internal = air.pressure / (air.gamma - 1.0) / air.density
-    last = (
-        overtaken[-1] / air.density,
-        -air.pressure * impulse[-1],
-        overtaken[-1] * internal,
-    )
+    inflow = overtaken[-1]
+    last = inflow / air.density, -air.pressure * impulse[-1], inflow * internal
     swept, momentum, energy = jax.lax.optimization_barrier(
         tuple(
             jnp.concatenate([jnp.zeros_like(faces[:1]), faces[1:-1], end[None]])
@@ -526,13 +512,7 @@ def _wave_mass_flux(side: Gas, approach, gamma):
     return steep + jnp.sqrt(side.density * (gamma * side.pressure) + steep * steep)
 
 
-def face_flux(
-    left: Gas,
-    right: Gas,
-    overtaken: Float[Array, " face"],
-    impulse: Float[Array, " face"],
-    gamma: Float[ArrayLike, ""],
-) -> tuple[Float[Array, " face"], Float[Array, " face"], Float[Array, " face"]]:
+def face_flux(left: Gas, right: Gas, overtaken, impulse, gamma):
     """Return volume, momentum and energy through faces.
 
     Args:
@@ -545,9 +525,8 @@ def face_flux(
     approach = jnp.maximum(left.velocity - right.velocity, 0.0)
     q_l = _wave_mass_flux(left, approach, gamma)
     q_r = _wave_mass_flux(right, approach, gamma)
-    u = (
-        q_l * left.velocity + q_r * right.velocity + (left.pressure - right.pressure)
-    ) / (q_l + q_r)
+    force = left.pressure - right.pressure
+    u = (q_l * left.velocity + q_r * right.velocity + force) / (q_l + q_r)
     p = left.pressure + q_l * (left.velocity - u)
     # A step of zero length sweeps nothing. The guard is on the input, so that neither
     # the value nor the derivative is 0/0.
@@ -572,7 +551,7 @@ def fitted_front(cells: Gas, air: Air) -> Front:
     behind = Gas(
         *(jnp.where(good, q, m[-1]) for q, m in zip(behind, cells, strict=True))
     )
-    gamma, sound = air.gamma, air.sound_speed()
+    gamma, sound = air.gamma, jnp.sqrt(air.gamma * air.pressure / air.density)
     impedance = jnp.sqrt(behind.density * (gamma * behind.pressure))
     drive = behind.pressure + impedance * behind.velocity
 
@@ -658,9 +637,8 @@ def _log_mass(log_x, gamma):
     r"""Return $3\ln(a/R)$."""
     place, velocity, density, _, _ = _profile(log_x, gamma)
     behind = place - 2.0 / (gamma + 1.0) * velocity
-    return 2.0 * jnp.log(place) + jnp.log(
-        (gamma + 1.0) / (gamma - 1.0) * density * behind
-    )
+    b = (gamma + 1.0) / (gamma - 1.0)
+    return 2.0 * jnp.log(place) + jnp.log(b * density * behind)
 
 
 def _parameter_at(log_mass, gamma):
