@@ -152,7 +152,7 @@ def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
     header = Header()
     unknown: list[str] = []
     for index, theirs in enumerate(table.header):
-        found = column_of(theirs, units_row.get(theirs), table, strict=False)
+        found = column_of(theirs, units_row.get(theirs), table)
         name, unit = (START, None) if spelt(theirs) == START else found or ("", None)
         if name not in COLUMNS:
             unknown.append(f"{shown(theirs)}{nearest(theirs, COLUMNS)}")

@@ -127,13 +127,6 @@ def test_what_the_log_cannot_tell_exits_4_with_null_and_a_cure(jblast):
     assert time["log_sd"] is None
 
 
-def test_a_poor_fit_without_a_scene_names_jblast_scene(jblast):
-    log = jblast.file("f.csv", FLASH)
-    code, out, _ = jblast("fit", log, "--json")
-    assert code == 4
-    assert any(f"jblast scene {log}" in w for w in of_contract(out)["warnings"])
-
-
 @pytest.mark.slow
 def test_a_range_can_be_asked_for_with_one_sensor_and_a_known_mass(jblast):
     log = jblast.file(
