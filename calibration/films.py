@@ -588,12 +588,12 @@ def headlights(rng: np.random.Generator) -> Disturbance:
     apart, size = rng.uniform(4.0, 40.0), rng.uniform(1.0, 6.0)
     begin, rise = rng.uniform(0.0, 0.2), rng.choice([0.0, rng.uniform(0.03, 0.15)])
     power, reach = rng.uniform(1.0, 30.0), rng.uniform(2.0, 12.0)
-    shape = sum(
+    left, right = (
         _disc(c, y, size) + 0.05 * _glare(c, y, reach)
         for c in (x - 0.5 * apart, x + 0.5 * apart)
     )
     return _added(
-        shape, lambda t: power * _heated(t - begin, rise) if t >= begin else 0.0
+        left + right, lambda t: power * _heated(t - begin, rise) if t >= begin else 0.0
     )
 
 
