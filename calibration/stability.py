@@ -10,7 +10,7 @@ Rows are kept in `results/stability.csv`; the page is `results/stability.md`.
 
 Laws fail beyond their tables and ranges, clocks where the resolution of numbers exceeds
 the error of a recorder, cameras behind the lens and beyond the fold of its distortion,
-flights at long steps and strong blasts, picks by noise, few samples, drift and echoes.
+flights at long steps and strong blasts, picks by noise, drift and echoes.
 Fits and MCMC are in `stability_fits`. Near hover a vehicle's loop depends on times only
 as multiples of the step: a step longer by $s$ is the same step with motors and gains
 faster by $s$. Therefore one program flies all vehicles at all steps.
@@ -889,8 +889,6 @@ MERGED = (0.02, 0.01)
 which is also the form of one pulse with a slow rise: it sets no boundary."""
 TWO_OF_30 = 0.07
 """Accepted unmarked share for echoes: chance gives 2 of 30 with 45 % at 5 %."""
-PHASE_SAMPLES = 146
-"""Samples in a positive phase of the default record: 1,024 over seven durations."""
 
 
 def detector_failures() -> list[Mode]:
@@ -943,18 +941,7 @@ def pick_shares(recorders: Sequence[cases.Recorder]) -> tuple[np.ndarray, np.nda
 def pick_failures() -> list[Mode]:
     """Measure every failure mode of picks of pressure records."""
     snrs = (1000.0, 100.0, 30.0, 10.0, 7.0, 5.0, 4.0, 3.0, 2.0)
-    phases = (80.0, 20.0, 12.0, 8.0, 6.0, 4.0, 2.0)
     periods, delays = (20.0, 10.0, 7.0, 4.0, 2.0), (0.7, 0.4, 0.1, 0.05, *MERGED)
-    few = [
-        # a rise of a tenth of the phase at most, else the front is the whole pulse
-        cases.Recorder(
-            snr=CLEAR,
-            rise=min(1.0, n / 10.0),
-            samples=600,
-            before=600 / n - cases.BEHIND,
-        )
-        for n in phases
-    ]
     echoes = [
         cases.Recorder(snr=CLEAR, echo=d, echo_size=ECHO, echo_rise=4.0) for d in delays
     ]
@@ -970,16 +957,6 @@ def pick_failures() -> list[Mode]:
             "{:g}",
             FAILED_SHARE,
             "",
-        ),
-        (
-            "pick, low sampling rate",
-            phases,
-            pick_shares(few),
-            "samples a positive phase",
-            "{:g}",
-            FAILED_SHARE,
-            "records with fewer than 8 are reported as under-sampled, and the onset is "
-            "reported if no pulse fits; ",
         ),
         (
             f"pick, baseline that oscillates by {WANDER:.0%} of the peak",
