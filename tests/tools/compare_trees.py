@@ -1,45 +1,54 @@
-"""Whether two trees of the package answer the same to some forty commands.
+"""Record and compare the answers of two trees of the package to about ninety commands.
 
     python tests/tools/compare_trees.py record TREE OUT [NAME ...]
-    python tests/tools/compare_trees.py compare OUT OTHER
+    python tests/tools/compare_trees.py compare OUT OTHER [NAME ...]
 
-`record` runs the commands of `COMMANDS` by the package in TREE, with fixed seeds and
-small inputs, and keeps in OUT what each printed and wrote. `compare` names what differs
-between two records and exits with 1 if anything does:
+`record` runs `COMMANDS` by the package in TREE, with fixed seeds and small inputs, and
+writes one JSON document for each into OUT: exit code, answer (`--json` or `--csv`),
+tables, and checksums of all other files. The kept record is `tests/tools/documents`.
+`compare` prints the differences of two records, and returns 1 if there are any:
 
-- exit codes, keys of JSON, columns of tables: at all;
-- numbers of laws and simulations: by more than 1e-12 of their size;
-- numbers that are searched for or sampled: by more than 1e-3 of their own standard
-  deviation, or of 1e-6 of their size where none is told;
-- sounds, frames, events and stores: at all. They are compared byte by byte.
+- exit codes, keys, columns, numbers of rows and files: any difference;
+- words: the message of a refused command must contain `word`. Strings with a space,
+  pages and figures are not compared, only whether they exist;
+- numbers of laws and simulations: more than 1e-12 of their size, in a list of that of
+  its largest number;
+- searched or sampled numbers: more than 1e-3 of their own standard deviation, or 1e-6
+  of their size if none is given;
+- sounds, frames, events and stores: any byte.
 
-Words may change: text on the terminal, pages and figures are not compared, only
-whether they are there. `serve` needs a client; tests of its own run it.
+Intended differences are rows of `differences.csv` in OUT: command, key and reason; the
+first two are patterns of `fnmatch`. If all commands are compared, a row without a
+difference is a difference itself.
 """
 
 import argparse
 import csv
 import hashlib
-import io
 import json
 import math
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
 
 EXACT = 1e-12
-"""Of laws and simulations: other orders of the same sums differ by less."""
+"""Of laws and simulations: sums in another order differ by less."""
 OF_SD = 1e-3
-"""Of what a search finds: far below what an answer is worth, far above where two
-searches by the same method end."""
+"""Of searched numbers: far below what matters to a user, far above the difference of
+two searches by the same method."""
 SEARCHED = 1e-6
 """Of a searched number without a standard deviation."""
-SECONDS = 900
-"""A command takes so long at most."""
+SECONDS = 3600
+"""Longest time of a command."""
+ROWS = 100
+"""Rows of a table and entries of a list that are kept; longer ones are thinned."""
 
 LOG = """sensor,quantity,value,sigma,east_m,north_m,up_m
 gate,air_arrival_s,0.1203,0.0005,52.0,11.0,1.5
@@ -48,7 +57,9 @@ mast,air_arrival_s,0.2238,0.0005,-31.0,84.0,4.0
 mast,peak_overpressure_pa,4860,240,-31.0,84.0,4.0
 """
 FLASH = LOG.partition("gate")[0] + "f,flash_time_s,1e-3,1e-4,300,0,0\n"
+UNLIKELY = LOG.replace("9010,450", "9.01,0.45")
 BAD = LOG.replace("9010", "nine")
+THEIRS = "sensor,range_ft,air_arrival_ms,sigma_air_arrival_ms\nA,164,120.3,0.5\n"
 FOREIGN = "Station;Range (ft);arrival (ms)\nA;164,0;120,3\nB;295,3;223,8\n"
 CHARGE = "[charge]\nmass_kg = 15.0\nposition_m = [0, 0, 1]\ntime_s = 0.02\n"
 RECORDS = """
@@ -117,6 +128,16 @@ FILES = {
     "log.csv": LOG,
     "flash.csv": FLASH,
     "bad.csv": BAD,
+    "unlikely.csv": UNLIKELY,
+    "theirs.csv": THEIRS,
+    "silence.csv": "time_s,pressure_pa\n"
+    + "".join(f"{0.001 * i:.3f},{math.sin(i * i):.6f}\n" for i in range(1000)),
+    "noise.csv": "time_s,x_m\n"
+    + "".join(f"{0.05 * i:.2f},{math.sin(i * i):.6f}\n" for i in range(200)),
+    "typo.toml": CHARGE.replace("mass_kg", "mas_kg"),
+    "flash.toml": '[charge]\nmass_kg = "free"\ntime_s = "free"\n'
+    '[[sensor]]\nname = "f"\nposition_m = [300, 0, 0]\n'
+    "records = { flash_time_s = 1e-4 }\n",
     "foreign.csv": FOREIGN,
     "records.toml": CHARGE + RECORDS,
     "heard.toml": CHARGE + HEARD,
@@ -135,21 +156,32 @@ FILES = {
         f"{0.05 * i},{math.cos(0.1 * i)},{-2 * math.sin(0.1 * i)}\n" for i in range(200)
     ),
 }
-"""Inputs, written anew for each record."""
+"""Inputs."""
 
 
 class Command(NamedTuple):
     """A command, and how closely its numbers must agree.
 
     Attributes:
-        name: Of the folder that keeps its output; what later commands read lies there.
-        line: The words; DATA is `calibration/data` of the tree.
+        name: Of its document.
+        line: The words; DATA is `calibration/data` of the tree. Files of earlier
+            commands may be read.
         exact: Whether numbers are those of a law or a simulation.
+        word: What the message of a refused command must contain.
     """
 
     name: str
     line: str
     exact: bool = True
+    word: str = ""
+
+
+def _searched(name: str, line: str) -> Command:
+    return Command(name, line, exact=False)
+
+
+def _refused(name: str, line: str, word: str) -> Command:
+    return Command(name, line, word=word)
 
 
 COMMANDS = (
@@ -157,85 +189,140 @@ COMMANDS = (
     Command("calc_far", "calc --mass 2 --explosive C4 --range 5,50,500 --json"),
     Command("calc_inverse", "calc --range 5 --duration 3ms --json"),
     Command("calc_reflected", "calc --mass 15 --reflected-pressure 1e5 --json"),
-    Command("convert", "convert foreign.csv --wide --out converted.csv"),
+    Command("calc_height", "calc --mass 33lb --range 100ft --height 12 --csv"),
+    Command(
+        "calc_air",
+        "calc --mass 2 --range 30:300:4 --altitude 2000 --humidity 0.5 --csv",
+    ),
+    _refused("calc_refused", "calc --mass -5 --range 20 --json", "--mass"),
+    _refused("calc_without", "calc --mass 15 --json", "--range"),
+    Command("convert", "convert theirs.csv --wide --out converted.csv"),
+    _refused("convert_refused", "convert foreign.csv --wide", "foreign.csv"),
     Command("scene", "scene log.csv --out starter.toml"),
-    Command("check", "check log.csv --json", exact=False),
-    Command("check_hta", "check DATA/hta_1.csv --json", exact=False),
-    Command("choose", "choose records.toml --quantity air_arrival_s --json"),
+    _refused("scene_refused", "scene bad.csv --out none.toml", "nine"),
+    _searched("check", "check log.csv --json"),
+    _searched("check_hta", "check DATA/hta_1.csv --json"),
+    _searched("check_unlikely", "check unlikely.csv --json"),
+    _refused("check_refused", "check bad.csv --json", ""),
+    Command(
+        "choose",
+        "choose records.toml --quantity air_arrival_s --tolerance 0.05 --json",
+    ),
+    Command("choose_none", "choose records.toml --quantity air_arrival_s --json"),
     Command("choose_peak", "choose prior.toml --quantity peak_overpressure_pa --json"),
+    _refused("choose_refused", "choose records.toml --quantity loudness", "loudness"),
     Command(
         "bound",
         "bound records.toml --free charge_mass_kg --at charge_mass_kg=15 --json",
     ),
     Command("bound_free", "bound free.toml --at charge_mass_kg=15 --json"),
+    Command("bound_unknown", "bound flash.toml --at charge_mass_kg=15 --json"),
+    _refused("bound_refused", "bound free.toml --json", "charge_mass_kg"),
     Command("simulate", "simulate records.toml --seed 3 --out simulated.csv"),
-    Command("fit", "fit log.csv --json", exact=False),
-    Command("fit_normal", "fit log.csv --noise gaussian --json", exact=False),
-    Command("fit_simulated", "fit simulated.csv --scene free.toml --json", exact=False),
-    Command("fit_walk", "fit log.csv --posterior emcee --json", exact=False),
-    Command(
+    Command("simulate_prior", "simulate prior.toml --seed 4 --out sampled.csv"),
+    _refused("simulate_refused", "simulate typo.toml --out none.csv", "mas_kg"),
+    _searched("fit", "fit log.csv --json"),
+    _searched("fit_normal", "fit log.csv --noise gaussian --json"),
+    _searched("fit_simulated", "fit simulated.csv --scene free.toml --json"),
+    _searched("fit_walk", "fit log.csv --posterior emcee --json"),
+    _searched(
         "fit_five",
         "fit DATA/five_microphones.csv --scene DATA/five_microphones.toml --json",
-        exact=False,
     ),
-    Command(
+    _searched(
         "fit_camera",
         "fit DATA/camera_and_bang.csv --scene DATA/camera_and_bang.toml --json",
-        exact=False,
     ),
-    Command(
-        "fit_hta", "fit DATA/hta_1.csv --scene DATA/hta_1.toml --json", exact=False
+    _searched("fit_hta", "fit DATA/hta_1.csv --scene DATA/hta_1.toml --json"),
+    _searched(
+        "fit_clips", "fit DATA/six_clips.csv --date 2024-05-17 --zone UTC --json"
     ),
-    Command(
-        "fit_clips",
-        "fit DATA/six_clips.csv --date 2024-05-17 --zone UTC --json",
-        exact=False,
-    ),
-    Command(
+    _searched(
         "fit_records",
         "fit DATA/records_example --positions DATA/records_example/STATIONS.csv --json",
-        exact=False,
     ),
-    Command("fit_unknown", "fit flash.csv --free origin_time_s --json", exact=False),
-    Command("fit_bad", "fit bad.csv --json"),
-    Command("fit_out", "fit log.csv --out fitted", exact=False),
-    Command("pick", "pick DATA/records_example/g01.csv --json", exact=False),
-    Command("pick_phone", "pick DATA/inl_phones/phone_1.mseed --json", exact=False),
+    _searched("fit_unknown", "fit flash.csv --free origin_time_s --json"),
+    _searched("fit_several", "fit log.csv bad.csv --out several --json"),
+    _refused("fit_refused", "fit bad.csv --json", "nine"),
+    _searched("fit_out", "fit log.csv --out fitted"),
+    _searched("pick", "pick DATA/records_example/g01.csv --json"),
+    _searched("pick_phone", "pick DATA/inl_phones/phone_1.mseed --json"),
+    _searched(
+        "pick_several",
+        "pick DATA/records_example/g02.csv DATA/records_example/g03.csv "
+        "--positions DATA/records_example/STATIONS.csv --out picks.csv --report picked",
+    ),
+    _searched("pick_none", "pick silence.csv --json"),
+    _refused("pick_refused", "pick log.csv --json", "log.csv"),
     Command("listen", "listen heard.toml --seconds 0.3 --seed 1 --out heard --json"),
-    Command("detect", "detect DATA/sound/bang.flac --json", exact=False),
+    _refused("listen_refused", "listen records.toml --out none --json", "kind"),
+    _searched("detect", "detect DATA/sound/bang.flac --json"),
+    _searched("detect_stream", "detect DATA/sound/bang.flac --stream --json"),
+    _searched(
+        "detect_pulse",
+        "detect heard/phone.wav --charge 15 --range 60 --out found --json",
+    ),
+    _searched("detect_none", "detect DATA/sound/ambient_fireplace.ogg --json"),
+    _refused("detect_refused", "detect log.csv --json", "log.csv"),
     Command("render", "render film.toml --seconds 0.1 --seed 1 --out film --json"),
+    Command(
+        "render_views",
+        "render film.toml --views explosion --seconds 0.02 --mode rgb --out views "
+        "--json",
+    ),
+    _refused("render_refused", "render records.toml --out none", "[camera]"),
     Command("events", "events film/frames --fps 500 --seed 1 --out events.h5 --json"),
-    Command("detect_film", "detect film/frames --fps 500 --json", exact=False),
+    _refused("events_refused", "events film/frames --out none.h5", "--fps"),
+    _searched("detect_film", "detect film/frames --fps 500 --json"),
+    _searched("detect_events", "detect film/events.h5 --json"),
     Command("fly", "fly flight.toml --seconds 0.6 --step 0.002 --out flown --json"),
     Command(
         "fly_many",
         "fly flights.toml --vehicles 4 --seconds 0.4 --step 0.002 --seed 2 "
         "--controllers hold,cascade --out many --json",
     ),
+    Command("fly_estimated", "fly flight.toml --seconds 0.4 --estimator ekf --json"),
+    _refused("fly_refused", "fly records.toml --json", "[vehicle]"),
     Command("plan", "plan grid.plan --grid 6,0,1 --home 35.3,-80.7,200 --speed 4"),
     Command("plan_orbit", "plan orbit.plan --orbit 20,2 --home 35.3,-80.7,200"),
+    _refused("plan_refused", "plan none.plan --orbit 20 --home 95,0", "--home"),
     Command("fly_mission", "fly mission.toml --out mission --json"),
     Command("world", "world world.toml --seconds 1.5 --seed 3 --out world --json"),
+    _searched(
+        "world_fit",
+        "world world.toml --seconds 1.5 --seed 3 --detect --fit --out searched --json",
+    ),
+    _refused("world_refused", "world typo.toml --out none --json", "mas_kg"),
     Command("report", "report world --out world.html"),
+    _searched("report_fit", "report world --fit --out fits.html"),
+    _refused("report_refused", "report film", "run.json"),
+    Command("serve", "serve world.toml --listen 127.0.0.1:0 --seconds 0.2 --json"),
+    _refused("serve_refused", "serve typo.toml --listen 127.0.0.1:0", "mas_kg"),
     Command("study", "study study.toml --out study.zarr --json"),
-    Command("study_report", "study report study.zarr --json"),
+    Command("study_report", "study report study.zarr --out studied --json"),
     Command("study_list", "study --list --json"),
-    Command(
+    _refused("study_refused", "study typo.toml --out none.zarr", "typo.toml"),
+    _searched(
         "tune",
         "tune growth.toml film/frames --free fireball_growth_s --out tuned --json",
-        exact=False,
     ),
-    Command(
+    _searched("tune_gains", "tune flights.toml --gains --vehicles 2 --json"),
+    Command("tune_list", "tune film.toml --list --json"),
+    _refused("tune_refused", "tune film.toml film/frames --free hue", "hue"),
+    _searched(
         "discover",
         "discover orbit.csv --state x_m,v_m_s --ensemble 20 --seed 0 --json",
-        exact=False,
     ),
+    _searched("discover_none", "discover noise.csv --ensemble 20 --seed 0 --json"),
+    _refused("discover_refused", "discover log.csv --json", "time_s"),
 )
-BY_WORD = {".html", ".md", ".toml", ".svg", ".txt", ".kml"}
-"""Text and figures: only whether they are there."""
-DRAWN = {"loads.png", "error.png", "map.png", "report.png", "sheet.png"}
+WORDS = {".html", ".md", ".toml", ".svg", ".txt", ".kml"}
+FIGURES = {"path", "loads", "error", "map", "report", "sheet", "mission", "controllers"}
+"""Text, and names of drawn figures: kept is only that they exist."""
 UNSTEADY = {"provenance", "versions", "took_s", "written", "command", "seconds_taken"}
-"""Keys that tell when, where and by what an answer came."""
+"""Keys of when, where and by what an answer was computed."""
+SHORT = re.compile(r"\[([^][{}]*)\]")
+"""Lists of numbers and words, which are written on one line."""
 
 
 def record(tree: Path, out: Path, names: list[str]) -> None:
@@ -243,13 +330,14 @@ def record(tree: Path, out: Path, names: list[str]) -> None:
 
     Args:
         tree: Checkout of the package.
-        out: Folder that keeps what came.
-        names: Of the commands; all if empty.
+        out: Folder for the documents.
+        names: Of the commands, of which earlier ones have been run; all if empty.
     """
-    work = out / "work"
-    if not names and out.exists():
-        shutil.rmtree(out)
+    work = Path(tempfile.gettempdir()) / "compare_trees" / out.name
+    if not names:
+        shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True, exist_ok=True)
+    out.mkdir(parents=True, exist_ok=True)
     for name, text in FILES.items():
         (work / name).write_text(text)
     env = {**os.environ, "PYTHONPATH": str(tree), "COLUMNS": "96"}
@@ -267,14 +355,20 @@ def record(tree: Path, out: Path, names: list[str]) -> None:
             timeout=SECONDS,
             check=False,
         )
-        kept = out / command.name
-        shutil.rmtree(kept, ignore_errors=True)
-        kept.mkdir()
-        (kept / "exit_code").write_text(str(done.returncode))
-        (kept / "stdout").write_text(done.stdout)
-        (kept / "stderr").write_text(done.stderr)
         new = sorted(p for p, at in _files(work).items() if before.get(p) != at)
-        (kept / "files").write_text("".join(f"{path}\n" for path in new))
+        document: dict[str, Any] = {"line": command.line, "exit_code": done.returncode}
+        if done.returncode and not done.stdout:
+            document["message"] = done.stderr.splitlines()[-1]
+        if "--json" in line and done.stdout:
+            document["answer"] = _kept(json.loads(done.stdout))
+        elif "--csv" in line:
+            document["answer"] = _table(done.stdout)
+        document["files"] = {name: _content(work / name) for name in new}
+        text = json.dumps(document, indent=1, ensure_ascii=False)
+        text = SHORT.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
+        for place, word in ((tree, "TREE"), (work, "WORK")):
+            text = text.replace(str(place), word)
+        (out / f"{command.name}.json").write_text(f"{text}\n")
         sys.stdout.write(
             f"{command.name}: exit code {done.returncode}, {len(new)} files\n"
         )
@@ -283,108 +377,118 @@ def record(tree: Path, out: Path, names: list[str]) -> None:
 
 def _files(folder: Path) -> dict[str, int]:
     return {
-        str(path.relative_to(folder)): path.stat().st_mtime_ns
+        path.relative_to(folder).as_posix(): path.stat().st_mtime_ns
         for path in folder.rglob("*")
         if path.is_file()
     }
 
 
-def compare(one: Path, other: Path) -> list[str]:
-    """Return what differs between two records."""
-    found = []
+def _content(path: Path) -> Any:
+    """Return what is kept of a file: its values, its checksum or nothing."""
+    if path.suffix in WORDS or (path.suffix == ".png" and path.stem in FIGURES):
+        return None
+    if path.suffix == ".csv":
+        return _table(path.read_text())
+    if path.suffix == ".json" and not any(".zarr" in part for part in path.parts):
+        return _kept(json.loads(path.read_text()))
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _table(text: str) -> dict[str, Any]:
+    """Return the number of rows of a table, and its columns."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    head, *rows = csv.reader(lines)
+    columns = {
+        name: _kept([_value(cell) for cell in column])
+        for name, column in zip(head, zip(*rows, strict=True), strict=False)
+    }
+    return {"rows": len(rows), "columns": columns}
+
+
+def _value(cell: str) -> float | str:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
+
+
+def _kept(value: Any) -> Any:
+    """Return a value without unsteady keys, its long lists thinned."""
+    if isinstance(value, dict):
+        return {k: _kept(v) for k, v in value.items() if k not in UNSTEADY}
+    if isinstance(value, list):
+        return [_kept(v) for v in value[:: 1 + len(value) // ROWS]]
+    return value
+
+
+def compare(one: Path, other: Path, names: list[str]) -> list[str]:
+    """Return the differences of two records."""
+    rows = []
+    if (one / "differences.csv").exists():
+        with (one / "differences.csv").open(newline="") as file:
+            rows = list(csv.DictReader(file))
+    found, unmatched = [], list(rows)
     for command in COMMANDS:
-        a, b = one / command.name, other / command.name
-        if not (a.exists() and b.exists()):
-            found.append(f"{command.name}: not run by both")
+        if names and command.name not in names:
             continue
-        found += [f"{command.name}: {line}" for line in _of_command(command, a, b)]
+        a, b = (folder / f"{command.name}.json" for folder in (one, other))
+        if not (a.exists() and b.exists()):
+            found.append(f"{command.name}: not in both records")
+            continue
+        a, b = (json.loads(file.read_text()) for file in (a, b))
+        for at, what in _of_command(command, a, b):
+            intended = [
+                row
+                for row in rows
+                if fnmatch(command.name, row["command"]) and fnmatch(at, row["key"])
+            ]
+            unmatched = [row for row in unmatched if row not in intended]
+            if not intended:
+                found.append(f"{command.name}: {at}: {what}")
+    if not names:
+        found += [
+            f"differences.csv: {row['command']}, {row['key']}: no such difference"
+            for row in unmatched
+        ]
     return found
 
 
-def _of_command(command: Command, a: Path, b: Path) -> Iterator[str]:
-    for kept in ("exit_code", "files"):
-        one, other = (sorted((p / kept).read_text().split("\n")) for p in (a, b))
-        if one != other:
-            yield f"{kept}: {sorted(set(one) ^ set(other))}"
-    if "--json" in command.line:
-        one, other = ((p / "stdout").read_text() for p in (a, b))
-        if one and other:
-            yield from _of_json(command, "stdout", one, other)
-        elif one != other:
-            yield "one printed nothing"
-    for name in (a / "files").read_text().split():
-        one, other = (p.parent / "work" / name for p in (a, b))
-        if one.exists() and other.exists():
-            yield from _of_file(command, name, one, other)
+Differences = Iterator[tuple[str, str]]
 
 
-def _of_file(command: Command, name: str, one: Path, other: Path) -> Iterator[str]:
-    path = Path(name)
-    is_drawn = path.name in DRAWN or (path.suffix == ".png" and not command.exact)
-    if path.suffix in BY_WORD or is_drawn:
-        return
-    a, b = one.read_bytes(), other.read_bytes()
-    if hashlib.sha256(a).digest() == hashlib.sha256(b).digest():
-        return
-    if path.suffix == ".json" and ".zarr" not in name:
-        yield from _of_json(command, name, a.decode(), b.decode())
-    elif path.suffix == ".csv":
-        yield from _of_table(command, name, a.decode(), b.decode())
-    else:
-        yield f"{name}: other bytes"
+def _of_command(command: Command, a: dict, b: dict) -> Differences:
+    messages = [document.pop("message", "") for document in (a, b)]
+    if not all(command.word in message for message in messages):
+        yield "message", f"{command.word!r} is missing in one of {messages}"
+    yield from _of_value(command, "", a, b, math.nan, 0.0)
 
 
-def _of_table(command: Command, name: str, one: str, other: str) -> Iterator[str]:
-    def rows(text: str) -> list[list[str]]:
-        told = (line for line in io.StringIO(text) if not line.startswith("#"))
-        return list(csv.reader(told))
-
-    a, b = rows(one), rows(other)
-    if [len(r) for r in a] != [len(r) for r in b] or a[:1] != b[:1]:
-        yield f"{name}: other rows or columns"
-        return
-    for number, (r, s) in enumerate(zip(a, b, strict=True)):
-        for column, x, y in zip(a[0], r, s, strict=True):
-            if x != y and not _near(command, _number(x), _number(y), math.nan):
-                yield f"{name}: row {number}, {column}: {x} and {y}"
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def _of_json(command: Command, name: str, one: str, other: str) -> Iterator[str]:
-    try:
-        a, b = json.loads(one), json.loads(other)
-    except json.JSONDecodeError:
-        if one != other:
-            yield f"{name}: no JSON"
-        return
-    yield from _of_value(command, name, a, b, math.nan)
-
-
-def _of_value(command: Command, at: str, a: Any, b: Any, sd: float) -> Iterator[str]:
+def _of_value(
+    command: Command, at: str, a: Any, b: Any, sd: float, size: float
+) -> Differences:
     if isinstance(a, dict) and isinstance(b, dict):
-        if a.keys() != b.keys():
-            yield f"{at}: keys {sorted(a.keys() ^ b.keys())}"
         sd = _sd_of(a, sd)
-        for key in a.keys() & b.keys() - UNSTEADY:
-            yield from _of_value(command, f"{at}.{key}", a[key], b[key], sd)
+        for key in sorted(a.keys() | b.keys()):
+            below = f"{at}.{key}".removeprefix(".")
+            if key in a and key in b:
+                yield from _of_value(command, below, a[key], b[key], sd, 0.0)
+            else:
+                yield below, "in one record only"
     elif isinstance(a, list) and isinstance(b, list):
         if len(a) != len(b):
-            yield f"{at}: {len(a)} and {len(b)} entries"
+            yield at, f"{len(a)} and {len(b)} entries"
+        size = max(
+            (abs(x) for x in a + b if _is_number(x) and math.isfinite(x)), default=0.0
+        )
         for i, (x, y) in enumerate(zip(a, b, strict=False)):
-            yield from _of_value(command, f"{at}[{i}]", x, y, sd)
-    elif isinstance(a, str) and isinstance(b, str):
-        return  # words
+            yield from _of_value(command, f"{at}.{i}", x, y, sd, size)
     elif _is_number(a) and _is_number(b):
-        if a != b and not _near(command, float(a), float(b), sd):
-            yield f"{at}: {a!r} and {b!r}"
+        if not _near(command, float(a), float(b), sd, size):
+            yield at, f"{a!r} and {b!r}"
+    elif isinstance(a, str) and isinstance(b, str) and " " in a + b:
+        return  # words
     elif a != b:
-        yield f"{at}: {a} and {b}"
+        yield at, f"{a} and {b}"
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
@@ -392,7 +496,7 @@ def _is_number(value: Any) -> TypeGuard[float]:
 
 
 def _sd_of(document: dict[str, Any], otherwise: float) -> float:
-    """Return the standard deviation of a document's numbers, where it tells one."""
+    """Return the standard deviation of a document's numbers, if it is given."""
     sd, low, high = (document.get(key) for key in ("sd", "q05", "q95"))
     if _is_number(sd):
         return float(sd)
@@ -401,13 +505,13 @@ def _sd_of(document: dict[str, Any], otherwise: float) -> float:
     return otherwise
 
 
-def _near(command: Command, a: float, b: float, sd: float) -> bool:
-    if math.isnan(a) or math.isnan(b):
-        return math.isnan(a) and math.isnan(b)
-    size = max(abs(a), abs(b))
+def _near(command: Command, a: float, b: float, sd: float, size: float) -> bool:
+    if a == b or (math.isnan(a) and math.isnan(b)):
+        return True
+    own = max(abs(a), abs(b))
     if command.exact:
-        return abs(a - b) <= EXACT * size
-    return abs(a - b) <= max(SEARCHED * size, 0.0 if math.isnan(sd) else OF_SD * sd)
+        return abs(a - b) <= EXACT * max(own, size)
+    return abs(a - b) <= max(SEARCHED * own, 0.0 if math.isnan(sd) else OF_SD * sd)
 
 
 def main() -> int:
@@ -422,9 +526,9 @@ def main() -> int:
     if args.what == "record":
         record(one, other, args.names)
         return 0
-    found = compare(one, other)
-    told = "\n".join(found) or f"{len(COMMANDS)} commands: no difference"
-    sys.stdout.write(f"{told}\n")
+    found = compare(one, other, args.names)
+    number = len(args.names or COMMANDS)
+    sys.stdout.write(("\n".join(found) or f"{number} commands: no difference") + "\n")
     return int(bool(found))
 
 

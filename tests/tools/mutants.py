@@ -1,20 +1,25 @@
-"""Faults of one token each, and whether the tests of their room notice.
+"""Faults of one token each, and whether the tests of their package notice.
 
-    python tests/tools/mutants.py draw            # add five of each room to the list
-    python tests/tools/mutants.py run [NUMBER...] # those not run yet; note what killed
+    python tests/tools/mutants.py draw            # until each package has six
+    python tests/tools/mutants.py run [NUMBER...] # those not run yet; record the killer
+    python tests/tools/mutants.py run killed      # all that were killed: 1 if one lives
 
 A mutant changes one operator, comparison or number in the body of a function. It is
-met by the test that killed it before, if one did, and then by the default tests of its
-own room, those of its own file first, until one fails.
+run against the test that killed it before, if there is one, and then against default
+tests, until one fails: those whose name or imports contain its module, then the others
+of its package. After `LIMIT` seconds no further test begins.
 One that lives is judged by hand in the last column: whether it changes anything at all,
-and which slow test, if any, kills it. Lines are found by their text, so a mutant stays
-what it is while its file changes elsewhere.
+or which test is missing. Lines are found by their text, so a mutant stays the same
+while its file changes elsewhere. One whose line vanished is replaced by one of the same
+kind in the new code.
 """
 
 import ast
 import csv
+import itertools
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -26,9 +31,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 LIST = Path(__file__).with_suffix(".csv")
-ROOMS = ("waves", "inference", "sensors", "vehicle")
-PER_ROOM = 5
-LIMIT = 600.0
+PER_PACKAGE = 6
+LIMIT = 150.0
+"""Seconds after which no test of a mutant begins."""
+ENDLESS = 600.0
 """Seconds after which a mutant counts as killed: it does not end."""
 
 OPERATORS = {
@@ -87,8 +93,8 @@ class Mutant:
         return "".join(lines)
 
 
-def candidates(file: Path) -> list[tuple[int, int, str, str]]:
-    """Return every token of a source that could be changed, and into what."""
+def candidates(file: Path) -> list[tuple[int, str, int, str, str]]:
+    """Return every possible change of a module: line, text, column, old, new."""
     source = file.read_text()
     lines = source.splitlines()
     found = []
@@ -98,7 +104,10 @@ def candidates(file: Path) -> list[tuple[int, int, str, str]]:
         for statement in function.body:
             for node in ast.walk(statement):
                 found += _of(node, lines)
-    return sorted(set(found))
+    return sorted(
+        (n, text := lines[n - 1].strip(), at - lines[n - 1].index(text), old, new)
+        for n, at, old, new in set(found)
+    )
 
 
 def _of(node: ast.AST, lines: list[str]) -> list[tuple[int, int, str, str]]:
@@ -128,51 +137,67 @@ def _between(left, right, old: str, new: str, lines: list[str]):
     return [] if column < 0 else [(right.lineno, column, old, new)]
 
 
+def _package_of(file: Path) -> str:
+    """Return the package of a module, below the root; "" for those at jblast/."""
+    return file.parts[1] if len(file.parts) > 2 else ""
+
+
 def draw(there: list[Mutant]) -> list[Mutant]:
-    """Draw as many more of each room, at most one a file; the seed is their number."""
+    """Draw for each package what it lacks, in modules with the fewest; fixed seed."""
     rng = random.Random(len(there))
-    drawn: list[Mutant] = []
-    for room in ROOMS:
-        files = sorted((ROOT / "jblast" / room).rglob("*.py"))
-        files = [file for file in files if file.read_text().isascii()]
+    modules: dict[str, list[str]] = {}
+    for path in sorted((ROOT / "jblast").rglob("*.py")):
+        file = path.relative_to(ROOT)
+        if path.read_text().isascii() and candidates(path):
+            modules.setdefault(_package_of(file), []).append(file.as_posix())
+    mutants = list(there)
+    for package, files in modules.items():
+        known = [m.file for m in there if _package_of(Path(m.file)) == package]
         rng.shuffle(files)
-        with_some = (file for file in files if candidates(file))
-        for file, _ in zip(with_some, range(PER_ROOM), strict=False):
-            line, column, old, new = rng.choice(candidates(file))
-            number = len(there) + len(drawn) + 1
-            name = file.relative_to(ROOT).as_posix()
-            whole = file.read_text().splitlines()[line - 1]
-            text = whole.strip()
-            column -= whole.index(text)
-            drawn.append(Mutant(number, name, line, text, column, old, new))
-    return there + drawn
+        files.sort(key=known.count)
+        lacking = range(PER_PACKAGE - len(known))
+        for file, _ in zip(itertools.cycle(files), lacking, strict=False):
+            taken = {(m.text, m.column) for m in mutants if m.file == file}
+            free = [c for c in candidates(ROOT / file) if c[1:3] not in taken]
+            number = max(m.number for m in mutants) + 1
+            mutants.append(Mutant(number, file, *rng.choice(free)))
+    return mutants
+
+
+def tests_of(file: str) -> list[str]:
+    """Return test files: those that import a module, then others of its package."""
+    module = Path(file).with_suffix("")
+    package = _package_of(Path(file))
+    start = rf"from {re.escape('.'.join(module.parent.parts))} import [^.]*"
+    imports = re.compile(
+        rf"{re.escape('.'.join(module.parts))}\b|{start}\b{module.name}\b"
+    )
+    tests = ROOT / "tests"
+    near = (tests / package).glob("**/test_*.py" if package else "test_*.py")
+    users = [t for t in tests.rglob("test_*.py") if imports.search(t.read_text())]
+    order = sorted(
+        {*near, *users}, key=lambda t: (t not in users, module.name not in str(t), t)
+    )
+    return [test.relative_to(ROOT).as_posix() for test in order]
 
 
 def killer(mutant: Mutant) -> str:
     """Return the test that fails with a mutant, in a copy of the tree."""
-    folders, stem = Path(mutant.file).parts[1:-1], Path(mutant.file).stem
-    room = folders[0] if folders else f"test_{stem}.py"
     with tempfile.TemporaryDirectory() as folder:
-        tree = Path(folder)
-        for name in ("jblast", "calibration", "tests"):
-            shutil.copytree(
-                ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__")
-            )
-        for name in ("pyproject.toml", "README.md", "CITATION.cff"):
-            shutil.copy(ROOT / name, tree)
-        (tree / ".jax_cache").symlink_to(ROOT / ".jax_cache")
+        tree = Path(folder) / "tree"
+        kept = shutil.ignore_patterns(".*", "site", "out")
+        shutil.copytree(ROOT, tree, ignore=kept)
+        (tree / ".jax_cache").symlink_to((ROOT / ".jax_cache").resolve())
         file = tree / mutant.file
         file.write_text(mutant.applied(file.read_text()))
-        tests = tree / "tests" / room
-        own = [str(t) for t in sorted(tests.rglob(f"test_*{stem}*.py"))]
-        whole = [f"--first={' '.join(own)}", f"tests/{room}"]
+        whole = tests_of(mutant.file)
         known = "::" in mutant.killed_by
         try:
             run = _tests(tree, [mutant.killed_by] if known else whole)
             if known and run.returncode != 1:  # it passes, or is a slow test by now
                 run = _tests(tree, whole)
         except subprocess.TimeoutExpired:
-            return f"no end within {LIMIT:g} s"
+            return f"no end within {ENDLESS:g} s"
     if run.returncode == 0:
         return "lives"
     failed = [s for s in run.stdout.splitlines() if s.startswith(("FAILED", "ERROR"))]
@@ -181,17 +206,18 @@ def killer(mutant: Mutant) -> str:
     return failed[0].split(" - ")[0].split(" ", 1)[1]
 
 
-def _tests(tree: Path, asked: list[str]) -> subprocess.CompletedProcess[str]:
+def _tests(tree: Path, tests: list[str]) -> subprocess.CompletedProcess[str]:
     """Run default tests of a tree until one fails."""
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not slow"]
     command += ["-p", "no:cacheprovider", "--no-header", "--tb=no"]
+    command += [f"--until={time.time() + LIMIT}"]
     return subprocess.run(
-        [*command, *asked],
+        [*command, *tests],
         cwd=tree,
         capture_output=True,
         text=True,
-        timeout=LIMIT,
-        env={**os.environ, "PYTHONPATH": str(tree)},
+        timeout=ENDLESS,
+        env={**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": ""},
     )
 
 
@@ -213,25 +239,30 @@ def write(mutants: list[Mutant]) -> None:
         rows.writerows(asdict(m) for m in mutants)
 
 
-def run(numbers: list[int]) -> None:
-    """Run mutants, one on each core there is for us, and keep what killed them."""
+def run(words: list[str]) -> int:
+    """Run mutants, one on each core; return 1 if one that was killed lives now."""
     mutants = read()
-    chosen = [m for m in mutants if m.number in numbers or not (numbers or m.killed_by)]
-    begun = time.monotonic()
+    chosen = [
+        m
+        for m in mutants
+        if ("::" in m.killed_by if words == ["killed"] else str(m.number) in words)
+        or not (words or m.killed_by)
+    ]
+    before = [m.killed_by for m in chosen]
     with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         for mutant, by in zip(chosen, pool.map(killer, chosen), strict=True):
             mutant.killed_by = by
             write(mutants)
             print(f"{mutant.number:3d} {mutant.file}:{mutant.line} {by}", flush=True)
-    lives = sum(m.killed_by == "lives" for m in chosen)
-    minutes = (time.monotonic() - begun) / 60
-    print(f"{len(chosen) - lives} of {len(chosen)} killed in {minutes:.0f} minutes")
+    lives = [m.killed_by == "lives" for m in chosen]
+    print(f"{len(chosen) - sum(lives)} of {len(chosen)} killed")
+    return int(any("::" in by and live for by, live in zip(before, lives, strict=True)))
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["draw"]:
+    if sys.argv[1:] == ["draw"]:
         write(draw(read()))
     elif sys.argv[1:2] == ["run"]:
-        run([int(number) for number in sys.argv[2:]])
+        sys.exit(run(sys.argv[2:]))
     else:
         sys.exit(__doc__)
