@@ -3,7 +3,6 @@
 import dataclasses
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -44,8 +43,3 @@ def shifted(camera: Camera, along: float) -> Camera:
     """Return the camera moved along its axis [m]."""
     axis = quaternion_matrix(camera.quaternion)[:, 2]
     return dataclasses.replace(camera, position=camera.position + along * axis)
-
-
-def single(tree):
-    """Return a tree with its arrays in single precision."""
-    return jax.tree.map(lambda leaf: leaf.astype(jnp.float32), tree)

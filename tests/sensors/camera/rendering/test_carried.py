@@ -1,9 +1,7 @@
 """A camera that moves sees the ground move, and sends events of it."""
 
 import dataclasses
-from typing import Any, cast
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.scene.camera import FORWARD, quaternion_product
-from jblast.sensors.camera import rendering
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.film import Film, subdivided
 from jblast.sensors.camera.geometry import CameraPath, carried_camera, pixel_rays
@@ -83,15 +80,6 @@ def test_a_camera_that_stands_sees_what_one_that_stands_sees():
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_frames_at_other_poses_are_made_by_one_program():
-    eye, times = camera(), jnp.array([0.1, 0.2])
-    render_carried(NEVER, eye, yawing(0.1), times)
-    programs = cast(Any, rendering._carried_frames)._cached
-    before = programs._cache_size()
-    render_carried(NEVER, eye, yawing(0.7), times + 0.1)
-    assert programs._cache_size() == before
-
-
 @pytest.mark.slow
 def test_a_camera_that_hovers_sends_nothing_and_one_that_yaws_what_edges_it_sweeps():
     eye = camera(tilt=0.3, width=40, height=8, focal=60.0)
@@ -155,23 +143,3 @@ def test_a_texture_has_east_to_its_right_and_north_up():
         light = ground.light(pixel_rays(down), jnp.asarray(1e-3))
         seen.append(float(luminance(light[:, 0, 0])))
     np.testing.assert_allclose(seen, [1.0, 0.0, 0.0, 1.0], atol=1e-6)
-
-
-@pytest.mark.slow
-def test_slopes_by_the_pose_are_those_of_differences():
-    eye, weights = camera(tilt=0.3), np.random.default_rng(3).random((1, 18, 24, 3))
-    smooth = 0.3 + 0.1 * np.sin(np.arange(64) * 2 * np.pi / 64)[:, None, None]
-    ground = landscape(np.broadcast_to(smooth, (64, 64, 3)), 4.0)
-
-    @jax.jit
-    def total(shift):
-        path = yawing(0.1)
-        moved = CameraPath(path.time, path.position + shift[None], path.quaternion)
-        frames = render_carried(NEVER, eye, moved, jnp.array([0.2]), background=ground)
-        return jnp.sum(weights * frames)
-
-    at = jnp.array([0.3, 0.2, 0.1])
-    slope = jax.grad(total)(at)
-    for n in range(3):
-        ends = [float(total(at.at[n].add(side * 1e-6))) for side in (-1, 1)]
-        assert slope[n] == pytest.approx(np.diff(ends)[0] / 2e-6, rel=1e-3, abs=1e-5)

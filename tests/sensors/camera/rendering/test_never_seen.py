@@ -40,16 +40,6 @@ def test_its_events_are_those_of_the_scene_without_it():
 
 
 @pytest.mark.slow
-def test_a_batch_of_which_some_never_happen_is_its_own_loop():
-    times = jnp.array([0.005, jnp.inf])
-    found = jax.jit(jax.vmap(events_of))(times)
-    for lane, time in enumerate(times):
-        expected = events_of(time)
-        for here, there in zip(*map(jax.tree.leaves, (found, expected)), strict=True):
-            np.testing.assert_allclose(here[lane], there, rtol=1e-12)
-
-
-@pytest.mark.slow
 def test_gradients_are_those_without_it_and_none_is_its_own():
     def light(*charges):
         scene = Scene(charge=charges[0], others=charges[1:])

@@ -72,18 +72,6 @@ def test_where_it_is_not_in_view_nothing_is_shown_and_all_is_finite(burst):
     np.testing.assert_array_equal(slope, 0.0)
 
 
-def test_a_pixel_beyond_the_fold_sees_nothing_and_leaves_gradients_finite():
-    eye = camera(distortion=[-3.0, 0.0, 0.0, 0.0, 0.0])  # folds inside the image
-    beyond = np.asarray(pixel_rays(eye).farthest == 0.0)
-    assert 0 < beyond.sum() < beyond.size
-
-    views = views_of(metres_per_pixel=[1.0])
-    seen = np.asarray(layer(views, scene_of(), eye))
-    np.testing.assert_array_equal(seen[beyond], 0.0)
-    assert seen[~beyond].min() < 1.0 < seen.sum()
-    assert np.isfinite(slopes(jnp.asarray(BURST), eye, views)[1]).all()
-
-
 def test_the_nearer_of_two_charges_is_in_front():
     red, green = np.full((41, 41, 4), 255), np.full((41, 41, 4), 255)
     red[..., 1:3], green[..., [0, 2]] = 0, 0

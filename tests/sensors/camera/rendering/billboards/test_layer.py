@@ -123,26 +123,6 @@ def test_another_charge_is_shown_as_the_law_of_its_fireball_has_it():
     assert alphas[2] == pytest.approx(0.2 + 0.8 * 0.5 / 8**0.349)
 
 
-def test_size_is_focal_length_over_range():
-    eye = camera(
-        position=np.zeros(3),
-        quaternion=look_at(np.zeros(3), np.array([0.0, 20.0, 0.0])),
-        focal=[300.0, 300.0],
-        center=[31.5, 23.5],
-        distortion=np.zeros(5),
-    )
-    square = np.zeros((41, 41, 4))
-    square[15:26, 15:26] = 255
-    for away in (20.0, 40.0):
-        place = np.array([0.0, away, 0.0])
-        seen = np.asarray(layer(views_of(square, square), scene_of(place), eye))[..., 3]
-        side = 11 * SCALE * 300 / away  # its edge is a ramp, whose middle is the edge
-        # a pixel's worth of ramp at each edge is sampled here or there
-        np.testing.assert_allclose(np.sqrt(seen.sum()), side, atol=0.5)
-        middle = (seen.sum(axis=0) @ np.arange(64.0)) / seen.sum()
-        np.testing.assert_allclose(middle, 31.5, atol=1e-6)
-
-
 def test_the_colour_of_what_is_transparent_does_not_bleed():
     picture = np.full((3, 3, 4), 255.0)
     picture[..., 3] = 0.0
