@@ -46,28 +46,6 @@ def blocks_of_three(monkeypatch):
     monkeypatch.setattr(film_module, "PIXELS", 3 * 32 * 24)
 
 
-def test_before_anything_explodes_nothing_is_rendered(monkeypatch):
-    times, colour = np.array([-3e-3, -2e-3, 0.0]), np.array([0.1, 0.2, 0.3])
-    film = Film(SCENE, camera(), times, background=colour)
-    expected = np.asarray(render(SCENE, camera(), times, background=colour))
-
-    def refused(*_, **__):
-        raise AssertionError("rendered")
-
-    monkeypatch.setattr(film_module, "render", refused)
-    ((which, frames),) = film.frames()
-    assert which == slice(0, 3)
-    np.testing.assert_array_equal(frames, expected)
-    for late in (
-        replace(film, times=times + 1e-6),
-        replace(film, camera=camera(exposure_s=1e-6)),
-    ):
-        with pytest.raises(AssertionError, match="rendered"):
-            next(late.frames())
-    with pytest.raises(InputError, match="on or above the ground"):
-        next(replace(film, camera=camera((0.0, -40.0, -1.0))).frames())
-
-
 @pytest.mark.slow
 def test_blocks_are_the_whole():
     times = np.linspace(-1e-3, 20e-3, 8)

@@ -115,13 +115,6 @@ def test_what_does_not_fit_is_counted():
     assert int(few.count + few.lost) == int(full.count)
 
 
-def test_events_stand_in_order_of_time_and_then_of_pixel():
-    frames = jnp.zeros((3, 4, 5)).at[1:].set(0.3)
-    events = convert(frames, jnp.arange(3.0), BOTH, capacity=30)
-    np.testing.assert_array_equal(events.y[:20] * 5 + events.x[:20], np.arange(20))
-    assert int(events.count) == 20
-
-
 def test_parts_give_the_events_of_the_whole():
     times, logs = (jnp.asarray(array) for array in film(1000))
     whole = convert(logs, times, BOTH, capacity=1 << 14)
@@ -136,29 +129,11 @@ def test_parts_give_the_events_of_the_whole():
     np.testing.assert_array_equal(time, whole.time[: int(whole.count)])
 
 
-def test_one_frame_alone_gives_no_event():
-    events = one_pixel([0.7], [3.0], capacity=4)
-    assert int(events.count) == int(events.lost) == 0
-    assert np.isinf(np.asarray(events.time)).all()
-
-
 @pytest.mark.parametrize("times", [[1.0, 0.0], [1.0, 1.0], [0.0, np.nan]])
 def test_times_that_do_not_rise_are_refused(times):
     frames = jnp.zeros((2, 1, 1))
     with pytest.raises(InputError, match="times: expected times that rise"):
         ideal_events(frames, jnp.array(times), BOTH, capacity=4)
-
-
-def test_a_batch_is_its_own_loop():
-    times, logs = (jnp.asarray(array) for array in film(500))
-    films = jnp.stack([logs, -logs, 2.0 * logs])
-    batch = jax.vmap(lambda f: convert(f, times, BOTH, capacity=1 << 14))(films)
-    for i, frames in enumerate(films):
-        alone = convert(frames, times, BOTH, capacity=1 << 14)
-        for ours, theirs in zip(
-            jax.tree.leaves(batch), jax.tree.leaves(alone), strict=True
-        ):
-            np.testing.assert_array_equal(ours[i], theirs)
 
 
 def test_times_have_gradients_in_frames_thresholds_and_clock():
@@ -170,15 +145,6 @@ def test_times_have_gradients_in_frames_thresholds_and_clock():
     check_grads(
         jax.jit(total), (logs, jnp.asarray(0.19), times), order=1, modes=["rev"]
     )
-
-
-def test_single_precision_keeps_the_count():
-    times, logs = film(1000)
-    frames = jnp.asarray(logs, jnp.float32), jnp.asarray(times, jnp.float32)
-    events = convert(*frames, BOTH, capacity=1 << 14)
-    # a pixel may stand within 1e-6 of a threshold at the last frame
-    assert abs(int(events.count) - len(analytic()[0])) <= 2
-    assert events.time.dtype == jnp.float32
 
 
 def test_light_below_the_floor_of_its_source_is_as_dark_as_that():

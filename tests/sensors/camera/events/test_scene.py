@@ -35,10 +35,6 @@ def camera():
     )
 
 
-def with_mass(mass):
-    return replace(SCENE, charge=replace(SCENE.charge, mass_kg=mass))
-
-
 def test_events_are_those_of_the_frames_at_instants(camera):
     found = events(SCENE, camera, TIMES, capacity=ROOM)
     instant = replace(camera, exposure_s=jnp.zeros(()))
@@ -47,31 +43,6 @@ def test_events_are_those_of_the_frames_at_instants(camera):
     assert int(found.count) > 100
     for one, other in zip(*map(jax.tree.leaves, (found, expected)), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
-
-
-def test_what_has_no_room_is_counted(camera):
-    whole = events(SCENE, camera, TIMES, capacity=ROOM)
-    few = events(SCENE, camera, TIMES, capacity=50)
-    assert int(whole.lost) == 0
-    assert int(few.count) == 50
-    assert int(few.count) + int(few.lost) == int(whole.count)
-
-
-@pytest.mark.slow
-def test_a_batch_of_charges_is_its_own_loop_and_has_derivatives(camera):
-    def late(mass):
-        found = events(with_mass(mass), camera, TIMES, capacity=ROOM)
-        when = jnp.where(jnp.isfinite(found.time), found.time, 0.0)
-        return jnp.sum(when), found.count
-
-    masses = jnp.array([60.0, 100.0])
-    slopes, counts = jax.jit(jax.vmap(jax.grad(late, has_aux=True)))(masses)
-    assert int(counts[1]) == int(late(masses[1])[1])
-    step = 1e-5
-    above, below = late(masses[1] + step), late(masses[1] - step)
-    assert int(above[1]) == int(below[1])
-    numeric = (above[0] - below[0]) / (2 * step)
-    np.testing.assert_allclose(slopes[1], numeric, rtol=1e-5)  # step's own error
 
 
 @pytest.mark.slow

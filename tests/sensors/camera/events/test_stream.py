@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.cases import HEIGHT, THRESHOLD, WIDTH, film
+from calibration.cases import HEIGHT, WIDTH
 from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_intensity
@@ -76,13 +76,6 @@ def test_cuts_and_threads_do_not_change_the_events():
             np.testing.assert_array_equal(field, other)
 
 
-def test_a_film_of_the_disc_gives_the_events_of_the_ideal_converter():
-    times, logs = film(1000)
-    both = (THRESHOLD, THRESHOLD)
-    ours = gathered(logs, 16, times, both, in_logarithms=True)
-    same(ours, reference(logs, times, both))
-
-
 def test_thresholds_may_differ_from_pixel_to_pixel():
     rng = np.random.default_rng(0)
     both = rng.uniform(0.1, 0.3, SHAPE[1:]), rng.uniform(0.1, 0.3, SHAPE[1:])
@@ -96,11 +89,6 @@ def test_thresholds_may_differ_from_pixel_to_pixel():
 def test_srgb_frames_are_decoded_by_their_table():
     frames, table = flicker(np.uint8), grey_table(srgb=True)
     same(gathered(frames, table=table), reference(table[frames]))
-
-
-def test_a_still_film_gives_no_event():
-    frames = np.full((9, HEIGHT, WIDTH), 77, np.uint8)
-    assert gathered(frames, 4, np.arange(9.0))[0].size == 0
 
 
 def test_times_that_do_not_rise_are_refused():

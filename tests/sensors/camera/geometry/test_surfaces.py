@@ -71,10 +71,3 @@ def test_the_ground_before_a_depth_image_is_level():
     np.testing.assert_array_equal(np.asarray(both.normal)[:, level][2], 1.0)
     upright = np.asarray(both.normal)[:, ~level]
     np.testing.assert_allclose(upright[1], -1.0, atol=1e-6)
-
-
-def test_one_row_of_pixels_has_surfaces_too():
-    slim = small_camera(EYE, (0.0, 0.0, 2.0), height=1, center=[11.5, 0.0])
-    depth = np.full((1, 24), 30.0)
-    seen = surfaces_seen(pixel_rays(slim, depth, ground=False), image=True)
-    assert np.isfinite(np.asarray(seen.normal)).all()

@@ -109,24 +109,3 @@ def test_gradients_are_those_of_finite_differences():
         return unproject(eqx.combine(arrays, static), pixel)
 
     check_grads(ray, (arrays, jnp.array([[10.0, 20.0], [300.0, 200.0]])), order=1)
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_inverse_hold_in_second_order():
-    bent = jnp.array([0.4, -0.3])
-    check_grads(bent_back, (bent, jnp.array(BARREL)), order=2)
-
-
-def test_a_batch_of_lenses_is_each_alone():
-    lenses = jnp.stack([jnp.array(BARREL), jnp.zeros(5), jnp.array(-BARREL)])
-    bent = jnp.array([[0.3, 0.2], [0.5, -0.1], [-0.2, 0.4]])
-    together = jax.jit(jax.vmap(undistort))(bent, lenses)
-    alone = [bent_back(b, lens) for b, lens in zip(bent, lenses, strict=True)]
-    # a lane goes on until the last is solved; only rounding may differ
-    np.testing.assert_allclose(together, jnp.stack(alone), rtol=1e-13)
-
-
-def test_the_middle_of_the_image_is_straight_ahead():
-    ray = rays_of(CAMERA, CAMERA.center)
-    ahead = np.array([-3.0, 20.0, 3.0])
-    np.testing.assert_allclose(ray, ahead / np.linalg.norm(ahead), atol=1e-15)

@@ -2,7 +2,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
 
 from calibration.cases import (
     BRIGHT,
@@ -54,27 +53,6 @@ def test_events_of_a_disc_stand_at_their_instants_whatever_the_frame_rate(fps):
     assert (np.diff(events.time) >= 0.0).all()
     assert int(events.count) == len(known)
     assert int(events.lost) == 0
-
-
-@settings(deadline=None, max_examples=20)
-@given(
-    count=st.integers(1, 40),
-    threshold=st.floats(0.01, 0.8),
-    down=st.booleans(),
-    begin=st.floats(-6.0, 0.0),
-)
-def test_a_ramp_of_k_thresholds_gives_k_events(count, threshold, down, begin):
-    slope = (-1.0 if down else 1.0) * count * threshold / 0.01
-    ramp = jax.tree_util.Partial(line, jnp.asarray(begin), jnp.asarray(slope))
-    times = np.array([0.0, 0.01])
-    events = frameless_events(ramp, (1, 1), times, (threshold, threshold))
-    expected = 0.01 * np.arange(1, count + 1) / count
-    np.testing.assert_allclose(events.time, expected, rtol=0, atol=CLOSE)
-    assert (events.polarity == np.sign(slope)).all()
-
-
-def line(begin, slope, time, x, y):
-    return begin + slope * time
 
 
 def test_a_pixel_that_rises_and_falls_within_one_frame_is_seen():

@@ -8,7 +8,6 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.sensors.camera.files.video import open_video
-from jblast.sensors.camera.image import luminance
 from tests.sensors.camera.files.video.made import flat, grey, make_video
 
 BT709, BT601, SRGB = 1, 6, 13
@@ -86,16 +85,6 @@ def test_no_way_of_storing_pixels_makes_them_darker(tmp_path, kind):
     assert np.abs(error.mean()) < 0.6 / 255
 
 
-def test_luminance_is_that_of_linear_light(tmp_path):
-    rgb = np.random.default_rng(1).uniform(0, 1, (3, 16, 32))
-    path = make_video(tmp_path / "a.mp4", [planes(rgb, BT709)] * 2, colorspace=1)
-    video = open_video(path)
-    values = next(video.frames())
-    np.testing.assert_allclose(
-        video.luminance(values), luminance(video.colours(values)), atol=1e-6
-    )
-
-
 @pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi", "mov"])
 def test_frames_and_times_come_back_in_order(tmp_path, suffix):
     lumas = [16 + 10 * k for k in range(20)]
@@ -140,12 +129,6 @@ def test_variable_frame_rate_is_refused_unless_the_rate_is_said(tmp_path):
     with pytest.raises(InputError, match=r"a\.mp4: .*constant.*1 and 2 66\.67 ms"):
         open_video(path)
     assert len(open_video(path, even=False)) == 4
-
-
-def test_a_clock_that_wavers_is_taken_at_its_word(tmp_path):
-    path = make_video(tmp_path / "a.mp4", flat(20, 30, 40, 50), [0, 20, 45, 60])
-    times = open_video(path).times
-    np.testing.assert_allclose(times, [0, 20 / 600, 45 / 600, 0.1], rtol=1e-12)
 
 
 @pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])
