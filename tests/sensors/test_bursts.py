@@ -10,7 +10,6 @@ from jblast.scene import Air, Charge, Scene, Sensor
 from jblast.sensors.law_choice import height_notes, settled
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
-from jblast.waves.height_of_burst import burst_notes
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_impulse
 from jblast.waves.paths import path_between
 
@@ -106,33 +105,6 @@ def test_a_range_alone_leaves_a_place_as_low_as_it_allows(told_by, up, distance,
     )
     assert path.free_air is not None
     assert path.free_air.tolist() == [free]
-
-
-@pytest.mark.parametrize(
-    ("up", "heights", "used", "said"),
-    [
-        (12.0, (12.0, 11.0), "surface", ["every reading", "the surface curves, of"]),
-        (12.0, (12.0, 0.0), "free-air", ["1 of 2 readings", "the free-air curves"]),
-        (0.0, (12.0, 0.0), "free-air", ["on the ground", "the free-air curves were"]),
-    ],
-)
-def test_curves_settled_before_the_answer_are_named_as_they_were_used(
-    up, heights, used, said
-):
-    this = scene(up, heights=heights)
-    fixed, rows = settled(this, planned_layout(this)[0])
-    before = replace(fixed.charge, burst=used)
-    (told,) = height_notes(replace(fixed, charge=before), rows, 0)
-    assert "contradicts" not in told  # nobody said which
-    for words in [*said, "chosen before the height was known"]:
-        assert words in told
-
-
-def test_of_a_charge_without_readings_nothing_is_said():
-    charge = Charge(
-        mass_kg=1.0, position_m=(0.0, 0.0, 12.0), burst="surface", by_height=True
-    )
-    assert burst_notes(charge, (12.0, 12.0), np.zeros(0, bool), "reading") == []
 
 
 @pytest.mark.parametrize(

@@ -69,24 +69,11 @@ def test_what_paths_share_and_have_for_themselves_adds_up_to_the_correlation(ker
     assert (np.asarray(own) > 0).all()
 
 
-def test_of_two_paths_each_has_what_they_do_not_share():
-    place, known = placed(np.array([[40.0, 0.0, 0.0], [40.0, 4.0, 0.0]]))
-    rho = float(correlations(place[:1], place[1:], jnp.asarray(TYPICAL))[0, 0])
-    own, _ = split(place, known, jnp.asarray(TYPICAL))
-    np.testing.assert_allclose(own, 1 - rho, rtol=1e-3)  # NEAR_ZERO
-
-
 def test_paths_around_a_charge_stay_independent():
     place, known = placed(ring(20.0))
     for weights in jnp.eye(len(KERNELS)):
         own, _ = split(place, known, weights)
         np.testing.assert_allclose(own, 1.0, atol=0.12)
-
-
-def test_paths_of_a_range_alone_are_independent():
-    own, shared = split(*embedded(jnp.zeros((3, 3)), jnp.ones(3)), jnp.asarray(TYPICAL))
-    np.testing.assert_allclose(own, 1.0, rtol=1e-3)
-    np.testing.assert_allclose(shared, 0.0, atol=0.03)
 
 
 def test_a_long_log_is_split_by_some_of_its_paths():

@@ -1,6 +1,5 @@
 """A wrong shape says which argument, what was expected, and what came."""
 
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -59,14 +58,6 @@ def test_a_batch_that_is_not_mapped_is_refused_by_name(scene, said):
         jblast.simulate(UncertainScene(scene))
     with pytest.raises(InputError, match=said):
         jblast.bound(UncertainScene(scene))
-
-
-def test_the_same_batch_mapped_is_taken():
-    def arrival(mass):
-        scene = replace(SCENE, charge=replace(SCENE.charge, mass_kg=mass))
-        return jblast.record(scene, LAYOUT, ARRIVAL).value
-
-    assert jax.vmap(arrival)(jnp.ones(3)).shape == (3, 1)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from jblast.scene import Air, Charge, Ground, Scene
 from jblast.scene.scene import GroundPath
-from jblast.sensors import Layout, Track, heard, overpressure, record
+from jblast.sensors import Layout, heard, overpressure, record
 from jblast.sensors.wave_paths import DEFAULT_GROUND_LAWS
 
 PLACE = np.array([60.0, 0.0, 8.0])
@@ -60,15 +60,3 @@ def test_off_it_is_not_there_and_never_is_silent():
     heard_of_it = overpressure(never, PLACE, edges, ground=True)
     assert np.all(np.asarray(heard_of_it) == 0.0)
     assert np.isposinf(heard(never, PLACE, ground=True)[1].pulse.arrival_time)
-
-
-@pytest.mark.slow  # two programs; in test_track.py air alone is heard so
-def test_who_rests_on_a_track_hears_what_a_place_does():
-    track = Track(np.array([0.0, 1.0]), np.stack([PLACE, PLACE]))
-    edges = np.linspace(0.0, 0.3, 400)
-    moving, still = (
-        overpressure(scene(), place, edges, ground=True) for place in (track, PLACE)
-    )
-    np.testing.assert_allclose(moving, still, atol=1e-6 * float(jnp.max(still)))
-    first, second = (heard(scene(), p, ground=True)[1].pulse for p in (track, PLACE))
-    np.testing.assert_allclose(first, second, rtol=1e-9)

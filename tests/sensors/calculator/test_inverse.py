@@ -1,9 +1,7 @@
 """The calculator backwards: every root, where it lies, or that there is none."""
 
-import hypothesis
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.scene import Scene
@@ -57,29 +55,6 @@ def test_roots_put_back_give_the_value(quantity, known):
             np.testing.assert_array_equal(of_law.valid, back.valid & outside)
         count += n
     assert count >= len(found) - 1  # acoustic arrivals tell no mass
-
-
-@pytest.mark.slow
-@hypothesis.settings(max_examples=30, deadline=None)
-@hypothesis.given(
-    log_range=st.floats(np.log(1.0), np.log(3000.0)),
-    log_mass=st.floats(np.log(0.1), np.log(1e4)),
-    quantity=st.sampled_from(MEASURED),
-    burst=st.sampled_from(["surface", "free-air"]),
-    known=st.sampled_from(["mass", "range"]),
-)
-def test_an_inverse_of_a_forward_number_contains_the_start(
-    log_range, log_mass, quantity, burst, known
-):
-    slant_range, mass = float(np.exp(log_range)), float(np.exp(log_mass))
-    scene = scene_with(burst=burst)
-    forward = calculate(scene, np.array([slant_range]), np.array([mass]))
-    target = float(forward[quantity]["kingery_bulmash"].value[0])
-    given = {"at": slant_range} if known == "range" else {"mass": mass}
-    found = roots(asking(scene, quantity, target, **given))
-    start = mass if known == "range" else slant_range
-    # a slope of 0.01 in ln magnifies rounding a hundredfold, hence 1e-8
-    assert np.isclose(found["kingery_bulmash"].value, start, rtol=1e-8).any()
 
 
 def test_a_duration_that_turns_back_has_several_roots():

@@ -72,19 +72,6 @@ def test_without_a_blast_a_second_is_heard():
     assert np.isinf(listening.truth.values["air_arrival_s"]).all()
 
 
-@pytest.mark.slow
-def test_a_second_charge_has_a_column_of_its_own():
-    late = Charge(mass_kg=1.0, time_s=3.0, name="late")
-    first = replace(scene_of(PHONE).scene.charge, name="first")
-    scene = replace(scene_of(PHONE, GAUGE).scene, charge=first, others=(late,))
-    truth = plan(UncertainScene(scene)).truth
-    assert truth.shots == ("first", "late")
-    arrivals = truth.values["air_arrival_s"]
-    assert arrivals.shape == (2, 2)
-    assert (arrivals[:, 1] > 3.0).all()
-    assert (arrivals[:, 0] < 1.0).all()
-
-
 def test_what_cannot_be_recorded_is_refused():
     nowhere = Sensor("lost", np.full(3, math.nan), "microphone")
     odd = replace(PHONE, instrument=Instrument(rate=44100.5))

@@ -30,16 +30,6 @@ def test_samples_are_the_nearest_codes_of_their_bits(bits):
     assert np.array_equal(np.asarray(given) / 200.0 * codes, expected)
 
 
-def test_single_precision_keeps_24_bits():
-    instrument = Instrument(full_scale=jnp.float32(128.0), bits=24)
-    signal = np.linspace(-250, 250, 1001).astype(np.float32)
-    given = np.asarray(written(signal, instrument), float) / 128.0 * 2**23
-    assert np.array_equal(given, np.round(given))
-    assert (given.min(), given.max()) == (-(2**23), 2**23 - 1)
-    inside = np.abs(signal) < 127
-    assert np.abs(given[inside] / 2**23 * 128 - signal[inside]).max() < 128 / 2**23
-
-
 def test_compression_is_odd_grows_and_stays_within_the_full_scale():
     soft = Instrument(full_scale=200.0, saturation="compress")
     given = np.asarray(written(SIGNAL, soft))
