@@ -30,22 +30,6 @@ def test_a_wave_has_the_arrival_and_the_velocity_of_the_laws():
     assert not ground_pulse_velocity(nothing, time).any()
 
 
-def test_by_the_thesis_it_climbs_to_the_microphone():
-    near, laws = jnp.array([30.0, 40.0, 2.0]), ground_laws(Scene())
-    along, up = (
-        ground_waves(Scene(Charge(mass_kg=50.0), ground=Ground(path=path)), near, laws)[
-            0
-        ]
-        for path in ("head", "thesis")
-    )
-    # 2 m at the mean speed of the air shock, which is faster than sound there
-    mean_speed = 50.0 / (0.34 * 50.0**1.4 * 50.0**-0.2 / 340.0)
-    climb = float(up.arrival_time - along.arrival_time)
-    # of the slant way, 0.08 % longer, and the scene's air, not that of 340 m/s
-    assert climb == pytest.approx(2.0 / mean_speed, rel=5e-3)
-    assert float(up.amplitude) == float(along.amplitude)
-
-
 def test_standard_air_has_an_impedance_of_417_rayl():
     """1.225 kg/m3 times 340.3 m/s; humidity is half and takes a little."""
     assert float(pressure_of_velocity(Air())) == pytest.approx(417.0, rel=5e-3)

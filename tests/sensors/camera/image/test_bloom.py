@@ -27,11 +27,6 @@ def test_even_light_stays_even():
     np.testing.assert_allclose(bloom(np.full((30, 50, 3), 0.3), 0.7), 0.3, rtol=1e-12)
 
 
-def test_none_is_the_same_frames():
-    frames = np.random.default_rng(0).random((2, 5, 7, 3))
-    assert bloom(frames, 0.0) is frames
-
-
 def test_a_point_spreads_by_the_variance_of_its_gaussians():
     point = np.zeros((400, 400, 3))
     point[200, 200] = 1.0

@@ -4,7 +4,7 @@ import pytest
 
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera.fireball import Appearance
-from jblast.sensors.camera.geometry import Surfaces, pixel_rays, surfaces_seen
+from jblast.sensors.camera.geometry import pixel_rays, surfaces_seen
 from jblast.sensors.camera.surroundings import brightened, flash, lit_rows
 
 SCENE = Scene(charge=Charge(mass_kg=15.0))
@@ -44,16 +44,3 @@ def test_sky_is_left_out_and_what_is_lit_is_not():
     assert int(part.surfaces.solid.sum()) == int(surfaces.solid.sum())
     rows = slice(int(part.first), int(part.first) + height)
     np.testing.assert_array_equal(part.surfaces.place, surfaces.place[:, rows])
-
-
-def test_a_surface_in_one_row_alone_is_lit():
-    solid = np.zeros(SIZE, bool)
-    solid[17, 4] = True
-    place = jnp.zeros((3, *SIZE)).at[0].set(20.0)
-    normal = jnp.zeros((3, *SIZE)).at[2].set(1.0)
-    part = lit_rows(Surfaces(place, normal, jnp.asarray(solid)))
-    found = brightened(
-        jnp.ones((*SIZE, 3)), part, SCENE, jnp.asarray(0.02), Appearance()
-    )
-    changed = np.argwhere(np.asarray(found)[..., 0] != 1.0)
-    np.testing.assert_array_equal(changed, [[17, 4]])

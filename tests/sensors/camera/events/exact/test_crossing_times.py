@@ -19,7 +19,6 @@ from calibration.cases import (
 )
 from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events, implicit_times
-from jblast.sensors.camera.events.ideal import ideal_events
 
 BOTH = (THRESHOLD, THRESHOLD)
 CLOSE = 2e-9
@@ -90,42 +89,6 @@ def test_a_peak_that_touches_a_threshold_reaches_it(peak, count):
         np.testing.assert_array_equal(sign, [1, -1])
         # where light turns a rounding error is felt by its root
         assert time[0] == pytest.approx(0.5, abs=1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_light_that_goes_up_and_down_gives_the_events_of_many_frames(seed):
-    rng = np.random.default_rng(seed)
-    rate, phase, size = (
-        rng.uniform(low, high, (5, 6, 7))
-        for low, high in ((20, 200), (0, 6.28), (0, 0.4))
-    )
-
-    def log_light(time, x, y):
-        at = y.astype(int), x.astype(int)
-        fields = (jnp.asarray(field) for field in (rate, phase, size))
-        parts = zip(*fields, strict=True)
-        waves = [s[at] * jnp.sin(r[at] * time + p[at]) for r, p, s in parts]
-        return jnp.stack(waves).sum(axis=0)
-
-    both = (0.21, 0.34)
-    ours = frameless_events(log_light, (6, 7), samples(100, 0.2), both)
-    times = np.linspace(0.0, 0.2, 40001)
-    y, x = np.mgrid[:6.0, :7.0]
-    frames = jax.vmap(
-        lambda t: log_light(jnp.broadcast_to(t, (42,)), x.ravel(), y.ravel())
-    )(jnp.asarray(times)).reshape(-1, 6, 7)
-    theirs = ideal_events(frames, jnp.asarray(times), both, capacity=4096)
-    assert int(theirs.count) == int(ours.count) > 300
-    a, b = (
-        np.lexsort([np.asarray(f)[: len(ours.x)] for f in (e.time, e.x, e.y)])
-        for e in (ours, theirs)
-    )
-    np.testing.assert_array_equal(ours.polarity[a], np.asarray(theirs.polarity)[b])
-    # frames 5 us apart; crossings close to a turn are the least exact
-    np.testing.assert_allclose(
-        ours.time[a], np.asarray(theirs.time)[b], rtol=0, atol=2e-6
-    )
 
 
 def test_times_have_the_gradients_of_the_scene():

@@ -105,12 +105,6 @@ def test_vectors_of_a_camera_are_taken_apart(tmp_path):
     assert (found.width, found.height) == (640, 480)
 
 
-def test_events_before_the_first_time_and_row_are_left_out(tmp_path):
-    words = (0x2001, 0x8000, 0x6001, 0x2002, 0x0003, 0x5001, 0x2004)
-    found = read_events(saved(tmp_path / "a.raw", *words))
-    assert found.x.tolist() == [4]
-
-
 @pytest.mark.parametrize(
     ("high", "expected"),
     [
@@ -146,15 +140,6 @@ def test_what_is_no_evt3_is_refused(tmp_path, header, words, said):
     path = saved(tmp_path / "a.raw", *words, header=header)
     with pytest.raises(InputError, match=rf"a\.raw: .*{said}"):
         read_events(path)
-
-
-def test_half_a_word_at_the_end_is_reported(tmp_path):
-    whole = saved(tmp_path / "a.raw", 0x8000, 0x6000, 0x0000, 0x2001)
-    assert not read_events(whole).notes
-    whole.write_bytes(whole.read_bytes() + b"\x00")
-    found = read_events(whole)
-    assert found.x.tolist() == [1]
-    assert "an incomplete word at the end of the file (1 of 2 bytes)" in found.notes[0]
 
 
 def test_evt2_of_a_camera_is_read_beyond_its_28_bits(tmp_path):
