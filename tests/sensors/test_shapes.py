@@ -31,14 +31,6 @@ BATCHES = {
         with_leaf(lambda s: s.charge.mass_kg, jnp.ones(3)),
         r"scene.charge.mass_kg: expected shape \(\), got \(3,\).*jax.vmap",
     ),
-    "place": (
-        with_leaf(lambda s: s.charge.position_m[1], jnp.ones(4)),
-        r"scene.charge.position_m: expected shape \(\), got \(4,\)",
-    ),
-    "air": (
-        with_leaf(lambda s: s.air.temperature, jnp.full((2, 2), 288.0)),
-        r"scene.air.temperature: expected shape \(\), got \(2, 2\)",
-    ),
     "clock": (
         with_leaf(lambda s: s.sensors[0].clock_offset_s, jnp.ones(5)),
         r"scene.clock_offset_s of a: expected shape \(\), got \(5,\)",

@@ -93,23 +93,6 @@ def test_heard_and_record_agree_to_the_last_digit():
     )
 
 
-NEVER = Charge(mass_kg=50.0, time_s=jnp.inf, name="b", burst="surface")
-WITH_NEVER = replace(
-    ON_GROUND, charge=replace(ON_GROUND.charge, name="a"), others=(NEVER,)
-)
-
-
-@pytest.mark.slow
-def test_a_charge_that_never_happens_is_silent_and_leaves_the_other_alone():
-    edges = jnp.linspace(0.7, 0.8, 2001)
-    both, alone = (overpressure(s, PLACE, edges) for s in (WITH_NEVER, ON_GROUND))
-    assert np.max(both) > 1e4
-    np.testing.assert_allclose(both, alone, rtol=1e-12)
-    assert np.isposinf(heard(WITH_NEVER, PLACE)[1].pulse.arrival_time)
-    silent = replace(ON_GROUND, charge=NEVER)
-    assert np.all(np.asarray(overpressure(silent, PLACE, edges)) == 0.0)
-
-
 def test_a_front_between_two_samples_lands_where_it_should():
     """The share of the first sample that the wave fills says when it came."""
     rate = 48e3

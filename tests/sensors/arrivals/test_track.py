@@ -46,21 +46,6 @@ def test_doppler_of_a_place_on_the_ray_is_exact(speed):
     )
 
 
-@pytest.mark.slow
-def test_a_track_that_rests_is_a_place():
-    place = np.array([30.0, 10.0, 2.0])
-    edges = 1.0 + jnp.linspace(0.05, 0.2, 400)
-    still = overpressure(
-        SCENE, Track(np.array([0.0, 5.0]), np.stack([place, place])), edges
-    )
-    one_knot = overpressure(SCENE, Track(np.zeros(1), place[None]), edges)
-    known = overpressure(SCENE, place, edges)
-    assert np.max(known) > 100.0
-    # the front is met to a rounding of the clock, over a sample
-    np.testing.assert_allclose(still, known, atol=1e-6 * float(jnp.max(known)))
-    np.testing.assert_allclose(one_knot, known, atol=1e-6 * float(jnp.max(known)))
-
-
 @pytest.mark.slow  # compiles for long
 def test_gradients_by_the_track_are_those_of_differences():
     edges = 1.28 + jnp.linspace(0.0, 0.06, 150)

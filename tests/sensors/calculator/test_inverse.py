@@ -101,15 +101,6 @@ def test_a_root_inside_the_charge_is_marked():
     assert found.valid.tolist() == [False]
 
 
-@pytest.mark.parametrize(
-    ("known", "start"), [({"at": 20.0}, 15.0), ({"mass": 15.0}, 20.0)]
-)
-def test_wu_hao_is_inverted_though_it_does_not_scale(known, start):
-    target = wu_hao_air_arrival_time(20.0, 15.0, 330.0)
-    found = roots(asking(scene_with(), "air_arrival_s", target, **known))
-    assert found["wu_hao"].value == pytest.approx([start], rel=1e-9)
-
-
 def test_sound_tells_no_mass():
     found = roots(asking(scene_with(), "air_arrival_s", 0.1, at=30.0))["acoustic"]
     assert found.best() is None

@@ -10,7 +10,6 @@ from calibration.cases import (
     WIDTH,
     analytic,
     film,
-    passed_wholly,
 )
 from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import (
@@ -52,21 +51,6 @@ def test_events_of_a_disc_are_all_there_and_second_order_in_time(fps, microsecon
     assert np.abs(time - when).mean() * 1e6 < microseconds
     assert (np.asarray(events.polarity)[: int(events.count)] == 1).all()
     assert int(events.lost) == 0
-
-
-def test_8_bit_frames_give_the_right_count_and_time():
-    times, logs = film(1000)
-    grey = np.round(255.0 * np.exp(logs)).astype(np.uint8)
-    frames = jnp.asarray(grey_table()[grey])
-    events = convert(frames, jnp.asarray(times), BOTH, capacity=1 << 14)
-    pixel, time = by_pixel(events)
-    known, _, when = analytic()
-    # those the edge has passed wholly: 8 bits round what the others begin or end with
-    whole = passed_wholly()
-    ours, theirs = whole[pixel], whole[known]
-    assert theirs.sum() > 3000
-    np.testing.assert_array_equal(pixel[ours], known[theirs])
-    assert np.abs(time[ours] - when[theirs]).mean() * 1e6 < 60.0
 
 
 @settings(deadline=None, max_examples=25)

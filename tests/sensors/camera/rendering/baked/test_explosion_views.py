@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from jblast.scene import Air, Camera, Charge, Scene, look_at
+from jblast.sensors.camera.baked_explosion import low_passed
+from jblast.sensors.camera.files.views import explosion_views
 from jblast.sensors.camera.fireball import Appearance, cloud
 from jblast.sensors.camera.geometry import pixel_rays
 from jblast.sensors.camera.image import blackbody_light
@@ -17,7 +19,16 @@ from jblast.waves.fireball import fireball, fireball_duration
 from tests.sensors.camera.rendering.baked.noise_set import (
     PHASES,
     visible_radius,
+    write_noise_set,
 )
+
+
+@pytest.fixture(scope="module")
+def puffs(tmp_path_factory):
+    """A set of puffs of noise."""
+    folder = write_noise_set(tmp_path_factory.mktemp("set"), lossless=True)
+    return explosion_views(folder)
+
 
 WIDTH, HEIGHT, FOCAL = 160, 120, 200.0
 
@@ -87,18 +98,6 @@ def test_the_hottest_texels_shine_as_the_law_has_it(puffs):
     warm = ball.air + 127 / 255 * (ball.temperature - ball.air)
     expected = np.asarray(blackbody_light(warm)) / white
     np.testing.assert_allclose(seen[..., :3].max((0, 1)), expected, rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_soot_is_as_bright_as_the_day(puffs):
-    texels = jnp.zeros_like(puffs.frames).at[..., 20:50, 20:50, 1:4].set(188)
-    texels = texels.at[..., 20:50, 20:50, 4].set(255)
-    grey = eqx.tree_at(lambda v: v.frames, puffs, texels)
-    rays = pixel_rays(camera(), ground=False)
-    for lux, part in ((None, 1.0), (np.pi * 3e3, 0.1)):
-        look = Appearance(illuminance=lux)
-        seen = grey.seen(scene_of(), rays, jnp.asarray(0.5), look)
-        assert float(seen[:3].max()) == pytest.approx(0.503 * part, abs=1e-3)
 
 
 def test_before_the_burst_there_is_nothing_and_in_the_end_it_fades(puffs):
@@ -183,3 +182,17 @@ def test_gradients_are_those_of_differences(puffs):
         move = jnp.zeros(8).at[k].set(step)
         slope = float((light(UNKNOWN + move) - light(UNKNOWN - move)) / (2 * step))
         assert gradient[k] == pytest.approx(slope, rel=1e-4), k
+
+
+@pytest.mark.parametrize("pitch", [0.3, 1.0, 1.5, 2.0, 3.3, 8.0])
+def test_a_point_is_spread_to_the_variance_of_a_tent(pitch):
+    size = 65
+    point = jnp.zeros((size, size, 1)).at[32, 32, 0].set(1.0)
+    spread = np.asarray(low_passed(point, jnp.asarray(pitch)))[..., 0]
+    assert spread.sum() == pytest.approx(1.0)
+    x = np.arange(size) - 32.0
+    for axis in (0, 1):
+        along = spread.sum(axis)
+        assert along @ x == pytest.approx(0.0, abs=1e-5)
+        expected = max(pitch**2 - 1.0, 0.0) / 6.0
+        assert along @ x**2 == pytest.approx(expected, abs=1e-4)
