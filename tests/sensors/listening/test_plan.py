@@ -120,18 +120,13 @@ def test_a_recording_is_pascals_by_its_full_scale(tmp_path):
     np.testing.assert_allclose(again.scene.ambient.loop, SOUND[0], atol=1e-7)
 
 
-def test_without_a_recording_nothing_is_read():
-    noise = UncertainScene(Scene(ambient=Ambient(level=0.1)))
+def test_what_cannot_be_heard_of_a_background_is_told(tmp_path):
+    noise, path = UncertainScene(Scene(ambient=Ambient(level=0.1))), tmp_path / "a.wav"
     assert with_ambient(noise) == (noise, [])
     with pytest.raises(InputError, match="no such file"):
-        with_ambient(noise, "nowhere.wav")
-
-
-def test_silence_and_a_recording_too_short_are_told(tmp_path):
-    path = tmp_path / "a.wav"
+        with_ambient(noise, str(path))
     write_sound(path, np.zeros(10), 4000)
-    _, notes = with_ambient(UncertainScene(Scene()), str(path))
-    assert notes[1] == "the ambient recording is silent"
+    assert with_ambient(noise, str(path))[1][1] == "the ambient recording is silent"
     write_sound(path, np.ones(1), 4000)
     with pytest.raises(InputError, match="two or more samples"):
-        with_ambient(UncertainScene(Scene()), str(path))
+        with_ambient(noise, str(path))

@@ -11,7 +11,6 @@ from calibration.cases import (
     analytic,
     film,
 )
-from jblast.errors import InputError
 from jblast.sensors.camera.events.ideal import (
     DARKEST,
     Events,
@@ -111,13 +110,6 @@ def test_parts_give_the_events_of_the_whole():
     x, time = (np.concatenate(values) for values in zip(*found, strict=True))
     np.testing.assert_array_equal(x, whole.x[: int(whole.count)])
     np.testing.assert_array_equal(time, whole.time[: int(whole.count)])
-
-
-@pytest.mark.parametrize("times", [[1.0, 0.0], [1.0, 1.0], [0.0, np.nan]])
-def test_times_that_do_not_rise_are_refused(times):
-    frames = jnp.zeros((2, 1, 1))
-    with pytest.raises(InputError, match="times: expected times that rise"):
-        ideal_events(frames, jnp.array(times), BOTH, capacity=4)
 
 
 def test_times_have_gradients_in_frames_thresholds_and_clock():

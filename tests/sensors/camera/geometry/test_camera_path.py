@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jblast.scene.camera import FORWARD, quaternion_matrix, quaternion_product
+from jblast.scene.camera import FORWARD, quaternion_matrix
 from jblast.sensors.camera.geometry import (
     CameraPath,
     camera_rays,
@@ -29,14 +29,6 @@ def on_body():
 def path_of(turns, places, step=0.5):
     clock = step * np.arange(len(turns))
     return CameraPath(*(jnp.asarray(v, float) for v in (clock, places, turns)))
-
-
-def test_a_product_is_one_rotation_after_another():
-    a, b = np.random.default_rng(1).normal(size=(2, 4))
-    expected = quaternion_matrix(a) @ quaternion_matrix(b)
-    np.testing.assert_allclose(
-        quaternion_matrix(quaternion_product(a, b)), expected, atol=1e-14
-    )
 
 
 def test_a_camera_on_a_body_goes_and_turns_with_it():

@@ -17,7 +17,6 @@ from calibration.cases import (
     disc_light,
     radius,
 )
-from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events, implicit_times
 
 BOTH = (THRESHOLD, THRESHOLD)
@@ -120,9 +119,3 @@ def test_times_have_the_gradients_of_the_scene():
     ours, known = jax.grad(by_newton)(at), jax.grad(in_closed_form)(at)
     # an order of two events that are simultaneous to the tolerance may differ
     np.testing.assert_allclose(ours, known, rtol=1e-6)
-
-
-@pytest.mark.parametrize("times", [[0.0], [0.0, 0.0], [1.0, 0.0], [0.0, np.inf]])
-def test_times_that_do_not_rise_are_refused(times):
-    with pytest.raises(InputError, match=r"expected (two or more|finite rising times)"):
-        one_pixel(lambda t: t, times)
