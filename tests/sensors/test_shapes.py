@@ -60,7 +60,6 @@ def test_a_batch_that_is_not_mapped_is_refused_by_name(scene, said):
             jnp.zeros(3),
             r"layout.position: expected shape \(1, 3\), got \(3,",
         ),
-        ("time", jnp.zeros(2), r"layout.time: expected shape \(1,\), got \(2,\)"),
         ("slant_range", jnp.asarray(2.0), r"layout.slant_range: expected .* got \(\)"),
     ],
 )
