@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from jblast.sensors.instrument import (
-    CHUNK,
-    causal_filter,
-    filter_block,
-    filter_start,
-)
+from jblast.sensors.instrument import CHUNK, causal_filter, filter_block, filter_start
 
 RATE = 48e3
 NOISE = np.random.default_rng(0).standard_normal(3001)

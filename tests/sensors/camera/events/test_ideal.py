@@ -7,12 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
-from calibration.cases import (
-    THRESHOLD,
-    WIDTH,
-    analytic,
-    film,
-)
+from calibration.cases import THRESHOLD, WIDTH, analytic, film
 from jblast.sensors.camera.events.ideal import (
     DARKEST,
     Events,

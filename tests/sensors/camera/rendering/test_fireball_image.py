@@ -13,12 +13,7 @@ from jblast.sensors.camera.geometry import Rays, pixel_rays
 from jblast.sensors.camera.image import over
 from jblast.sensors.camera.rendering import render
 from jblast.waves.fireball import fireball
-from tests.sensors.camera.fireball_scenes import (
-    EYE,
-    LUMPS,
-    one_charge,
-    small_camera,
-)
+from tests.sensors.camera.fireball_scenes import EYE, LUMPS, one_charge, small_camera
 
 WHEN = 0.3
 

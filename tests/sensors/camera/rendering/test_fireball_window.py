@@ -7,10 +7,7 @@ import pytest
 
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import Appearance, pixel_rays
-from jblast.sensors.camera.fireball import (
-    fireballs_in_window,
-    fireballs_seen,
-)
+from jblast.sensors.camera.fireball import fireballs_in_window, fireballs_seen
 
 PLACE = np.array([0.0, -60.0, 2.0])
 APPEARANCE = Appearance()

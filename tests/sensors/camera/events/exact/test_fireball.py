@@ -9,10 +9,7 @@ from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera.events.exact import implicit_times
 from jblast.sensors.camera.events.ideal import ideal_events, log_intensity
-from jblast.sensors.camera.events.scene import (
-    pixel_light,
-    render_events,
-)
+from jblast.sensors.camera.events.scene import pixel_light, render_events
 from jblast.sensors.camera.image import LUMINANCE
 from jblast.sensors.camera.rendering import render
 

@@ -8,16 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.scene import (
-    Scene,
-    look_at,
-    quaternion_matrix,
-)
+from jblast.scene import Scene, look_at, quaternion_matrix
 from jblast.sensors.camera import project, unproject
-from jblast.sensors.camera.billboards import (
-    billboard,
-    nearest_view,
-)
+from jblast.sensors.camera.billboards import billboard, nearest_view
 from jblast.sensors.camera.geometry import Rays, pixel_rays
 from jblast.sensors.camera.image import resampled
 from tests.sensors.camera.rendering.billboards.pictures import (
