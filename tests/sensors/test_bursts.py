@@ -10,7 +10,6 @@ from jblast.scene import Air, Charge, Scene, Sensor
 from jblast.sensors.law_choice import height_notes, settled
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
-from jblast.waves.height_of_burst import burst_notes
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_impulse
 from jblast.waves.paths import path_between
 
@@ -109,50 +108,14 @@ def test_a_range_alone_leaves_a_place_as_low_as_it_allows(told_by, up, distance,
 
 
 @pytest.mark.parametrize(
-    ("up", "heights", "used", "said"),
-    [
-        (12.0, (12.0, 11.0), "surface", ["every reading", "the surface curves, of"]),
-        (12.0, (12.0, 0.0), "free-air", ["1 of 2 readings", "the free-air curves"]),
-        (0.0, (12.0, 0.0), "free-air", ["on the ground", "the free-air curves were"]),
-    ],
-)
-def test_curves_settled_before_the_answer_are_named_as_they_were_used(
-    up, heights, used, said
-):
-    this = scene(up, heights=heights)
-    fixed, rows = settled(this, planned_layout(this)[0])
-    before = replace(fixed.charge, burst=used)
-    (told,) = height_notes(replace(fixed, charge=before), rows, 0)
-    assert "contradicts" not in told  # nobody said which
-    for words in [*said, "chosen before the height was known"]:
-        assert words in told
-
-
-def test_of_a_charge_without_readings_nothing_is_said():
-    charge = Charge(
-        mass_kg=1.0, position_m=(0.0, 0.0, 12.0), burst="surface", by_height=True
-    )
-    assert burst_notes(charge, (12.0, 12.0), np.zeros(0, bool), "reading") == []
-
-
-@pytest.mark.parametrize(
     ("up", "burst", "heights", "said"),
     [
         (0.0, None, (12.0, 0.0), []),
-        (0.0, "surface", (12.0, 0.0), []),
         (12.0, None, (12.0, 11.0), ["every reading", "free-air curves were used"]),
         (12.0, None, (12.0, 0.0), ["1 of 2 readings", "neither set is valid"]),
         (0.3, None, (1.0, 0.0), ["between the limits", "the surface ones were used"]),
-        (0.3, "surface", (1.0, 0.0), ["between the limits"]),
         (12.0, "surface", (12.0, 0.0), ['"surface" contradicts the height', "1 of 2"]),
-        (
-            12.0,
-            "free-air",
-            (12.0, 0.0),
-            ['"free-air" contradicts the height', "1 of 2"],
-        ),
         (0.0, "free-air", (12.0, 0.0), ['"free-air" contradicts the height']),
-        (12.0, "free-air", (12.0, 11.0), ["free-air curves were used"]),
     ],
 )
 def test_what_is_said_of_a_height(up, burst, heights, said):

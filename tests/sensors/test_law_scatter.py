@@ -1,4 +1,4 @@
-"""Scatter of laws that is drawn, and the scatter that `calc` prints."""
+"""Scatter of laws and errors that are drawn, and the scatter that `calc` prints."""
 
 import math
 from dataclasses import replace
@@ -7,12 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import kstest, t
 
 from jblast.registry import law_for
 from jblast.scene import Scene, Sensor, with_values
 from jblast.sensors import observe, planned_layout
 from jblast.sensors.calculator import Question, law_scatters
-from jblast.sensors.simulated_readings import STUDENT_FREEDOM, independent_scale
+from jblast.sensors.simulated_readings import (
+    STUDENT_FREEDOM,
+    independent_scale,
+    student_errors,
+)
 
 PEAK, LAW = "peak_overpressure_pa", "kingery_bulmash"
 RANGE_M, MASS_KG, COUNT = 51.0, 12.0, 100_000
@@ -78,3 +83,21 @@ def test_normal_errors_in_a_student_fit_have_the_stated_coverage():
     scale = float(independent_scale(0.6, 0.8))  # of a unit normal
     assert interval_coverage(scale) == pytest.approx(0.94, abs=5e-3)
     assert interval_coverage(scale / math.sqrt(2)) == pytest.approx(0.80, abs=5e-3)
+
+
+def test_they_have_students_distribution():
+    # by Kolmogorov's statistic; two degrees of freedom more are told apart
+    for freedom in (3.0, 4.0):
+        drawn = np.asarray(student_errors(jax.random.key(1), freedom, 60_000))
+        assert kstest(drawn, t(freedom).cdf).pvalue > 1e-3
+        assert kstest(drawn, t(freedom + 2.0).cdf).pvalue < 1e-3
+
+
+def test_rows_are_independent():
+    drawn = jax.vmap(lambda key: student_errors(key, 9.0, 2))(
+        jax.random.split(jax.random.key(0), 10_000)
+    )
+    a, b = np.asarray(drawn).T
+    # four standard errors; squares, as one length for both would show in them alone
+    assert abs(np.corrcoef(a, b)[0, 1]) < 4e-2
+    assert abs(np.corrcoef(np.abs(a) > 1, np.abs(b) > 1)[0, 1]) < 4e-2

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from jblast.constants import LIGHT_SPEED
-from jblast.registry import LAWS
 from jblast.scene import Air, Charge, Ground, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
@@ -106,20 +105,6 @@ def test_a_given_range_takes_the_place_of_positions():
     np.testing.assert_allclose(found.slant_range, 10.0)
 
 
-@pytest.mark.slow
-def test_batched_scenes_equal_one_after_the_other():
-    layout, _, _ = planned_layout(SCENE)
-    laws = law_names(resolve_laws(SCENE, layout))
-    masses = jnp.array([1.0, 15.0, 400.0])
-
-    def readings(mass):
-        return record(with_values(SCENE, {"charge_mass_kg": mass}), layout, laws).value
-
-    np.testing.assert_allclose(
-        jax.vmap(readings)(masses), [readings(m) for m in masses], rtol=1e-13
-    )
-
-
 def test_readings_have_the_derivatives_of_finite_differences():
     layout, _, _ = planned_layout(SCENE)
     laws = law_names(resolve_laws(SCENE, layout))
@@ -144,14 +129,6 @@ def test_readings_have_the_derivatives_of_finite_differences():
         )
 
 
-def test_a_quantity_without_a_law_is_not_supported_yet(monkeypatch):
-    quantity = "ground_peak_velocity_m_s"
-    monkeypatch.delitem(LAWS, (quantity, "ground_motion"))
-    silent = Sensor("c", jnp.array([20.0, 0.0, 0.0]), records=((quantity, 0.1),))
-    with pytest.raises(ValueError, match="not supported yet"):
-        recording(dataclasses.replace(SCENE, sensors=(silent,)))
-
-
 def test_wind_adds_to_the_speed_of_sound_along_the_path():
     places = [(300.0, 0.0, 0.0), (0.0, 400.0, 0.0), (-300.0, -400.0, 0.0)]
     sensors = tuple(
@@ -167,22 +144,6 @@ def test_wind_adds_to_the_speed_of_sound_along_the_path():
     expected = acoustic_arrival_time(np.array([300.0, 400.0, 500.0]), 340.0 + along)
     # np.array / np.array in float64: roundings
     np.testing.assert_allclose(recording(scene)[0].value, expected, rtol=1e-14)
-
-
-def test_gradient_to_the_wind_is_minus_the_time_over_the_speed():
-    sensor = Sensor(
-        "a", jnp.array([0.0, 400.0, 0.0]), records=(("air_arrival_s", 1.0),)
-    )
-    scene = Scene(
-        sensors=(sensor,),
-        air=Air(sound_speed=340.0),
-        law=(("air_arrival_s", "acoustic"),),
-    )
-
-    def reading(north):
-        return recording(with_values(scene, {"wind_north_m_s": north}))[0].value[0]
-
-    assert jax.grad(reading)(3.0) == pytest.approx(-400.0 / 343.0**2, rel=1e-12)
 
 
 def test_the_thesis_path_climbs_to_the_sensor_and_the_head_wave_does_not():

@@ -62,18 +62,6 @@ def test_nothing_is_read_of_it_and_all_else_as_without_it():
 
 
 @pytest.mark.slow
-def test_a_batch_of_which_some_never_happen_is_its_own_loop():
-    times = jnp.array([1.9, jnp.inf, 1.5])
-
-    def one(time):
-        return recorded(ONE, dataclasses.replace(OTHER, time_s=time)).value
-
-    loop = np.stack([one(time) for time in times])
-    np.testing.assert_allclose(jax.jit(jax.vmap(one))(times), loop, rtol=1e-14)
-    assert np.isfinite(loop[[0, 2]]).all()
-
-
-@pytest.mark.slow
 def test_gradients_are_those_without_it_and_none_is_its_own():
     weights = np.random.default_rng(3).normal(size=len(LAYOUT.quantity))
 

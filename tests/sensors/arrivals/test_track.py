@@ -1,4 +1,6 @@
-"""A place that moves hears the wave where they meet, and faster or slower."""
+"""Places that move, and the way by the ground, from the image of the charge."""
+
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +10,11 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Scene
 from jblast.sensors import Track, heard, overpressure
+from jblast.waves import (
+    shock_kinematics_arrival_time,
+    shock_kinematics_duration,
+    shock_kinematics_pressure,
+)
 from jblast.waves.pulse import pulse_mean
 
 SOUND, START, SPEED = 340.0, 100.0, 34.0
@@ -46,21 +53,6 @@ def test_doppler_of_a_place_on_the_ray_is_exact(speed):
     )
 
 
-@pytest.mark.slow
-def test_a_track_that_rests_is_a_place():
-    place = np.array([30.0, 10.0, 2.0])
-    edges = 1.0 + jnp.linspace(0.05, 0.2, 400)
-    still = overpressure(
-        SCENE, Track(np.array([0.0, 5.0]), np.stack([place, place])), edges
-    )
-    one_knot = overpressure(SCENE, Track(np.zeros(1), place[None]), edges)
-    known = overpressure(SCENE, place, edges)
-    assert np.max(known) > 100.0
-    # the front is met to a rounding of the clock, over a sample
-    np.testing.assert_allclose(still, known, atol=1e-6 * float(jnp.max(known)))
-    np.testing.assert_allclose(one_knot, known, atol=1e-6 * float(jnp.max(known)))
-
-
 @pytest.mark.slow  # compiles for long
 def test_gradients_by_the_track_are_those_of_differences():
     edges = 1.28 + jnp.linspace(0.0, 0.06, 150)
@@ -95,3 +87,65 @@ def test_knots_that_do_not_fit_are_refused(time, position):
 def test_a_place_faster_than_sound_is_refused():
     with pytest.raises(InputError, match=r"track: expected less than the .* of sound"):
         heard(SCENE, radial(1.1 * SOUND), ACOUSTIC)
+
+
+HIGH = Scene(
+    Charge(mass_kg=1.0, position_m=(0.0, 0.0, 20.0)), air=Air(sound_speed=SOUND)
+)
+PLACE = jnp.array([20.0, 0.0, 12.0])
+IMAGE = float(np.hypot(20.0, 32.0))
+
+
+def test_it_comes_from_the_image_by_the_same_laws():
+    direct, reflected = heard(HIGH, PLACE)
+    assert (direct.kind, reflected.kind) == ("air", "reflected")
+    free = ("free-air",)
+    np.testing.assert_allclose(reflected.distance, IMAGE, rtol=1e-12)
+    np.testing.assert_allclose(
+        [
+            reflected.pulse.arrival_time,
+            reflected.pulse.peak,
+            reflected.pulse.duration,
+        ],
+        [
+            shock_kinematics_arrival_time(IMAGE, 1.0, 101325.0, SOUND, *free),
+            shock_kinematics_pressure(IMAGE, 1.0, 101325.0, *free),
+            shock_kinematics_duration(IMAGE, 1.0, 101325.0, SOUND, *free),
+        ],
+        rtol=1e-12,
+    )
+    assert reflected.pulse.arrival_time > direct.pulse.arrival_time + 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("charge", "place"),
+    [
+        (replace(HIGH.charge, burst="surface"), PLACE),
+        (replace(HIGH.charge, position_m=(0.0, 0.0, 0.0)), PLACE),
+        (HIGH.charge, PLACE * jnp.array([1.0, 1.0, 0.0])),
+        (replace(HIGH.charge, position_m=(0.0, 0.0, 0.5)), PLACE),
+    ],
+    ids=["surface curves", "on the ground", "place on the ground", "too low"],
+)
+def test_there_is_none_where_the_ground_is_in_the_curves(charge, place):
+    waves = heard(replace(HIGH, charge=charge), place)
+    assert all(np.isposinf(w.pulse.arrival_time) for w in waves[1:])
+    assert all(w.pulse.peak == 0.0 for w in waves[1:])
+
+
+@pytest.mark.slow  # compiles for long
+def test_gradients_are_finite_where_both_ways_become_one():
+    edges = jnp.linspace(0.03, 0.2, 100)
+
+    def energy(up, charge_up):
+        scene = replace(
+            HIGH, charge=replace(HIGH.charge, position_m=(0.0, 0.0, charge_up))
+        )
+        place = jnp.stack([jnp.asarray(20.0), jnp.asarray(0.0), up])
+        return jnp.sum(overpressure(scene, place, edges) ** 2)
+
+    slopes = jax.jit(jax.vmap(jax.grad(energy, argnums=(0, 1))))(
+        jnp.array([0.0, 12.0, 0.0, 12.0]), jnp.array([20.0, 20.0, 0.0, 0.0])
+    )
+    assert np.all(np.isfinite(slopes))

@@ -1,13 +1,11 @@
 """A small camera before a fireball, for the tests of its picture."""
 
-import dataclasses
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.scene import Camera, Charge, Scene, look_at, quaternion_matrix
+from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera.fireball import Appearance
 
 EYE = np.array([3.0, -60.0, 4.0])
@@ -38,14 +36,3 @@ def one_charge(
     mass: Any = 100.0, east: Any = 0.0, up: Any = 2.0, **changed: Any
 ) -> Scene:
     return Scene(charge=Charge(mass_kg=mass, position_m=(east, 0.0, up), **changed))
-
-
-def shifted(camera: Camera, along: float) -> Camera:
-    """Return the camera moved along its axis [m]."""
-    axis = quaternion_matrix(camera.quaternion)[:, 2]
-    return dataclasses.replace(camera, position=camera.position + along * axis)
-
-
-def single(tree):
-    """Return a tree with its arrays in single precision."""
-    return jax.tree.map(lambda leaf: leaf.astype(jnp.float32), tree)

@@ -1,27 +1,20 @@
-"""Films, block by block; and the thesis's clip through the whole chain."""
+"""Films, block by block; and the thesis's clip."""
 
 import os
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Charge, Scene, look_at
-from jblast.sensors.camera import (
-    film as film_module,
-    project,
-    stream_events,
-    write_events,
-)
+from jblast.sensors.camera import film as film_module, project
 from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.files.recordings import background_frames
 from jblast.sensors.camera.files.views import read_views
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.fireball import Appearance
-from jblast.sensors.camera.image import LUMINANCE
 from jblast.sensors.camera.rendering import in_view, off_axis, render
 
 REFERENCE = os.environ.get("JBLAST_REFERENCE")
@@ -44,28 +37,6 @@ def camera(position=(0.0, -40.0, 2.0), target=(0.0, 0.0, 4.0), **changed) -> Cam
 @pytest.fixture(autouse=True)
 def blocks_of_three(monkeypatch):
     monkeypatch.setattr(film_module, "PIXELS", 3 * 32 * 24)
-
-
-def test_before_anything_explodes_nothing_is_rendered(monkeypatch):
-    times, colour = np.array([-3e-3, -2e-3, 0.0]), np.array([0.1, 0.2, 0.3])
-    film = Film(SCENE, camera(), times, background=colour)
-    expected = np.asarray(render(SCENE, camera(), times, background=colour))
-
-    def refused(*_, **__):
-        raise AssertionError("rendered")
-
-    monkeypatch.setattr(film_module, "render", refused)
-    ((which, frames),) = film.frames()
-    assert which == slice(0, 3)
-    np.testing.assert_array_equal(frames, expected)
-    for late in (
-        replace(film, times=times + 1e-6),
-        replace(film, camera=camera(exposure_s=1e-6)),
-    ):
-        with pytest.raises(AssertionError, match="rendered"):
-            next(late.frames())
-    with pytest.raises(InputError, match="on or above the ground"):
-        next(replace(film, camera=camera((0.0, -40.0, -1.0))).frames())
 
 
 @pytest.mark.slow
@@ -106,22 +77,6 @@ def test_a_moving_background_is_an_image_a_frame_of_the_cameras_size(tmp_path):
         list(Film(SCENE, eye, times, pictures).frames())
 
 
-@pytest.mark.parametrize(
-    ("target", "seen"),
-    [
-        ((0.0, 0.0, 4.0), True),
-        ((0.0, -90.0, 2.0), False),
-        ((40.0, -40.0, 2.0), False),
-        ((0.0, -40.0, 90.0), False),
-        # 32 degrees from the axis: past the edge (28), but its limb (6.5) is inside
-        ((25.0, 0.0, 2.0), True),
-        ((36.0, 0.0, 2.0), False),
-    ],
-)
-def test_whether_a_blast_is_in_view(target, seen):
-    assert bool(in_view(SCENE, camera(target=target))) == seen
-
-
 def test_in_view_says_what_rendering_shows():
     times = np.geomspace(1e-4, 0.6, 8)
     answers = []
@@ -154,7 +109,7 @@ def test_angle_off_the_axis():
 
 @pytest.mark.slow  # 61 views are drawn
 @pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
-def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
+def test_the_clip_of_the_thesis_is_as_large_as_its_scale_has_it(tmp_path):
     (tmp_path / "views.toml").write_text(
         "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 15.0\n"
         "anchor_px = [164.0, 277.0]\n"  # the foot of the explosion
@@ -175,8 +130,7 @@ def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
     times = 2.0 + np.arange(61) / 30.0
     film = Film(scene, eye, times, background=0.5, views=clip, supersample=2)
     assert in_view(scene, eye, clip)
-    blocks = list(film.frames())
-    frames = np.concatenate([frames for _, frames in blocks])
+    frames = np.concatenate([frames for _, frames in film.frames()])
     np.testing.assert_array_equal(frames[:4], 0.5)  # the clip begins empty
     assert np.isfinite(frames).all()
     # frame 20 spans columns 79 to 250 and rows 125 to 279, told from the file: as
@@ -191,12 +145,3 @@ def test_the_clip_of_the_thesis_goes_through_the_whole_chain(tmp_path):
         expected = at + scale * (np.array(clip_side) - foot)
         # one pixel of rounding, and what the view from 3 m up leans
         np.testing.assert_allclose([found.min(), found.max()], expected, atol=1.5)
-    grey = ((times[which] - 2.0, f @ np.array(LUMINANCE)) for which, f in blocks)
-    events = stream_events(grey, (0.2, 0.2))
-    written = write_events(tmp_path / "events.h5", events, 160, 120)
-    assert written.brighter > 100
-    assert written.darker > 100
-    with h5py.File(tmp_path / "events.h5") as file:
-        t, x = np.asarray(file["events/t"]), np.asarray(file["events/x"])
-    assert 3e6 / 30 <= t.min() < t.max() <= 2e6
-    assert abs(np.median(x) - place[0]) < 10

@@ -110,13 +110,6 @@ def test_a_real_camera_s_times_are_within_the_bound_of_those_in_finer_light():
     assert np.mean(np.abs(time - when) > STAMP_ERROR) > 0.5
 
 
-def test_where_nothing_happens_few_instants_are_looked_at():
-    film = filmed(seconds=0.5)
-    before = dataclasses.replace(film, times=film.times - 10.0)
-    count = sum(len(times) for times, _ in subdivided(before, 0.2))
-    assert count == 4 * len(first_instants(before)) - 3
-
-
 def test_pictures_and_moving_backgrounds_are_looked_at_when_they_change(tmp_path):
     frames = np.zeros((1, 3, 9, 9, 4), np.uint8)
     views = Views(

@@ -10,7 +10,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Air, Camera, Charge, Scene, look_at
 from jblast.scene.camera import FORWARD
-from jblast.sensors.camera import landscape, run_film, stream_events
+from jblast.sensors.camera import landscape, stream_events
 from jblast.sensors.camera.events.noise import NoiseModel
 from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.film import Film, subdivided
@@ -126,23 +126,6 @@ def test_times_of_events_are_within_the_interval_of_their_samples():
     assert count > len(off) > 0.85 * count
     assert np.quantile(np.abs(off), 0.99) < 1.0 / HZ
     assert np.median(np.abs(off)) < 0.2 / HZ
-
-
-def test_a_fixed_camera_renders_nothing_before_the_first_detonation(monkeypatch):
-    def refused(*_):
-        raise AssertionError("rendered")
-
-    monkeypatch.setattr(run_film, "_filmed", refused)
-    late = Scene(Charge(mass_kg=2.0, time_s=0.65))
-    late = replace(STILL, scene=late, times=np.arange(91) / HZ)
-    made = filmed_packets(late, np.arange(9) / 10.0)
-    for _ in range(2):
-        packet = next(made)
-        assert (packet.frames == packet.frames[0, 0, 0]).all()
-        assert len(packet.frames) == 10
-        assert not len(packet.events.time)
-    with pytest.raises(AssertionError, match="rendered"):
-        list(made)
 
 
 def test_an_exposure_blurs_frames_but_not_events():

@@ -61,20 +61,6 @@ def test_a_fix_comes_late_by_its_delay_and_tells_where_the_vehicle_was():
     np.testing.assert_array_equal(np.flatnonzero(told.takes_fix), [0, 50, 100, 150])
 
 
-def test_slow_instruments_come_at_their_rates():
-    told = samples(Suite(FIELD), jax.random.key(0), jnp.asarray(5.0))
-    assert int(told.has_pressure.sum()) == int(told.has_field.sum()) == TURNS // 5
-
-
-def test_each_lane_of_a_batch_reads_what_it_reads_alone():
-    suite, keys = Suite(FIELD), jax.random.split(jax.random.key(7), 3)
-    speeds = jnp.array([0.0, 5.0, 9.0])
-    together = eqx.filter_vmap(samples, in_axes=(None, 0, 0))(suite, keys, speeds)
-    alone = samples(suite, keys[1], speeds[1])
-    for a, b in zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True):
-        np.testing.assert_allclose(np.asarray(a)[1], b, rtol=1e-12, atol=1e-12)
-
-
 def test_a_blast_comes_through_the_port_from_its_first_moment_to_its_last():
     load = blast_load(Scene(Charge(1.0, (40.0, 0.0, 0.0), 0.25)))
     suite = Suite(FIELD, barometer=Barometer(noise=0.0), blasts=load)

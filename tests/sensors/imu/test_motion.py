@@ -1,12 +1,14 @@
-"""What an IMU feels: the sums of its samples are what the flight did."""
+"""What an IMU feels and adds: the sums of its samples are what the flight did."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.sensors.imu import felt, rotation_between, rotation_quaternion
+from jblast.scene import Imu
+from jblast.sensors.imu import Felt, felt, read, rotation_between, rotation_quaternion
 from jblast.vehicle import Trajectory
 
 LEVEL = jnp.array([0.0, 0.0, 0.0, 1.0])
@@ -94,3 +96,48 @@ def test_rotation_vectors_are_those_of_scipy(size):
     )
     got = rotation_between(jnp.asarray(start.as_quat()), -jnp.asarray(end.as_quat()))
     np.testing.assert_allclose(got, vector, rtol=1e-7, atol=1e-15)
+
+
+NOTHING = Felt(jnp.zeros((4000, 3)), jnp.zeros((4000, 3)))
+STILL = {
+    "accelerometer_bias": 0.0,
+    "gyroscope_bias": 0.0,
+    "accelerometer_walk": 0.0,
+    "gyroscope_walk": 0.0,
+}
+
+
+def test_white_noise_has_half_the_rate_of_its_density():
+    imu = Imu(rate=800.0, bits=None, **STILL)
+    got = read(jax.random.key(1), imu, NOTHING)
+    for column, density in (
+        (got.force, imu.accelerometer_noise),
+        (got.rate, imu.gyroscope_noise),
+    ):
+        # 12,000 numbers tell an sd to 0.65 %: four of that
+        wanted = float(density) * np.sqrt(400.0)
+        assert float(jnp.std(column)) == pytest.approx(wanted, rel=0.026)
+
+
+def test_bias_stays_and_walks_by_the_root_of_time():
+    quiet = {"accelerometer_noise": 0.0, "gyroscope_noise": 0.0}
+    walks = STILL | {"accelerometer_walk": 0.5}
+    imu = Imu(rate=100.0, bits=None, **(quiet | walks))
+    ends = [read(jax.random.key(n), imu, NOTHING).force[-1] for n in range(60)]
+    # 40 s; 180 numbers tell an sd to 5 %: four of that
+    wanted = 0.5 * np.sqrt(40.0)
+    assert float(jnp.std(jnp.stack(ends))) == pytest.approx(wanted, rel=0.21)
+    off = STILL | {"accelerometer_bias": 0.3}
+    got = read(jax.random.key(0), Imu(bits=None, **(quiet | off)), NOTHING)
+    assert jnp.ptp(got.force, axis=0).max() == 0.0
+    assert jnp.abs(got.force).min() > 0.0
+    assert jnp.abs(got.rate).max() == 0.0
+
+
+def test_a_range_clips_and_bits_are_steps_of_it():
+    imu = Imu(accelerometer_range=16.0, bits=8)
+    pushed = Felt(NOTHING.force + 40.0, NOTHING.rate)
+    got = read(jax.random.key(0), imu, pushed)
+    assert jnp.unique(got.force).tolist() == [16.0 - 16.0 / 128]
+    steps = read(jax.random.key(0), imu, NOTHING).force / (16.0 / 128)
+    np.testing.assert_allclose(steps, jnp.round(steps), atol=1e-12)

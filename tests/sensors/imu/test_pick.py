@@ -135,9 +135,3 @@ def test_the_jolt_of_a_flight_is_that_of_the_forward_model():
     # half a body, half a row of the flight, and the sample before, by whose rates the
     # lever's own way is taken off: without noise the least of a push is found
     assert came - 0.0025 < EDGES[pick.onset] <= came
-
-
-def test_a_jolt_of_nothing_has_no_direction():
-    nothing = JoltPick(True, "", 0, np.zeros(3), 0.01, False)
-    assert nothing.bearing_rad[1] == math.inf
-    assert nothing.elevation_rad[1] == math.inf

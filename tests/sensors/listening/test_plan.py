@@ -1,3 +1,5 @@
+"""What is listened to, for how long, over which background."""
+
 import math
 from dataclasses import replace
 
@@ -6,7 +8,9 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import QUANTITIES
+from jblast.observations.records.sound import write_sound
 from jblast.scene import (
+    Ambient,
     Charge,
     Instrument,
     LogNormal,
@@ -15,7 +19,7 @@ from jblast.scene import (
     UncertainScene,
 )
 from jblast.sensors import simulate
-from jblast.sensors.listening import plan, samples_of
+from jblast.sensors.listening import plan, samples_of, with_ambient
 
 NAMES = ("air_arrival_s", "peak_overpressure_pa", "positive_impulse_pa_s")
 RECORDS = tuple((name, 1e-9) for name in NAMES)
@@ -72,19 +76,6 @@ def test_without_a_blast_a_second_is_heard():
     assert np.isinf(listening.truth.values["air_arrival_s"]).all()
 
 
-@pytest.mark.slow
-def test_a_second_charge_has_a_column_of_its_own():
-    late = Charge(mass_kg=1.0, time_s=3.0, name="late")
-    first = replace(scene_of(PHONE).scene.charge, name="first")
-    scene = replace(scene_of(PHONE, GAUGE).scene, charge=first, others=(late,))
-    truth = plan(UncertainScene(scene)).truth
-    assert truth.shots == ("first", "late")
-    arrivals = truth.values["air_arrival_s"]
-    assert arrivals.shape == (2, 2)
-    assert (arrivals[:, 1] > 3.0).all()
-    assert (arrivals[:, 0] < 1.0).all()
-
-
 def test_what_cannot_be_recorded_is_refused():
     nowhere = Sensor("lost", np.full(3, math.nan), "microphone")
     odd = replace(PHONE, instrument=Instrument(rate=44100.5))
@@ -105,3 +96,37 @@ def test_what_cannot_be_recorded_is_refused():
         with pytest.raises(InputError) as refusal:
             plan(scene, seconds=seconds)
         assert words in str(refusal.value)
+
+
+SOUND = np.stack([np.linspace(-0.5, 0.5, 100), np.ones(100)])
+
+
+def test_a_recording_is_pascals_by_its_full_scale(tmp_path):
+    path = tmp_path / "village.wav"
+    write_sound(path, SOUND, 4000, 24)
+    said = Ambient(file="birds.wav", full_scale=3.0, height=10.0)
+    scene, notes = with_ambient(UncertainScene(Scene(ambient=said)), str(path))
+    heard = scene.scene.ambient
+    assert heard is not None
+    assert heard.loop is not None
+    assert (float(heard.height), heard.loop_rate) == (10.0, 4000.0)
+    # half a step of 24 bits, times three
+    np.testing.assert_allclose(heard.loop, 3.0 * SOUND[0], atol=2e-7)
+    assert notes[1] == "the first of its 2 channels is used"
+    named = UncertainScene(Scene(ambient=Ambient(file=str(path))))
+    again, _ = with_ambient(named)
+    assert again.scene.ambient is not None
+    assert again.scene.ambient.loop is not None
+    np.testing.assert_allclose(again.scene.ambient.loop, SOUND[0], atol=1e-7)
+
+
+def test_what_cannot_be_heard_of_a_background_is_told(tmp_path):
+    noise, path = UncertainScene(Scene(ambient=Ambient(level=0.1))), tmp_path / "a.wav"
+    assert with_ambient(noise) == (noise, [])
+    with pytest.raises(InputError, match="no such file"):
+        with_ambient(noise, str(path))
+    write_sound(path, np.zeros(10), 4000)
+    assert with_ambient(noise, str(path))[1][1] == "the ambient recording is silent"
+    write_sound(path, np.ones(1), 4000)
+    with pytest.raises(InputError, match="two or more samples"):
+        with_ambient(noise, str(path))

@@ -37,11 +37,6 @@ def counted(setup, state, index):
     return state + BLOCK, state + jnp.arange(BLOCK, dtype=float)
 
 
-def cut(rate, packets_taken, **packet):
-    made = packets(counted, None, jnp.asarray(0.0), rate, **packet)
-    return list(islice(made, packets_taken))
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.integers(1, 3 * BLOCK), st.integers(1, 12))
 def test_a_stream_is_the_record_whatever_its_packets(noise, size, taken):
@@ -78,13 +73,6 @@ def test_packets_tell_exactly_which_samples_they_hold_and_when_they_begin(
         late = float(one.first_sample / Fraction(repr(rate)) - index * packet_s)
         assert -1e-9 <= late < 1 / rate + 1e-9
         expected += one.samples.size
-
-
-def test_a_packet_of_no_whole_number_of_samples_loses_none():
-    sizes = [one.samples.size for one in cut(200.0, 300, packets_hz=30.0)]
-    assert set(sizes) == {6, 7}
-    assert sum(sizes) == 2000
-    assert {one.samples.size for one in cut(48_000.0, 9, packet_s=0.01)} == {480}
 
 
 def test_a_record_ends_where_it_is_asked_to():

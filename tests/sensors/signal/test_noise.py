@@ -77,13 +77,6 @@ def test_the_colour_is_flat_to_the_corner_and_doubles_by_the_octave():
     assert tenths == pytest.approx([0, 0, 0, -3, -6], abs=1e-12)
 
 
-def test_single_precision_draws_noise_of_the_same_level():
-    with jax.enable_x64(False):
-        one = drawn(-3.0, jnp.float32)
-    assert one.dtype == jnp.float32
-    assert np.sqrt(np.mean(np.asarray(one, float) ** 2)) == pytest.approx(0.3, rel=0.2)
-
-
 def test_the_samples_are_the_level_times_some_noise_and_slope_likewise_down_to_zero():
     @jax.jit
     def last(level, slope):

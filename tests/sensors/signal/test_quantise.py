@@ -1,12 +1,21 @@
-"""A full scale and bits, against arithmetic in whole numbers."""
+"""An instrument is its parts: filters, noise, a full scale and bits."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import signal
 
 from jblast.scene import Instrument
-from jblast.sensors.instrument import clipping, quantised, saturated
+from jblast.sensors.instrument import (
+    chain_block,
+    chain_start,
+    clipping,
+    instrument_chain,
+    quantised,
+    saturated,
+)
+from jblast.sensors.samples import BLOCK
 
 SIGNAL = np.array([-np.inf, -1e30, -300.0, -200.0, -1e-3, 0.0, 99.9, 200.0, 1e9])
 
@@ -28,16 +37,6 @@ def test_samples_are_the_nearest_codes_of_their_bits(bits):
     expected = np.clip(np.round(SIGNAL / 200.0 * codes), -codes, codes - 1)
     given = written(SIGNAL, Instrument(full_scale=200.0, bits=bits))
     assert np.array_equal(np.asarray(given) / 200.0 * codes, expected)
-
-
-def test_single_precision_keeps_24_bits():
-    instrument = Instrument(full_scale=jnp.float32(128.0), bits=24)
-    signal = np.linspace(-250, 250, 1001).astype(np.float32)
-    given = np.asarray(written(signal, instrument), float) / 128.0 * 2**23
-    assert np.array_equal(given, np.round(given))
-    assert (given.min(), given.max()) == (-(2**23), 2**23 - 1)
-    inside = np.abs(signal) < 127
-    assert np.abs(given[inside] / 2**23 * 128 - signal[inside]).max() < 128 / 2**23
 
 
 def test_compression_is_odd_grows_and_stays_within_the_full_scale():
@@ -85,3 +84,44 @@ def test_a_record_tells_whether_it_clipped_and_at_what_level(saturation, bits):
     assert 0.9 * 200 < float(told.level) <= 200
     # what was there is no less than what is told
     assert float(told.level) <= np.abs(np.asarray(signals[1])).max() * (1 + 1e-12)
+
+
+RATE = 10_000.0
+INPUT = np.cumsum(np.random.default_rng(0).normal(size=3 * BLOCK))
+
+
+def chained(instrument, samples=INPUT):
+    chain = instrument_chain(instrument, jax.random.key(0))
+
+    def step(state, of_block):
+        return chain_block(chain, state, *of_block)
+
+    blocks = jnp.asarray(samples).reshape(-1, BLOCK)
+    _, out = jax.lax.scan(step, chain_start(chain), (jnp.arange(len(blocks)), blocks))
+    return np.asarray(out).reshape(-1)
+
+
+def test_an_ideal_instrument_writes_what_there_is():
+    assert np.array_equal(chained(Instrument(RATE)), INPUT)
+
+
+def test_filter_noise_full_scale_and_bits_come_in_this_order():
+    alone = chained(Instrument(RATE, noise=0.5), np.zeros_like(INPUT))
+    assert alone.std() == pytest.approx(0.5, rel=5 / (2 * alone.size) ** 0.5)
+    whole = chained(Instrument(RATE, 20.0, 0.5, 8, 50.0, 900.0))
+    high = signal.butter(2, 50.0, "highpass", fs=RATE, output="sos")
+    low = signal.butter(2, 900.0, "lowpass", fs=RATE, output="sos")
+    heard = signal.sosfilt(low, signal.sosfilt(high, INPUT)) + alone
+    expected = np.clip(np.round(heard / 20.0 * 128), -128, 127) * 20.0 / 128
+    # a sample on the edge between two codes may fall to either by rounding
+    assert np.mean(whole != expected) < 1e-3
+    assert np.abs(whole - expected).max() <= 20.0 / 128 * (1 + 1e-9)
+
+
+def test_noise_without_a_slope_is_white_and_with_one_has_a_colour():
+    quiet = np.zeros_like(INPUT)
+    for slope, sign in ((None, 0.0), (-6.0, 1.0), (6.0, -1.0)):
+        noise = chained(Instrument(RATE, noise=0.5, noise_slope=slope), quiet)
+        alike = np.corrcoef(noise[1:], noise[:-1])[0, 1]
+        assert alike == pytest.approx(sign * abs(alike), abs=0.05)
+        assert (abs(alike) > 0.5) == (slope is not None)

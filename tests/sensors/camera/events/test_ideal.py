@@ -1,3 +1,5 @@
+"""Events of an ideal pixel, and counts that have slopes."""
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -5,23 +7,18 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 
-from calibration.cases import (
-    THRESHOLD,
-    WIDTH,
-    analytic,
-    film,
-    passed_wholly,
-)
-from jblast.errors import InputError
+from calibration.cases import THRESHOLD, WIDTH, analytic, film
 from jblast.sensors.camera.events.ideal import (
     DARKEST,
     Events,
     continued_events,
+    count_events,
     darkest_of,
     first_reference,
     grey_table,
     ideal_events,
     log_intensity,
+    smooth_counts,
 )
 
 convert = jax.jit(ideal_events, static_argnames="capacity")
@@ -52,21 +49,6 @@ def test_events_of_a_disc_are_all_there_and_second_order_in_time(fps, microsecon
     assert np.abs(time - when).mean() * 1e6 < microseconds
     assert (np.asarray(events.polarity)[: int(events.count)] == 1).all()
     assert int(events.lost) == 0
-
-
-def test_8_bit_frames_give_the_right_count_and_time():
-    times, logs = film(1000)
-    grey = np.round(255.0 * np.exp(logs)).astype(np.uint8)
-    frames = jnp.asarray(grey_table()[grey])
-    events = convert(frames, jnp.asarray(times), BOTH, capacity=1 << 14)
-    pixel, time = by_pixel(events)
-    known, _, when = analytic()
-    # those the edge has passed wholly: 8 bits round what the others begin or end with
-    whole = passed_wholly()
-    ours, theirs = whole[pixel], whole[known]
-    assert theirs.sum() > 3000
-    np.testing.assert_array_equal(pixel[ours], known[theirs])
-    assert np.abs(time[ours] - when[theirs]).mean() * 1e6 < 60.0
 
 
 @settings(deadline=None, max_examples=25)
@@ -115,13 +97,6 @@ def test_what_does_not_fit_is_counted():
     assert int(few.count + few.lost) == int(full.count)
 
 
-def test_events_stand_in_order_of_time_and_then_of_pixel():
-    frames = jnp.zeros((3, 4, 5)).at[1:].set(0.3)
-    events = convert(frames, jnp.arange(3.0), BOTH, capacity=30)
-    np.testing.assert_array_equal(events.y[:20] * 5 + events.x[:20], np.arange(20))
-    assert int(events.count) == 20
-
-
 def test_parts_give_the_events_of_the_whole():
     times, logs = (jnp.asarray(array) for array in film(1000))
     whole = convert(logs, times, BOTH, capacity=1 << 14)
@@ -136,31 +111,6 @@ def test_parts_give_the_events_of_the_whole():
     np.testing.assert_array_equal(time, whole.time[: int(whole.count)])
 
 
-def test_one_frame_alone_gives_no_event():
-    events = one_pixel([0.7], [3.0], capacity=4)
-    assert int(events.count) == int(events.lost) == 0
-    assert np.isinf(np.asarray(events.time)).all()
-
-
-@pytest.mark.parametrize("times", [[1.0, 0.0], [1.0, 1.0], [0.0, np.nan]])
-def test_times_that_do_not_rise_are_refused(times):
-    frames = jnp.zeros((2, 1, 1))
-    with pytest.raises(InputError, match="times: expected times that rise"):
-        ideal_events(frames, jnp.array(times), BOTH, capacity=4)
-
-
-def test_a_batch_is_its_own_loop():
-    times, logs = (jnp.asarray(array) for array in film(500))
-    films = jnp.stack([logs, -logs, 2.0 * logs])
-    batch = jax.vmap(lambda f: convert(f, times, BOTH, capacity=1 << 14))(films)
-    for i, frames in enumerate(films):
-        alone = convert(frames, times, BOTH, capacity=1 << 14)
-        for ours, theirs in zip(
-            jax.tree.leaves(batch), jax.tree.leaves(alone), strict=True
-        ):
-            np.testing.assert_array_equal(ours[i], theirs)
-
-
 def test_times_have_gradients_in_frames_thresholds_and_clock():
     def total(logs, threshold, times):
         events = ideal_events(logs[:, None, None], times, (threshold, 0.2), capacity=8)
@@ -170,15 +120,6 @@ def test_times_have_gradients_in_frames_thresholds_and_clock():
     check_grads(
         jax.jit(total), (logs, jnp.asarray(0.19), times), order=1, modes=["rev"]
     )
-
-
-def test_single_precision_keeps_the_count():
-    times, logs = film(1000)
-    frames = jnp.asarray(logs, jnp.float32), jnp.asarray(times, jnp.float32)
-    events = convert(*frames, BOTH, capacity=1 << 14)
-    # a pixel may stand within 1e-6 of a threshold at the last frame
-    assert abs(int(events.count) - len(analytic()[0])) <= 2
-    assert events.time.dtype == jnp.float32
 
 
 def test_light_below_the_floor_of_its_source_is_as_dark_as_that():
@@ -194,3 +135,55 @@ def test_light_below_the_floor_of_its_source_is_as_dark_as_that():
     assert grey_table()[128] == pytest.approx(np.log(128 / 255))
     # IEC 61966-2-1: value 128 is 21.586 % of full light
     assert np.exp(grey_table(srgb=True)[128]) == pytest.approx(0.21586, abs=1e-5)
+
+
+UNLIKE = (jnp.asarray(0.2), jnp.asarray(0.3))
+
+
+def frames():
+    """Light that goes up and down; no change ends close to a threshold."""
+    change = jnp.array([0.0, 0.7, 0.45, -0.75, -0.33, 0.5])[:, None, None]
+    return change * jnp.ones((1, 2, 3))
+
+
+def hard():
+    counts, _, _ = count_events(frames(), UNLIKE, first_reference(frames()[0]))
+    counts = np.asarray(counts, float)
+    return np.maximum(counts, 0.0), np.maximum(-counts, 0.0)
+
+
+def test_as_the_temperature_falls_the_counts_become_the_hard_ones():
+    known, errors = hard(), []
+    assert known[0].sum() > 0
+    assert known[1].sum() > 0
+    for temperature in (0.1, 0.03, 0.01):
+        smooth = smooth_counts(frames(), UNLIKE, temperature)
+        pairs = zip(smooth, known, strict=True)
+        errors.append(max(float(jnp.abs(a - b).max()) for a, b in pairs))
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[2] < 1e-3
+
+
+@pytest.mark.parametrize("temperature", [0.05, 0.2])
+def test_counts_have_the_gradients_of_finite_differences(temperature):
+    def total(frames, thresholds):
+        up, down = smooth_counts(frames, thresholds, temperature)
+        return jnp.sum(up * jnp.arange(1.0, 6.0)[:, None, None]) + jnp.sum(down**2)
+
+    # the step is short beside the temperature
+    check_grads(
+        jax.jit(total),
+        (frames(), UNLIKE),
+        order=1,
+        modes=["rev"],
+        eps=1e-6,
+        atol=1e-4,
+        rtol=1e-4,
+    )
+
+
+def test_a_still_pixel_sends_almost_nothing():
+    up, down = smooth_counts(jnp.zeros((11, 1, 1)), UNLIKE, 0.1)
+    # ten frames of exp(-1/T); meanwhile the reference creeps by as little
+    np.testing.assert_allclose(up.sum(), 10 * np.exp(-10.0), rtol=1e-2)
+    np.testing.assert_allclose(down.sum(), 10 * np.exp(-10.0), rtol=1e-2)

@@ -1,5 +1,4 @@
 import functools
-import math
 
 import jax
 import jax.numpy as jnp
@@ -104,28 +103,6 @@ def test_a_stream_sends_the_same_however_it_is_cut(size):
     parts = stream_events(blocks, BOTH, refractory_s=TAU, workers=1, **options)
     found = np.concatenate([fields(part) for part in parts], axis=1)
     np.testing.assert_allclose(found, known, rtol=0, atol=1e-12)
-
-
-def test_eight_bits_are_followed_too():
-    grey = np.clip(np.round(90.0 * np.exp(0.4 * walks())), 1, 255).astype(np.uint8)
-    logs = np.log(grey / 255.0)
-    known = simulated(TIMES, logs, BOTH, TAU, logs[0])
-    blocks = [(TIMES[a : a + 9], grey[a : a + 9]) for a in range(0, len(TIMES), 9)]
-    parts = stream_events(blocks, BOTH, refractory_s=TAU, workers=1)
-    found = np.concatenate([fields(part) for part in parts], axis=1)
-    assert known.shape[1] > 60
-    np.testing.assert_allclose(found, known, rtol=0, atol=1e-12)
-
-
-def test_on_a_ramp_an_event_comes_every_threshold_over_slope_and_period():
-    times, slope = jnp.array([0.0, 0.4, 1.0]), 10.0
-    logs = (slope * times)[:, None, None]
-    zero = jnp.zeros((1, 1))
-    events = convert(logs, times, BOTH, 0.03, zero, capacity=4096)
-    pace = 0.2 / slope + 0.03
-    expected = 0.2 / slope + pace * np.arange(math.floor((1.0 - 0.02) / pace) + 1)
-    assert int(events.count) == len(expected)
-    np.testing.assert_allclose(events.time[: len(expected)], expected, rtol=1e-12)
 
 
 def test_without_a_period_it_is_the_ideal_pixel():

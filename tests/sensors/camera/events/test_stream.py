@@ -1,13 +1,19 @@
+"""Events of frames block by block, and of a scene, are those of the ideal converter."""
+
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.cases import HEIGHT, THRESHOLD, WIDTH, film
+from calibration.cases import HEIGHT, WIDTH
 from jblast.errors import InputError
+from jblast.sensors.camera import LUMINANCE, events as events_of_scene, render
 from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.ideal import grey_table, ideal_events, log_intensity
 from jblast.sensors.camera.events.stream import stream_events
+from tests.sensors.camera.fireball_scenes import one_charge, small_camera
 
 convert = jax.jit(ideal_events, static_argnames="capacity")
 SHAPE = (40, 12, 17)
@@ -76,13 +82,6 @@ def test_cuts_and_threads_do_not_change_the_events():
             np.testing.assert_array_equal(field, other)
 
 
-def test_a_film_of_the_disc_gives_the_events_of_the_ideal_converter():
-    times, logs = film(1000)
-    both = (THRESHOLD, THRESHOLD)
-    ours = gathered(logs, 16, times, both, in_logarithms=True)
-    same(ours, reference(logs, times, both))
-
-
 def test_thresholds_may_differ_from_pixel_to_pixel():
     rng = np.random.default_rng(0)
     both = rng.uniform(0.1, 0.3, SHAPE[1:]), rng.uniform(0.1, 0.3, SHAPE[1:])
@@ -98,15 +97,17 @@ def test_srgb_frames_are_decoded_by_their_table():
     same(gathered(frames, table=table), reference(table[frames]))
 
 
-def test_a_still_film_gives_no_event():
-    frames = np.full((9, HEIGHT, WIDTH), 77, np.uint8)
-    assert gathered(frames, 4, np.arange(9.0))[0].size == 0
-
-
 def test_times_that_do_not_rise_are_refused():
     frames = flicker(np.uint8)
     with pytest.raises(InputError, match="times that rise"):
         gathered(frames, times=TIMES[::-1])
+    for times in ([1.0, 0.0], [1.0, 1.0], [0.0, np.nan]):
+        with pytest.raises(InputError, match="times: expected times that rise"):
+            ideal_events(jnp.zeros((2, 1, 1)), jnp.array(times), (0.2, 0.2), capacity=4)
+    for times in ([0.0], [1.0, 0.0], [0.0, np.inf]):
+        said = r"expected (two or more|finite rising times)"
+        with pytest.raises(InputError, match=said):
+            frameless_events(lambda t, x, y: t, (1, 1), np.array(times), (0.2, 0.2))
     blocks = [(TIMES[:4], frames[:4]), (TIMES[3:8], frames[3:8])]
     with pytest.raises(InputError, match="times that rise"):
         list(stream_events(blocks, (0.2, 0.2)))
@@ -136,3 +137,15 @@ def test_frames_of_another_size_are_refused():
     blocks = [(TIMES[:4], frames[:4]), (TIMES[4:8], frames[4:8, :, 1:])]
     with pytest.raises(InputError, match="expected 17 x 12 pixels as in the first"):
         list(stream_events(blocks, (0.2, 0.2)))
+
+
+def test_events_of_a_scene_are_those_of_the_frames_at_instants():
+    times, room = jnp.linspace(0.0, 11e-3, 12), 1 << 13
+    scene, instant = one_charge(up=1.5, time_s=2.3e-3), small_camera()
+    exposed = replace(instant, exposure_s=1e-3)  # of frames; events have none
+    found = events_of_scene(scene, exposed, times, capacity=room)
+    light = log_intensity(render(scene, instant, times) @ jnp.array(LUMINANCE))
+    expected = ideal_events(light, times, (0.2, 0.2), capacity=room)
+    assert int(found.count) > 100
+    for one, other in zip(*map(jax.tree.leaves, (found, expected)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)

@@ -52,27 +52,23 @@ def test_a_video_runs_on_its_own_clock(tmp_path):
     np.testing.assert_allclose(again, [0.25, 0.0], atol=1e-6)
 
 
-def test_a_video_of_another_size_or_too_short_is_refused(tmp_path):
-    path = make_video(tmp_path / "a.mp4", flat(16, 90, height=24, width=30))
-    with pytest.raises(InputError, match=r"a\.mp4: expected 32 x 24 .*got 30 x 24"):
-        background_named(str(path), EYE, TIMES)
-    path = make_video(tmp_path / "b.mp4", flat(16, 90, height=24, width=32))
-    with pytest.raises(
-        InputError, match=r"b\.mp4: .*as long as the film, 0\.1 s.*0\.066"
-    ):
-        background_named(str(path), EYE, np.array([0.0, 0.1]))
-
-
-@pytest.mark.parametrize("text", ["1,2", "-0.1", "2", "nan", "0.1,0.2,0.3,0.4", "sky"])
-def test_a_word_that_is_none_is_refused(text):
-    with pytest.raises(InputError, match=r"^background: expected"):
-        background_named(text, EYE, TIMES[:2])
-
-
-def test_files_of_another_size_and_too_few_are_refused(tmp_path):
+def test_what_is_no_background_is_refused(tmp_path):
+    video, short = tmp_path / "a.mp4", tmp_path / "b.mp4"
+    make_video(video, flat(16, 90, height=24, width=30))
+    make_video(short, flat(16, 90, height=24, width=32))
+    folder = tmp_path / "frames"
+    folder.mkdir()
     for k in range(2):
-        write_png(tmp_path / f"{k}.png", np.zeros((24, 31, 3)))
-    with pytest.raises(InputError, match=r"0\.png: expected 32 x 24 .*got 31 x 24"):
-        background_named(str(tmp_path / "0.png"), EYE, TIMES[:2])
-    with pytest.raises(InputError, match=r"expected at least 3 frames.*got 2"):
-        background_named(str(tmp_path), EYE, TIMES[:3])
+        write_png(folder / f"{k}.png", np.zeros((24, 31, 3)))
+    for name, times, said in (
+        (video, TIMES, r"a\.mp4: expected 32 x 24 .*got 30 x 24"),
+        (short, np.array([0.0, 0.1]), r"b\.mp4: .*as the film, 0\.1 s.*0\.066"),
+        (folder / "0.png", TIMES, r"0\.png: expected 32 x 24 .*got 31 x 24"),
+        (folder, TIMES, r"expected at least 4 frames.*got 2"),
+        *(
+            (text, TIMES, "^background: expected")
+            for text in ("1,2", "2", "nan", "sky")
+        ),
+    ):
+        with pytest.raises(InputError, match=said):
+            background_named(str(name), EYE, times)

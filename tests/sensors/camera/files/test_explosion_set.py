@@ -52,19 +52,6 @@ def test_sheets_are_cut_into_heat_colour_and_opacity(noise_set):
     assert (top, bottom) == (rows.min(), rows.max())
 
 
-def test_the_middle_of_the_cloud_is_as_high_from_wherever_it_is_seen(noise_set):
-    views = explosion_views(noise_set)
-    low, high = 0, len(directions()) - 1
-    for frame in range(len(PHASES)):
-        for view in (low, high):
-            alpha = np.asarray(views.frames[view, frame, ..., 4]) > 127
-            middle = np.nonzero(alpha)[0].mean()
-            lifted = (ANCHOR[1] - middle) / float(views.radius[view, frame])
-            level = float(views.up[view, 2])
-            # the puffs are not alike on all sides
-            assert lifted == pytest.approx(float(views.height[frame]) * level, abs=0.2)
-
-
 def test_only_views_that_are_shown_are_decoded(copy, noise_set):
     towards = [np.sin(2.5), np.cos(2.5), 0.2]  # 143 degrees, between rings
     whole = (copy / "00.webp").read_bytes()
@@ -101,20 +88,9 @@ BROKEN = {
         lambda c: (c / "03.webp").write_bytes((c / "03.webp").read_bytes()[:2000]),
         r"03\.webp: expected a complete WebP image of .* cut short",
     ),
-    "empty": (
-        lambda c: (c / "03.webp").write_bytes(b""),
-        r"03\.webp: expected a WebP image, got something else",
-    ),
     "another format": (
         lambda c: Image.new("RGBA", (9, 9)).save(c / "03.webp", format="PNG"),
         r"03\.webp: expected a WebP image, got something else",
-    ),
-    "broken inside": (
-        lambda c: (c / "03.webp").write_bytes(
-            (c / "03.webp").read_bytes()[:300]
-            + bytes(len((c / "03.webp").read_bytes()) - 300)
-        ),
-        r"03\.webp: expected a",
     ),
     "another size": (
         lambda c: sheet(c, lambda i: i.crop((0, 0, 200, 256))),
@@ -128,8 +104,6 @@ BROKEN = {
         lambda c: text(c, "0.002, 0.006", "0.006, 0.002"),
         r"phases: expected rising numbers, got 0\.002 after 0\.006",
     ),
-    "no phases": (lambda c: text(c, "phases", "#"), "phases: expected a list"),
-    "no radius": (lambda c: text(c, "radius_px", "#"), "1 radius_px: expected a list"),
     "too few radii": (
         lambda c: text(c, "radius_px = [", "radius_px = [1.0, "),
         "radius_px: expected 7 numbers, one per phase, got 8",
@@ -138,7 +112,6 @@ BROKEN = {
         lambda c: text(c, "radius_px = [", "radius_px = [0.0, "),
         r"radius_px: expected a positive number, got 0\.0",
     ),
-    "no size": (lambda c: text(c, "size_px", "#"), "size_px: expected a whole number"),
     "no anchor": (lambda c: text(c, "anchor_px", "#"), "1 anchor_px: expected"),
     "an unknown key": (lambda c: text(c, "columns", "colums"), "did you mean columns"),
     "no file": (lambda c: text(c, "file", "#"), "file: expected a WebP file, got None"),
@@ -153,16 +126,13 @@ def test_a_set_that_cannot_be_used_is_refused(copy, change, said):
     assert str(copy) in str(refused.value)
 
 
-def test_views_from_below_the_ground_alone_are_refused(tmp_path):
-    below = write_noise_set(tmp_path / "set", views=[(0.0, -20.0), (90.0, -5.0)])
-    with pytest.raises(InputError, match="from above the ground, got 2 from below"):
-        explosion_views(below)
-
-
-def test_each_reader_tells_of_the_other_kind(noise_set, tmp_path):
+def test_each_reader_tells_of_what_it_does_not_read(noise_set, tmp_path):
     assert is_explosion_set(noise_set)
     with pytest.raises(InputError, match="is read by `explosion_views`"):
         read_views(noise_set)
+    below = write_noise_set(tmp_path / "set", views=[(0.0, -20.0), (90.0, -5.0)])
+    with pytest.raises(InputError, match="from above the ground, got 2 from below"):
+        explosion_views(below)
     (tmp_path / "views.toml").write_text("frames_hz = 30.0\n")
     assert not is_explosion_set(tmp_path)
     with pytest.raises(InputError, match='kind: expected "explosion", got None'):

@@ -1,17 +1,13 @@
-import os
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import numpy as np
 import pytest
-from PIL import Image
 
 from jblast.errors import InputError
 from jblast.sensors.camera.files import images
 from jblast.sensors.camera.files.images import (
     frame_and_bits,
-    frame_files,
     read_colours,
     read_png,
     write_png,
@@ -46,28 +42,6 @@ def test_grey_is_one_channel_and_is_read_as_three(tmp_path):
     write_png(path, LIGHT[None, :, None])
     np.testing.assert_array_equal(frame_and_bits(path)[0][0], VALUES)
     assert read_colours(path).shape == (1, 7, 3)
-
-
-def test_a_write_that_fails_leaves_the_old_file_whole(tmp_path, monkeypatch):
-    path = tmp_path / "0000.png"
-    write_png(path, np.zeros((2, 2, 3)))
-    before = path.read_bytes()
-
-    def half(self, name, **_):
-        Path(name).write_bytes(b"\x89PNG half of it")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Image.Image, "save", half)
-    with pytest.raises(KeyboardInterrupt):
-        write_png(path, np.ones((2, 2, 3)))
-    assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == ["0000.png"]
-
-
-def test_written_frames_are_a_sequence(tmp_path):
-    for k in range(11):
-        write_png(tmp_path / f"{k:04d}.png", np.zeros((2, 2, 3)))
-    assert [path.stem for path in frame_files(tmp_path)][-1] == "0010"
 
 
 def test_what_cannot_be_read_is_named(tmp_path):

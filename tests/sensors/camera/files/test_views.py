@@ -61,12 +61,10 @@ def test_the_up_of_a_picture_may_be_said_or_follows_from_the_azimuth(folder):
 
 BAD = {
     "no frame rate": (SOUTH, "frames_hz: expected a positive number"),
-    "frame rate 0": ("frames_hz = 0\n" + SOUTH, "frames_hz: .* got 0"),
     "no mass": (
         TOP.replace("charge_mass_kg = 5.0", "") + SOUTH,
         r"charge_mass_kg: expected the TNT .* write charge_mass_kg = 5\.0 above",
     ),
-    "mass 0": (TOP.replace("5.0", "0") + SOUTH, "charge_mass_kg: .* got 0"),
     "up along the view": (TOP + SOUTH + "up = [0, 1, 0]\n", "up: expected a vector"),
     "no scale": (
         "frames_hz = 30\ncharge_mass_kg = 5\n" + SOUTH,
@@ -84,8 +82,6 @@ BAD = {
     "too high": (TOP + SOUTH + "elevation_deg = 91\n", "between -90 and 90, got 91"),
     "no such folder": (TOP + SOUTH.replace("south", "w"), "w: no such directory"),
     "no frames": (TOP + "[[view]]\nazimuth_deg = 1\n", "a list of PNG files, got None"),
-    "broken": (TOP + "[[view]\n", "broken TOML"),
-    "srgb in words": (TOP + 'srgb = "yes"\n' + SOUTH, "srgb: expected true or false"),
     "a missing file": (
         TOP + '[[view]]\nazimuth_deg = 0\nframes = ["a.png"]\n',
         "a.png: .*No such file",
@@ -107,32 +103,27 @@ def test_a_set_without_an_index_is_refused(folder, tmp_path):
         read_views(tmp_path / "nowhere")
 
 
-def test_frames_without_alpha_are_refused(folder, tmp_path):
-    save(tmp_path / "south" / "0001.png", channels=3)
-    with pytest.raises(InputError, match=r"south/0001\.png: .*alpha \(RGBA\)"):
-        read_views(folder(TOP + SOUTH))
+HIGH = '[[view]]\nframes = "high"\nazimuth_deg = 0\n'
+SPOILT = {
+    "no alpha": ("south/0001.png", {"channels": 3}, r"south/0001\.png: .*alpha"),
+    "a missing frame": ("south/0004.png", {}, "south: frame 3 is missing"),
+    "another size": (
+        "south/0002.png",
+        {"size": (5, 6)},
+        r"0002\.png: expected 6 x 4 .*got 6 x 5",
+    ),
+    "another number": ("high/0003.png", {}, "2 frames: expected 3 frames .*got 4"),
+}
 
 
-def test_a_missing_frame_is_named(folder, tmp_path):
-    save(tmp_path / "south" / "0004.png")
-    with pytest.raises(InputError, match="south: frame 3 is missing"):
-        read_views(folder(TOP + SOUTH))
+@pytest.mark.parametrize(("name", "how", "said"), SPOILT.values(), ids=SPOILT)
+def test_frames_that_do_not_fit_are_named(folder, tmp_path, name, how, said):
+    save(tmp_path / name, **how)
+    with pytest.raises(InputError, match=said):
+        read_views(folder(TOP + SOUTH + HIGH))
 
 
-def test_frames_of_another_size_are_named(folder, tmp_path):
-    save(tmp_path / "south" / "0002.png", size=(5, 6))
-    with pytest.raises(InputError, match=r"0002\.png: expected 6 x 4 .*got 6 x 5"):
-        read_views(folder(TOP + SOUTH))
-
-
-def test_views_of_another_number_of_frames_are_named(folder, tmp_path):
-    save(tmp_path / "high" / "0003.png")
-    high = '[[view]]\nframes = "high"\nazimuth_deg = 0\n'
-    with pytest.raises(InputError, match=r"2 frames: expected 3 frames .*got 4 frames"):
-        read_views(folder(TOP + SOUTH + high))
-
-
-@pytest.mark.parametrize("kept", [0, 30, 60])
+@pytest.mark.parametrize("kept", [0, 60])
 def test_a_corrupt_frame_is_named(folder, tmp_path, kept):
     path = tmp_path / "south" / "0001.png"
     path.write_bytes(path.read_bytes()[:kept])

@@ -44,14 +44,6 @@ def test_platinum_at_its_freezing_point_was_the_candela():
     assert float(blackbody_xyz(2041.4)[1]) == pytest.approx(60e4, rel=0.01)
 
 
-def test_the_curves_have_the_heights_of_the_tables():
-    # CIE 1931: 1.0622 at 600 nm, 1.0 at 555 nm, 1.7721 at 445 nm; 1 % of the fit
-    functions = matching_functions()
-    for axis, wavelength, value in ((0, 600, 1.0622), (1, 555, 1.0), (2, 445, 1.7721)):
-        found = functions[(wavelength - 360) // 5, axis]
-        assert found == pytest.approx(value, rel=0.015)
-
-
 def test_the_constants_are_codata_s():
     h, c, k = constants.h, constants.c, constants.k
     # ten digits
@@ -103,13 +95,3 @@ def test_it_has_gradients_and_batches():
     batch = blackbody_light(temperatures)
     assert batch.shape == (3, 3)
     np.testing.assert_allclose(batch[1], blackbody_light(1900.0), rtol=1e-13)
-
-
-def test_single_precision_stays_finite_from_a_cold_night_to_a_star():
-    temperatures = jnp.array([200.0, 288.0, 2200.0, 1e5], jnp.float32)
-    light, gradient = jax.jvp(blackbody_light, (temperatures,), (temperatures,))
-    assert light.dtype == jnp.float32
-    assert np.isfinite(light).all()
-    assert np.isfinite(gradient).all()
-    double = blackbody_light(temperatures[2:].astype(jnp.float64))
-    np.testing.assert_allclose(light[2:], double, rtol=1e-4)

@@ -12,15 +12,8 @@ from jblast.sensors.camera.fireball import cloud, passage
 from jblast.sensors.camera.geometry import Rays, pixel_rays
 from jblast.sensors.camera.image import over
 from jblast.sensors.camera.rendering import render
-from jblast.waves.fireball import fireball, fireball_growth_time
-from tests.sensors.camera.fireball_scenes import (
-    EYE,
-    LUMPS,
-    TARGET,
-    one_charge,
-    shifted,
-    small_camera,
-)
+from jblast.waves.fireball import fireball
+from tests.sensors.camera.fireball_scenes import EYE, LUMPS, one_charge, small_camera
 
 WHEN = 0.3
 
@@ -41,20 +34,12 @@ def ball_at(scene, time=WHEN):
     return float(ball.radius), float(scene.charge.up + ball.rise)
 
 
-@pytest.mark.slow
-def test_the_growth_time_of_the_scene_is_that_of_its_pictures():
+def test_the_growth_time_of_the_scene_is_that_of_its_clouds():
     scene = dataclasses.replace(one_charge(), fireball_growth=jnp.asarray(0.2))
-    camera = small_camera()
-    own = float(fireball_growth_time(100.0))
-    np.testing.assert_array_equal(
-        layer_of(dataclasses.replace(scene, fireball_growth=jnp.asarray(own)), camera),
-        layer_of(one_charge(), camera),
-    )
-    both = scene, one_charge()
-    slow, usual = (np.sum(alpha_of(s, camera)) for s in both)
-    radii = [float(cloud(s, s.charge, jnp.asarray(WHEN)).radius) for s in both]
-    # 6.7 and 8.5 m; the limb is soft and the ground cuts both
-    assert slow / usual == pytest.approx((radii[0] / radii[1]) ** 2, rel=0.1)
+    slow, usual = (cloud(s, s.charge, jnp.asarray(WHEN)) for s in (scene, one_charge()))
+    law = fireball(100.0, WHEN, scene.air.temperature, 0.2)
+    assert float(slow.radius) == pytest.approx(float(law.radius), rel=1e-12)
+    assert float(slow.radius) < 0.9 * float(usual.radius)
 
 
 @pytest.mark.parametrize("ahead", [30.0, 3.0, -3.0, -30.0])
@@ -109,15 +94,6 @@ def test_what_stands_before_the_fireball_hides_it():
     np.testing.assert_array_equal(wall, free)
 
 
-def test_a_wall_through_the_middle_leaves_half_of_the_smoke():
-    scene = one_charge(up=30.0)
-    _radius, up = ball_at(scene)
-    camera = small_camera([0.0, -60.0, up], [0.0, 0.0, up], center=[12.0, 8.0])
-    alpha = alpha_of(scene, camera, depth=jnp.full((18, 24), 60.0))
-    # the ray of the middle pixel goes through the centre, 60 m away
-    assert alpha[8, 12] == pytest.approx(-np.expm1(-LUMPS / 2), abs=1e-9)
-
-
 def test_the_ground_hides_what_is_below_it():
     scene, camera = one_charge(up=0.0), small_camera()
     cut, whole = (alpha_of(scene, camera, ground=ground) for ground in (True, False))
@@ -133,35 +109,6 @@ def test_the_ground_hides_what_is_below_it():
     assert (whole[early] > 0.9).any()
 
 
-def test_a_fireball_partly_outside_is_the_part_inside():
-    scene = one_charge()
-    wide = small_camera(center=[31.5, 18.0], width=64, height=38)
-    part = small_camera(center=[2.5, 3.0])
-    picture = np.asarray(layer_of(scene, wide))
-    inside = layer_of(scene, part)
-    np.testing.assert_allclose(inside, picture[15:33, 29:53], rtol=1e-9)
-
-
-def test_from_within_the_camera_sees_the_smoke_before_its_lens():
-    scene = one_charge(up=30.0)
-    radius, up = ball_at(scene)
-    for y in (-0.5, 0.0, 0.5):  # of the radius, looking north; 0 is the centre
-        place = np.array([0.0, y * radius, up])
-        camera = small_camera(place, place + np.array([0.0, 1.0, 0.0]))
-        camera = dataclasses.replace(camera, center=jnp.array([12.0, 8.0]))
-        column = 0.75 * (2 / 3 - (y - y**3 / 3))
-        alpha = alpha_of(scene, camera)
-        assert alpha[8, 12] == pytest.approx(-np.expm1(-LUMPS * column), abs=1e-6)
-        assert (alpha > 0.2).all()
-
-
-def test_nothing_is_seen_of_a_blast_behind_the_camera():
-    camera = small_camera()
-    away = small_camera(target=2 * EYE - TARGET)
-    assert alpha_of(one_charge(), camera).max() > 0.9
-    assert (alpha_of(one_charge(), away) == 0).all()
-
-
 def test_nothing_is_seen_before_the_burst():
     scene = one_charge(time_s=1.0)
     for time in (0.0, 0.999, 1.0):
@@ -170,32 +117,12 @@ def test_nothing_is_seen_before_the_burst():
 
 
 @pytest.mark.slow
-def test_smaller_than_a_pixel_it_is_seen_whole_or_not_at_all_unless_supersampled():
-    scene = one_charge(up=30.0)
-    radius, up = ball_at(scene)
-    distance = 2000.0  # 0.17 px
-    eye = [0.0, -distance, up]
-    between = small_camera(eye, [0.0, 0.0, up], focal=40.0 * np.ones(2))
-    on = dataclasses.replace(between, center=jnp.array([12.0, 8.0]))
-    off = dataclasses.replace(between, center=jnp.array([11.6, 8.4]))
-    assert alpha_of(scene, on).max() > 0.99
-    assert alpha_of(scene, off).max() == 0.0
-    # area of the disc in pixels, weighed with its opacity
-    weighed, _ = quad(
-        lambda b: -np.expm1(-LUMPS * (1 - b**2) ** 1.5) * 2 * np.pi * b, 0, 1
-    )
-    area = weighed * (40.0 * radius / distance) ** 2
-    many = alpha_of(scene, off, supersample=60)
-    # 60 rays along a pixel, ten across the radius: a tenth of the rim is uncertain
-    assert many.sum() == pytest.approx(area, rel=0.03)
-
-
-@pytest.mark.slow
 def test_pixels_that_show_no_direction_show_no_fireball():
     # strong barrel distortion: the model folds over before the image's corners
     lens = jnp.array([-0.5, 0.0, 0.0, 0.0, 0.0])
     camera = small_camera(distortion=lens, focal=[14.0, 14.0])
-    camera = shifted(camera, 48.0)
+    near = camera.position + 48.0 * quaternion_matrix(camera.quaternion)[:, 2]
+    camera = dataclasses.replace(camera, position=near)
     rays = pixel_rays(camera, ground=False)
     folded = np.asarray(rays.farthest == 0)
     assert folded[0, 0]
@@ -236,16 +163,6 @@ def test_it_cools_from_white_over_orange_to_dark_smoke():
     dark = colour(2.5)
     assert dark.max() < 0.1
     assert dark.max() < 1.05 * dark.min()
-
-
-def test_axes_of_the_image_are_right_and_down():
-    # a charge east of the axis and above is right of the middle and above, from south
-    scene = one_charge(mass=5.0, east=8.0, up=10.0)
-    camera = small_camera([0.0, -60.0, 4.0], [0.0, 0.0, 4.0])
-    assert quaternion_matrix(camera.quaternion)[0, 0] == pytest.approx(1.0)
-    rows, columns = np.nonzero(alpha_of(scene, camera))
-    assert rows.max() < 8
-    assert columns.min() > 12
 
 
 def test_the_wind_carries_the_cloud_across_the_picture():

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.billboards import Views
 from jblast.sensors.camera.events.scene import events, pixel_light
-from jblast.sensors.camera.fireball import Appearance
-from jblast.sensors.camera.geometry import pixel_rays
 from jblast.sensors.camera.rendering import in_view
 from tests.sensors.camera.fireball_scenes import small_camera
 
@@ -40,16 +37,6 @@ def test_its_events_are_those_of_the_scene_without_it():
 
 
 @pytest.mark.slow
-def test_a_batch_of_which_some_never_happen_is_its_own_loop():
-    times = jnp.array([0.005, jnp.inf])
-    found = jax.jit(jax.vmap(events_of))(times)
-    for lane, time in enumerate(times):
-        expected = events_of(time)
-        for here, there in zip(*map(jax.tree.leaves, (found, expected)), strict=True):
-            np.testing.assert_allclose(here[lane], there, rtol=1e-12)
-
-
-@pytest.mark.slow
 def test_gradients_are_those_without_it_and_none_is_its_own():
     def light(*charges):
         scene = Scene(charge=charges[0], others=charges[1:])
@@ -64,26 +51,6 @@ def test_gradients_are_those_without_it_and_none_is_its_own():
         np.testing.assert_allclose(here, there, rtol=1e-9)
     assert [float(x) for x in jax.tree.leaves(of_never)] == [0.0] * 5
     assert abs(float(expected.mass_kg)) > 1e-6
-
-
-def test_pictures_show_nothing_of_it():
-    views = Views(
-        frames=jnp.full((1, 2, 9, 9, 4), 200, jnp.uint8),
-        direction=np.array([[0.0, -1.0, 0.0]]),
-        up=np.array([[0.0, 0.0, 1.0]]),
-        metres_per_pixel=np.array([2.0]),
-        anchor=np.array([[4.0, 4.0]]),
-        frames_hz=30.0,
-        charge_mass=100.0,
-    )
-    seen = jax.jit(
-        lambda s: views.seen(s, pixel_rays(CAMERA), jnp.asarray(0.02), Appearance())
-    )
-    found = seen(Scene(charge=REAL, others=(NEVER,)))
-    expected = seen(ALONE)
-    assert float(expected[3].max()) > 0.5
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-    assert not in_view(Scene(charge=NEVER), CAMERA, views)
 
 
 @pytest.mark.parametrize(("charge", "seen"), [(REAL, True), (NEVER, False)])

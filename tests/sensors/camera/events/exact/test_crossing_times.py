@@ -2,7 +2,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
 
 from calibration.cases import (
     BRIGHT,
@@ -18,9 +17,7 @@ from calibration.cases import (
     disc_light,
     radius,
 )
-from jblast.errors import InputError
 from jblast.sensors.camera.events.exact import frameless_events, implicit_times
-from jblast.sensors.camera.events.ideal import ideal_events
 
 BOTH = (THRESHOLD, THRESHOLD)
 CLOSE = 2e-9
@@ -54,27 +51,6 @@ def test_events_of_a_disc_stand_at_their_instants_whatever_the_frame_rate(fps):
     assert (np.diff(events.time) >= 0.0).all()
     assert int(events.count) == len(known)
     assert int(events.lost) == 0
-
-
-@settings(deadline=None, max_examples=20)
-@given(
-    count=st.integers(1, 40),
-    threshold=st.floats(0.01, 0.8),
-    down=st.booleans(),
-    begin=st.floats(-6.0, 0.0),
-)
-def test_a_ramp_of_k_thresholds_gives_k_events(count, threshold, down, begin):
-    slope = (-1.0 if down else 1.0) * count * threshold / 0.01
-    ramp = jax.tree_util.Partial(line, jnp.asarray(begin), jnp.asarray(slope))
-    times = np.array([0.0, 0.01])
-    events = frameless_events(ramp, (1, 1), times, (threshold, threshold))
-    expected = 0.01 * np.arange(1, count + 1) / count
-    np.testing.assert_allclose(events.time, expected, rtol=0, atol=CLOSE)
-    assert (events.polarity == np.sign(slope)).all()
-
-
-def line(begin, slope, time, x, y):
-    return begin + slope * time
 
 
 def test_a_pixel_that_rises_and_falls_within_one_frame_is_seen():
@@ -114,42 +90,6 @@ def test_a_peak_that_touches_a_threshold_reaches_it(peak, count):
         assert time[0] == pytest.approx(0.5, abs=1e-6)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_light_that_goes_up_and_down_gives_the_events_of_many_frames(seed):
-    rng = np.random.default_rng(seed)
-    rate, phase, size = (
-        rng.uniform(low, high, (5, 6, 7))
-        for low, high in ((20, 200), (0, 6.28), (0, 0.4))
-    )
-
-    def log_light(time, x, y):
-        at = y.astype(int), x.astype(int)
-        fields = (jnp.asarray(field) for field in (rate, phase, size))
-        parts = zip(*fields, strict=True)
-        waves = [s[at] * jnp.sin(r[at] * time + p[at]) for r, p, s in parts]
-        return jnp.stack(waves).sum(axis=0)
-
-    both = (0.21, 0.34)
-    ours = frameless_events(log_light, (6, 7), samples(100, 0.2), both)
-    times = np.linspace(0.0, 0.2, 40001)
-    y, x = np.mgrid[:6.0, :7.0]
-    frames = jax.vmap(
-        lambda t: log_light(jnp.broadcast_to(t, (42,)), x.ravel(), y.ravel())
-    )(jnp.asarray(times)).reshape(-1, 6, 7)
-    theirs = ideal_events(frames, jnp.asarray(times), both, capacity=4096)
-    assert int(theirs.count) == int(ours.count) > 300
-    a, b = (
-        np.lexsort([np.asarray(f)[: len(ours.x)] for f in (e.time, e.x, e.y)])
-        for e in (ours, theirs)
-    )
-    np.testing.assert_array_equal(ours.polarity[a], np.asarray(theirs.polarity)[b])
-    # frames 5 us apart; crossings close to a turn are the least exact
-    np.testing.assert_allclose(
-        ours.time[a], np.asarray(theirs.time)[b], rtol=0, atol=2e-6
-    )
-
-
 def test_times_have_the_gradients_of_the_scene():
     def weighted(time):
         return jnp.sum(time * jnp.sin(jnp.arange(time.size, dtype=time.dtype)))
@@ -179,9 +119,3 @@ def test_times_have_the_gradients_of_the_scene():
     ours, known = jax.grad(by_newton)(at), jax.grad(in_closed_form)(at)
     # an order of two events that are simultaneous to the tolerance may differ
     np.testing.assert_allclose(ours, known, rtol=1e-6)
-
-
-@pytest.mark.parametrize("times", [[0.0], [0.0, 0.0], [1.0, 0.0], [0.0, np.inf]])
-def test_times_that_do_not_rise_are_refused(times):
-    with pytest.raises(InputError, match=r"expected (two or more|finite rising times)"):
-        one_pixel(lambda t: t, times)

@@ -9,11 +9,7 @@ from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera.events.exact import implicit_times
 from jblast.sensors.camera.events.ideal import ideal_events, log_intensity
-from jblast.sensors.camera.events.scene import (
-    PixelLight,
-    pixel_light,
-    render_events,
-)
+from jblast.sensors.camera.events.scene import pixel_light, render_events
 from jblast.sensors.camera.image import LUMINANCE
 from jblast.sensors.camera.rendering import render
 
@@ -128,12 +124,3 @@ def test_nothing_before_the_background_and_nothing_below_the_ground(scene, camer
         scene, charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, -20.0))
     )
     assert int(render_events(buried, camera, samples(100)).count) == 0
-
-
-def test_a_background_may_have_colours(scene, camera, solved):
-    grey = jnp.full((HEIGHT, WIDTH, 3), 0.18)
-    where, time = fields(render_events(scene, camera, samples(300), background=grey))
-    known, when = fields(solved)
-    np.testing.assert_array_equal(where, known)
-    np.testing.assert_allclose(time, when, rtol=0, atol=CLOSE)
-    assert isinstance(pixel_light(scene, camera), PixelLight)

@@ -9,7 +9,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.sensors.camera.files.event_files import read_events, write_events
-from jblast.sensors.camera.files.evt3 import BLOCK, read_header
+from jblast.sensors.camera.files.evt3 import BLOCK
 from tests.sensors.camera.files.events.test_read import events_of
 
 HEADER = b"% evt 3.0\n% format EVT3;height=480;width=640\n% end\n"
@@ -105,12 +105,6 @@ def test_vectors_of_a_camera_are_taken_apart(tmp_path):
     assert (found.width, found.height) == (640, 480)
 
 
-def test_events_before_the_first_time_and_row_are_left_out(tmp_path):
-    words = (0x2001, 0x8000, 0x6001, 0x2002, 0x0003, 0x5001, 0x2004)
-    found = read_events(saved(tmp_path / "a.raw", *words))
-    assert found.x.tolist() == [4]
-
-
 @pytest.mark.parametrize(
     ("high", "expected"),
     [
@@ -146,22 +140,6 @@ def test_what_is_no_evt3_is_refused(tmp_path, header, words, said):
     path = saved(tmp_path / "a.raw", *words, header=header)
     with pytest.raises(InputError, match=rf"a\.raw: .*{said}"):
         read_events(path)
-
-
-def test_a_size_in_other_digits_is_no_size(tmp_path):
-    header = HEADER.replace(b"640", "٦٤٠".encode()).replace(b"480", b"9" * 5000)
-    path = saved(tmp_path / "a.raw", header=header)
-    with path.open("rb") as file:
-        assert read_header(path, file).size is None
-
-
-def test_half_a_word_at_the_end_is_reported(tmp_path):
-    whole = saved(tmp_path / "a.raw", 0x8000, 0x6000, 0x0000, 0x2001)
-    assert not read_events(whole).notes
-    whole.write_bytes(whole.read_bytes() + b"\x00")
-    found = read_events(whole)
-    assert found.x.tolist() == [1]
-    assert "an incomplete word at the end of the file (1 of 2 bytes)" in found.notes[0]
 
 
 def test_evt2_of_a_camera_is_read_beyond_its_28_bits(tmp_path):

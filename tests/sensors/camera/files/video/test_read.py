@@ -2,13 +2,12 @@
 
 from fractions import Fraction
 
-import av
 import numpy as np
 import pytest
+import soundfile
 
 from jblast.errors import InputError
 from jblast.sensors.camera.files.video import open_video
-from jblast.sensors.camera.image import luminance
 from tests.sensors.camera.files.video.made import flat, grey, make_video
 
 BT709, BT601, SRGB = 1, 6, 13
@@ -86,16 +85,6 @@ def test_no_way_of_storing_pixels_makes_them_darker(tmp_path, kind):
     assert np.abs(error.mean()) < 0.6 / 255
 
 
-def test_luminance_is_that_of_linear_light(tmp_path):
-    rgb = np.random.default_rng(1).uniform(0, 1, (3, 16, 32))
-    path = make_video(tmp_path / "a.mp4", [planes(rgb, BT709)] * 2, colorspace=1)
-    video = open_video(path)
-    values = next(video.frames())
-    np.testing.assert_allclose(
-        video.luminance(values), luminance(video.colours(values)), atol=1e-6
-    )
-
-
 @pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi", "mov"])
 def test_frames_and_times_come_back_in_order(tmp_path, suffix):
     lumas = [16 + 10 * k for k in range(20)]
@@ -119,11 +108,6 @@ def test_reading_may_begin_at_any_frame(tmp_path):
         np.testing.assert_array_equal(rest, whole[first:])
 
 
-def test_a_video_that_begins_late_begins_at_0(tmp_path):
-    path = make_video(tmp_path / "a.mkv", flat(20, 40, 60), [600, 620, 640])
-    np.testing.assert_allclose(open_video(path).times, [0, 1 / 30, 2 / 30], atol=1e-3)
-
-
 @pytest.mark.parametrize(("turned", "quarters"), [(90, 1), (180, 2), (-90, 3)])
 def test_a_video_is_turned_as_it_is_to_be_shown(tmp_path, turned, quarters):
     luma = np.arange(16, 16 + 16 * 8).reshape(8, 16)  # x264 takes even sizes
@@ -142,12 +126,6 @@ def test_variable_frame_rate_is_refused_unless_the_rate_is_said(tmp_path):
     assert len(open_video(path, even=False)) == 4
 
 
-def test_a_clock_that_wavers_is_taken_at_its_word(tmp_path):
-    path = make_video(tmp_path / "a.mp4", flat(20, 30, 40, 50), [0, 20, 45, 60])
-    times = open_video(path).times
-    np.testing.assert_allclose(times, [0, 20 / 600, 45 / 600, 0.1], rtol=1e-12)
-
-
 @pytest.mark.parametrize("suffix", ["mp4", "mkv", "avi"])
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
 def test_a_video_that_breaks_off_is_refused(tmp_path, suffix, share):
@@ -159,49 +137,19 @@ def test_a_video_that_breaks_off_is_refused(tmp_path, suffix, share):
         read(path)
 
 
-def test_a_fast_start_that_breaks_off_is_refused(tmp_path):
-    noise = np.random.default_rng(0).integers(16, 235, (12, 3, 32, 32), np.uint8)
-    slow = make_video(tmp_path / "slow.mp4", list(noise))
-    path = tmp_path / "a.mp4"
-    with (
-        av.open(str(slow)) as old,
-        av.open(str(path), "w", options={"movflags": "faststart"}) as new,
-    ):
-        stream = new.add_stream_from_template(old.streams.video[0])
-        for packet in old.demux(video=0):
-            if packet.dts is not None:
-                packet.stream = stream
-                new.mux(packet)
-    assert len(read(path)) == 12
-    path.write_bytes(path.read_bytes()[:-2000])
-    with pytest.raises(InputError, match=r"a\.mp4: expected a complete.*cut short"):
-        read(path)
-
-
 def test_what_is_no_video_is_refused(tmp_path):
-    for name, held, said in (
-        ("none.mp4", None, "no such file"),
-        ("empty.mp4", b"", "a complete video, which cannot be read"),
-        ("text.mp4", b"time_s,p_pa\n0,1\n" * 99, "a complete video, which cannot"),
-    ):
-        path = tmp_path / name
-        if held is not None:
-            path.write_bytes(held)
-        with pytest.raises(InputError, match=rf"{name}: .*{said}"):
-            open_video(path)
-    with pytest.raises(InputError, match="is a directory; expected a video"):
-        open_video(tmp_path)
-
-
-def test_sound_alone_and_a_single_frame_are_refused(tmp_path):
-    import soundfile
-
     soundfile.write(tmp_path / "a.wav", np.zeros(999), 8000)
-    with pytest.raises(InputError, match=r"a\.wav: .* a file without one"):
-        open_video(tmp_path / "a.wav")
-    path = make_video(tmp_path / "one.mp4", flat(50))
-    with pytest.raises(InputError, match=r"one\.mp4: .*at least two frames, got 1"):
-        open_video(path)
+    make_video(tmp_path / "one.mp4", flat(50))
+    (tmp_path / "text.mp4").write_bytes(b"time_s,p_pa\n0,1\n" * 99)
+    for name, said in (
+        ("none.mp4", r"none\.mp4: .*no such file"),
+        ("text.mp4", r"text\.mp4: .*a complete video, which cannot be read"),
+        ("a.wav", r"a\.wav: .* a file without one"),
+        ("one.mp4", r"one\.mp4: .*at least two frames, got 1"),
+        (".", "is a directory; expected a video"),
+    ):
+        with pytest.raises(InputError, match=said):
+            open_video(tmp_path / name)
 
 
 def test_pixels_that_are_not_square_and_interlaced_rows_are_refused(tmp_path):

@@ -22,12 +22,11 @@ def directions() -> list[tuple[float, float]]:
     return [*rings, (0.0, ELEVATIONS[2]), (180.0, ELEVATIONS[2])]
 
 
-def puffs(phase: float, stretch: float, count: int = 60):
+def puffs(phase: float, count: int = 60):
     """Return places, radii, heats and shades of puffs, in units of the radius.
 
     Args:
         phase: Of the frame.
-        stretch: How much longer the cloud is from west to east.
         count: Of puffs.
     """
     rng = np.random.default_rng(3)
@@ -36,20 +35,13 @@ def puffs(phase: float, stretch: float, count: int = 60):
     way /= np.linalg.norm(way, axis=1)[:, None]
     place = way * rng.uniform(0.3, 0.8, (count, 1))
     place[:, 2] += 0.5 * phase
-    place[:, 0] *= stretch
     size = rng.uniform(0.15, 0.35, count)
     heat = np.clip(rng.uniform(0.5, 1.1, count) - 0.3 * phase, 0.0, 1.0)
     shade = rng.uniform(0.1, 0.5, (count, 1)) * np.array([1.0, 0.85, 0.7])
     return place, size, heat, shade
 
 
-def picture(
-    phase: float,
-    azimuth: float,
-    elevation: float,
-    size: int = SIZE,
-    stretch: float = 1.0,
-):
+def picture(phase: float, azimuth: float, elevation: float, size: int = SIZE):
     """Return heat, shade and alpha of one frame, and its visible radius."""
     a, e = np.radians([azimuth, elevation])
     towards = np.array([np.sin(a) * np.cos(e), np.cos(a) * np.cos(e), np.sin(e)])
@@ -61,7 +53,7 @@ def picture(
     y, x = np.mgrid[:size, :size].astype(float)
     anchor = np.array(ANCHOR) * (size / SIZE)
     heat, alpha, shade = (np.zeros((size, size, k)) for k in (1, 1, 3))
-    place, radius, hot, grey = puffs(phase, stretch)
+    place, radius, hot, grey = puffs(phase)
     for k in np.argsort(place @ towards):
         cx = anchor[0] + scale * (place[k] @ right)
         cy = anchor[1] - scale * (place[k] @ up)
@@ -89,7 +81,6 @@ def write_noise_set(
     views=None,
     phases=PHASES,
     lossless: bool = False,
-    stretch: float = 1.0,
 ) -> Path:
     """Write a set into a folder, and return it."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -112,9 +103,7 @@ def write_noise_set(
         sheet[: rows * size, :, 3] = 1.0
         radii = []
         for frame, phase in enumerate(phases):
-            heat, shade, alpha, radius = picture(
-                phase, azimuth, elevation, size, stretch
-            )
+            heat, shade, alpha, radius = picture(phase, azimuth, elevation, size)
             radii.append(round(radius, 4))
             top, left = frame // COLUMNS * size, frame % COLUMNS * size
             sheet[top : top + size, left : left + size, :3] = heat
