@@ -54,18 +54,6 @@ def test_a_bank_finds_what_one_pulse_finds_and_a_little_less_loud():
     assert bank.statistic.max() >= 0.99 * found.statistic
 
 
-def test_a_bank_gives_no_more_false_alarms_than_are_borne_with():
-    rng, alarms, seconds = np.random.default_rng(1), 0, 8
-    shapes = bank_of_pulses(RATE)[:10]
-    per_hour = 3600.0 / seconds  # one in each recording
-    for _ in range(12):
-        noise = rng.standard_normal(int(seconds * RATE))
-        channel = Channel("gate", "gate.wav", 1, noise, RATE)
-        alarms += len(search_bank(channel, shapes, per_hour).detections)
-    # a Poisson count of 12 at most, fewer since pulses are alike
-    assert 1 <= alarms <= 22
-
-
 def test_a_pulse_of_minutes_is_no_template():
     with pytest.raises(InputError, match="a blast of 60 s at most"):
         blast_template(1e20, 5e6, RATE)

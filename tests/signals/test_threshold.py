@@ -49,10 +49,6 @@ def test_thresholds_are_where_the_rate_is_met(rate):
     assert false_alarms_at(KERNEL, threshold_for(KERNEL, rate)) == pytest.approx(rate)
 
 
-def test_one_an_hour_is_the_default():
-    assert threshold_for(KERNEL) == threshold_for(KERNEL, 1.0)
-
-
 @pytest.mark.parametrize(
     ("rate", "said"),
     [

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jblast.signals.flash.watch import BOUND, DRIFT, MIN_PIXELS, Cusum, stays_for
+from jblast.signals.flash.watch import BOUND, DRIFT, MIN_PIXELS, Cusum
 
 
 def page(evidence, left):
@@ -61,20 +61,3 @@ def test_pixels_that_are_lit_all_the_time_are_learnt_as_noise():
         noisy.push(np.zeros(1), np.array([20.0]), np.array([0.5]))
     told = [max(pushed(test, 15.0) for _ in range(12)) for test in (quiet, noisy)]
     assert told[1] < 0.3 * told[0]
-
-
-def test_a_frame_with_nothing_is_as_one_pushed():
-    moved, rested = Cusum(2), Cusum(2)
-    none, whole = np.zeros(2), np.ones(2)
-    for test in (moved, rested):
-        test.push(none, np.array([4.0, 0.0]), np.array([0.5, 1.0]))
-    moved.push(none, none, whole)
-    rested.rest()
-    assert rested.idle
-    one, other = (t.push(np.full(2, 9.0), none, whole) for t in (moved, rested))
-    np.testing.assert_allclose(one, other)
-
-
-def test_what_is_lit_has_to_stay_for_some_milliseconds_at_any_rate():
-    assert stays_for(1000.0) == 6
-    assert stays_for(30.0) == 2

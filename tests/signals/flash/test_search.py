@@ -27,13 +27,6 @@ def test_a_blast_is_seen_when_and_where_it_was(half):
     assert flash.told_s - 0.0304 < 0.02
 
 
-def test_how_a_film_is_cut_into_blocks_changes_nothing():
-    film = growing()
-    one, other = (detect_flashes(blocks(*film, n), 1000.0, HEIGHT) for n in (1, 80))
-    np.testing.assert_array_equal(one.statistic, other.statistic)
-    assert one.flashes[0].growth == other.flashes[0].growth
-
-
 def test_a_quiet_film_and_one_of_a_lamp_show_nothing():
     times, light = growing(burst_s=1.0)
     assert not detect_flashes(blocks(times, light), 1000.0, HEIGHT).flashes
@@ -100,15 +93,3 @@ def test_a_film_that_turns_black_or_white_at_once_shows_nothing(value):
     times, light = growing(burst_s=1.0)
     light[40:] = value
     assert not detect_flashes(blocks(times, light), 1000.0, 1.0).flashes
-
-
-def test_two_blasts_are_two():
-    times, first = growing(at=(20.0, 30.0), last=10.0, frames=200)
-    _, second = growing(burst_s=0.1204, at=(60.0, 30.0), last=10.0, frames=200)
-    seen = detect_flashes(blocks(times, np.maximum(first, second)), 1000.0, HEIGHT)
-    found = [(f.growth.time_s, f.growth.x_px) for f in seen.flashes]
-    assert found == [
-        pytest.approx((0.0304, 20.0), abs=1.0),
-        pytest.approx((0.1204, 60.0), abs=1.0),
-    ]
-    assert len(found) == 2

@@ -16,15 +16,6 @@ def test_sines_and_cosines_are_numpys_to_two_units_in_the_last_place(farthest):
     np.testing.assert_allclose(cosine, np.cos(phase), rtol=0, atol=5e-16)
 
 
-def test_in_single_precision_they_lose_nothing_to_the_multiples_of_a_quarter_turn():
-    phase = np.random.default_rng(0).uniform(-1e4, 1e4, 10_000).astype(np.float32)
-    sine, cosine = jax.jit(sine_and_cosine)(jnp.asarray(phase))
-    assert sine.dtype == np.float32
-    # of the phase as it is rounded
-    np.testing.assert_allclose(sine, np.sin(phase.astype(float)), rtol=0, atol=3e-7)
-    np.testing.assert_allclose(cosine, np.cos(phase.astype(float)), rtol=0, atol=3e-7)
-
-
 def test_an_oscillation_is_the_exponential_of_a_complex_number():
     elapsed = np.linspace(0.0, 400.0, 300)
     real, imaginary = jax.jit(oscillation)(

@@ -1,6 +1,5 @@
 """A record in another unit or on another clock is picked as the same."""
 
-import jax
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
@@ -53,14 +52,6 @@ def test_clocks_shift_and_scale(usual, shift, exponent):
     np.testing.assert_allclose(found.positive_duration_s, duration, rtol=1e-6)
 
 
-def test_single_precision_comes_back_in_double(usual):
-    found = pick(TIME, RECORDS.astype(np.float32))
-    assert found.peak_overpressure_pa.dtype == usual.peak_overpressure_pa.dtype
-    np.testing.assert_allclose(
-        found.peak_overpressure_pa, usual.peak_overpressure_pa, rtol=1e-4
-    )
-
-
 def test_a_record_is_picked_alike_whoever_else_told_a_full_scale(usual):
     cut = np.minimum(RECORDS[1], 0.5 * TRUTH.peak)
     told = PressureRecord("told", RECORDS[0], RATE, full_scale=0.6 * TRUTH.peak)
@@ -96,9 +87,3 @@ def test_recordings_of_any_length_and_rate_are_the_pick_of_their_samples():
         second.pick.air_arrival_s, 7.0 + TRUTH.arrival, atol=0.3 / RATE
     )
     assert second.quality == "good"
-
-
-@pytest.mark.slow  # compiled within another program
-def test_a_pick_is_pure_under_jit(usual):
-    found = jax.jit(lambda samples: pick(TIME, samples))(RECORDS)
-    np.testing.assert_allclose(found.spread, usual.spread, rtol=1e-2)

@@ -6,9 +6,7 @@ import soundfile
 
 from jblast.errors import InputError
 from jblast.observations import read, write
-from jblast.observations.placement import resolve_positions
 from jblast.observations.records.formats import Scaling
-from jblast.scene import Scene
 from jblast.signals.picks.pick_log import picked_log
 
 EXAMPLE = Path(__file__).parents[3] / "calibration/data/records_example"
@@ -59,11 +57,6 @@ def test_a_log_written_elsewhere_still_finds_its_samples(tmp_path):
     (tmp_path / "sub").mkdir()
     write(tmp_path / "sub/log.csv", read(made(tmp_path, *TWO)))
     assert read(tmp_path / "sub/log.csv").record == ("../g01.csv", "../g02.csv")
-
-
-def test_samples_that_were_not_picked_are_refused_by_what_takes_readings(tmp_path):
-    with pytest.raises(InputError, match=r"samples of 'g01.csv'; pick them first"):
-        resolve_positions(read(made(tmp_path, TWO[0])), Scene(), ())
 
 
 def test_one_file_in_two_rows_is_refused(tmp_path):
