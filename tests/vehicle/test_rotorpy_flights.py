@@ -105,14 +105,3 @@ def test_flights_are_those_of_rotorpy(step):
     assert (off < 1e-5).all(), off
     off = farthest(found.quaternion, turns)
     assert (off < 1e-5).all(), off
-
-
-@pytest.mark.parametrize(
-    "step", [5e-4, SHORT, pytest.param(1e-4, marks=pytest.mark.slow)]
-)
-@pytest.mark.slow
-def test_flights_in_single_precision_are_within_a_millimetre(step):
-    found, (places, _) = flown("float32", step), table()
-    assert found.position_m.dtype == np.float32
-    off = farthest(found.position_m, places)
-    assert (off < 1e-3).all(), off

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import (
-    Each,
     PositionHold,
     StepGust,
     allocation,
@@ -16,7 +15,6 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
-from jblast.vehicle.control import stability
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
 
 NAMES = ["crazyflie", "hummingbird", "iris"]
@@ -107,16 +105,6 @@ def test_the_motors_limit_is_where_a_step_stops_shrinking():
     assert factor == pytest.approx(2.785, abs=3e-4)
 
 
-def test_a_limit_that_was_found_is_not_looked_for_again(monkeypatch):
-    lag, gains = 0.0721, named_gains("crazyflie", integral=True)
-    weaker = dataclasses.replace(gains, attitude=0.5 * gains.attitude)
-    found = [step_limit(lag, gains), step_limit(lag, weaker)]
-    assert found[0] != found[1]
-    monkeypatch.setattr(stability, "growth", None)
-    again = [step_limit(lag, named_gains("crazyflie", integral=True))]
-    assert [*again, step_limit(lag, weaker)] == found
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "held"), [("crazyflie", 1), ("crazyflie", 3)])
 def test_the_hold_is_stable_just_below_its_limit_and_not_above(name, held):
@@ -173,24 +161,6 @@ def test_gains_and_wind_have_the_gradient_of_differences():
         assert abs(float(difference)) > 1e-4
         # the central difference errs by its width squared
         assert float(slope) == pytest.approx(float(difference), rel=1e-5)
-
-
-@pytest.mark.slow  # so have those of test_recovery.py
-def test_each_vehicle_may_have_a_hold_of_its_own():
-    vehicle = named("hummingbird")
-    targets = np.array([[0.0, 0, 5], [1.0, 0, 5]])
-    gains = named_gains("hummingbird")
-    holds = jax.vmap(lambda target: PositionHold(target, gains))(jnp.asarray(targets))
-    state = jax.tree.map(lambda x: jnp.stack([x, x]), at_hover(vehicle))
-    answer = simulate(
-        vehicle,
-        state,
-        duration_s=8.0,
-        step_s=4e-3,
-        control=Each(holds),
-        store_every=2000,
-    )
-    np.testing.assert_allclose(answer.position_m[:, -1], targets, atol=2e-3)
 
 
 def test_a_call_that_no_flight_would_hear_is_refused():
