@@ -131,12 +131,6 @@ def test_a_longer_world_leaves_the_readings_of_its_first_blasts_as_they_are():
     assert few.shot == more.shot[: len(few)]
 
 
-def test_waves_that_come_too_late_are_not_written_down(world, met):
-    log, late = readings_of(world, met[0], 0.0)
-    assert log is None
-    assert late == 4 * len(world.shots)
-
-
 def test_who_flies_as_fast_as_sound_is_refused(world):
     track = Track(jnp.array([0.0, 1.0]), jnp.array([[0.0, 0, 1], [400.0, 0, 1]]))
     with pytest.raises(InputError, match=r"less than the .* of sound"):
