@@ -167,18 +167,6 @@ def test_through_a_blast_the_path_is_that_of_the_same_hold_without_a_network():
     np.testing.assert_allclose(path, alone, rtol=0, atol=1e-6)
 
 
-@pytest.mark.slow
-def test_it_goes_to_the_place_that_it_holds():
-    spec = VehicleSpec(
-        "iris", jnp.array([0.0, 0.0, 10.0]), target=jnp.array([1.0, 0.0, 11.0])
-    )
-    scene = Scene(Charge(1.0, time_s=jnp.inf), vehicle=spec)
-    flight, _, path, alone = in_lockstep(scene, spec, 1000)
-    assert flight.ended in ("the time is over", "the autopilot has disconnected")
-    np.testing.assert_allclose(path, alone, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(path[-1], [1.0, 0.0, 11.0], atol=0.3)
-
-
 def test_a_vehicle_below_ground_is_refused():
     spec = VehicleSpec("iris", position=jnp.array([0.0, 0.0, -1.0]))
     with pytest.raises(InputError, match="expected a vehicle that is not below ground"):
