@@ -109,16 +109,18 @@ def test_peaks_pushed_one_by_one_are_those_of_the_whole():
     assert [round(d.time_s * RATE) for d in found] == pytest.approx(kept, abs=1)
 
 
-@pytest.mark.parametrize("threshold", [0.0, -1.0, np.nan])
-def test_thresholds_are_positive(threshold):
-    with pytest.raises(InputError, match="threshold: expected a positive number"):
-        detections(heard(), threshold)
-
-
-@pytest.mark.parametrize("wrong", [{"dead_s": -1.0}, {"wait_s": np.nan}])
-def test_times_that_are_kept_clear_are_not_negative(wrong):
-    with pytest.raises(InputError, match="expected a time from 0 up"):
-        detections(heard(), 6.0, **wrong)
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"threshold": 0.0}, "threshold: expected a positive number"),
+        ({"threshold": np.nan}, "threshold: expected a positive number"),
+        ({"dead_s": -1.0}, "expected a time from 0 up"),
+        ({"wait_s": np.nan}, "expected a time from 0 up"),
+    ],
+)
+def test_thresholds_and_times_out_of_range_are_refused(wrong, said):
+    with pytest.raises(InputError, match=said):
+        detections(heard(), **({"threshold": 6.0} | wrong))
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 3.0])

@@ -123,11 +123,6 @@ def test_what_ends_a_flight_is_said_and_its_rows_are_kept(name):
 def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
     """Fly a scene with the mock over loopback; and the same hold without a network."""
     turns, vehicle = turns_of(scene, spec, Place(47.0, 8.0, 300.0), 3), vehicle_of(spec)
-    if all(charge.never for charge in scene.charges):
-        # no pulse: half of the program
-        turns = type(turns)(
-            turns.flight._replace(loads=()), turns.suite, turns.origin, turns.key
-        )
     rotors, hold = rotors_of(vehicle), hold_of(spec, integral=True)
     made = programs(turns)
     rounded = RoundedHold(hold.ready(vehicle), turns.origin, rotors.of_motor)

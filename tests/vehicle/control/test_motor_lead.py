@@ -28,6 +28,7 @@ def test_a_led_motor_is_asked_for_more_than_is_wanted_within_its_limits():
     np.testing.assert_allclose(asked, [1300.0, 700.0, fast, 0.0])
 
 
+@pytest.mark.slow  # a flight of each; by default its loops alone
 def test_near_hover_a_led_vehicle_flies_as_one_with_quick_motors():
     vehicle = named("crazyflie")
     quick = replace(vehicle, motor_lag_s=vehicle.motor_lag_s / LEAD)

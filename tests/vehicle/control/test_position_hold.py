@@ -73,31 +73,6 @@ def test_a_wind_leaves_an_offset_that_only_the_integral_takes_out():
     assert abs(end(True)) < 2e-3
 
 
-@pytest.mark.slow
-def test_an_answer_is_held_for_its_period():
-    vehicle = named("hummingbird")
-    hold = PositionHold(np.array([0.5, 0, 5.0]), named_gains("hummingbird"))
-    held, fine = (
-        simulate(
-            vehicle,
-            at_hover(vehicle),
-            duration_s=0.2,
-            step_s=step,
-            command_step_s=4e-3,
-            control=hold,
-        )
-        for step in (1e-3, 2e-3)
-    )
-    # The controller is a clock's, so the step matters only to RK4's own order.
-    np.testing.assert_allclose(held.position_m[::2], fine.position_m, atol=1e-6)
-    speeds = np.asarray(held.rotor_speed_rad_s)
-    left = np.exp(-1e-3 / float(vehicle.motor_lag_s))
-    asked = (speeds[1:] - speeds[:-1] * left) / (1 - left)
-    by_period = asked[:200].reshape(50, 4, 4)
-    spread = np.ptp(by_period, axis=1).max()
-    assert spread < 1e-3 * np.ptp(by_period)  # the rest: RK4's exponential
-
-
 def test_the_motors_limit_is_where_a_step_stops_shrinking():
     factor = step_limit(1.0)
     z = -factor

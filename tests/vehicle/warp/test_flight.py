@@ -96,14 +96,6 @@ def test_same_flights_with_everything_at_once():
 
 
 @pytest.mark.slow
-def test_same_flights_in_single_precision_through_two_blasts():
-    second = Charge(
-        mass_kg=2.0, position_m=(9.0, 0.0, 0.0), time_s=0.01, burst="free-air", name="b"
-    )
-    agree(CRAFT, start("float32"), **everything(second))
-
-
-@pytest.mark.slow
 def test_same_flights_through_a_blast_and_its_wave_from_the_ground():
     """The image is 10 m off, the charge itself behind a front that has gone by."""
     above = Charge(mass_kg=2.0, position_m=(9.0, 0.0, 6.0), burst="free-air")

@@ -1,7 +1,5 @@
 """Over the network comes what there is in one process; nobody harms another."""
 
-import asyncio
-import math
 import socket
 import time
 
@@ -19,13 +17,8 @@ from jblast.world.remote.messages import (
     messages,
     packet_message,
 )
-from jblast.world.remote.service import ServedWorld, Stream, Table
 from jblast.world.server import (
-    BlastSchedule,
-    BufferFull,
-    ScaledRealTime,
     checked_entity,
-    packet_times,
     packets_of,
 )
 from jblast.world.server.playback import Packet, Slice
@@ -265,54 +258,6 @@ def test_who_keeps_the_server_waiting_is_dropped():
     assert "'idle'" in said[0]
     assert "'silent'" in said[1]
     assert "opened no stream" in said[1]
-
-
-class TakesNothing:
-    """A client's end of a stream: asks once, takes three packets and no more."""
-
-    def __init__(self, hello):
-        self.hello, self.taken = [hello], []
-
-    async def read(self):
-        if self.hello:
-            return self.hello.pop()
-        return await asyncio.Event().wait()
-
-    async def write(self, data):
-        if len(self.taken) == 3:
-            await asyncio.Event().wait()
-        self.taken.append(data)
-
-
-def test_in_real_time_a_full_buffer_ends_the_stream_and_nothing_is_left_out():
-    """Between two processes gRPC holds some megabytes before a write waits."""
-    clock = ScaledRealTime(10.0)
-    table = Table(
-        ServedWorld(
-            world(),
-            BlastSchedule(world(), LEAD_S),
-            packet_times(1000.0),
-            clock,
-            math.inf,
-        ),
-        60.0,
-        lambda line: None,
-    )
-    entity = checked_entity("slow", ["ground"], position_m=HERE)
-    hello = messages().Ask(name="slow", ticket=table.join(entity, 0, "peer"))
-    context = TakesNothing(hello.SerializeToString())
-
-    async def run():
-        stream = Stream(table, context)
-        clock.begin()
-        with pytest.raises(BufferFull):
-            await stream.run()
-        assert table.sessions == {}
-
-    asyncio.run(run())
-    table.close()
-    numbers = [messages().Packet.FromString(data).number for data in context.taken]
-    assert numbers == [0, 1, 2]
 
 
 def test_in_real_time_the_last_packet_ends_the_stream():

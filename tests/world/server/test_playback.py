@@ -128,16 +128,6 @@ def test_one_who_comes_late_hears_what_is_under_way_and_no_more():
     assert told == {name for name, last in arrivals.items() if last >= 1.2}
 
 
-def test_an_announced_blast_comes_like_any_other():
-    schedule = BlastSchedule(world(), LEAD_S)
-    played = playback(EVERYTHING._replace(senses=("flash",)), schedule=schedule)
-    step(played)
-    schedule.announce(Charge(3.0, (5.0, 5.0, 0.0), 1.7, name="more"), played.time_s)
-    rest = list(packets_of(played, stager()))
-    seen = [one.time_s for p in rest for one in p.perceived if one.shot == "more"]
-    assert seen == pytest.approx([1.7], abs=1e-6)  # light takes 0.1 us
-
-
 def test_a_blast_added_after_its_lead_comes_in_the_next_packet():
     """Whoever is past it receives what has not arrived yet, as one who joins."""
     schedule = BlastSchedule(world(), LEAD_S)
