@@ -109,15 +109,6 @@ def test_an_interval_holds_one_more_number_as_often_as_its_level_says(members):
     assert held == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 20_000))
 
 
-def test_the_same_seed_gives_the_same_ensemble():
-    states = pendulum(0.1)
-    first, again = (
-        discover(TIME, states, names=("x", "rate"), members=5, seed=3) for _ in range(2)
-    )
-    np.testing.assert_array_equal(first.inclusion, again.inclusion)
-    np.testing.assert_array_equal(first.low, again.low)
-
-
 def test_the_drag_of_a_vehicle_is_found(drag):
     case = drag
     found, again = found_in_case(case, 0.01)

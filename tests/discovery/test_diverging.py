@@ -67,13 +67,6 @@ def test_equations_of_an_unstable_limit_cycle_are_certain(cycle):
     assert "nearest trajectory, as errors grow tenfold in " in text
 
 
-def test_a_part_of_the_record_is_reproduced_by_its_own_rows(cycle):
-    time, states, found, _ = cycle
-    again = replay(found, time[:120], states[:120])
-    assert again.nearest
-    assert all(again.reproduced)
-
-
 @pytest.mark.slow
 def test_other_equations_have_no_trajectory_near_the_record(cycle):
     time, states, found, _ = cycle

@@ -1,12 +1,16 @@
 """What an environment is built of is checked, and named where it cannot be used."""
 
 import math
+import re
+from functools import partial
+from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import pytest
 
-from jblast.environments import Randomisation, environment_params
-from jblast.environments.tasks import default_guidance
+from jblast.environments import COMMANDS, Randomisation, environment_params, reset
+from jblast.environments.tasks import TASKS, default_guidance
 from jblast.errors import InputError
 from jblast.scene import Normal, Uniform, WorldSpec
 from jblast.scene.random_blasts import ByCount, ByRate
@@ -58,3 +62,21 @@ def test_guidance_is_refused_where_there_is_no_mission():
 def test_a_delay_is_counted_in_steps():
     late = Randomisation(delay_s=jnp.asarray(0.03))
     assert environment_params(randomisation=late).most_delay == 3
+
+
+PAGE = Path(__file__).parents[2] / "docs/howto/environments.md"
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_the_page_lists_every_observation(task):
+    rows = re.findall(rf"^\| {task} \| (\d+)(?:-(\d+))? \|", PAGE.read_text(), re.M)
+    listed = [n for a, b in rows for n in range(int(a), int(b or a) + 1)]
+    guidance = default_guidance() if task == "Mission" else None
+    params = environment_params(task, guidance=guidance)
+    _, seen = jax.eval_shape(partial(reset, params=params), jax.random.key(0))
+    assert listed == list(range(seen.shape[0]))
+
+
+def test_the_page_lists_every_command():
+    rows = re.findall(r"^\| `(\w+)` \| (\d) \|", PAGE.read_text(), re.M)
+    assert {name: int(length) for name, length in rows} == dict(COMMANDS)

@@ -8,7 +8,6 @@ import pytest
 from jblast.environments import reset_lanes, step_lanes
 from jblast.environments.lanes import in_chunks
 from jblast.errors import InputError
-from jblast.vehicle.rollout import CHUNK_BYTES
 from tests.environments.lanes_of_one_blast import (
     PARAMS,
     RESET,
@@ -51,14 +50,6 @@ def test_a_lane_goes_the_same_way_alone_and_in_any_batch():
         alone.append(found.observation)
     np.testing.assert_allclose(np.array(alone), few[:, 2], rtol=0, atol=1e-12)
     assert np.ptp(many[-1, :, 0]) > 1e-3  # lanes differ
-
-
-@pytest.mark.slow
-def test_lanes_that_are_stepped_by_pieces_go_the_same_way():
-    piece = CHUNK_BYTES // jnp.zeros(()).nbytes
-    by_pieces, whole = batch(2 * piece, STEPS + 2)[0], batch(piece + 1, STEPS + 2)[0]
-    shared = by_pieces[:, : piece + 1]
-    np.testing.assert_allclose(shared, whole, rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow

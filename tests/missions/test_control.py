@@ -68,48 +68,6 @@ def test_it_takes_off_flies_and_stands_where_it_landed():
     for stop in one.stops[:3]:
         off = np.linalg.norm(place - stop.goal_m, axis=1).min()
         assert off < stop.acceptance_m
-    # who commands the speeds that the replay says flies the same: it is what flew
-    ready = control.ready(named("iris"))
-    seen = []
-    for n in range(1700, 1703):  # in the air
-        memory = _memory(control, flight, n)
-        state = _state(flight, n)
-        speeds, _ = ready(
-            flight.time_s[n], state, named("iris"), memory, jnp.asarray(STEP)
-        )
-        seen.append(speeds)
-    lag = np.exp(-STEP / float(named("iris").motor_lag_s))
-    before = np.asarray(flight.rotor_speed_rad_s)[1700:1703]
-    after = np.asarray(seen) + (before - np.asarray(seen)) * lag
-    np.testing.assert_allclose(after, flight.rotor_speed_rad_s[1701:1704], rtol=1e-4)
-
-
-def _state(flight, n):
-    return State(
-        *(
-            getattr(flight, name)[n]
-            for name in (
-                "position_m",
-                "velocity_m_s",
-                "quaternion",
-                "body_rate_rad_s",
-                "rotor_speed_rad_s",
-            )
-        )
-    )
-
-
-def _memory(control, flight, upto):
-    """The controller's memory at a row, asked again at each before."""
-
-    states = jax.vmap(lambda n: _state(flight, n))(jnp.arange(upto))
-    ready = control.ready(named("iris"))
-
-    def turn(memory, state):
-        period = jnp.asarray(STEP)
-        return ready(jnp.zeros(()), state, named("iris"), memory, period)[1], None
-
-    return jax.lax.scan(turn, control.start(), states)[0]
 
 
 @pytest.mark.slow

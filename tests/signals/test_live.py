@@ -62,10 +62,6 @@ def watched(watch, samples, packet):
     return found, rejected, np.concatenate(outputs)
 
 
-def without_report(found):
-    return [one._replace(reported=0) for one in found]
-
-
 @pytest.fixture(scope="module")
 def whole(bank, sound):
     return search_bank_as_stream(Channel("gate", "", 1, sound, RATE), bank, 1.0)
@@ -110,39 +106,6 @@ def test_with_the_same_noise_a_stream_finds_what_a_whole_recording_does(bank, so
     np.testing.assert_allclose(
         alone.statistic[inside], single.statistic[inside], atol=1e-9
     )
-
-
-def buffered(watch):
-    """Total size of arrays in an object and its parts."""
-    seen, total, parts = set(), 0, [watch]
-    while parts:
-        one = parts.pop()
-        if id(one) in seen:
-            continue
-        seen.add(id(one))
-        if isinstance(one, np.ndarray):
-            total += one.size
-        elif isinstance(one, dict):
-            parts += one.values()
-        elif hasattr(one, "__iter__") and not isinstance(one, str):
-            parts += one
-        elif hasattr(one, "__dict__"):
-            parts += vars(one).values()
-    return total
-
-
-def test_memory_is_bounded():
-    rate = 8000.0
-    bank = bank_of_pulses(rate)
-    watch, sizes = SoundWatch(bank, rate), {}
-    samples = coloured(10.0, rate=rate)
-    add(samples, bank[8], 4.0, 30.0, rate)
-    for second in range(60):
-        watch.push(samples[int(second % 10 * rate) :][: int(rate)])
-        sizes[second] = buffered(watch)
-    # by now the filters are those for all of the memory, and both forms are tested
-    assert sizes[59] <= 1.01 * sizes[29]
-    assert sizes[59] > 10 * rate  # the ring and the filters are counted
 
 
 def test_early_sound_has_no_more_false_alarms_than_requested():

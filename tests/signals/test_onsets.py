@@ -5,7 +5,6 @@ import pytest
 
 from jblast.observations.records import recording
 from jblast.observations.records.recording import Recording
-from jblast.signals import onsets
 from jblast.signals.onsets import stretches
 
 RATE = 8000.0
@@ -86,14 +85,3 @@ def test_a_short_recording_is_taken_whole():
     assert told.records[0].samples.size == 1.5 * RATE
     (told,) = stretches(held(np.zeros((1, 1))))
     assert told.records[0].samples.size == 1
-
-
-def test_ratios_are_those_of_their_definition():
-    samples = noise_with_bangs(2.0, [(1.0, 20.0)])
-    ratio, mean = onsets._ratios(samples.reshape(-1, 8))
-    for nth in (0, 3, 496, 500, 504, 700, len(ratio) - 1):
-        onset = 8 * (onsets.LONG_BINS + nth)
-        before, after = samples[onset - 4000 : onset], samples[onset : onset + 40]
-        assert mean[nth] == pytest.approx(before.mean(), rel=1e-9)
-        expected = ((after - before.mean()) ** 2).mean() / before.var()
-        assert ratio[nth] == pytest.approx(expected, rel=1e-6)  # sums of squares

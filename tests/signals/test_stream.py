@@ -112,9 +112,3 @@ def test_memory_is_constant():
 def test_options_that_make_no_stream_are_refused(options, said):
     with pytest.raises(InputError, match=said):
         stream(SHAPE, RATE, **options)
-
-
-@pytest.mark.parametrize("template", [np.zeros(10), np.zeros(0), np.full(3, np.nan)])
-def test_templates_without_sound_are_refused(template):
-    with pytest.raises(InputError, match="template"):
-        stream(template, RATE)

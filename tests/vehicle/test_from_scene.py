@@ -4,7 +4,7 @@ import pytest
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import VehicleSpec
-from jblast.vehicle import hold_of, named_gains, simulate, start_of, vehicle_of
+from jblast.vehicle import hold_of, named_gains, start_of, vehicle_of
 
 
 @pytest.mark.parametrize("model", ["crazyflie", "hummingbird", "iris"])
@@ -25,20 +25,6 @@ TURN = [0.0, 0.0, np.sin(1.0), np.cos(1.0)]
 def test_the_start_is_turned_to_its_yaw_and_is_held_there():
     np.testing.assert_allclose(start_of(TURNED).quaternion, TURN, atol=1e-15)
     assert float(hold_of(TURNED, integral=True).yaw_rad) == 2.0
-
-
-@pytest.mark.slow  # a flight of its own
-def test_the_start_is_turned_to_its_yaw_and_stays_there():
-    spec = TURNED
-    flight = simulate(
-        vehicle_of(spec),
-        start_of(spec),
-        duration_s=0.1,
-        control=hold_of(spec, integral=True),
-    )
-    # roundings of the allocation alone move it
-    np.testing.assert_allclose(flight.quaternion[-1], TURN, atol=1e-9)
-    np.testing.assert_allclose(flight.position_m[-1], spec.position, atol=1e-9)
 
 
 def test_gains_that_are_not_named_are_the_models():

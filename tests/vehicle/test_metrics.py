@@ -2,7 +2,6 @@
 
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from jblast.vehicle import Trajectory
 from jblast.vehicle.metrics import flight_metrics, path_error
@@ -126,16 +125,3 @@ def test_a_lost_lane_keeps_its_rows_never_recovers_and_leaves_the_others_alone()
     np.testing.assert_array_equal(found.settled, [False, True, True])
     assert found.recovery_time_s[0] == np.inf
     np.testing.assert_allclose(found.recovery_time_s[1:], [0.5 * 0.25 / 0.3, 0.0])
-
-
-@pytest.mark.parametrize("when", [0.0, 0.7])
-def test_a_batch_is_its_own_loop(when):
-    rng = np.random.default_rng(5)
-    east = rng.normal(0, 0.06, (2, 3, 20))
-    together = flight_metrics(flight(east), TARGET, when)
-    for place in np.ndindex(2, 3):
-        alone = flight_metrics(flight(east[place]), TARGET, when)
-        for name in ("error_before_m", "recovery_time_s", "peak_time_s", "settled"):
-            np.testing.assert_array_equal(
-                getattr(together, name)[place], getattr(alone, name)
-            )

@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
+from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     Each,
     PositionHold,
     State,
     StepGust,
+    blast_load,
     named,
     named_gains,
-    rollout,
     simulate,
 )
-from tests.vehicle.flights import at_hover, hover_speed, tumbling
+from tests.vehicle.flights import at_hover, tumbling
 
 VEHICLE = named("crazyflie")
 SHORT = {"duration_s": 0.05, "store_every": 10}
@@ -37,23 +38,6 @@ def batch_of(count):
 
 def lane(state, *place):
     return jax.tree.map(lambda x: x[place], state)
-
-
-def same(one, other, atol=1e-13):
-    for name, value in vars(one).items():
-        np.testing.assert_allclose(value, getattr(other, name), atol=atol, rtol=1e-12)
-
-
-@pytest.mark.slow
-def test_a_batch_is_its_flights_one_by_one(monkeypatch):
-    monkeypatch.setattr(rollout, "CHUNK_BYTES", 4 * 8)
-    states = batch_of(6)
-    gust = StepGust([5.0, 0, 0], 0.01)
-    together = simulate(VEHICLE, states, wind=gust, **SHORT)
-    assert together.position_m.shape == (6, 11, 3)
-    for n in range(6):
-        alone = simulate(VEHICLE, lane(states, n), wind=gust, **SHORT)
-        same(alone, dataclasses.replace(lane(together, n), time_s=together.time_s))
 
 
 @pytest.mark.slow
@@ -105,51 +89,6 @@ def test_rows_are_the_start_every_so_many_steps_and_the_end():
     np.testing.assert_allclose(
         some.position_m, every.position_m[np.array([0, 5, 10, 13])], atol=1e-15
     )
-
-
-@pytest.mark.slow
-def test_a_jump_at_a_steps_edge_costs_nothing():
-    # a wind that holds until 0.02 s and then another: two flights with steady winds
-    state = at_hover(VEHICLE)
-    first = simulate(VEHICLE, state, duration_s=0.02, wind=StepGust([3.0, 0, 0], -1.0))
-    turned = State(
-        *(
-            getattr(first, name)[-1]
-            for name in (
-                "position_m",
-                "velocity_m_s",
-                "quaternion",
-                "body_rate_rad_s",
-                "rotor_speed_rad_s",
-            )
-        )
-    )
-    hover = np.full((1, 4), hover_speed(VEHICLE))
-    second = simulate(
-        VEHICLE,
-        turned,
-        duration_s=0.02,
-        wind=StepGust([0, 9.0, 0], -1.0),
-        commands=hover,
-        command_step_s=1.0,
-    )
-
-    def wind(time_s, position_m):
-        return jnp.where(time_s < 0.02, jnp.array([3.0, 0, 0]), jnp.array([0, 9.0, 0]))
-
-    both = simulate(VEHICLE, state, duration_s=0.04, wind=wind)
-    np.testing.assert_allclose(both.position_m[-1], second.position_m[-1], atol=1e-14)
-
-
-@pytest.mark.slow
-def test_single_precision_stays_single_and_near():
-    state = tumbling(VEHICLE)
-    single = State(*(part.astype(np.float32) for part in vars(state).values()))
-    gust = jax.tree.map(lambda x: x.astype(np.float32), StepGust([5.0, 0, 0], 0.01))
-    near = simulate(VEHICLE, single, wind=gust, **SHORT)
-    assert {str(x.dtype) for x in jax.tree.leaves(near)} == {"float32", "bool"}
-    exact = simulate(VEHICLE, state, wind=StepGust([5.0, 0, 0], 0.01), **SHORT)
-    np.testing.assert_allclose(near.position_m, exact.position_m, atol=1e-5)
 
 
 def test_a_load_pushes_and_turns():
@@ -218,3 +157,49 @@ def test_a_batch_of_vehicles_goes_with_as_many_states():
     vehicles = jax.vmap(lambda m: dataclasses.replace(VEHICLE, mass_kg=m))(jnp.ones(2))
     with pytest.raises(InputError, match=r"expected one, or a batch of \(3,\)"):
         simulate(vehicles, batch_of(3), **SHORT)
+
+
+CRAFT = named("hummingbird")
+ALONE = at_hover(CRAFT)
+FIVE = jax.tree.map(lambda x: jnp.broadcast_to(x, (5, *x.shape)), ALONE)
+
+
+def gust(count: int) -> StepGust:
+    return StepGust(np.ones((count, 3)), np.zeros(count))
+
+
+def hold(count: int) -> PositionHold:
+    """Holds of as many places, which share their gains."""
+    return PositionHold(np.ones((count, 3)), named_gains("hummingbird"))
+
+
+def load(count: int):
+    def of(mass):
+        return blast_load(Scene(charge=Charge(mass_kg=mass)))
+
+    return jax.vmap(of)(jnp.ones(count))
+
+
+WRONG = {
+    "a wind for 3 of 5": (FIVE, {"wind": Each(gust(3))}, "wind: .*5,.*got .3, 3."),
+    "loads for 3 of 5": (FIVE, {"loads": (Each(load(3)),)}, "loads: .*5,.*got .3"),
+    "gains for all": (FIVE, {"control": Each(hold(5))}, "control: .*5,.*got .3,"),
+    "winds for one": (ALONE, {"wind": Each(gust(5))}, "wind: expected a batch"),
+    "winds not wrapped": (FIVE, {"wind": gust(5)}, "wind: .*wrapped in Each, got .5"),
+    "loads not wrapped": (FIVE, {"loads": (load(5),)}, "loads: .*wrapped in Each"),
+    "holds not wrapped": (FIVE, {"control": hold(5)}, "control: .*wrapped in Each"),
+    "ground that is nan": (FIVE, {"ground_up_m": np.nan}, "ground_up_m: .*got nan"),
+}
+
+
+@pytest.mark.parametrize("backend", ["jax", "warp:cpu"])
+@pytest.mark.parametrize(("state", "options", "said"), WRONG.values(), ids=WRONG)
+def test_what_is_for_other_vehicles_is_refused(state, options, said, backend):
+    with pytest.raises(InputError, match=said):
+        simulate(CRAFT, state, duration_s=0.01, backend=backend, **options)
+
+
+def test_a_batch_of_none_is_refused():
+    none = State(*(x[:0] for x in jax.tree.leaves(FIVE)))
+    with pytest.raises(InputError, match="expected one vehicle or more"):
+        simulate(CRAFT, none, duration_s=0.01)

@@ -9,9 +9,11 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Sensor
 from jblast.sensors import Track
+from jblast.vehicle import Trajectory
 from jblast.waves.propagation import sound_speed_of
 from jblast.world import arrivals_of, perceived, readings_of
-from jblast.world.perceived import waves_of
+from jblast.world.drawn import CAMERA
+from jblast.world.perceived import out_of_view, waves_of
 from tests.world.worlds import VEHICLE, drawn
 
 VELOCITY = np.array([30.0, -10.0, 5.0])
@@ -131,12 +133,6 @@ def test_a_longer_world_leaves_the_readings_of_its_first_blasts_as_they_are():
     assert few.shot == more.shot[: len(few)]
 
 
-def test_waves_that_come_too_late_are_not_written_down(world, met):
-    log, late = readings_of(world, met[0], 0.0)
-    assert log is None
-    assert late == 4 * len(world.shots)
-
-
 def test_who_flies_as_fast_as_sound_is_refused(world):
     track = Track(jnp.array([0.0, 1.0]), jnp.array([[0.0, 0, 1], [400.0, 0, 1]]))
     with pytest.raises(InputError, match=r"less than the .* of sound"):
@@ -166,3 +162,58 @@ def test_a_name_that_resembles_a_number_is_a_name(world, met, name):
         assert log is not None
         logs.append(log.value[np.array(log.shot) == one])
     np.testing.assert_array_equal(*logs)
+
+
+EYE = {"width": 24, "height": 16, "focal_px": 12.0}
+ONE = {"count": 1, "time_s": 1.0, "mass_kg": 5.0}
+EAST = ONE | {"region_m": {"box": [[44, -1, 0], [46, 1, 0]]}}
+
+
+def looking(**camera):
+    return drawn(world=EAST, camera=EYE | camera).scene
+
+
+def turned(about_up_rad: float) -> Trajectory:
+    """A vehicle that stands still, turned to the left of east."""
+    half = 0.5 * about_up_rad
+    turn = jnp.array([0.0, 0.0, jnp.sin(half), jnp.cos(half)])
+    still, held = jnp.zeros((2, 3)), jnp.array([5.0, 0.0, 3.0])
+    return Trajectory(
+        time_s=jnp.array([0.0, 5.0]),
+        position_m=jnp.stack([held, held]),
+        velocity_m_s=still,
+        quaternion=jnp.stack([turn, turn]),
+        body_rate_rad_s=still,
+        rotor_speed_rad_s=jnp.zeros((2, 4)),
+        force_n=still,
+        moment_n_m=still,
+        lost=jnp.array(False),
+    )
+
+
+@pytest.mark.parametrize(
+    ("look_at_m", "seen"), [([45, 0, 2], True), ([-45, 0, 2], False)]
+)
+def test_a_camera_that_stands_sees_what_it_looks_at(look_at_m, seen):
+    scene = looking(position_m=[0, 0, 2], look_at_m=look_at_m)
+    assert (out_of_view(scene) == ()) == seen
+
+
+def test_a_camera_that_rides_along_looks_where_the_vehicle_is_turned():
+    scene = looking(mount="vehicle")
+    assert out_of_view(scene) == out_of_view(scene, turned(0.0)) == ()
+    assert out_of_view(scene, turned(3.0)) == ("1",)
+
+
+def test_what_is_out_of_view_is_not_perceived_by_the_camera_alone():
+    scene = looking(mount="vehicle")
+    arrivals = arrivals_of(scene)
+    everything, late = perceived(scene, arrivals, 1e3)
+    seen, as_late = perceived(scene, arrivals, 1e3, ("1",))
+    missing = set(everything) - set(seen)
+    assert {(one.entity, one.sense) for one in missing} == {(CAMERA, "flash")}
+    assert late == as_late == 0
+
+
+def test_without_a_camera_nothing_is_out_of_its_view():
+    assert out_of_view(drawn(world=EAST).scene) == ()

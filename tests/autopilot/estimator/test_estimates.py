@@ -141,17 +141,6 @@ def test_over_random_flights_its_errors_are_as_large_as_it_says():
     assert np.sqrt(np.mean(place[:, :2] ** 2)) < 0.2
 
 
-@pytest.mark.slow
-def test_a_lane_of_a_batch_is_estimated_as_alone():
-    flights, many, found = estimates(3, 1.0, followed)
-    one = jax.tree.map(lambda x: x[1], eqx.filter(many, eqx.is_array))
-    alone = eqx.combine(one, many)
-    flight = jax.tree.map(lambda x: x[1], flights)
-    own = eqx.filter_jit(followed)(alone, flight, PERIOD)
-    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(own), strict=True):
-        np.testing.assert_allclose(np.asarray(a)[1], b, rtol=1e-8, atol=1e-9)
-
-
 def test_what_blasts_do_is_told_by_blast():
     time = jnp.arange(0.0, 6.0, 0.5)
     error = jnp.zeros((12, 15)).at[:, 3].set(0.1).at[5, 3].set(0.7).at[9, 3].set(0.4)

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from jblast.autopilot import ground_station
-from jblast.autopilot.ground_station import GroundStation, ServiceResult
+from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.mavlink import Address, Link
 from jblast.autopilot.protocols import Missions, item_fields
 from jblast.errors import InputError
 from jblast.missions import Plan, mission_of
 from jblast.missions.plan import checked_item
-from jblast.report.autopilot import watched_answer, watched_text
 from jblast.scene import Place
 from tests.autopilot.ground_station.flights import HOME, eastward
 
@@ -288,16 +287,6 @@ def test_without_the_scenes_mission_arming_starts_the_position_controller(client
     assert vehicle.watched.flights == 1
 
 
-def test_the_begin_and_the_end_of_a_computation_are_reported(client):
-    lines = []
-    _, other = client(report=lines.append)
-    other.arducopter_arm()
-    for _ in range(2):
-        other.recv_match(type="COMMAND_ACK", blocking=True, timeout=10)
-    assert lines[0] == "computing the flight"
-    assert re.fullmatch(r"computing the flight: done after \d+ s", lines[1])
-
-
 def test_the_page_lists_the_supported_commands():
     table = PAGE.read_text().partition("### Messages and commands")[2]
     listed = {int(number) for number in re.findall(r"\b(\d{2,3})\b", table)}
@@ -307,15 +296,3 @@ def test_the_page_lists_the_supported_commands():
     known |= {ground_station.GET_INTERVAL, ground_station.SET_INTERVAL}
     known |= {ground_station.CAPABILITIES_REQUEST}
     assert known <= listed
-
-
-def test_the_summary_has_singular_and_plural():
-    link = Link(Address("tcp", "127.0.0.1", 0), "ground_station")
-    of = {"scene": "a.toml", "seed": 0, "vehicle": "iris"}
-    once, never = (
-        watched_text(watched_answer(ServiceResult(n, "over"), link, items=items, **of))
-        for n, items in ((1, 1), (0, 6))
-    )
-    link.close()
-    assert once.endswith("\n1 flight, 1 mission item, 0 messages lost, 0 damaged\n")
-    assert never.endswith("\n0 flights, 6 mission items, 0 messages lost, 0 damaged\n")

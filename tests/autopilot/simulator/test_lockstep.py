@@ -123,11 +123,6 @@ def test_what_ends_a_flight_is_said_and_its_rows_are_kept(name):
 def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
     """Fly a scene with the mock over loopback; and the same hold without a network."""
     turns, vehicle = turns_of(scene, spec, Place(47.0, 8.0, 300.0), 3), vehicle_of(spec)
-    if all(charge.never for charge in scene.charges):
-        # no pulse: half of the program
-        turns = type(turns)(
-            turns.flight._replace(loads=()), turns.suite, turns.origin, turns.key
-        )
     rotors, hold = rotors_of(vehicle), hold_of(spec, integral=True)
     made = programs(turns)
     rounded = RoundedHold(hold.ready(vehicle), turns.origin, rotors.of_motor)
@@ -165,18 +160,6 @@ def test_through_a_blast_the_path_is_that_of_the_same_hold_without_a_network():
     assert (flight.flown, flight.late, link.receiver.lost) == (500, 0, 0)
     assert np.linalg.norm(path - path[0], axis=1).max() > 0.03
     np.testing.assert_allclose(path, alone, rtol=0, atol=1e-6)
-
-
-@pytest.mark.slow
-def test_it_goes_to_the_place_that_it_holds():
-    spec = VehicleSpec(
-        "iris", jnp.array([0.0, 0.0, 10.0]), target=jnp.array([1.0, 0.0, 11.0])
-    )
-    scene = Scene(Charge(1.0, time_s=jnp.inf), vehicle=spec)
-    flight, _, path, alone = in_lockstep(scene, spec, 1000)
-    assert flight.ended in ("the time is over", "the autopilot has disconnected")
-    np.testing.assert_allclose(path, alone, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(path[-1], [1.0, 0.0, 11.0], atol=0.3)
 
 
 def test_a_vehicle_below_ground_is_refused():

@@ -46,15 +46,6 @@ def test_in_a_new_process_the_import_registers_them_without_jax():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*A Box observation space m:UserWarning")
-def test_gymnasiums_own_checker_passes():
-    check_env(
-        gymnasium.make("jblast/Hover-v0", params=PARAMS).unwrapped,
-        skip_render_check=True,
-    )
-
-
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("name", NAMES)
 def test_gymnasiums_own_checker_passes_as_registered(name):
@@ -95,28 +86,6 @@ def test_one_seed_gives_one_trajectory_and_another_seed_another(lanes):
 
     np.testing.assert_array_equal(flown(5), flown(5))
     assert np.abs(flown(5) - flown(6)).max() > 1e-3
-
-
-@pytest.mark.slow  # a vector of lanes is compiled
-def test_a_vector_resets_by_itself_a_step_after_the_end(lanes):
-    lanes.reset(seed=0)
-    still = np.zeros((3, 3), np.float32)
-    last, _, _, truncated, _ = [lanes.step(still) for _ in range(STEPS)][-1]
-    assert truncated.all()
-    seen, reward, terminated, truncated, _ = lanes.step(still)
-    assert not (terminated | truncated).any()
-    assert (reward == 0).all()
-    assert np.abs(last - seen).max() > 1e-3
-
-
-@pytest.mark.slow  # a vector of lanes is compiled
-def test_a_lane_with_an_action_that_is_no_number_is_named(lanes):
-    lanes.reset(seed=0)
-    asked = np.zeros((3, 3), np.float32)
-    asked[2, 0] = np.nan
-    _, _, terminated, _, infos = lanes.step(asked)
-    assert terminated.tolist() == [False, False, True]
-    assert infos["bad_action"].tolist() == [False, False, True]
 
 
 @pytest.mark.parametrize("count", [0, -1, True])

@@ -1,8 +1,6 @@
 """Plans read, written, read again; and what is said of those that are none."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -151,21 +149,6 @@ def test_what_cannot_be_flown_is_refused_by_name(tmp_path, content, said):
     assert "a.plan" in str(caught.value)
     for part in said:
         assert part in str(caught.value)
-
-
-def test_a_plan_of_a_scene_is_refused_before_jax_starts(tmp_path):
-    (tmp_path / "a.plan").write_text(text(POINT | {"command": 82}))
-    scene = tmp_path / "scene.toml"
-    scene.write_text('[vehicle]\nmodel = "iris"\nmission = "a.plan"\n')
-    code = (
-        "import sys\n"
-        "from jblast.cli.main import main\n"
-        f"code = main(['fly', {str(scene)!r}], progress=False)\n"
-        "sys.exit(code + 100 * ('jax' in sys.modules))\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "a.plan: item 2 command" in done.stderr
 
 
 def test_a_plan_is_written_with_its_own_suffix_only(tmp_path):

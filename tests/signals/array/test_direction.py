@@ -10,7 +10,6 @@ from scipy.special import gamma, kv
 
 from jblast.errors import InputError
 from jblast.signals import RelativeTimes, direction, relative_times
-from jblast.waves.laws.line_of_sight import bearing, elevation
 from tests.signals.array.simulated import RATE, heard, variance
 
 C = 340.0
@@ -104,16 +103,6 @@ def test_a_wall_of_microphones_cannot_tell_front_from_back():
     assert found.mirror is not None
     sides = np.array([found.mirror[0], np.pi - found.mirror[0]]) % (2 * np.pi)
     assert np.isclose(sides, 0.6, atol=1e-3).any()
-
-
-def test_a_bearing_is_that_of_the_law_of_sight():
-    source = np.array([-300.0, 120.0, 90.0])
-    line = source / np.linalg.norm(source)
-    times = passed(TETRAHEDRON, line, np.random.default_rng(0))
-    found = direction(TETRAHEDRON, times, C, path_scatter=0.0)
-    sd = np.sqrt(np.diag(found.covariance))
-    assert abs(found.bearing - float(bearing(*source[:2]))) < 4 * sd[0]
-    assert abs(found.elevation - float(elevation(*source))) < 4 * sd[1]
 
 
 def test_one_late_microphone_is_seen_in_chi_squared():

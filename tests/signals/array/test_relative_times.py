@@ -29,15 +29,6 @@ def delays_of(noise, tries=TRIES, seed=0):
     return np.array(errors), np.array(sigmas)
 
 
-@pytest.mark.parametrize("noise", [0.03, 0.05])
-def test_normalised_errors_of_a_delay_are_one(noise):
-    errors, sigmas = delays_of(noise)
-    scaled = errors / sigmas
-    # Monte Carlo: sd of 200 is known to 5 %, the mean to 0.07
-    assert 0.85 < scaled.std() < 1.2
-    assert abs(scaled.mean()) < 0.25
-
-
 def test_the_best_weights_reach_the_bound_of_cramer_and_rao():
     errors, sigmas = delays_of(0.01)
     assert errors.std() == pytest.approx(bound(0.01), rel=0.15)  # 3 sd of 200 tries

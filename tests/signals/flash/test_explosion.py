@@ -60,6 +60,7 @@ def seen(through, mass_kg, behind, frames) -> FlashDetections:
     return detect_flashes([(times, grey.astype(np.float32))], 1000.0, flash_threshold())
 
 
+@pytest.mark.slow  # renders; test_search.py has discs
 def test_an_explosion_before_grey_is_seen_within_20_ms():
     found = seen(camera(120.0, 0.03, 120, 300.0), 50.0, 0.18, 55)  # ends at 16 px
     (flash,) = found.flashes

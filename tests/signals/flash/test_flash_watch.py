@@ -55,26 +55,6 @@ def test_frames_as_they_come_have_the_flashes_of_the_film(film, size):
         assert alarm + DECISION_FRAMES < count <= alarm + DECISION_FRAMES + size
 
 
-def test_a_caller_may_reuse_its_buffer(film):
-    times, light = film
-    buffer, watch, found = np.empty_like(light[:1]), FlashWatch(RATE, HEIGHT), []
-    for time, image in zip(times, light, strict=True):
-        buffer[0] = image
-        found += watch.push([time], buffer)
-    whole = detect_flashes([film], RATE, HEIGHT)
-    assert [one.growth for one in found] == [one.growth for one in whole.flashes]
-
-
-def test_only_a_limited_number_of_frames_is_stored(film):
-    times, light = film
-    watch = FlashWatch(RATE, HEIGHT)
-    for nth in range(3):
-        watch.push(times + nth * 0.3, light)
-        kept = vars(watch)["_kept"]
-        assert len(kept) == 120
-        assert len(watch.times) == len(times)
-
-
 @pytest.fixture(scope="module")
 def events(film):
     """Events of a film, with 0.4 s of rest in front of each blast."""
@@ -129,15 +109,3 @@ def test_a_step_without_a_change_is_as_one_with_a_change_of_zero():
             rest, zeros = rested.rest(), pushed.change(zero)
             assert rest.statistic == pytest.approx(zeros.statistic, rel=1e-5)
             assert rest[1:] == zeros[1:]
-    pixels = [vars(one)["_pixels"] for one in (rested, pushed)]
-    for name in ("_sum", "_noise", "_left", "_bright"):
-        first, second = (vars(one)[name].astype(float) for one in pixels)
-        np.testing.assert_allclose(first, second, rtol=1e-5, atol=1e-9)
-
-
-def test_repeated_frames_are_as_frames_without_a_change(film):
-    _, light = film
-    still = np.repeat(light[:1], 20, axis=0)
-    watch = Watch(SHAPE)
-    assert [watch.frame(image).statistic for image in still] == [0.0] * 20
-    assert not vars(watch)["_pixels"]._sum.any()

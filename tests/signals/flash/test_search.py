@@ -1,9 +1,20 @@
 """Films searched from end to end."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from scipy.stats import genpareto
 
-from jblast.signals.flash.search import detect_flashes
+from jblast.errors import InputError
+from jblast.sensors.camera.files.recorded_events import RecordedEvents
+from jblast.signals.flash.search import (
+    MEASURED,
+    Tail,
+    detect_flashes,
+    event_changes,
+    flash_threshold,
+)
 from tests.signals.flash.films import growing
 
 HEIGHT = 4.5
@@ -25,13 +36,6 @@ def test_a_blast_is_seen_when_and_where_it_was(half):
     # a pixel half covered shines more than half: up to 0.4 px too large
     assert told.radius_px == pytest.approx(15.0, abs=0.6)
     assert flash.told_s - 0.0304 < 0.02
-
-
-def test_how_a_film_is_cut_into_blocks_changes_nothing():
-    film = growing()
-    one, other = (detect_flashes(blocks(*film, n), 1000.0, HEIGHT) for n in (1, 80))
-    np.testing.assert_array_equal(one.statistic, other.statistic)
-    assert one.flashes[0].growth == other.flashes[0].growth
 
 
 def test_a_quiet_film_and_one_of_a_lamp_show_nothing():
@@ -102,13 +106,46 @@ def test_a_film_that_turns_black_or_white_at_once_shows_nothing(value):
     assert not detect_flashes(blocks(times, light), 1000.0, 1.0).flashes
 
 
-def test_two_blasts_are_two():
-    times, first = growing(at=(20.0, 30.0), last=10.0, frames=200)
-    _, second = growing(burst_s=0.1204, at=(60.0, 30.0), last=10.0, frames=200)
-    seen = detect_flashes(blocks(times, np.maximum(first, second)), 1000.0, HEIGHT)
-    found = [(f.growth.time_s, f.growth.x_px) for f in seen.flashes]
-    assert found == [
-        pytest.approx((0.0304, 20.0), abs=1.0),
-        pytest.approx((0.1204, 60.0), abs=1.0),
-    ]
-    assert len(found) == 2
+@pytest.mark.parametrize("shape", [0.0, 0.2])
+def test_a_threshold_is_the_quantile_of_the_tail(shape):
+    tail = Tail(0.5, 0.6, shape, 600.0, 1000, 1000.0)
+    for rate in (0.01, 1.0, 500.0):
+        excess = genpareto(shape, scale=0.6).isf(rate / 600.0)
+        assert tail.threshold(rate) == pytest.approx(0.5 + excess)
+    assert tail.threshold(1e4) == 0.5  # more than the tail knows of
+
+
+def test_no_threshold_for_less_than_was_seen_lies_below_the_greatest():
+    tail = Tail(0.5, 0.6, 0.0, 600.0, 1000, 0.1, greatest=9.0)
+    assert tail.threshold(1.0) == pytest.approx(9.0 + 0.6 * np.log(10.0))
+    assert tail.threshold(100.0) == pytest.approx(0.5 + 0.6 * np.log(6.0))
+
+
+def test_the_tail_in_use_is_the_one_that_was_measured():
+    kept = Path("calibration/results/visual_detector.txt").read_text()
+    row = next(line for line in kept.splitlines() if line.startswith("growth (CUSUM)"))
+    told = [float(word) for word in row.split()[2:]]
+    one = (MEASURED.level, MEASURED.scale, MEASURED.shape, MEASURED.per_hour)
+    assert told == pytest.approx([*one, MEASURED.greatest], rel=1e-3)
+
+
+def test_fewer_false_alarms_want_a_higher_threshold():
+    assert flash_threshold(0.1) > flash_threshold(1.0) > flash_threshold(10.0)
+    with pytest.raises(InputError, match="false_alarms_per_hour"):
+        flash_threshold(0.0)
+
+
+def test_each_event_counts_once_in_its_millisecond():
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.integers(0, 100_000, 5000)).astype(np.int64)
+    x, y = rng.integers(0, 8, 5000), rng.integers(0, 6, 5000)
+    p = rng.integers(0, 2, 5000).astype(np.uint8)
+    events = RecordedEvents(x.astype(np.uint16), y.astype(np.uint16), t, p, 8, 6)
+    blocks = list(event_changes(events, (0.2, 0.3)))
+    times = np.concatenate([times for times, _ in blocks])
+    changes = np.concatenate([images for _, images in blocks])
+    np.testing.assert_allclose(times, np.arange(1, len(times) + 1) / 1000)
+    by_hand = np.zeros_like(changes)
+    for column, row, time, sign in zip(x, y, t, p, strict=True):
+        by_hand[time // 1000, row, column] += 0.2 if sign else -0.3
+    np.testing.assert_allclose(changes, by_hand, atol=1e-6)

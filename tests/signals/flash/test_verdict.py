@@ -118,14 +118,3 @@ def test_a_fireball_in_the_dark_is_a_blast():
     seen = searched(filmed(rng, light))
     assert [flash.frame for flash in seen.flashes] == [31]
     assert not seen.rejected
-
-
-def test_quiet_films_and_lamps_list_nothing():
-    def lamp(since):
-        return 14.0
-
-    assert not searched(growing_disc(lambda since: 0.0), 30.0).rejected
-    fast = searched(growing_disc(lamp))
-    assert not fast.flashes
-    assert not fast.rejected
-    assert not searched(growing_disc(lamp), 30.0).flashes

@@ -2,9 +2,13 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
+from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks.pick import filled_length
 from jblast.signals.picks.preparation import clipped_samples
+from jblast.signals.picks.record_picks import clipping_level, notes_of, quality_of
+from tests.signals.records.made import pick
 
 RAMP = np.linspace(0.0, 1.0, 20)
 
@@ -32,3 +36,41 @@ def test_what_a_record_is_filled_up_with_is_not():
 def test_records_of_any_length_are_of_few():
     lengths = {filled_length(n) for n in range(16, 70_000, 7)}
     assert lengths == {2**k for k in range(9, 18)}
+
+
+def record(samples, full_scale: float | None = 1.0):
+    return PressureRecord("a", np.asarray(samples), 1000.0, full_scale=full_scale)
+
+
+def test_a_flat_top_is_clipped_and_the_top_of_few_codes_is_not():
+    time = np.arange(4000)
+    pulse = np.where(time < 1000, 0.0, 0.9 * np.exp(-(time - 1000.0) / 800.0))
+    pulse += 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    # an amplifier that clips at 0.8, in 16 bits, as `clip_soft80.wav` of issue 41
+    clipped = np.round(np.minimum(pulse, 0.8) * 2**15) / 2**15
+    assert clipping_level(record(clipped)) == clipped.max()
+    assert clipping_level(record(pulse)) == 1.0
+    # 20 codes in all, each of tens of samples
+    assert clipping_level(record(np.round(pulse * 20) / 20)) == 1.0
+    assert np.isnan(clipping_level(record(clipped, None)))
+    assert clipping_level(record(np.full(100, 0.5))) == 1.0
+
+
+PEAK_PA = 1000.0
+"""Of the made pick."""
+
+
+@pytest.mark.parametrize(
+    ("misfit", "noise_pa", "quality"),
+    [
+        (1.0, 2.0, "good"),
+        (10.0, 2.0, "doubtful"),
+        (100.0, 2.0, "poor"),  # 2 % of the peak are left
+        (100.0, 0.2, "poor"),  # 0.2 %
+        (4000.0, 0.01, "doubtful"),  # 63 sigma, and no more than 0.06 % of the peak
+    ],
+)
+def test_what_is_left_counts_by_noise_and_by_peak(misfit, noise_pa, quality):
+    made = pick(misfit=misfit, noise_pa=noise_pa, peak_overpressure_pa=PEAK_PA)
+    assert quality_of(made) == quality
+    assert ("misfit" in notes_of(made)) == (quality != "good")

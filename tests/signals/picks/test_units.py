@@ -1,13 +1,12 @@
 """A record in another unit or on another clock is picked as the same."""
 
-import jax
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import pick, pick_records
-from tests.signals.picks.simulated import RATE, TIME, Truth, noisy, samples_of
+from tests.signals.picks.simulated import RATE, TIME, Truth, noisy
 
 pytestmark = pytest.mark.slow  # a program to compile
 TRUTH = Truth()
@@ -53,14 +52,6 @@ def test_clocks_shift_and_scale(usual, shift, exponent):
     np.testing.assert_allclose(found.positive_duration_s, duration, rtol=1e-6)
 
 
-def test_single_precision_comes_back_in_double(usual):
-    found = pick(TIME, RECORDS.astype(np.float32))
-    assert found.peak_overpressure_pa.dtype == usual.peak_overpressure_pa.dtype
-    np.testing.assert_allclose(
-        found.peak_overpressure_pa, usual.peak_overpressure_pa, rtol=1e-4
-    )
-
-
 def test_a_record_is_picked_alike_whoever_else_told_a_full_scale(usual):
     cut = np.minimum(RECORDS[1], 0.5 * TRUTH.peak)
     told = PressureRecord("told", RECORDS[0], RATE, full_scale=0.6 * TRUTH.peak)
@@ -78,27 +69,3 @@ def test_a_record_is_picked_alike_whoever_else_told_a_full_scale(usual):
     np.testing.assert_allclose(
         found[0].peak_overpressure_pa, alone.peak_overpressure_pa, rtol=1e-9
     )
-
-
-@pytest.mark.slow  # two lengths, two programs
-def test_recordings_of_any_length_and_rate_are_the_pick_of_their_samples():
-    long = samples_of(TRUTH._replace(arrival=0.5), count=70_000)
-    faint = samples_of(TRUTH, count=400, rate=0.5 * RATE)
-    recordings = [
-        PressureRecord("long", long + 30.0 * np.sin(np.arange(70_000) * 1.7), RATE),
-        PressureRecord("faint", faint, 0.5 * RATE, start_s=7.0),
-    ]
-    first, second = pick_records(recordings)
-    assert first.record is recordings[0]
-    np.testing.assert_allclose(first.pick.air_arrival_s, 0.5, atol=0.2 / RATE)
-    # without noise the mean over the forms of pulses moves it by a part of a sample
-    np.testing.assert_allclose(
-        second.pick.air_arrival_s, 7.0 + TRUTH.arrival, atol=0.3 / RATE
-    )
-    assert second.quality == "good"
-
-
-@pytest.mark.slow  # compiled within another program
-def test_a_pick_is_pure_under_jit(usual):
-    found = jax.jit(lambda samples: pick(TIME, samples))(RECORDS)
-    np.testing.assert_allclose(found.spread, usual.spread, rtol=1e-2)

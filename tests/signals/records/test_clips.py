@@ -70,17 +70,6 @@ def test_a_varying_frame_rate_goes_by_the_time_stamps_of_the_file():
     assert bang.time_s == pytest.approx(2.4, abs=2 * bang.sigma_s)
 
 
-@pytest.mark.slow
-def test_the_bang_of_a_telephone_is_timed_by_its_onset():
-    # 500 m at 340 m/s: a high-pass of 60 Hz, an echo and AAC
-    film = detect("tests/data/phone.mp4")
-    assert isinstance(film, FilmDetections)
-    bang = bang_of(film)
-    assert bang is not None
-    assert bang.sigma_s < 2e-3
-    assert bang.time_s == pytest.approx(2.4906, abs=2 * bang.sigma_s)
-
-
 @pytest.mark.parametrize(
     ("start_s", "said"),
     [(-2.0, "sound that ends before the first frame"), (1e9, "bytes of numbers")],

@@ -10,6 +10,7 @@ from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import pick_records
 from jblast.signals.picks.pick_log import gathered, omitted_quantities
 
+pytestmark = pytest.mark.slow  # a program of picks to compile
 DATA = Path(__file__).parents[2] / "data"
 ARRIVAL, PEAK, DURATION, IMPULSE = 0.0200, 120e3, 6.00e-3, 250.6
 """Of the kept records and of those made here [s, Pa, s, Pa s]."""
@@ -94,7 +95,6 @@ def test_arrival_and_peak_stay_where_a_reflection_spoils_the_rest(kept):
     assert float(one.pick.peak_overpressure_pa) == pytest.approx(PEAK, rel=0.03)
 
 
-@pytest.mark.slow  # a program of a longer record
 def test_a_flat_top_with_noise_bounds_the_peak():
     (one,) = gathered([DATA / "gauge_saturated_noisy.csv"]).picks
     assert one.quality == "doubtful"

@@ -160,12 +160,3 @@ def test_clocks_that_were_not_set_share_no_time(tmp_path):
     together = gathered([dated, one], stations=given)
     times = [float(one.pick.air_arrival_s) for one in together.picks]
     np.testing.assert_allclose(times, [0.5, 0.5], atol=0.01)
-
-
-def test_samples_are_kept_only_where_they_are_to_be_drawn(tmp_path):
-    path = sound(tmp_path, "a.wav", [[(3.0, 20.0)]])
-    (kept,) = gathered([path]).picks
-    (bare,) = gathered([path], keep_samples=False, high_pass_hz=2.0).picks
-    assert kept.record.samples.size > 0
-    assert bare.record.samples.size == 0
-    assert bare.record.high_pass_hz == 2.0

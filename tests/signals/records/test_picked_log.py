@@ -6,9 +6,7 @@ import soundfile
 
 from jblast.errors import InputError
 from jblast.observations import read, write
-from jblast.observations.placement import resolve_positions
 from jblast.observations.records.formats import Scaling
-from jblast.scene import Scene
 from jblast.signals.picks.pick_log import picked_log
 
 EXAMPLE = Path(__file__).parents[3] / "calibration/data/records_example"
@@ -61,20 +59,16 @@ def test_a_log_written_elsewhere_still_finds_its_samples(tmp_path):
     assert read(tmp_path / "sub/log.csv").record == ("../g01.csv", "../g02.csv")
 
 
-def test_samples_that_were_not_picked_are_refused_by_what_takes_readings(tmp_path):
-    with pytest.raises(InputError, match=r"samples of 'g01.csv'; pick them first"):
-        resolve_positions(read(made(tmp_path, TWO[0])), Scene(), ())
-
-
-def test_one_file_in_two_rows_is_refused(tmp_path):
-    with pytest.raises(InputError, match="in another row, too"):
-        picked_log(read(made(tmp_path, TWO[0], TWO[0].replace("50", "60"))))
-
-
-def test_a_file_that_is_not_there_is_named_with_its_line(tmp_path):
-    row = TWO[0].replace("g01.csv", "g77.csv")
-    with pytest.raises(InputError, match=r"line 2, column record: .*g77\.csv"):
-        picked_log(read(made(tmp_path, row)))
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ((TWO[0], TWO[0].replace("50", "60")), "in another row, too"),
+        ((TWO[0].replace("01.csv", "77.csv"),), r"line 2, column record: .*g77\.csv"),
+    ],
+)
+def test_rows_without_samples_of_their_own_are_refused(tmp_path, rows, said):
+    with pytest.raises(InputError, match=said):
+        picked_log(read(made(tmp_path, *rows)))
 
 
 def test_all_rows_that_are_refused_are_told_where_that_is_asked_for(tmp_path):

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle import allocation, named, rotor_speeds
-from jblast.vehicle.control.allocation import speeds_within
+from jblast.vehicle.control.allocation import hover_in_wind, speeds_within
+from jblast.vehicle.dynamics import air_wrench
+from jblast.vehicle.state import components, three, turned
 
 IRIS = named("iris")
 MATRIX = np.asarray(allocation(IRIS))
@@ -68,3 +71,29 @@ def test_slopes_are_finite_where_rotors_stand_or_are_at_their_greatest():
         slopes = np.asarray(jacobian(jnp.array(wanted)))
         assert np.isfinite(slopes).all()
         assert np.abs(slopes).max() < 1e6
+
+
+PLACE = jnp.array([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("model", ["hummingbird", "iris"])
+def test_thrust_and_wind_carry_the_weight(model):
+    vehicle, wind = named(model), jnp.array([6.0, -3.0, 0.0])
+    state = hover_in_wind(vehicle, PLACE, jnp.asarray(0.7), wind)
+    motion = components(state)
+    force = jnp.stack(
+        turned(motion.quaternion, air_wrench(vehicle, motion, three(wind))[0])
+    )
+    weight = float(vehicle.mass_kg) * FLIGHT_GRAVITY
+    # what eight rounds of the fixed point leave
+    np.testing.assert_allclose(force, [0.0, 0.0, weight], atol=1e-3 * weight)
+
+
+def test_in_calm_air_it_is_level_and_has_its_heading():
+    vehicle, yaw = named("hummingbird"), jnp.asarray(0.7)
+    state = hover_in_wind(vehicle, PLACE, yaw, jnp.zeros(3))
+    turn = [0.0, 0.0, np.sin(0.35), np.cos(0.35)]
+    np.testing.assert_allclose(state.quaternion, turn, atol=1e-12)
+    square = jnp.sum(jnp.square(state.rotor_speed_rad_s))
+    lift = float(vehicle.thrust_coefficient * square)
+    assert lift == pytest.approx(float(vehicle.mass_kg) * FLIGHT_GRAVITY)

@@ -28,14 +28,7 @@ def test_a_led_motor_is_asked_for_more_than_is_wanted_within_its_limits():
     np.testing.assert_allclose(asked, [1300.0, 700.0, fast, 0.0])
 
 
-def test_without_a_lead_a_motor_is_asked_for_what_is_wanted():
-    wanted = jnp.array([1100.0, 900.0, 2400.0, 700.0])
-    asked = lead_compensated(
-        named("crazyflie"), jnp.asarray(1.0), jnp.full(4, 1000.0), wanted
-    )
-    np.testing.assert_allclose(asked, wanted)
-
-
+@pytest.mark.slow  # a flight of each; by default its loops alone
 def test_near_hover_a_led_vehicle_flies_as_one_with_quick_motors():
     vehicle = named("crazyflie")
     quick = replace(vehicle, motor_lag_s=vehicle.motor_lag_s / LEAD)
@@ -68,14 +61,6 @@ def test_a_led_loop_grows_as_one_with_quick_motors():
     assert found < 1
     # the rest is of the second order in the step over the lag
     assert np.log(found) == pytest.approx(np.log(expected), rel=1e-3)
-
-
-def test_a_lead_of_one_has_the_margins_of_none():
-    found, expected = (
-        hold_margins(gains_with(x), 0.072, 2.5e-4) for x in (jnp.asarray(1.0), None)
-    )
-    np.testing.assert_allclose(found.phase_deg, expected.phase_deg, rtol=1e-12)
-    np.testing.assert_allclose(found.up_db, expected.up_db, rtol=1e-12)
 
 
 def test_the_inner_loop_alone_has_the_phase_margin_of_its_closed_form():

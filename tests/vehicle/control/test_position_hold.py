@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import (
-    Each,
     PositionHold,
     StepGust,
     allocation,
@@ -16,7 +15,6 @@ from jblast.vehicle import (
     simulate,
     step_limit,
 )
-from jblast.vehicle.control import stability
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
 
 NAMES = ["crazyflie", "hummingbird", "iris"]
@@ -75,46 +73,11 @@ def test_a_wind_leaves_an_offset_that_only_the_integral_takes_out():
     assert abs(end(True)) < 2e-3
 
 
-@pytest.mark.slow
-def test_an_answer_is_held_for_its_period():
-    vehicle = named("hummingbird")
-    hold = PositionHold(np.array([0.5, 0, 5.0]), named_gains("hummingbird"))
-    held, fine = (
-        simulate(
-            vehicle,
-            at_hover(vehicle),
-            duration_s=0.2,
-            step_s=step,
-            command_step_s=4e-3,
-            control=hold,
-        )
-        for step in (1e-3, 2e-3)
-    )
-    # The controller is a clock's, so the step matters only to RK4's own order.
-    np.testing.assert_allclose(held.position_m[::2], fine.position_m, atol=1e-6)
-    speeds = np.asarray(held.rotor_speed_rad_s)
-    left = np.exp(-1e-3 / float(vehicle.motor_lag_s))
-    asked = (speeds[1:] - speeds[:-1] * left) / (1 - left)
-    by_period = asked[:200].reshape(50, 4, 4)
-    spread = np.ptp(by_period, axis=1).max()
-    assert spread < 1e-3 * np.ptp(by_period)  # the rest: RK4's exponential
-
-
 def test_the_motors_limit_is_where_a_step_stops_shrinking():
     factor = step_limit(1.0)
     z = -factor
     assert 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24 == pytest.approx(1, abs=1e-9)
     assert factor == pytest.approx(2.785, abs=3e-4)
-
-
-def test_a_limit_that_was_found_is_not_looked_for_again(monkeypatch):
-    lag, gains = 0.0721, named_gains("crazyflie", integral=True)
-    weaker = dataclasses.replace(gains, attitude=0.5 * gains.attitude)
-    found = [step_limit(lag, gains), step_limit(lag, weaker)]
-    assert found[0] != found[1]
-    monkeypatch.setattr(stability, "growth", None)
-    again = [step_limit(lag, named_gains("crazyflie", integral=True))]
-    assert [*again, step_limit(lag, weaker)] == found
 
 
 @pytest.mark.slow
@@ -173,24 +136,6 @@ def test_gains_and_wind_have_the_gradient_of_differences():
         assert abs(float(difference)) > 1e-4
         # the central difference errs by its width squared
         assert float(slope) == pytest.approx(float(difference), rel=1e-5)
-
-
-@pytest.mark.slow  # so have those of test_recovery.py
-def test_each_vehicle_may_have_a_hold_of_its_own():
-    vehicle = named("hummingbird")
-    targets = np.array([[0.0, 0, 5], [1.0, 0, 5]])
-    gains = named_gains("hummingbird")
-    holds = jax.vmap(lambda target: PositionHold(target, gains))(jnp.asarray(targets))
-    state = jax.tree.map(lambda x: jnp.stack([x, x]), at_hover(vehicle))
-    answer = simulate(
-        vehicle,
-        state,
-        duration_s=8.0,
-        step_s=4e-3,
-        control=Each(holds),
-        store_every=2000,
-    )
-    np.testing.assert_allclose(answer.position_m[:, -1], targets, atol=2e-3)
 
 
 def test_a_call_that_no_flight_would_hear_is_refused():

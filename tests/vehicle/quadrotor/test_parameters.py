@@ -4,7 +4,6 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.vehicle import (
-    State,
     from_parameters,
     gains_from_parameters,
     named,
@@ -106,17 +105,3 @@ def test_a_name_that_is_not_there_is_refused():
 def test_a_state_that_cannot_be_is_refused(parts, message):
     with pytest.raises(InputError, match=message):
         at_hover(named("crazyflie"), **parts)
-
-
-def test_one_zero_quaternion_in_a_batch_is_refused():
-    turns = np.array([[0, 0, 0, 1.0], [0, 0, 0, 0]])
-    three = np.zeros((2, 3))
-    with pytest.raises(InputError, match="got zero"):
-        State(three, three, turns, three, np.zeros((2, 4)))
-
-
-def test_the_gradient_of_a_mass_goes_through_the_reader():
-    def inertia(mass):
-        return from_parameters({**CRAZYFLIE, "mass": mass}).mass_kg * 2
-
-    assert float(jax.grad(inertia)(0.03)) == 2

@@ -4,9 +4,10 @@ import sys
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from jblast.vehicle.rollout import FlightState, OneStep, Ticks, fly
+from jblast.vehicle.rollout import FlightState, OneStep, Ticks, fly, timetable
 
 few = sys.modules[fly.__module__]._advance_block
 
@@ -40,3 +41,12 @@ def test_a_front_within_the_last_step_of_a_block_is_met(front_s, reached):
     fronts = (jnp.asarray(7.0), jnp.asarray(front_s))
     after = few(Counting(), FlightState(none, None, none, (), none, fronts), ticks)
     assert (after.motion, after.command) == ((0, 2) if reached else (2, 0))
+
+
+def test_the_clock_of_a_flight_in_single_precision_does_not_drift():
+    step, until = 5e-4, 60.0
+    start = timetable(until, step, step, np.dtype(np.float32)).start
+    exact = np.arange(round(until / step) + 1) * step
+    late = np.abs(np.asarray(start, float) - exact[: start.size])
+    # half a spacing of float32 below 64 s; a sum of steps would be 0.02 s off
+    assert late.max() <= np.spacing(np.float32(59.0)) / 2

@@ -12,7 +12,6 @@ from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     Each,
     FriedlanderGust,
-    NWaveGust,
     PositionHold,
     State,
     StepGust,
@@ -97,14 +96,6 @@ def test_same_flights_with_everything_at_once():
 
 
 @pytest.mark.slow
-def test_same_flights_in_single_precision_through_two_blasts():
-    second = Charge(
-        mass_kg=2.0, position_m=(9.0, 0.0, 0.0), time_s=0.01, burst="free-air", name="b"
-    )
-    agree(CRAFT, start("float32"), **everything(second))
-
-
-@pytest.mark.slow
 def test_same_flights_through_a_blast_and_its_wave_from_the_ground():
     """The image is 10 m off, the charge itself behind a front that has gone by."""
     above = Charge(mass_kg=2.0, position_m=(9.0, 0.0, 6.0), burst="free-air")
@@ -120,27 +111,6 @@ def test_same_flights_through_a_blast_and_its_wave_from_the_ground():
         for load in loads
     ]
     assert float(jnp.abs(ends[0] - ends[1]).max()) > 0.05
-
-
-@pytest.mark.slow
-def test_same_flights_of_vehicles_of_their_own():
-    many = jax.tree.map(lambda x: jnp.broadcast_to(x, (BATCH, *x.shape)), CRAFT)
-    many = dataclasses.replace(many, mass_kg=jnp.linspace(0.4, 0.6, BATCH))
-    agree(many, start(), **everything())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "wind",
-    [
-        StepGust([3.0, 1.0, 0.0], 0.02),
-        NWaveGust([20.0, 0.0, 5.0], 0.01, 0.02),
-        FriedlanderGust([30.0, 0.0, 0.0], 0.01, 0.01),
-    ],
-)
-def test_same_flights_in_each_gust_by_a_table_of_commands(wind):
-    rows = np.random.default_rng(0).uniform(200.0, 900.0, (30, 4))
-    agree(CRAFT, start(), wind=wind, commands=rows, command_step_s=2e-3)
 
 
 @pytest.mark.slow
@@ -267,14 +237,6 @@ def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
     with pytest.warns(UserWarning, match="precision float64: JAX is used"):
         simulate(CRAFT, start(), duration_s=0.001)
     assert len(asked) == 1
-
-
-def test_no_blast_without_a_body():
-    bare = dataclasses.replace(CRAFT, body=None)
-    load = (blast_load(Scene(charge=Charge(mass_kg=1.0))),)
-    for backend in ("jax", "warp:cpu"):
-        with pytest.raises(InputError, match="vehicle: expected body_area"):
-            simulate(bare, start(), duration_s=0.001, loads=load, backend=backend)
 
 
 def squared_deviation(mass, backend):

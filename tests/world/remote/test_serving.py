@@ -1,7 +1,5 @@
 """Over the network comes what there is in one process; nobody harms another."""
 
-import asyncio
-import math
 import socket
 import time
 
@@ -13,21 +11,14 @@ from jblast.errors import InputError
 from jblast.world.remote import Options, connect, serving
 from jblast.world.remote.messages import (
     DESCRIPTION,
-    METHODS,
     MOST_BYTES,
     PROTOCOL,
     SERVICE,
     messages,
     packet_message,
 )
-from jblast.world.remote.service import ServedWorld, Stream, Table
 from jblast.world.server import (
-    BlastSchedule,
-    BufferFull,
-    ScaledRealTime,
     checked_entity,
-    checked_motion,
-    packet_times,
     packets_of,
 )
 from jblast.world.server.playback import Packet, Slice
@@ -108,45 +99,12 @@ def test_packets_are_those_of_one_process_to_the_last_bit(client):
                 np.testing.assert_array_equal(x.samples, y.samples)
 
 
-def test_a_motion_that_is_reported_moves_the_arrival(client):
-    place = [90.0, 0.0, 2.0]
-    stream = client.stream(client.register("moves", ["pressure"], position_m=place))
-    stream.ask(1, checked_motion(0.0, place, [-30.0, 0.0, 0.0]))
-    packet = stream.next()
-    seen = {}
-    while packet is not None and not packet.last:
-        seen |= {one.shot: one.time_s for one in packet.perceived}
-        stream.ask()
-        packet = stream.next()
-    stream.close()
-    still = {
-        one.shot: one.time_s
-        for packet in packets_of(
-            playback(checked_entity("s", ["pressure"], position_m=place)), stager()
-        )
-        for one in packet.perceived
-    }
-    assert seen["1"] < still["1"] - 0.02
-
-
 def test_two_of_one_name_and_a_name_that_is_free_again(client, said):
     stream = client.stream(client.register("twin", ["flash"], position_m=HERE))
     with pytest.raises(InputError, match=r"another name.*ALREADY_EXISTS"):
         client.register("twin", ["flash"], position_m=HERE)
     stream.close()
     assert len(watched(client, "twin")) == 200
-
-
-def test_a_blast_is_announced_to_all_and_not_too_late(server, client):
-    with serving(world(), OPTIONS) as fresh, connect(fresh.address) as one:
-        stream = one.stream(one.register("a", ["flash"], position_m=HERE))
-        one.announce("more", 1.9, [0.0, 9.0, 0.0], 2.0, "C4")
-        packets = list(stream.packets(ahead=10))
-        shots = [told.charge.name for p in packets for told in p.announcements]
-        assert sorted(shots) == ["1", "2", "more"]
-        with pytest.raises(InputError, match=r"time_s: expected one after 0\.5 s"):
-            one.announce("late", 0.5, [0.0, 9.0, 0.0], 2.0)
-        stream.close()
 
 
 def test_a_blast_is_accepted_however_far_another_client_is(server, said):
@@ -181,21 +139,6 @@ def test_a_record_that_begins_before_the_clock_is_cut_not_shifted():
     early = Slice(-3, 100.0, np.arange(5.0))
     sent = packet_message(Packet(0, 0.0, pressure=early)).pressure
     assert (sent.first, list(sent.values)) == (0, [3.0, 4.0])
-
-
-def test_disconnections_are_stored_and_reported_a_thousand_times():
-    said = []
-    drawn, times = world(), packet_times(100.0)
-    schedule = BlastSchedule(drawn, LEAD_S)
-    served = ServedWorld(drawn, schedule, times, ScaledRealTime(1.0), math.inf)
-    table = Table(served, 60.0, said.append)
-    for port in range(2000):
-        table.drop("", f"ipv4:1.2.3.4:{port}", "bad")
-    assert len(said) == 1001
-    assert said[-1] == "further lines are left out"
-    assert len(table.registry.dropped) == 1000
-    assert table.registry.dropped_count == 2000
-    table.close()
 
 
 def call(server, method, data):
@@ -317,54 +260,6 @@ def test_who_keeps_the_server_waiting_is_dropped():
     assert "opened no stream" in said[1]
 
 
-class TakesNothing:
-    """A client's end of a stream: asks once, takes three packets and no more."""
-
-    def __init__(self, hello):
-        self.hello, self.taken = [hello], []
-
-    async def read(self):
-        if self.hello:
-            return self.hello.pop()
-        return await asyncio.Event().wait()
-
-    async def write(self, data):
-        if len(self.taken) == 3:
-            await asyncio.Event().wait()
-        self.taken.append(data)
-
-
-def test_in_real_time_a_full_buffer_ends_the_stream_and_nothing_is_left_out():
-    """Between two processes gRPC holds some megabytes before a write waits."""
-    clock = ScaledRealTime(10.0)
-    table = Table(
-        ServedWorld(
-            world(),
-            BlastSchedule(world(), LEAD_S),
-            packet_times(1000.0),
-            clock,
-            math.inf,
-        ),
-        60.0,
-        lambda line: None,
-    )
-    entity = checked_entity("slow", ["ground"], position_m=HERE)
-    hello = messages().Ask(name="slow", ticket=table.join(entity, 0, "peer"))
-    context = TakesNothing(hello.SerializeToString())
-
-    async def run():
-        stream = Stream(table, context)
-        clock.begin()
-        with pytest.raises(BufferFull):
-            await stream.run()
-        assert table.sessions == {}
-
-    asyncio.run(run())
-    table.close()
-    numbers = [messages().Packet.FromString(data).number for data in context.taken]
-    assert numbers == [0, 1, 2]
-
-
 def test_in_real_time_the_last_packet_ends_the_stream():
     fast = Options(address="127.0.0.1:0", lead_s=LEAD_S, speed=5.0, ends_s=ENDS_S)
     with serving(world(), fast) as server, connect(server.address) as one:
@@ -418,9 +313,3 @@ def test_an_address_that_cannot_be_used_is_refused(name):
     options = Options(address=address)
     with pytest.raises(InputError, match=message), serving(world(), options):
         pass
-
-
-def test_every_method_is_there(server):
-    for method in set(METHODS) - {"Stream"}:
-        code = call(server, method, b"\xff")[0]
-        assert code == "INVALID_ARGUMENT"

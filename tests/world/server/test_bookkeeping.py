@@ -18,7 +18,6 @@ from jblast.world.server import (
     checked_entity,
     checked_motion,
     packet_times,
-    registry,
 )
 from jblast.world.server.registry import (
     NameTaken,
@@ -152,16 +151,6 @@ def test_what_cannot_be_announced_is_refused(name):
     charge, message = ANNOUNCED[name]
     with pytest.raises(InputError, match=message):
         BlastSchedule(world(), 0.5).announce(charge, 0.1, [ONE, MOVES])
-
-
-def test_announced_blasts_are_limited(monkeypatch):
-    monkeypatch.setattr(registry, "MAX_ANNOUNCED", 2)
-    schedule = BlastSchedule(world(), 0.5)
-    for n in range(2):
-        schedule.announce(Charge(1.0, (0.0, 0.0, 0.0), 9.0, name=f"b{n}"), 0.0)
-    with pytest.raises(WorldFull, match="at most 2 announced blasts"):
-        schedule.announce(Charge(1.0, (0.0, 0.0, 0.0), 9.0, name="more"), 0.0)
-    assert len(schedule.added) == 2
 
 
 ENTITIES = {

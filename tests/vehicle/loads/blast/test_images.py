@@ -127,14 +127,3 @@ def test_a_charge_on_the_ground_has_none_and_a_batch_of_both_kinds_is_its_loop(b
     for up, found in zip(heights, together, strict=True):
         given = impulse(load(float(up)), *map(jnp.asarray, (0.0, 0.3)), at(), HEAVY)
         np.testing.assert_allclose(found, given[0], rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.slow
-def test_its_slopes_in_height_are_those_of_differences():
-    def push(up):
-        one = load(up)
-        return one.impulse(jnp.asarray(0.0), jnp.asarray(0.3), at(), HEAVY)[0]
-
-    slope = jax.jit(jax.jacfwd(push))(jnp.asarray(UP))
-    both = [np.asarray(jax.jit(push)(UP + off)) for off in (1e-4, -1e-4)]
-    np.testing.assert_allclose(slope, (both[0] - both[1]) / 2e-4, rtol=1e-4, atol=1e-7)

@@ -8,7 +8,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
-from jblast.vehicle import Each, Pulse, blast_load, named, simulate
+from jblast.vehicle import blast_load, named, simulate
 from jblast.vehicle.loads.blast_wave import density_ratio, overpressure, wind_speed
 from tests.vehicle.loads.blast.hovering import (
     CRAZYFLIE,
@@ -18,11 +18,6 @@ from tests.vehicle.loads.blast.hovering import (
     plain,
     scene,
 )
-
-
-def test_the_load_is_a_pulse():
-    assert isinstance(blast_load(scene()), Pulse)
-
 
 STEPS = [2e-3, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.5e-3, 10e-3))]
 """Of a flight [s]; each is a program of its own."""
@@ -152,36 +147,6 @@ def test_gradients_in_mass_and_place_are_those_of_differences():
         difference = (run(*up) - run(*down)) / (2 * h)
         # the difference's own rounding: 1e-16 of 6 m over 1e-5
         np.testing.assert_allclose(slopes[n], difference, rtol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_batch_of_scenes_is_its_own_loop():
-    masses = jnp.array([0.5, 1.0, 4.0])
-    loads = jax.vmap(lambda m: blast_load(scene(m)))(masses)
-    one = hovering(CRAZYFLIE, (5.0, 0.0, 2.0))
-    many = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), one)
-    options = {"duration_s": 0.03, "step_s": 1e-3, "store_every": 30}
-    together = simulate(CRAZYFLIE, many, loads=(Each(loads),), **options)
-    for n, mass in enumerate(masses):
-        alone = simulate(CRAZYFLIE, one, loads=(blast_load(scene(mass)),), **options)
-        np.testing.assert_allclose(
-            together.velocity_m_s[n], alone.velocity_m_s, rtol=1e-9, atol=1e-12
-        )
-
-
-@pytest.mark.slow
-def test_single_precision_flies_the_same():
-    load = blast_load(scene())
-    state = hovering(CRAZYFLIE, (5.0, 0.0, 2.0))
-    small = jax.tree.map(lambda x: x.astype(jnp.float32), state)
-    options = {"duration_s": 0.05, "step_s": 1e-3, "store_every": 50}
-    fine, coarse = (
-        simulate(CRAZYFLIE, s, loads=(load,), **options) for s in (state, small)
-    )
-    assert coarse.velocity_m_s.dtype == jnp.float32
-    np.testing.assert_allclose(
-        coarse.velocity_m_s[-1], fine.velocity_m_s[-1], atol=1e-4
-    )
 
 
 def test_a_charge_without_a_place_is_refused():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.vehicle import BlastLoad, CustomProfile, Each, blast_load, named, simulate
+from jblast.vehicle import BlastLoad, CustomProfile, blast_load, named, simulate
 from jblast.vehicle.loads.impulse_table import custom_profile
 from tests.vehicle.flights import at_hover
 
@@ -36,19 +36,6 @@ def flown(loads, **options):
     return simulate(CRAFT, state(), loads=(loads,), **options)
 
 
-@pytest.mark.slow
-def test_it_does_not_silence_the_others():
-    late = dataclasses.replace(NEVER, time_s=1e3)  # the same program
-    expected = flown(load(late), store_every=100)
-    moved = np.abs(np.asarray(expected.velocity_m_s[-1])).max()
-    assert moved > 0.4
-    found = flown(load(NEVER), store_every=100)
-    assert not found.lost
-    np.testing.assert_allclose(
-        found.velocity_m_s[-1], expected.velocity_m_s[-1], atol=1e-12 * moved
-    )
-
-
 @pytest.mark.slow  # compiled for some 6 s; in the kernel it is asked by default
 def test_it_is_as_if_it_were_not_there():
     expected = flown(blast_load(ALONE), store_every=100).velocity_m_s[-1]
@@ -68,27 +55,6 @@ def test_in_the_kernel_too(dtype):
     assert float(jnp.abs(expected.velocity_m_s[-1]).max()) > 0.4
     np.testing.assert_array_equal(found.lost, False)
     np.testing.assert_array_equal(found.velocity_m_s, expected.velocity_m_s)
-
-
-@pytest.mark.slow  # compiled for some 10 s
-def test_a_batch_with_a_varying_number_of_charges_is_its_own_loop():
-    times = jnp.array([[0.01, jnp.inf], [jnp.inf, 0.004], [jnp.inf, jnp.inf]])
-
-    def loads(pair):
-        first, second = (
-            dataclasses.replace(charge, time_s=time)
-            for charge, time in zip((REAL, OTHER), pair, strict=True)
-        )
-        return blast_load(Scene(charge=first, others=(second,)))
-
-    many = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), state())
-    options = {"duration_s": SECONDS, "step_s": STEP, "store_every": 100}
-    found = simulate(CRAFT, many, loads=(Each(jax.vmap(loads)(times)),), **options)
-    single = [blast_load(ALONE), blast_load(Scene(charge=OTHER))]
-    for lane, one in enumerate(single):
-        expected = flown(one, store_every=100).velocity_m_s[-1]
-        np.testing.assert_allclose(found.velocity_m_s[lane, -1], expected, atol=1e-11)
-    np.testing.assert_allclose(found.velocity_m_s[2, -1], 0.0, atol=1e-11)
 
 
 @pytest.mark.slow  # compiled for some 10 s

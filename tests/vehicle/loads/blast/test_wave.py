@@ -2,11 +2,9 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.test_util import check_grads
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.vehicle.loads.blast_wave import (
@@ -208,17 +206,6 @@ def test_everything_is_finite_at_any_distance(burst):
     assert np.all(np.asarray(found.suction) < 1)
     for share in np.linspace(0, 20, 50):
         assert np.all(np.isfinite(wind_speed(found, share * found.duration_s)))
-
-
-@pytest.mark.slow
-def test_gradients_of_the_wind_are_those_of_its_differences():
-    def wind(distance, mass):
-        found = wave_at(
-            distance, mass, mass, jnp.asarray(PRESSURE), jnp.asarray(SOUND), "surface"
-        )
-        return wind_speed(found, jnp.asarray(0.002))
-
-    check_grads(jax.jit(wind), (jnp.asarray(5.0), jnp.asarray(2.0)), order=2, rtol=1e-4)
 
 
 def test_explosives_of_two_equivalences_scale_pressure_and_duration_apart():

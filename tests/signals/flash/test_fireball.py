@@ -2,8 +2,19 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
-from jblast.signals.flash.fireball import Silhouette, growth
+from jblast.scene import Camera, look_at
+from jblast.sensors.camera import project
+from jblast.signals.flash.fireball import (
+    Growth,
+    Silhouette,
+    direction_of,
+    growth,
+    radius_in_middle,
+    silhouette,
+)
+from tests.signals.flash.films import SHAPE, disc
 
 
 def spots(start=0.0104, last=14.0, tau=2.5e-3, half=True, noise=0.0, cut_from=np.inf):
@@ -88,3 +99,82 @@ def test_light_begins_within_the_exposures_of_two_frames():
     told = growth(one, 0.009, 0.010)
     assert told.time_s == pytest.approx(0.010)
     assert told.sigma_s == pytest.approx(2e-3 / np.sqrt(12))
+
+
+SEED = np.ones(SHAPE, bool)
+
+
+@given(
+    st.floats(4.0, 20.0), st.floats(30.0, 45.0), st.floats(28.0, 34.0), st.booleans()
+)
+@settings(max_examples=25, deadline=None)
+def test_disc_and_half_disc_have_their_radius(radius, x, y, half):
+    seen = silhouette(0.0, disc(x, y, radius, half=half), SEED)
+    assert seen is not None
+    # the error that is told: its columns are few, and its lowest row is lit by half
+    assert seen.radius_px == pytest.approx(radius, abs=0.3)
+    assert seen.x_px == pytest.approx(x, abs=0.15)
+    above = 4 * radius / (3 * np.pi) if half else 0.0
+    assert seen.y_px == pytest.approx(y - above, abs=0.3)
+    assert not seen.cut
+
+
+def test_only_the_spot_at_the_seed_counts():
+    share = np.maximum(disc(20, 30, 6), disc(60, 30, 10))
+    seed = np.zeros(SHAPE, bool)
+    seed[30, 18:22] = True
+    seen = silhouette(0.0, share, seed)
+    assert seen is not None
+    assert seen.x_px == pytest.approx(20, abs=0.1)
+    assert silhouette(0.0, share, np.zeros(SHAPE, bool)) is None
+    assert silhouette(0.0, np.zeros(SHAPE), SEED) is None
+
+
+def test_a_spot_at_the_edge_is_cut():
+    seen = silhouette(0.0, disc(3, 30, 10), SEED)
+    assert seen is not None
+    assert seen.cut
+
+
+EYE = np.array([60.0, -80.0, 1.5])
+
+
+def camera(**changed):
+    numbers = {
+        "position": EYE,
+        "quaternion": look_at(EYE, np.array([0.0, 0.0, 5.0])),
+        "focal": np.array([180.0, 180.0]),
+        "center": np.array([79.5, 59.5]),
+    }
+    return Camera(**(numbers | changed), width=160, height=120)
+
+
+def seen_at(x, y):
+    return Growth(0.0, 1e-4, x, 0.5, y, 0.5, None, None, None, None, 0.1)
+
+
+@pytest.mark.parametrize("distortion", [np.zeros(5), np.array([-0.1, 0, 0, 0, 0.0])])
+def test_a_direction_is_that_of_the_place_seen_there(distortion):
+    through = camera(distortion=distortion)
+    place = np.array([[12.0, 30.0, 7.0]])
+    x, y = np.asarray(project(through, place).pixel)[0]
+    told = direction_of(through, seen_at(float(x), float(y)))
+    east, north, up = (place - EYE)[0]
+    assert told.bearing_rad == pytest.approx(np.arctan2(east, north) % (2 * np.pi))
+    assert told.elevation_rad == pytest.approx(np.arctan2(up, np.hypot(east, north)))
+    # half a pixel of 180 or so
+    assert told.bearing_sd_rad == pytest.approx(0.5 / 180, rel=0.2)
+
+
+def test_a_sphere_off_the_middle_has_the_radius_it_would_have_there():
+    through = camera()
+    # 5 m at 100 m, 20 degrees off the axis: wider in the image by 1 / cos^2
+    half, off = np.arcsin(0.05), np.radians(20.0)
+    edges = 180 * np.tan([off - half, off + half])
+    spot = Silhouette(
+        0.0, float(np.ptp(edges)) / 2, 79.5 + float(edges.mean()), 59.5, 9.0, False
+    )
+    assert radius_in_middle(through, spot) == pytest.approx(
+        180 * np.tan(half), rel=1e-4
+    )
+    assert spot.radius_px > 1.1 * 180 * np.tan(half)
