@@ -104,17 +104,17 @@ def without_density():
     ("made", "asked", "words"),
     [
         (
-            log(("a", "air_arrival_s", 0.1, None, 40.0), at_range=True),
+            lambda: log(("a", "air_arrival_s", 0.1, None, 40.0), at_range=True),
             MASS_FREE,
             "expected a sigma",
         ),
-        (without_density(), MASS_FREE, r"no value of charge_mass_kg .* row 2$"),
-        (pressures(15.0, [20.0]), UncertainScene(EXACT, {}), "nothing to fit"),
+        (without_density, MASS_FREE, r"no value of charge_mass_kg .* row 2$"),
+        (lambda: pressures(15.0, [20.0]), UncertainScene(EXACT), "nothing to fit"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(made, asked, words):
     with pytest.raises(InputError, match=words):
-        fit(made, asked)
+        fit(made(), asked)
 
 
 def test_a_poor_fit_exits_4_and_says_so_above_its_numbers():

@@ -20,7 +20,7 @@ from tests.catalogue import AROUND, KNOWN_MASS as MASS, PLACE, TIMED as SCENE, a
 pytestmark = pytest.mark.slow  # each log compiles its own search
 
 RING = AROUND[:4]
-CASES = Path(__file__).parent / "arrays" / "line_end"
+CASES = sorted((Path(__file__).parent / "arrays" / "line_end").glob("*.csv"))
 
 
 def told(made, free, **beliefs):
@@ -117,10 +117,10 @@ def test_under_determined_logs_of_every_kind_end_with_a_sentence():
 
 
 @pytest.mark.parametrize("rounding", [0, 1])
-@pytest.mark.parametrize("path", sorted(CASES.glob("*.csv")), ids=str)
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_a_place_beside_the_line_is_no_answer(path, rounding):
     # six microphones on the east axis, 20 kg at 200 or 500 m; times exact to 0.1 us
-    scene = CASES / f"{path.stem.rpartition('_')[2]}.toml"
+    scene = path.with_name(f"{path.stem.rpartition('_')[2]}.toml")
     made = read(path)
     moved = np.random.default_rng(rounding).choice([-1e-7, 0.0, 1e-7], len(made))
     made = replace(made, value=made.value + (rounding > 0) * moved)
