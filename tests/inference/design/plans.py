@@ -3,15 +3,7 @@
 import numpy as np
 
 from jblast.report.design import bound_text
-from jblast.scene import (
-    Air,
-    Charge,
-    Free,
-    LogNormal,
-    Scene,
-    Sensor,
-    UncertainScene,
-)
+from jblast.scene import Air, Charge, Free, LogNormal, Scene, Sensor, UncertainScene
 
 RING = {"a": (60.0, 0.0), "b": (-70.0, 30.0), "c": (0.0, 90.0), "d": (20.0, -80.0)}
 MASS = {"charge_mass_kg": Free(positive=True)}

@@ -21,8 +21,3 @@ def test_forward_is_east_at_first_and_north_after_a_quarter_turn():
         # to rounding of the cosine of a right angle
         np.testing.assert_allclose(rider.position_m, expected, atol=1e-12)
         np.testing.assert_array_equal(stays.position_m, STAYS.position_m)
-
-
-def test_without_a_vehicle_a_scene_stays_as_it_is():
-    scene = Scene(Charge(1.0), sensors=(STAYS,))
-    assert hovering(scene) is scene

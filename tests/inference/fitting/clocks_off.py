@@ -1,16 +1,8 @@
-"""Logs of one blast heard by six sensors, one clock of which may be off.
-
-    python tests/inference/fitting/clocks_off.py arrivals|both [LOGS] [OFFSET_S] [SEED]
-
-fits so many, one clock of each off by so much, and counts who was accused.
-"""
-
-import sys
-from collections import Counter
+"""Logs of one blast heard by six sensors, one clock of which may be off."""
 
 import numpy as np
 
-from jblast.inference import Fit, fit
+from jblast.inference import Fit
 from jblast.observations import Observations
 from jblast.scene import default_scene, freed, with_laws
 from jblast.waves import kingery_bulmash_arrival_time, kingery_bulmash_pressure
@@ -74,28 +66,3 @@ def heard(
 def accused(found: Fit) -> list[str]:
     """Return who is said to explain a log."""
     return [entry.name for entry in found.summary.explained_by]
-
-
-def main() -> None:
-    """Fit as many as asked for."""
-    from jblast.cli.jax_start import start_jax
-
-    start_jax(quick=True)
-    kind, *more = sys.argv[1:]
-    count, offset, seed = [*map(float, more), *(200, 0.0, 0)[len(more) :]]
-    rng = np.random.default_rng(int(seed))
-    ends: Counter[str] = Counter()
-    for i in range(int(count)):
-        name, sign = NAMES[i % 6], rng.choice([-1, 1])
-        found = fit(heard(kind, rng, clock={name: sign * offset}), ASKED)
-        who = accused(found)
-        says = "it" if who == [name] else " or ".join(who) or "nobody"
-        if who != [name] and name in who:
-            says = "it among others"
-        ends[f"exit {found.exit_code}, accused: {says}"] += 1
-    for end, times in sorted(ends.items()):
-        sys.stdout.write(f"{times} of {int(count)}: {end}\n")
-
-
-if __name__ == "__main__":
-    main()

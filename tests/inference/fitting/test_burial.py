@@ -11,17 +11,12 @@ from jblast.fidelity.choose import TakenLaw
 from jblast.inference import Posterior
 from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.warnings import (
-    height_beside_the_curves,
-    outside,
-    warnings_of,
-)
+from jblast.inference.fitting.warnings import height_beside_the_curves, outside
 from jblast.inference.mode.laplace import Laplace
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.report.fit.findings import all_words
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout
-from tests.inference.logs import log
 
 LAWS = {"positive_impulse_pa_s": "ford_2021"}
 MASS, UP = 1500.0, -2.1  # -0.183 m/kg^(1/3), where ford_2021 holds, to -0.2
@@ -75,12 +70,6 @@ def test_what_else_a_draw_says_does_not_count():
         assert valid_at_depth(solution, draws).all()
 
 
-def test_a_law_that_knows_of_no_depth_is_not_judged_by_it():
-    # at 1 kg both places lie outside of its range, which is told of at the answer
-    laws = {"positive_impulse_pa_s": "kingery_bulmash"}
-    assert valid_at_depth(found(laws=laws), np.zeros((100, 1))).all()
-
-
 PRESSURE, IMPULSE = "peak_overpressure_pa", "positive_impulse_pa_s"
 
 
@@ -107,25 +96,3 @@ def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
     solution = solution._replace(posterior=posterior)
     told = height_beside_the_curves(solution, posterior.parameters.scene.charge)
     assert any("contradicts the height" in said for said in all_words(told)) == asks
-
-
-def test_what_changed_at_the_answer_is_told_by_its_own_sentence():
-    solution = found()
-    made = log(("a", IMPULSE, 1.0, 0.1, (800.0, 0.0, 0.0)))
-    nothing = np.ones(2, bool), 1.0, 1, np.zeros(0), {}, None
-    scene = UncertainScene(solution.posterior.parameters.scene)
-
-    def said(**flags):
-        told = warnings_of(made, scene, solution._replace(**flags), True, *nothing)
-        return [
-            cure for cure in ("--law", "burst =") if cure in " ".join(all_words(told))
-        ]
-
-    assert said() == []
-    assert said(other_laws={"air_arrival_s": "acoustic"}) == ["--law"]
-    assert said(bursts_settled=False) == ["burst ="]
-
-
-def test_a_charge_above_ground_is_not_judged_by_depth():
-    draws = np.log(MASS) + np.random.default_rng(0).standard_normal((100, 1))
-    assert valid_at_depth(found(up=2.1), draws).all()

@@ -15,12 +15,9 @@ from jblast.inference.fitting.goodness_of_fit import (
 )
 from jblast.inference.fitting.suspects import LEFT_OUT_SIGMA
 from jblast.inference.identifiability import identifiability
-from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
-from jblast.report import summary
 from jblast.report.fit.document import fit_document
-from jblast.report.fit.figures import recordings_figure, residuals_figure
 from jblast.report.fit.rows import residual_rows
 from jblast.scene import Scene, UncertainScene, freed, with_laws
 from jblast.sensors import layout_of, record
@@ -117,20 +114,6 @@ def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
     assert [outlier.sensor for outlier in outliers] == ["a"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("noise", ["student", "gaussian"])
-def test_information_near_the_truth_lies_between_none_and_a_readings(noise):
-    table, z = clipped(), jnp.array([np.log(TRUTH)])
-    bounded = float(information(posterior(table, noise), z)[0, 0])
-    sigma = np.where(table.bounds(), LEFT_OUT_SIGMA * table.value, table.sigma)
-    plain = replace(table, lower_bound=None)
-    deaf, whole = (
-        float(information(posterior(of, noise), z)[0, 0])
-        for of in (replace(plain, sigma=sigma), plain)
-    )
-    assert deaf < bounded < whole
-
-
 def test_bounds_alone_identify_nothing_far_above_them():
     table = clipped()
     alone = posterior(replace(table, lower_bound=np.ones(8, bool)), "gaussian")
@@ -147,7 +130,7 @@ def test_many_logs_at_once_refuse_a_bound_by_its_row():
 
 
 @pytest.mark.slow
-def test_a_fit_of_a_clipped_log_says_so_in_every_place():
+def test_a_fit_of_a_clipped_log_has_the_interval_of_quadrature():
     found = fit(clipped(), UNCERTAIN)
     mass = found.summary.estimates["charge_mass_kg"]
     low, high = interval(found.density)
@@ -156,25 +139,5 @@ def test_a_fit_of_a_clipped_log_says_so_in_every_place():
     assert mass.q95 == pytest.approx(high, rel=0.03)
     assert found.exit_code == 0
     assert fit_document(found)["n_lower_bounds"] == 4
-    said = " ".join(summary(found).split())
-    assert (
-        "4 of 8 recordings are lower bounds (a, b, c and d); the law satisfies" in said
-    )
     rows = residual_rows(found)
     assert [row.residual == "satisfied" for row in rows] == [True] * 4 + [False] * 4
-    assert [row.measured[0] == ">" for row in rows] == [True] * 4 + [False] * 4
-    drawn = recordings_figure(found).axes[0].lines
-    assert any(line.get_marker() == "^" for line in drawn)
-    shown = residuals_figure(found).axes[0].lines
-    drawn = next(line for line in shown if line.get_marker() == "^")
-    np.testing.assert_array_equal(np.asarray(drawn.get_ydata()), np.zeros(4))
-
-
-@pytest.mark.slow
-def test_a_log_of_bounds_alone_is_answered_as_unidentified():
-    table = replace(clipped(), lower_bound=np.ones(8, bool))
-    found = fit(table, UNCERTAIN)
-    assert not found.summary.identifiable
-    assert found.summary.unidentified == ("charge_mass_kg",)
-    assert found.exit_code == 4
-    assert "All recordings are lower bounds" in summary(found)

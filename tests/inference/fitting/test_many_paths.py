@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import jblast
 from jblast.inference import Posterior
 from jblast.inference.fitting.assumptions import paths_taken_as_independent
 from jblast.inference.fitting.findings import PathsTakenAsIndependent
@@ -93,14 +92,3 @@ def test_a_known_place_has_neither_bearing_nor_range_to_be_fitted():
 def test_logs_without_independent_neighbours_are_not_marked(log, scatter):
     free = ("origin_time_s",) if np.isnan(log.position).all() else PLACE
     assert paths_taken_as_independent(solved(log, free, scatter)) is None
-
-
-@pytest.mark.slow
-def test_a_fit_of_many_sensors_close_together_warns():
-    scene = freed(UncertainScene(Scene(Charge(mass_kg=1.0))), PLACE)
-    found = jblast.fit(log_of(MAX_PATHS + 1, 20.0), scene, posterior="laplace")
-    codes = [one.code for one in found.summary.warnings]
-    assert "paths_taken_as_independent" in codes
-    assert not any(
-        isinstance(one, PathsTakenAsIndependent) for one in found.summary.assumptions
-    )

@@ -8,14 +8,7 @@ import pytest
 from jblast.inference import fit
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report.fit.findings import cure_words, datum_words
-from jblast.scene import (
-    Free,
-    LogNormal,
-    UncertainScene,
-    freed,
-    with_laws,
-    with_values,
-)
+from jblast.scene import Free, LogNormal, UncertainScene, freed, with_laws, with_values
 from jblast.waves import (
     sedov_taylor_shock_radius,
     shock_kinematics_arrival_time,
@@ -113,14 +106,6 @@ def test_sensors_in_a_line_leave_a_mirror_image_of_the_place():
     assert answer.null_directions == ()
 
 
-@pytest.mark.slow
-def test_sensors_about_a_charge_tell_its_place():
-    answer = fit(arrivals(TRIANGLE, 30.0, 20.0), PLACE_FREE).summary
-    assert answer.identifiable
-    assert answer.estimates["charge_east_m"].value == pytest.approx(30, abs=1e-3)
-    assert answer.estimates["charge_north_m"].value == pytest.approx(20, abs=1e-3)
-
-
 @pytest.mark.parametrize("times", [3, pytest.param(1, marks=pytest.mark.slow)])
 def test_one_place_leaves_the_charge_anywhere_on_a_circle(times):
     result = fit(arrivals([(0.0, 0.0)] * times, 30.0, 40.0), PLACE_FREE)
@@ -161,24 +146,6 @@ def test_a_height_that_no_reading_tells_by_symmetry_has_its_own_width():
     assert up.value == pytest.approx(0.0, abs=0.5)
     # 1e-4 s is 3.4 cm of slant range: h^2 / 2R = 3.4 cm at R = 130 m gives 3 m
     assert 0.5 < up.sd < 10
-
-
-@pytest.mark.slow
-def test_a_mirror_image_is_told_beside_a_null_direction():
-    rows = []
-    for i, (east, north) in enumerate(LINE):
-        t = float(wu_hao_air_arrival_time(np.hypot(east - 30, north - 60), 10.0, 340.0))
-        rows.append((f"s{i}", "air_arrival_s", t, 1e-4, (east, north, 0.0)))
-    uncertain = freed(
-        with_laws(MASS_FREE, {"air_arrival_s": "wu_hao"}),
-        ["charge_east_m", "charge_north_m", "air_sound_speed_m_s"],
-    )
-    answer = fit(log(*rows), uncertain).summary
-    assert len(answer.null_directions) == 1
-    (other,) = answer.ambiguities
-    assert abs(other.parameters["charge_north_m"]) == pytest.approx(60, abs=0.01)
-    north = answer.estimates["charge_north_m"].value
-    assert other.parameters["charge_north_m"] == pytest.approx(-north, abs=0.01)
 
 
 @pytest.mark.slow

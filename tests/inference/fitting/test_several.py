@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,7 +12,6 @@ from jblast.report.fit.findings import words
 from jblast.scene import (
     Air,
     Charge,
-    Clock,
     Free,
     LogNormal,
     Scene,
@@ -21,7 +19,6 @@ from jblast.scene import (
     UncertainScene,
     freed,
 )
-from jblast.sensors import simulate
 from jblast.waves import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_impulse,
@@ -53,10 +50,7 @@ def test_two_charges_are_told_apart_by_the_shot_of_each_row():
     ]
     made = of_shots(log(*rows), ["one"] * 4 + ["two"] * 4)
     scene = Scene(
-        charge=Charge(name="one"),
-        others=(Charge(name="two"),),
-        air=AIR,
-        scatter=False,
+        charge=Charge(name="one"), others=(Charge(name="two"),), air=AIR, scatter=False
     )
     names = ("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s")
     uncertain = freed(
@@ -193,29 +187,9 @@ def test_an_uncertain_tnt_factor_widens_the_mass_by_as_much():
     scene = Scene(charge=charge, scatter=False)
     uncertain = UncertainScene(
         scene,
-        {
-            "charge_mass_kg": Free(positive=True),
-            "tnt_factor": LogNormal(1.1, 1.1),
-        },
+        {"charge_mass_kg": Free(positive=True), "tnt_factor": LogNormal(1.1, 1.1)},
     )
     estimate = fit(made, uncertain).summary.estimates["charge_mass_kg"]
     assert estimate.value == pytest.approx(10.0, rel=1e-3)
     # beside it the datum adds 1e-3 / slope * 3, less than 0.3 %
     assert estimate.log_sd == pytest.approx(np.log(1.1), rel=2e-3)
-
-
-def test_a_simulated_log_of_two_charges_reads_back_with_their_names():
-    sensors = tuple(
-        Sensor(f"s{i}", np.array(place), records=(("air_arrival_s", 1e-3),))
-        for i, place in enumerate(RING)
-    )
-    scene = Scene(
-        charge=Charge(name="one", mass_kg=3.0),
-        others=(Charge(name="two", mass_kg=9.0, time_s=2.0),),
-        sensors=sensors,
-        clocks=(Clock("unused"),),
-    )
-    made = simulate(UncertainScene(scene))
-    assert made.shot == ("one",) * 4 + ("two",) * 4
-    assert made.sensor == ("s0", "s1", "s2", "s3") * 2
-    assert jnp.all(made.value[4:] > 2.0)

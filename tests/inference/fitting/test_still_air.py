@@ -36,12 +36,7 @@ def solved(scatter=False, wind=0.0, free=FREE):
     layout, sigma, _ = planned_layout(scene)
     read = record(scene, layout, LAWS).value
     posterior = Posterior(
-        parameters_of(uncertain),
-        layout,
-        read,
-        sigma,
-        tuple(LAWS.items()),
-        "gaussian",
+        parameters_of(uncertain), layout, read, sigma, tuple(LAWS.items()), "gaussian"
     )
     z = np.zeros(len(free))
     identified = identifiability(posterior, z)
@@ -119,16 +114,3 @@ def test_along_a_range_alone_a_wind_is_another_sound_speed():
     said = words_of(found._replace(posterior=fitted, laplace=normal))
     assert "prior" not in said  # it is fitted already
     assert "the fitted air_sound_speed_m_s covers it" in said
-
-
-def test_where_a_prediction_has_no_slope_nobody_says_that_intervals_would_not_widen():
-    found = solved()
-    unread = found.posterior.measured.at[2].set(jnp.nan)
-    posterior = dataclasses.replace(found.posterior, measured=unread)
-    broken = found._replace(posterior=posterior)
-    factors = wider_with_wind(broken)
-    assert factors is not None
-    assert np.isnan(list(factors.values())).all()
-    said = words_of(broken)
-    assert "by an unknown factor" in said
-    assert "no 90 %" not in said

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, multivariate_t
 
-import jblast.inference.fitting.uncertainty
 from jblast.inference import fit
 from jblast.inference.fitting.findings import DirectionUnidentified
 from jblast.inference.fitting.uncertainty import uncertainty
 from jblast.inference.importance import (
     FREEDOM,
     MAX_QUANTILE_ERROR,
-    IntervalError,
     check_intervals,
     reaching,
 )
@@ -136,46 +134,3 @@ def test_where_importance_sampling_cannot_tell_the_approximation_stands_alone():
     assert not sure.weighted
     assert "is unreliable" in words(sure.reason)
     assert any("of a normal approximation" in why for why in all_words(sure.findings))
-
-
-def test_where_few_draws_count_the_answer_says_so(monkeypatch):
-    solution = disagreeing_solved(0.0)
-    judged = check_intervals(solution.posterior, solution.laplace)
-    assert judged.drawn is not None
-    few = replace(judged, off=0.0, share=50.4 / len(judged.drawn.z), k_hat=0.4)
-    assert few.believed
-    monkeypatch.setattr(
-        jblast.inference.fitting.uncertainty, "check_intervals", lambda *_, **__: few
-    )
-    sure = uncertainty(solution, "weighted")
-    assert not sure.weighted
-    assert "k-hat" not in words(sure.reason)
-    (why,) = all_words(sure.findings)
-    for said in (words(sure.reason), why):
-        assert "effective sample size 50" in said
-    assert "--posterior emcee runs MCMC" in why
-
-
-def doubt(judged):
-    """Say what is wrong with intervals that were judged."""
-    finding = judged.finding()
-    assert finding is not None
-    return words(finding)
-
-
-def test_a_doubt_is_told_where_chance_cannot_be_the_cause():
-    within = IntervalError("charge_mass_kg", off=0.35, error=0.05, k_hat=0.2, share=0.9)
-    assert within.finding() is None
-    assert doubt(replace(within, off=0.61)) == (
-        "the 90 % intervals are those of a normal approximation, with an error of up "
-        "to 0.6 sd for charge_mass_kg; --posterior emcee runs MCMC"
-    )
-    # one weight is nearly all: k-hat decides, also where no end looks off
-    heavy = replace(within, off=0.1, share=0.02, k_hat=1.2)
-    assert "importance sampling does not determine their error (k-hat 1.20)" in doubt(
-        heavy
-    )
-    assert "0.6 sd for charge_mass_kg, estimated by importance" in (
-        doubt(replace(heavy, off=0.61))
-    )
-    assert replace(within, k_hat=1.2).finding() is None

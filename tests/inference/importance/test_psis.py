@@ -7,7 +7,6 @@ import pytest
 from jblast.inference.importance import (
     generalised_pareto,
     importance,
-    laplace_holds,
     largest_log_sd,
     largest_quantile_error,
     pareto_smoothed,
@@ -69,14 +68,6 @@ def test_weights_turn_a_normal_too_wide_into_the_posterior():
         posterior, dataclasses.replace(normal, covariance=0.1 * normal.covariance)
     )
     assert narrow.k_hat > 0.7  # its tails hold none of the posterior's
-
-
-def test_laplace_holds_where_it_fits_and_the_answer_is_narrow():
-    assert laplace_holds(0.3, 0.05, 0.1)
-    assert not laplace_holds(0.6, 0.05, 0.1)
-    assert not laplace_holds(0.3, 0.2, 0.1)
-    assert not laplace_holds(0.3, 0.05, 0.4)
-    assert not laplace_holds(np.inf, 0.05, 0.1)
 
 
 @pytest.mark.slow

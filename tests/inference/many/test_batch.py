@@ -25,16 +25,6 @@ def made(*values):
 LOGS = [made(9000.0, 3400.0, 0.09), made(12000.0, 4400.0, 0.086)]
 
 
-def test_a_batch_holds_what_the_logs_do():
-    batch = batch_of(LOGS, SCENE)
-    assert batch.layout.quantity == LOGS[0].quantity
-    assert batch.laws == LAWS
-    np.testing.assert_array_equal(batch.values, [log.value for log in LOGS])
-    # pressures in ln, arrivals in seconds
-    expected = [[100 / 9000, 50 / 3400, 1e-3], [100 / 12000, 50 / 4400, 1e-3]]
-    np.testing.assert_allclose(batch.relative_sigma, expected, rtol=1e-15)
-
-
 @pytest.mark.slow
 def test_plain_logs_are_fitted_as_one_by_one_and_a_bad_one_fails_alone():
     bad = made(-1.0, 3400.0, 0.09)

@@ -9,16 +9,13 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit_many
-from jblast.inference.many.engine import engine_for
-from jblast.inference.many.residuals import rows_of
-from jblast.inference.many.starts import closed_form
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.scene import LogNormal
 from tests.inference.logs import log
-from tests.inference.many.five_sensors import LAWS, RECORDS, TRUTH, problem
+from tests.inference.many.five_sensors import LAWS, TRUTH, problem
 
 
 def as_log(layout, names, values, sigma):
@@ -98,33 +95,6 @@ def test_with_scatter_and_a_prior_the_joint_optimum_is_near_that_of_fit():
     np.testing.assert_allclose(found.sd()[0], expected, rtol=0.02)
 
 
-@pytest.mark.slow
-def test_a_batch_is_a_loop_over_logs():
-    uncertain, layout, values, sigma, _ = problem(16)
-    together = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
-    for lane in (0, 15):
-        alone = fit_many(
-            uncertain, layout, values[lane : lane + 1], sigma, LAWS, noise="gaussian"
-        )
-        np.testing.assert_allclose(alone.z[0], together.z[lane], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_sigmas_of_each_log_count_as_common_ones_do():
-    uncertain, layout, values, sigma, _ = problem(3)
-    common = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
-    each = fit_many(
-        uncertain,
-        layout,
-        values,
-        sigma[None, :] * np.array([[1.0], [2.0], [1.0]]),
-        LAWS,
-        noise="gaussian",
-    )
-    np.testing.assert_allclose(each.z, common.z, rtol=1e-9)
-    np.testing.assert_allclose(each.sd()[1], 2 * common.sd()[1], rtol=1e-6)
-
-
 def test_answers_lie_about_the_truth_as_far_as_they_say():
     uncertain, layout, values, sigma, _ = problem(16)
     found = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
@@ -136,19 +106,6 @@ def test_answers_lie_about_the_truth_as_far_as_they_say():
     # 12 readings and 4 unknowns: minus ln of the density is half of chi-squared, of 8
     # degrees of freedom; the mean of 16 has an sd of 0.5
     assert np.mean(found.cost) == pytest.approx(4.0, abs=1.5)
-
-
-@pytest.mark.slow
-def test_the_closed_form_is_near_the_truth_and_needs_air_and_ground():
-    uncertain, layout, values, _, _ = problem(3)
-    start = engine_for(uncertain, layout, LAWS, "gaussian").straight(values)
-    np.testing.assert_allclose(start[:, 1], 10.0, atol=1.0)
-    np.testing.assert_allclose(start[:, 2], -5.0, atol=1.0)
-    np.testing.assert_allclose(start[:, 3], 1.5, atol=1e-3)
-    np.testing.assert_allclose(start[:, 0], math.log(30.0), atol=0.3)
-    air, planned, *_ = problem(1, records=RECORDS[:1])
-    rows = rows_of(parameters_of(air), planned, LAWS, "gaussian")
-    assert closed_form(rows) is None
 
 
 @pytest.mark.slow

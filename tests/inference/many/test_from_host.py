@@ -36,12 +36,6 @@ def test_pieces_that_do_not_divide_the_logs_have_the_answers_of_all(given, whole
         np.testing.assert_array_equal(found[name], getattr(whole, name))
 
 
-def test_only_what_was_asked_comes_back(given):
-    found = fit_from_host(*given, noise="gaussian", keep=("converged",), piece=16)
-    assert list(found) == ["converged"]
-    assert (found["converged"].shape, found["converged"].dtype) == ((16,), bool)
-
-
 def test_no_logs_are_no_answers(given):
     uncertain, layout, values, sigma, laws = given
     found = fit_from_host(
@@ -94,23 +88,6 @@ def test_errors_of_each_log_go_with_their_piece(given, whole):
     np.testing.assert_allclose(
         ratio, np.linspace(1, 2, 16)[:, None] + 0 * ratio, rtol=1e-2
     )
-
-
-def test_numbers_come_back_in_the_precision_that_is_asked_for(given, whole):
-    found = fit_from_host(*given, noise="gaussian", piece=5, dtype=np.float32)
-    assert [x.dtype for x in found.values()] == [np.float32, np.float32, bool]
-    np.testing.assert_allclose(found["z"], whole.z, rtol=1e-6, atol=1e-6)
-
-
-def test_arrays_of_an_earlier_call_are_filled_again(given):
-    first = fit_from_host(*given, noise="gaussian", piece=5)
-    kept = {name: x.copy() for name, x in first.items()}
-    again = fit_from_host(*given, noise="gaussian", piece=5, out=first)
-    for name, x in again.items():
-        assert x is first[name]
-        np.testing.assert_array_equal(x, kept[name])
-    with pytest.raises(InputError, match=r"out, z: expected \(16, 4\) of float64, got"):
-        fit_from_host(*given, noise="gaussian", piece=5, out={"z": first["z"][:3]})
 
 
 def test_what_cannot_be_kept_is_refused_with_the_nearest(given):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit_many
-from jblast.inference.many.engine import Engine
 from jblast.scene import Normal, Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import observe, planned_layout
 from tests.inference.many.five_sensors import COMMON, LAWS, RECORDS
@@ -43,13 +42,6 @@ def logs(count):
 
 
 @pytest.mark.slow
-def test_fits_end_though_gauss_newton_steps_across_the_line_for_ever(monkeypatch):
-    given = (*logs(128), LAWS)
-    found = fit_many(*given, noise="gaussian", devices=1)
+def test_fits_end_though_gauss_newton_steps_across_the_line_for_ever():
+    found = fit_many(*logs(128), LAWS, noise="gaussian", devices=1)
     assert found.converged.all()
-    monkeypatch.setattr(Engine, "_ended", Engine._solve)
-    alone = fit_many(*given, noise="gaussian", devices=1)
-    assert not alone.converged.all()
-    # where both end, they end alike: on one side or the other
-    both = np.asarray(alone.converged)
-    np.testing.assert_allclose(found.cost[both], alone.cost[both], rtol=1e-6)

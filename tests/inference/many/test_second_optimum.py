@@ -25,10 +25,7 @@ scatter = false
 air_arrival_s = "kingery_bulmash"
 peak_overpressure_pa = "kingery_bulmash"
 """ + "".join(SENSOR.format(n=n, east=20.0 * n) for n in range(1, 7))
-LAWS = {
-    "air_arrival_s": "kingery_bulmash",
-    "peak_overpressure_pa": "kingery_bulmash",
-}
+LAWS = {"air_arrival_s": "kingery_bulmash", "peak_overpressure_pa": "kingery_bulmash"}
 # Of 100 kg in a line of sensors, one of 384 that were drawn. Times, then pressures.
 TIMES_S = (
     *(0.18114950713937522, 0.2340108233116311, 0.2897074714221626),

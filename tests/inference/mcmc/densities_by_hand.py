@@ -48,18 +48,6 @@ class Two(eqx.Module):
         return jnp.logaddexp(right, left) - 0.5 * w[1] ** 2
 
 
-class Unlike(eqx.Module):
-    """A unit normal, and a narrow one 8 to the right of it that holds 0.3 of all."""
-
-    narrow: jnp.ndarray
-
-    def log_density(self, w):
-        wide = jnp.log(0.7) - 0.5 * jnp.sum(w**2)
-        away = (w - jnp.array([8.0, 0.0])) / self.narrow
-        there = jnp.log(0.3) - 0.5 * jnp.sum(away**2) - 2 * jnp.log(self.narrow)
-        return jnp.logaddexp(wide, there)
-
-
 class Nowhere(eqx.Module):
     """No number but at the origin's neighbours."""
 

@@ -30,11 +30,6 @@ def test_stretches_come_back_in_order_and_whole(store):
     assert store.about()["names"].tolist() == ["charge_mass_kg"]
 
 
-def test_a_stretch_of_no_steps_is_not_kept(store):
-    store.keep(0, stretch(0))
-    assert store.segments() == []
-
-
 def test_a_missing_stretch_is_told_with_the_step_it_began_at(store):
     store.keep(0, stretch(5))
     store.keep(9, stretch(2))
@@ -49,9 +44,3 @@ def test_a_foreign_file_in_the_place_of_a_stretch_is_refused(store):
     (store.folder / "steps-00000000.npz").write_bytes(b"PK")
     with pytest.raises(InputError, match="damaged or of another kind"):
         store.segments()
-
-
-def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        Store(tmp_path / "file" / "chain").begin({})

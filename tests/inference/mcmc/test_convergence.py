@@ -40,15 +40,6 @@ def test_the_error_of_a_quantile_is_that_of_repeated_runs():
     assert told == pytest.approx(np.std(runs), rel=0.4)  # sd of 60 runs: to 9 %
 
 
-def test_r_hat_is_one_for_draws_alike_and_more_for_halves_that_differ():
-    x = autoregressive(0.0, 400, 16)
-    assert r_hat(x) == pytest.approx(1.0, abs=2e-3)
-    assert r_hat(x + np.linspace(0, 2, 400)[:, None]) > 1.05
-    assert r_hat(x + (np.arange(16) < 8)) > 1.05
-    assert r_hat(x * np.where(np.arange(400) < 200, 1, 2)[:, None]) > 1.05
-    assert r_hat(x[:3]) == np.inf
-
-
 def test_r_hat_is_that_of_arviz():
     rng = np.random.default_rng(3)
     x = rng.standard_normal((200, 2)) + np.array([0.0, 0.3])

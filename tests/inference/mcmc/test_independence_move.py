@@ -1,6 +1,4 @@
-import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.stats import multivariate_normal
 
 from jblast.inference.mcmc.engines import independence_move, mixture_of
@@ -26,13 +24,6 @@ def drawn(count):
     return independence_move(
         MIXTURE, w, rng.uniform(size=count), rng.standard_normal(w.shape)
     )
-
-
-def test_density_is_that_of_the_sum_up_to_a_constant():
-    here, there = np.array([0.3, -0.2]), np.array([2.8, -5.0])
-    told = MIXTURE.log_density(jnp.asarray(here))
-    told -= MIXTURE.log_density(jnp.asarray(there))
-    assert told == pytest.approx(log_density(here) - log_density(there), rel=1e-12)
 
 
 def test_the_factor_is_the_density_left_over_the_density_reached():

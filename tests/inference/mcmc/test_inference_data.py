@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from jblast.errors import InputError
 from jblast.inference.mcmc.ensemble import (
     ensemble,
     inference_data,
@@ -49,11 +48,3 @@ def test_draws_come_back_from_the_file(walked, tmp_path):
         assert about["inference_library"] == "emcee"
         assert about["converged"] == 0
         assert "autocorrelation times" in about["why"]
-
-
-def test_a_file_that_cannot_be_written_is_refused(walked, tmp_path):
-    pytest.importorskip("arviz", exc_type=ImportError)
-    posterior, found = walked
-    tree = inference_data(found, posterior, made())
-    with pytest.raises(InputError, match="cannot be"):
-        write_inference_data(tree, tmp_path / "no" / "such" / "posterior.nc")

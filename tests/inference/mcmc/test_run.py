@@ -1,18 +1,13 @@
-import os
-import signal
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference.mcmc.engines import Emcee
 from jblast.inference.mcmc.run import Start, Store, sample
 from tests.inference.mcmc.densities_by_hand import (
     COVARIANCE,
     Nowhere,
     Two,
-    Unlike,
     banana,
     gaussian,
 )
@@ -73,53 +68,6 @@ def test_jumps_carry_walkers_from_mode_to_mode(sampler):
     assert np.mean(right) == pytest.approx(2 / 3, abs=4 * error)
 
 
-@pytest.mark.parametrize("sampler", SAMPLERS)
-def test_modes_unlike_in_size_are_both_reached_by_going_anew(sampler):
-    # a difference of two walkers of the wide mode never hits the narrow one
-    wide = Start(np.zeros(2), np.eye(2), 0.5)
-    narrow = Start(np.array([8.0, 0.0]), 0.02 * np.eye(2), 0.5)
-    found = sample(
-        Unlike(jnp.array(0.02)), [wide, narrow], np.eye(2), sampler=sampler, seed=1
-    )
-    assert found.reached
-    inside = drawn(found)[:, 0] > 6
-    error = np.sqrt(0.3 * 0.7 / found.convergence.ess[0])
-    assert np.mean(inside) == pytest.approx(0.3, abs=4 * error)
-
-
-def test_the_same_seed_walks_the_same_way_and_another_does_not():
-    def walked(seed):
-        return sample(gaussian(), start(3), np.eye(3), most_steps=50, seed=seed).chain
-
-    np.testing.assert_array_equal(walked(1), walked(1))
-    assert not (walked(1) == walked(2)).all()
-
-
-@pytest.mark.parametrize("sampler", SAMPLERS)
-def test_a_walk_killed_between_files_goes_on_to_the_same_chain(sampler, tmp_path):
-    def walked(store, most_steps):
-        return sample(
-            gaussian(),
-            start(3),
-            np.eye(3),
-            precision=1e-9,
-            sampler=sampler,
-            store=store,
-            most_steps=most_steps,
-        )
-
-    whole = walked(None, 500)
-    store = Store(tmp_path / "chain")
-    walked(store, 230)  # not a multiple of what is kept at a time
-    rest = walked(store, 500)
-    assert rest.resumed == 230
-    np.testing.assert_array_equal(rest.chain, whole.chain)
-    np.testing.assert_array_equal(rest.log_density, whole.log_density)
-    again = walked(store, 500)  # nothing is left to do
-    assert again.resumed == 500
-    np.testing.assert_array_equal(again.chain, whole.chain)
-
-
 def test_control_c_keeps_what_is_sampled_and_the_rest_follows(tmp_path):
     def walked(store, report=lambda _: None):
         return sample(
@@ -142,38 +90,6 @@ def test_control_c_keeps_what_is_sampled_and_the_rest_follows(tmp_path):
     assert not stopped.reached
     assert len(stopped.chain) == 137
     np.testing.assert_array_equal(walked(store).chain, walked(None).chain)
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_control_c_that_a_destructor_swallows_still_ends_the_walk():
-    class Dying:
-        def __del__(self):
-            os.kill(os.getpid(), signal.SIGINT)
-
-    def press(progress):
-        if progress.steps == 37:
-            Dying()  # gone at once; what is raised there, Python only prints
-
-    stopped = sample(
-        gaussian(), start(3), np.eye(3), precision=1e-9, most_steps=300, report=press
-    )
-    assert stopped.interrupted
-    assert 37 <= len(stopped.chain) <= 100
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_control_c_before_the_first_step_is_passed_on(monkeypatch):
-    def pressed(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Emcee, "walk", pressed)
-    with pytest.raises(KeyboardInterrupt):
-        sample(gaussian(), start(3), np.eye(3))
-
-
-def test_walkers_that_start_where_there_is_no_density_are_brought_nearer():
-    found = sample(Nowhere(jnp.array(0.01)), start(2), np.eye(2), most_steps=20)
-    assert np.all(np.sum(found.chain**2, axis=-1) < 0.01)
 
 
 @pytest.mark.parametrize(
@@ -210,23 +126,3 @@ def test_a_chain_of_something_else_is_refused(tmp_path):
     other = type(gaussian())(jnp.eye(3))
     with pytest.raises(InputError, match="its densities differ"):
         sample(other, start(3), np.eye(3), store=store)
-
-
-def test_a_damaged_or_missing_file_of_a_chain_is_named(tmp_path):
-    store = Store(tmp_path / "chain")
-    sample(gaussian(), start(3), np.eye(3), store=store, most_steps=300, precision=1e-9)
-    files = sorted(store.folder.glob("steps-*.npz"))
-    assert len(files) == 3
-    kept = files[1].read_bytes()
-    files[1].write_bytes(kept[: len(kept) // 2])
-    with pytest.raises(InputError, match=r"steps-00000100.npz: expected a segment"):
-        sample(gaussian(), start(3), np.eye(3), store=store)
-    files[1].unlink()
-    with pytest.raises(InputError, match=r"steps-00000200.npz: .* after step 100"):
-        sample(gaussian(), start(3), np.eye(3), store=store)
-
-
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be written"):
-        sample(gaussian(), start(3), np.eye(3), store=Store(tmp_path / "file" / "x"))

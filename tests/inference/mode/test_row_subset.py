@@ -1,7 +1,6 @@
 """Long logs: searched by some of their rows, climbed by all."""
 
 import dataclasses
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.inference import information_of_layout, posterior_of
+from jblast.inference import posterior_of
 from jblast.inference.mode.laplace import density_and_slope
 from jblast.inference.mode.search import (
     MAX_SEARCH_ROWS,
@@ -73,17 +72,6 @@ def test_the_optimum_of_a_long_log_is_that_of_all_its_rows():
     assert np.isneginf(found.log_density[1:]).all()
 
 
-@pytest.mark.slow
-def test_both_mirror_images_of_a_long_log_are_found():
-    line = [(x, 0.0, 0.0) for x in (-60.0, -20.0, 15.0, 70.0)]
-    posterior = arrivals(line, MAX_SEARCH_ROWS + 100, scatter=False)
-    found = optima(jax.random.key(0), posterior)
-    np.testing.assert_allclose(found.log_density[1], found.log_density[0], rtol=1e-10)
-    image = found.z[0] * np.array([1.0, 1.0, -1.0])
-    np.testing.assert_allclose(found.z[1], image, atol=1e-6)
-    assert np.isneginf(found.log_density[2:]).all()
-
-
 def test_rows_are_spread_over_quantities_and_paths():
     rows = [(f"s{i % 50}", "air_arrival_s", 1.0, 1e-3, (i, 0, 0)) for i in range(2000)]
     rows += [("s0", "flash_time_s", 0.1, 1e-3, (1.0, 0.0, 0.0))]
@@ -139,17 +127,3 @@ def test_more_rows_times_effects_than_can_be_held_are_refused(monkeypatch, limit
     )
     with pytest.raises(InputError, match=said):
         posterior_of(parameters, layout_of(made, scene), made, IMPULSE, "student")
-
-
-@pytest.mark.slow  # compiles a posterior twice
-def test_what_is_kept_from_the_compiler_changes_no_reading(monkeypatch):
-    posterior = arrivals(RING, 12)
-    z = jnp.array([np.log(20.0), 8.0, -5.0])
-    args = posterior.parameters, posterior.layout, posterior.sigma, ARRIVAL, z
-    before = posterior.misfit(z), information_of_layout(*args)
-    jax.clear_caches()
-    # `import jblast.sensors.record as ...` gives the function of that name
-    monkeypatch.setattr(sys.modules["jblast.sensors.layout"], "CONSTANT_ROWS", 0)
-    after = posterior.misfit(z), information_of_layout(*args)
-    # the same sums, perhaps in another order
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, 1e-12), before, after)

@@ -7,33 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.mode.search import MERGE_STEPS, onward, residuals
+from jblast.inference.mode.search import residuals
 from tests.catalogue import AROUND, BOTH
 from tests.inference.shots import shot
-
-
-def test_starts_that_have_met_are_searched_once_and_end_together():
-    begun = jnp.array(
-        [[4.0], [4.0 + 0.1 * MERGE_STEPS], [9.0], [4.0], [9.0 + 10 * MERGE_STEPS]]
-    )
-    freedoms = jnp.array([[1.0, 1.0, 1.0, 2.0, 1.0]])
-    searched = []
-
-    def approach(y, freedom):
-        jax.debug.callback(lambda y: searched.append(float(y[0])), y)
-        return 10 * y + freedom
-
-    ends = np.asarray(onward(approach, begun, freedoms))[:, 0]
-    jax.effects_barrier()
-    assert sorted(searched) == [4.0, 4.0, 9.0, 9.0 + 10 * MERGE_STEPS]
-    np.testing.assert_allclose(ends, [41, 41, 91, 42, 91 + 100 * MERGE_STEPS])
-
-
-def test_every_search_goes_on_from_where_the_one_before_it_ended():
-    begun = jnp.array([[4.0], [9.0]])
-    freedoms = jnp.array([[1.0, 2.0], [3.0, 4.0]])
-    ends = onward(lambda y, freedom: 10 * y + freedom, begun, freedoms)
-    np.testing.assert_allclose(np.asarray(ends)[:, 0], [413, 924])
 
 
 @pytest.mark.slow  # slopes of every law of the shot are compiled

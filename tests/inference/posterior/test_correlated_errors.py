@@ -151,25 +151,6 @@ def test_residuals_of_a_table_are_in_the_sigma_of_the_log():
     assert left.of_laws.size == misfit.loading.shape[1]
 
 
-def test_a_search_sees_independent_errors_of_the_same_sizes():
-    near, plain = of(picks()).independent(), of(replace(picks(), covariances=()))
-    np.testing.assert_allclose(near.sigma, plain.sigma, rtol=1e-12)
-    assert near.shared_error is None
-
-
-def test_correlated_errors_widen_what_like_slopes_tell():
-    z = jnp.asarray(Z)
-    shared, alone = of(picks()), of(replace(picks(), covariances=()))
-    slopes = jax.jacfwd(lambda z: shared.misfit(z).residual)(z)
-
-    def information(posterior):
-        return float(
-            jnp.sum(whitened_rows(posterior, posterior.misfit(z), slopes) ** 2)
-        )
-
-    assert information(shared) != pytest.approx(information(alone), rel=0.05)
-
-
 def test_a_sigma_changed_after_the_pick_is_refused():
     table = picks()
     with pytest.raises(
@@ -216,12 +197,3 @@ def test_effects_of_a_path_and_errors_of_its_record_are_one_block():
     blocks = joined_blocks([*paths, *errors])
     assert [columns for _, columns in blocks] == [(2, 5), (3, 6, 8, 9), (4, 7)]
     assert [rows for rows, _ in blocks] == [rows for rows, _ in paths]
-
-
-def test_parts_that_a_third_joins_are_one_block():
-    parts = [((0, 1), (0,)), ((2, 3), (1,)), ((1, 2), (2,))]
-    assert joined_blocks(parts) == (((0, 1, 2, 3), (0, 1, 2)),)
-
-
-def test_a_block_of_many_effects_is_not_taken_apart():
-    assert joined_blocks([((0,), tuple(range(17)))]) == ()

@@ -62,19 +62,6 @@ def test_bearings_miss_by_the_short_way_round():
     np.testing.assert_allclose(residual, expected, atol=1e-12)
 
 
-@pytest.mark.slow
-def test_a_simulated_bearing_is_within_the_circle():
-    sensor = Sensor("s", np.array([0.0, -50.0, 0.0]), records=(("bearing_rad", 0.5),))
-    scene = Scene(sensors=(sensor,))
-    layout, sigma, _ = planned_layout(scene)
-    law = {"bearing_rad": "line_of_sight"}
-    read_ = jax.vmap(lambda key: observe(key, scene, layout, law, sigma))(
-        jax.random.split(jax.random.key(0), 200)
-    )
-    assert ((read_ >= 0) & (read_ < 2 * math.pi)).all()
-    assert (read_ > math.pi).mean() == pytest.approx(0.5, abs=0.15)  # 4 sd
-
-
 def test_the_growth_time_is_free_where_a_scene_is_silent():
     scene, log = UncertainScene(scene_of(SIGHTED)), log_of(SIGHTED)
     opened = as_seen(scene, log.quantity, log.time)
@@ -113,33 +100,6 @@ def test_an_image_alone_tells_size_over_distance_and_names_the_cure(more):
     assert found.exit_code == 4
     growth = answer.estimates["fireball_growth_s"]
     assert growth.q05 < own_growth(scene_of(SIGHTED)) < growth.q95
-
-
-@pytest.mark.slow
-def test_a_flash_adds_nothing_and_a_bang_ends_it():
-    seen = (*SIGHTED, ("flash_time_s", 2e-4))
-    alone = fit(log_of(seen), open_scene(scene_of(seen), "origin_time_s")).summary
-    (null,) = alone.null_directions
-    assert set(null.parameters) == {"charge_mass_kg", "charge_range_m"}
-    heard = fit(log_of(HEARD), open_scene(scene_of(HEARD), "origin_time_s"))
-    assert heard.exit_code == 0
-    for name, truth in (("charge_mass_kg", MASS), ("charge_range_m", RANGE)):
-        told = heard.summary.estimates[name]
-        assert abs(math.log(told.value / truth)) < 3 * told.log_sd
-
-
-@pytest.mark.slow
-def test_radii_long_before_the_growth_ends_leave_it_open_too():
-    early = tuple(time * 1e-3 for time in TIMES)
-    uncertain = UncertainScene(scene_of(SIGHTED, early), {"charge_mass_kg": FREE})
-    answer = fit(log_of(SIGHTED, times=early), uncertain).summary
-    for name in ("charge_mass_kg", "fireball_growth_s"):
-        told = answer.estimates[name]
-        # their errors decide whether the likeliest growth is endless: then told is none
-        assert not told.log_sd <= 2.0
-        for null in answer.null_directions:
-            assert name in null.parameters
-            assert "a fireball radius at a later time" in cure_words(null.cure)
 
 
 @pytest.mark.slow

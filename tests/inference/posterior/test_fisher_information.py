@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.inference import posterior_of
-from jblast.inference.identifiability import (
-    Identifiability,
-    echelon,
-    estimable_forms,
-)
-from jblast.inference.posterior.fisher_information import information, unit_diagonal
+from jblast.inference.identifiability import Identifiability, echelon, estimable_forms
+from jblast.inference.posterior.fisher_information import information
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Free, LogNormal, Scene, UncertainScene
 from jblast.sensors import layout_of
@@ -55,36 +51,6 @@ def test_information_is_that_of_the_whole_covariance(noise, weight):
     expected = slopes.T @ np.linalg.solve(covariance, slopes) + np.diag([0, 0, 1])
     # two routes through the same algebra: rounding only
     np.testing.assert_allclose(information(asked, Z), expected, rtol=1e-9)
-
-
-@pytest.mark.slow  # a second witness of the score
-def test_information_is_the_mean_square_of_the_score():
-    # normal errors: over logs drawn at Z, the slope of the ln-density in the
-    # predictions has the information as its covariance
-    asked = posterior("gaussian")
-    misfit = asked.misfit(Z)
-    rng = np.random.default_rng(0)
-    n = 20_000
-    shared = rng.standard_normal((n, misfit.loading.shape[1]))
-    own = rng.standard_normal((n, 4)) * np.asarray(misfit.sd)
-    residual = own + shared @ np.asarray(misfit.loading).T
-    covariance = np.diag(np.asarray(misfit.sd) ** 2) + np.asarray(
-        misfit.loading @ misfit.loading.T
-    )
-    slopes = -np.asarray(jax.jacfwd(lambda z: asked.misfit(z).residual)(Z))
-    score = residual @ np.linalg.solve(covariance, slopes)
-    found = np.cov(score.T)[:2, :2]
-    expected = np.asarray(information(asked, Z))[:2, :2]
-    # the standard error of a variance from n draws is sqrt(2/n) = 1 %
-    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.05)
-
-
-def test_unit_diagonal_takes_information_apart_and_puts_it_together():
-    matrix = jnp.array([[4.0, 2.0, 0.0], [2.0, 9.0, 0.0], [0.0, 0.0, 0.0]])
-    size, values, vectors = unit_diagonal(matrix, jnp.ones(3))
-    np.testing.assert_allclose(size, [2.0, 3.0, 1.0])
-    again = size[:, None] * (vectors * values[None, :]) @ vectors.T * size[None, :]
-    np.testing.assert_allclose(again, matrix, atol=1e-14)
 
 
 def test_echelon_rows_lead_with_a_one_of_their_own():

@@ -14,8 +14,7 @@ LOADING = jnp.asarray(RNG.normal(size=(6, 2)) * 0.1)
 
 
 @pytest.mark.parametrize(
-    ("noise", "reference"),
-    [("gaussian", stats.norm()), ("student", stats.t(df=4))],
+    ("noise", "reference"), [("gaussian", stats.norm()), ("student", stats.t(df=4))]
 )
 def test_independent_errors_have_the_density_of_scipy(noise, reference):
     u = np.linspace(-30, 30, 41)
@@ -31,13 +30,6 @@ def test_normal_errors_with_shared_effects_are_one_multivariate_normal():
     value, _ = log_likelihood(RESIDUAL, SD, LOADING, "gaussian")
     # exact up to rounding
     np.testing.assert_allclose(value, expected, rtol=1e-12)
-
-
-def test_without_shared_effects_rows_are_independent():
-    value, effects = log_likelihood(RESIDUAL, SD, jnp.zeros((6, 0)), "student")
-    expected = stats.t.logpdf(RESIDUAL, df=4, scale=np.asarray(SD)).sum()
-    np.testing.assert_allclose(value, expected, rtol=1e-12)
-    assert effects.shape == (0,)
 
 
 def integral(residual, sd, loading):

@@ -27,10 +27,7 @@ TRUE = {
 NEAR = (
     TRUE
     | {"charge_mass_kg": np.log(0.017), "charge_east_m": 4.1}
-    | {
-        "charge_north_m": 2.7,
-        "origin_time_s": 1.1042,
-    }
+    | {"charge_north_m": 2.7, "origin_time_s": 1.1042}
 )
 """What was answered while neighbouring paths were taken as independent."""
 

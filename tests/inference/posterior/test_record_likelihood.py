@@ -58,21 +58,6 @@ def test_where_a_pick_is_normal_samples_say_what_it_says(noise):
     assert abs(off.mean()) < 0.05
 
 
-@pytest.mark.slow
-def test_of_noisy_records_the_answer_moves_by_little():
-    of_picks, of_samples = both(20.0)
-    means, sds = [], []
-    for posterior in of_picks, of_samples:
-        density = np.asarray(densities(posterior, LOG_MASS))
-        weight = np.exp(density - density.max())
-        mean = np.average(LOG_MASS, weights=weight)
-        means.append(mean)
-        sds.append(np.sqrt(np.average((LOG_MASS - mean) ** 2, weights=weight)))
-    # samples assume one form of the pulse, picks are means over several
-    assert abs(means[0] - means[1]) < 0.7 * sds[0]
-    assert sds[1] == pytest.approx(sds[0], rel=0.15)
-
-
 def one_record(samples):
     """Return what the likelihood takes of one record of it, alone."""
     records = samples.records

@@ -67,12 +67,6 @@ def test_a_clock_of_another_zone_is_named(hours):
     assert doubt.numbers["late_s"] == 3600 * hours
 
 
-def test_minutes_for_seconds_are_named():
-    (doubt,) = doubts(with_value(BOTH, 4, 1 / 60), SCENE)
-    assert (doubt.kind, doubt.rows) == ("unit_slip", (4,))
-    assert doubt.names[1] == "minutes written as seconds"
-
-
 def test_east_and_north_swapped_are_named_where_that_moves_the_sensor():
     """The charge is at (150, -90) of the log's axes, so its range changes."""
     uncertain = freed(SCENE, ["charge_east_m", "charge_north_m", "origin_time_s"])
@@ -255,22 +249,6 @@ def test_scatter_of_many_gauges_is_no_rise(sigma):
             readings = readings.but(error=np.full(30, 5.0 * sigma))
         found += len(rising_peaks(readings, distance))
     assert found <= 200 * (0.033 + 4 * 0.013)
-
-
-def test_arrivals_slower_than_sound_are_reported_as_such():
-    """Two doubts name the speed; that no blast explains the shot is not enough."""
-    log = some_rows(BOTH, np.arange(3))
-    distance = np.array([50.0, 100.0, 200.0])
-    log = replace(
-        log,
-        value=distance / 230.0,
-        sigma=np.full(3, 5e-4),
-        slant_range=distance,
-        position=np.full((3, 3), np.nan),
-    )
-    found = doubts(log, SCENE)
-    assert [doubt.kind for doubt in found] == ["too_slow"] * 3
-    assert sentence(found[0], log).endswith("no wave in air is slower than 278 m/s")
 
 
 EIGHT = np.array(

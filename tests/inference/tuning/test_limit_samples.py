@@ -57,13 +57,3 @@ def test_its_squares_are_those_of_the_others_alone(noise, left):
     np.testing.assert_allclose(
         slopes[~CLIPPED], 2.0 * alone @ left[~CLIPPED], rtol=1e-9
     )
-
-
-def test_places_are_padded_past_the_end_and_too_many_are_none():
-    places = padded_places(CLIPPED)
-    assert places[:8].tolist() == np.flatnonzero(CLIPPED).tolist()
-    assert (places[8:] == COUNT).all()
-    assert places.size == 64
-    assert padded_places(np.ones(COUNT, bool)).size == 0
-    assert padded_places(np.arange(9000) < 5000).size == 0
-    assert padded_places(np.zeros(COUNT, bool)).size == 0

@@ -1,10 +1,8 @@
 """What frames and events tell: the truth that comes back, from afar as well."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.tuning.search import best_of_several, places, problem_from
 from jblast.inference.tuning.tune_sight import (
     camera_of,
     look_of,
@@ -12,7 +10,6 @@ from jblast.inference.tuning.tune_sight import (
     tune_events,
     tune_frames,
 )
-from jblast.inference.tuning.unknowns import filled, unknowns_of
 from jblast.report.tune_files import tune_figure
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.camera.events.scene import render_events
@@ -37,37 +34,6 @@ WRONG = TRUE | {
     "law": {"fireball_growth_s": 0.0022},
     "camera": TRUE["camera"] | {"threshold": [0.2, 0.2], "daylight_lux": 9e4},
 }
-
-
-class Wavy:
-    """Two valleys, and a pass between them: only the further one is deep."""
-
-    index = -1
-
-    def misfit(self, scene):
-        return jnp.abs(jnp.log(scene.fireball_growth / 0.004)) + 0.0
-
-    def weights(self, scene):
-        return jnp.ones(())
-
-    def residuals(self, scene, weights):
-        del weights
-        x = jnp.log(scene.fireball_growth / 0.004)
-        # downhill from 0.0022 leads away: the slope changes its sign at x = -0.4
-        return (jnp.where(x < -0.4, 2.0 + x, x)[None],)
-
-
-def test_a_search_begins_beyond_what_shuts_it_off():
-    uncertain, unknowns = unknowns_of(
-        scene_from_document(WRONG, "w"), ["fireball_growth_s"], "frames", None
-    )
-    scene = filled(uncertain.scene, -1, ["fireball_growth_s"], 1.0)
-    problem = problem_from(Wavy(), scene, unknowns)
-    nearest = float(np.exp(places(problem)[0][0]))
-    assert nearest == pytest.approx(0.004, rel=0.1)
-    found, error = best_of_several(problem, 0.01)
-    assert error < 1e-2
-    assert np.exp(found.z[0]) == pytest.approx(0.004, rel=1e-2)
 
 
 def within(tuned, name, truth):

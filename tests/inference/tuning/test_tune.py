@@ -11,12 +11,12 @@ from jblast.errors import InputError
 from jblast.inference.tuning import recorded_sound, tune_sound
 from jblast.inference.tuning.result import NothingHeardError
 from jblast.inference.tuning.search import identified_and_null
-from jblast.inference.tuning.sound import around_limit, bands_of
+from jblast.inference.tuning.sound import around_limit
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import Between
 from jblast.observations.records.sound import write_sound
-from jblast.report.tune import list_text, tune_answer, tune_text
+from jblast.report.tune import tune_answer, tune_text
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.listening import packets, plan
 
@@ -143,15 +143,6 @@ def test_events_are_paired_with_those_before_them_at_their_pixel():
     np.testing.assert_array_equal(pairs.before, [0.0, 0.0, 0.1, 0.0])
 
 
-def test_bands_hold_each_coefficient_once_but_the_lowest_and_the_last():
-    band, counts = bands_of(1000)
-    assert (np.bincount(band[band >= 0]) == counts).all()
-    assert counts.min() >= 12
-    assert (band[:4] == -1).all()
-    assert band[-1] == -1
-    assert (np.diff(band[4:-1]) >= 0).all()
-
-
 def test_what_a_recorder_cut_off_is_bridged():
     clipped = np.array([False, False, True, True, False, True])
     beside, share = around_limit(clipped)
@@ -174,12 +165,6 @@ def test_a_direction_of_which_little_is_known_is_not_told():
     # 100 is known of their sum; of their difference it counts as 1/4
     np.testing.assert_allclose(covariance, [[2.005, -1.995], [-1.995, 2.005]])
     assert len(told) == 1
-
-
-def test_the_list_names_everything():
-    text = list_text()
-    for name in ("absorption_scale", "camera_threshold_darker", "clock_offset_s.NAME"):
-        assert name in text
 
 
 @pytest.mark.slow

@@ -8,12 +8,7 @@ import jblast
 from jblast.errors import InputError
 from jblast.study import run_into
 from jblast.study.sampling import work
-from jblast.study.sampling.cluster import (
-    client_of,
-    shared,
-    write_summary,
-    write_tile,
-)
+from jblast.study.sampling.cluster import client_of, shared, write_tile
 from tests.study.engine.test_killed import chunks
 from tests.study.example import STUDY, study_in
 
@@ -63,28 +58,6 @@ def test_two_processes_write_the_store_that_one_does(tmp_path, monkeypatch):
                 yield tile, None
 
         ran = run_into(study, store, tiles=tiles, resume=True)
-    assert ran.complete
-    assert chunks(tmp_path / "one") == chunks(tmp_path / "two")
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")
-def test_two_processes_write_the_statistics_that_one_does(tmp_path, monkeypatch):
-    samples = 'samples = 200_000\nkeep = "summary"'
-    study = study_in(tmp_path, STUDY.replace("samples = 300", samples))
-    monkeypatch.setattr(work, "_tile_samples", lambda _: 16_384)
-    run_into(study, tmp_path / "one")
-    store = str(tmp_path / "two")
-    with workers_here(2) as client:
-
-        def tiles(missing, *, summary=False):
-            assert summary
-            for tile in shared(
-                client, write_summary, store, missing, jblast.__version__
-            ):
-                yield tile, None
-
-        ran = run_into(study, store, tiles=tiles)
     assert ran.complete
     assert chunks(tmp_path / "one") == chunks(tmp_path / "two")
 

@@ -1,7 +1,6 @@
 """Runs that are killed, and go on: what is in the store is that of a whole run."""
 
 import json
-import os
 import random
 import re
 import shutil
@@ -20,7 +19,7 @@ from jblast.study.engine import store as store_module
 from jblast.study.engine.merge import merged
 from jblast.study.engine.store import locked, open_store
 from jblast.study.sampling import work
-from tests.study.example import SCENE, STUDY, study_in, written
+from tests.study.example import STUDY, study_in, written
 
 SMALL = 1024
 KILLS, TILE_S = 10, 0.2
@@ -117,17 +116,6 @@ def test_a_full_disk_loses_nothing_that_was_computed(tmp_path, monkeypatch, smal
     ran = run_into(study, tmp_path / "full", resume=True)
     assert ran.new == 2500 - SMALL
     assert chunks(tmp_path / "full") == chunks(tmp_path / "whole")
-
-
-def test_half_a_chunk_is_calculated_anew(tmp_path, small):
-    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
-    run_into(study, tmp_path / "whole")
-    run_into(study, tmp_path / "cut", limit=2048)
-    chunk = tmp_path / "cut" / "air_arrival_s" / "1.0"
-    chunk.write_bytes(chunk.read_bytes()[:100])
-    (tmp_path / "cut" / "air_arrival_s" / ".1.0.abcd.part").write_bytes(b"half")
-    run_into(study, tmp_path / "cut", resume=True)
-    assert chunks(tmp_path / "cut") == chunks(tmp_path / "whole")
 
 
 def flipped(chunk):
@@ -240,67 +228,3 @@ def test_a_store_of_a_newer_schema_and_another_folder_are_refused(tmp_path):
     (tmp_path / "other" / "letter.txt").write_text("dear")
     with pytest.raises(InputError, match="got another folder"):
         run_into(study, tmp_path / "other", resume=True)
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_read_only_folder_is_refused(tmp_path):
-    (tmp_path / "closed").mkdir(mode=0o500)
-    with pytest.raises(OSError, match="Permission"):
-        run_into(study_in(tmp_path), tmp_path / "closed" / "store")
-
-
-@pytest.fixture
-def little_disk(tmp_path):
-    """A file system of its own with room for two tiles; where one may mount."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    size = ["-t", "tmpfs", "-o", "size=108k", "tmpfs", str(folder)]
-    try:
-        subprocess.run(["mount", *size], check=True, capture_output=True)
-    except (OSError, subprocess.CalledProcessError):
-        pytest.skip("a file system may not be mounted here")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
-
-
-def remounted(folder, how):
-    subprocess.run(["mount", "-o", f"remount,{how}", str(folder)], check=True)
-
-
-def test_a_disk_that_is_really_full_loses_nothing(tmp_path, little_disk, small):
-    study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 2500"))
-    run_into(study, tmp_path / "whole")
-    with pytest.raises(OSError, match="No space left"):
-        run_into(study, little_disk / "store")
-    there = opened(little_disk / "store")
-    done = there.done()
-    assert 0 < len(done) < there.tiles
-    assert not there.attributes["complete"]
-    remounted(little_disk, "size=1m")
-    ran = run_into(study, little_disk / "store", resume=True)
-    assert ran.new == 2500 - SMALL * len(done)
-    assert chunks(little_disk / "store") == chunks(tmp_path / "whole")
-
-
-def test_a_disk_that_may_be_read_alone_is_refused(tmp_path, little_disk, small):
-    study = study_in(tmp_path)
-    run_into(study, little_disk / "store")
-    before = chunks(little_disk / "store")
-    remounted(little_disk, "ro")
-    with pytest.raises(OSError, match="Read-only"):
-        run_into(study, little_disk / "other")
-    with pytest.raises(OSError, match="Read-only"):
-        run_into(study, little_disk / "store", resume=True)
-    assert chunks(little_disk / "store") == before
-
-
-@pytest.mark.slow
-def test_lanes_that_fail_are_the_same_after_a_resume(tmp_path, small):
-    scene = SCENE + "[air]\ntemperature_k = { normal = [390.0, 10.0] }\n"
-    text = STUDY.replace("samples = 300", "samples = 2500")
-    study = study_in(tmp_path, text, scene)
-    whole = run_into(study, tmp_path / "whole")
-    assert whole.estimates.moments["air_arrival_s"].failed.sum() > 100
-    run_into(study, tmp_path / "cut", limit=SMALL)
-    run_into(study, tmp_path / "cut", resume=True)
-    assert chunks(tmp_path / "cut") == chunks(tmp_path / "whole")

@@ -7,7 +7,6 @@ import pytest
 from jblast.errors import InputError
 from jblast.study import run_into
 from jblast.study.engine.merge import merged
-from jblast.study.engine.store import open_store
 from jblast.study.sampling import work
 from tests.study.example import STUDY, study_in
 
@@ -50,15 +49,3 @@ def test_a_study_with_another_seed_is_refused(stores):
     with pytest.raises(InputError, match="got another study"):
         merged([stores / "seed_1", stores / "seed_2"], stores / "out")
     assert not (stores / "out").exists()
-
-
-@pytest.mark.parametrize("name", ["²", "٠"])
-def test_files_with_digits_of_other_scripts_are_no_chunks(stores, name):
-    folder = stores / "seed_1"
-    store = open_store(folder)
-    assert store is not None
-    before = store.done()
-    for variable in store.variables:
-        chunk = store.chunk_path(variable, 0)
-        chunk.rename(chunk.with_name(chunk.name.replace("0", name, 1)))
-    assert store.done() == before - {0}

@@ -2,12 +2,7 @@
 
 import jax.numpy as jnp
 
-from jblast.scene import (
-    Charge,
-    Scene,
-    UncertainScene,
-    VehicleSpec,
-)
+from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
 from jblast.study.flights import Options
 
 PLACE = jnp.array([5.0, 0.0, 2.0])

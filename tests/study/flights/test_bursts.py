@@ -4,7 +4,6 @@ import numpy as np
 
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.study.flight_results import with_bursts_at_start
-from jblast.vehicle import blast_load
 
 CRAFT = VehicleSpec(model="crazyflie", position=np.array([5.0, 0.0, 12.0]))
 
@@ -28,14 +27,6 @@ def test_a_charge_high_up_is_flown_by_the_free_air_curves_and_said_so():
     scene, (note,) = flown(12.0, "surface")
     assert scene.charge.burst == "surface"
     assert 'burst = "surface" contradicts the height' in note
-
-
-def test_a_load_of_a_scene_with_a_vehicle_is_by_its_height():
-    for up, burst in ((12.0, "free-air"), (0.0, "surface")):
-        scene = Scene(
-            charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, up)), vehicle=CRAFT
-        )
-        assert blast_load(scene).blasts[0].burst == burst
 
 
 def test_a_batch_of_both_is_flown_by_the_stronger_set_and_marked():

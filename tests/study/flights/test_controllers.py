@@ -49,16 +49,3 @@ def test_all_fly_through_the_same_blast():
     assert len(set(peaks)) == 3
     words = flights_text(flights)
     assert "by a cascade as PX4's" in words
-
-
-@pytest.mark.slow  # two programs with a filter in each
-def test_each_flies_by_its_own_estimate():
-    options = Options(seconds=6.0, step_s=4e-3, estimator="ekf")
-    flights = fly(scene(), options, controllers=("hold", "without_integral"))
-    assert tuple(flights.holds) == ("with_integral", "without_integral")
-    for held in flights.holds.values():
-        assert 0 < float(held.metrics.peak_deviation_m) < math.inf
-        assert held.thrown is not None
-    rows = [row for row in flights_text(flights).splitlines() if row.count("->") == 3]
-    assert len(rows) == 2
-    assert "without integral" in rows[1]

@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.study.flight_results import (
-    Exposure,
-    Profile,
-    encounter_at,
-    exposed,
-    load_of,
-)
+from jblast.study.flight_results import Profile, encounter_at, exposed, load_of
 from jblast.vehicle import State, blast_load, named
-from jblast.vehicle.metrics import THRESHOLDS
-from jblast.vehicle.quadrotor import PARAMETERS
 
 CRAZYFLIE = named("crazyflie")
 TIME = np.linspace(0.0, 1.0, 1001)
@@ -84,12 +76,3 @@ def test_a_blast_that_comes_after_the_end_does_nothing_to_it():
     scene = Scene(charge=charge, fireball_growth=50e-3)
     found = exposure(scene, blast_load(scene), jnp.array([3.0, 0.0, 0.0]))
     assert [float(value) for value in found] == [0.0, 0.0, 0.0]
-
-
-def test_every_vehicle_has_thresholds_and_each_tells_its_source():
-    assert set(THRESHOLDS) == set(PARAMETERS)
-    for limits in THRESHOLDS.values():
-        assert tuple(limits) == Exposure._fields
-        for limit in limits.values():
-            assert limit.source.startswith("unknown") == (limit.value is None)
-            assert len(limit.source.split()) > 5  # a sentence

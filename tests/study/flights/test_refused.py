@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.scene import (
-    Charge,
-    Free,
-    Normal,
-    VehicleSpec,
-)
+from jblast.scene import Charge, Free, Normal, VehicleSpec
 from jblast.study.flight_results import Profile
 from jblast.study.flights import Options, fly
 from tests.study.flights.scenes import SHORT, SPEC, scene

@@ -91,10 +91,6 @@ def test_the_strongest_blasts_are_among_those_tuned_by(drawn, count):
     assert ranks.min() < drawn / count
 
 
-def test_few_blasts_stand_more_than_once():
-    assert chosen_ranks(3, 6).tolist() == [0, 0, 1, 1, 2, 2]
-
-
 @pytest.mark.slow
 def test_the_peak_has_the_slopes_of_differences(tmp_path):
     uncertain = scene_of(tmp_path, "iris")

@@ -9,7 +9,7 @@ from scipy.stats import lognorm
 from jblast.errors import InputError
 from jblast.scene import Air
 from jblast.study import draw, outcomes, run, run_into
-from jblast.study.engine.launch import Launcher, mesh_of
+from jblast.study.engine.launch import mesh_of
 from jblast.study.sampling import work
 from jblast.waves import wu_hao_air_arrival_time
 from jblast.waves.propagation import sound_speed_of
@@ -97,21 +97,6 @@ def test_samples_do_not_depend_on_tiles_devices_or_interruption(
     np.testing.assert_array_equal(
         xarray.open_zarr(tmp_path / "b").air_arrival_s, longer.air_arrival_s
     )
-
-
-def test_a_device_without_memory_is_given_less_and_says_so(study, whole, monkeypatch):
-    launch = Launcher._launch
-
-    def short(self, shared, each):
-        if self.capacity > 2:
-            raise MemoryError("RESOURCE_EXHAUSTED")
-        return launch(self, shared, each)
-
-    monkeypatch.setattr(Launcher, "_launch", short)
-    with pytest.warns(UserWarning, match="ran out of memory") as said:
-        again = run(study)
-    assert "2 blocks" in str(said[-1].message)
-    np.testing.assert_array_equal(again.air_arrival_s, whole.air_arrival_s)
 
 
 def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path, monkeypatch):

@@ -13,7 +13,6 @@ from jblast.study.engine.launch import mesh_of
 from jblast.study.engine.merge import merged
 from jblast.study.engine.store import open_store
 from jblast.study.engine.summary import SummaryStore, merged_states
-from jblast.study.outcome.family import FAMILIES
 from jblast.study.sampling import work
 from jblast.study.statistics import NUMBER
 from tests.study.engine.test_killed import chunks
@@ -80,20 +79,6 @@ def test_it_does_not_depend_on_devices_or_interruption(tmp_path):
     assert run_into(study, tmp_path / "b", resume=True).new == 0
 
 
-@pytest.mark.slow
-def test_blocks_that_go_together_as_on_a_gpu_say_the_same(tmp_path, monkeypatch):
-    study = study_in(tmp_path, SUMMARY)
-    run_into(study, tmp_path / "one")
-    alone = dataclasses.replace(FAMILIES["quantities"], on_core=1)
-    monkeypatch.setitem(FAMILIES, "quantities", alone)
-    study = study_in(tmp_path, SUMMARY)
-    run_into(study, tmp_path / "two")
-    one, two = whole_state(tmp_path / "one"), whole_state(tmp_path / "two")
-    np.testing.assert_allclose(one.moments.mean, two.moments.mean, rtol=1e-13)
-    np.testing.assert_allclose(one.moments.squares, two.moments.squares, rtol=1e-12)
-    assert (one.sketch.counts == two.sketch.counts).mean() > 0.999
-
-
 def test_the_first_samples_are_kept_where_a_number_of_them_is_asked_for(tmp_path):
     text = SUMMARY.replace('keep = "summary"', "keep = 1500")
     study = study_in(tmp_path, text)
@@ -125,14 +110,6 @@ def test_parts_are_merged(tmp_path):
     both = merged([tmp_path / "part", tmp_path / "rest"], tmp_path / "both")
     assert both.attributes["complete"]
     assert chunks(tmp_path / "both") == chunks(tmp_path / "whole")
-
-
-def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path):
-    text = SUMMARY + "sd_target = { air_arrival_s = 2e-3 }\n"
-    ran = run_into(study_in(tmp_path, text), tmp_path / "store")
-    assert ran.reached
-    assert ran.samples < SAMPLES
-    assert (ran.estimates.moments["air_arrival_s"].standard_error() <= 2e-3).all()
 
 
 @pytest.mark.slow

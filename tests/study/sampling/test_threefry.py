@@ -29,13 +29,3 @@ def test_numbers_are_those_of_jax(keys, count):
     np.testing.assert_array_equal(
         jax.jit(normals, static_argnums=1)(keys, count), theirs
     )
-
-
-def test_of_another_hash_jax_draws_itself():
-    keys = jax.random.split(jax.random.key(0, impl="rbg"), 3)
-    theirs = jax.vmap(lambda key: jax.random.normal(key, (2,)))(keys)
-    np.testing.assert_array_equal(normals(keys, 2), theirs)
-    theirs = jax.vmap(lambda key: jax.random.fold_in(key, 5))(keys)
-    np.testing.assert_array_equal(
-        jax.random.key_data(folded(keys, 5)), jax.random.key_data(theirs)
-    )

@@ -1,6 +1,5 @@
 """Against the function of Ishigami and Homma, whose indices are known."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.special import ndtr
@@ -155,17 +154,3 @@ def test_where_slope_and_variance_disagree_the_reason_is_told():
         ("x", "y"), "interaction"
     )
     assert disagreement(straight, {"x": 0.5, "y": 0.5}) == {}
-
-
-def test_a_rank_is_all_that_is_needed_of_a_prior():
-    u = np.random.default_rng(6).normal(size=(2000, 2))
-    y = u[:, 0] + 0.5 * u[:, 1]
-    one = indices_from_samples({"x": u[:, 0], "y": u[:, 1]}, y, resamples=5)
-    other = indices_from_samples(
-        {"x": np.exp(u[:, 0]), "y": np.asarray(jnp.asarray(u[:, 1]) * 7)},
-        y,
-        resamples=5,
-    )
-    assert one is not None
-    assert other is not None
-    assert one.first == pytest.approx(other.first, rel=1e-9)

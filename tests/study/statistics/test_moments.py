@@ -90,19 +90,3 @@ def test_any_cuts_end_in_the_moments_of_the_whole(values, one, other):
     assert found["variance"] == pytest.approx(
         np.var(values, ddof=1), rel=1e-9, abs=1e-12 * scale**2 + 1e-300
     )
-
-
-@pytest.mark.slow
-def test_a_hundred_million_values_keep_their_moments_and_quantiles():
-    rng, state = np.random.default_rng(6), NUMBER.empty()
-    for _ in range(100):
-        state = NUMBER.add(state, rng.normal(3.0, 2.0, size=122 * BLOCK))
-    found = NUMBER.finish(state, (0.05, 0.5, 0.95))
-    count = 100 * 122 * BLOCK
-    assert found["count"] == count
-    # four standard errors of a mean, of a variance, and of quantiles
-    assert found["mean"] == pytest.approx(3.0, abs=4 * 2 / np.sqrt(count))
-    assert found["variance"] == pytest.approx(4.0, rel=4 * np.sqrt(2 / count))
-    exact = 3.0 + 2.0 * np.array([-1.6448536269514722, 0.0, 1.6448536269514722])
-    # a bin is filled nearly evenly, so that they lie far closer than its width
-    assert found["quantiles"] == pytest.approx(exact, rel=1e-3)

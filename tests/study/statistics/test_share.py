@@ -1,5 +1,3 @@
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -29,14 +27,3 @@ def test_ends_that_are_exact_stay_so():
     low, high = wilson_interval(np.array([0.0, 1.0]), np.array([10.0, 10.0]))
     assert low[0] == 0.0
     assert high[1] == 1.0
-
-
-def test_flags_and_whole_numbers_count_alike():
-    flags = np.random.default_rng(1).uniform(size=(300, 2)) < 0.2
-    one = YES_NO.add(YES_NO.empty((2,)), flags)
-    other = YES_NO.add(YES_NO.empty((2,)), flags.astype(np.int8))
-    for here, there in zip(one, other, strict=True):
-        assert (here == there).all()
-    jitted = jax.jit(YES_NO.of)(jnp.asarray(flags))
-    for here, there in zip(one, jitted, strict=True):
-        assert (here == np.asarray(there)).all()

@@ -48,13 +48,6 @@ def test_place_and_time_of_a_log_with_positions_need_no_scene():
 
 
 @pytest.mark.slow
-def test_a_wrong_clock_is_named():
-    found = jblast.fit(log(clock_off=-1.0))
-    assert found.exit_code == 4
-    assert "m4" in {one.name for one in found.summary.explained_by}
-
-
-@pytest.mark.slow
 def test_several_wrong_clocks_are_named_together():
     recorder = {f"m{i}": name for i, name in enumerate("aabbcc")}
     ahead = {"a": 0.0, "b": 1.7, "c": 0.85}

@@ -6,31 +6,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.fitting.place import (
-    LEVELS,
-    peak_law,
-    ranges_at,
-    shock_rings,
-)
-from jblast.registry import law_for
-from jblast.scene import Charge, Scene, Sensor
-from jblast.sensors.calculator import Question, roots
+from jblast.inference.fitting.place import LEVELS, peak_law, shock_rings
+from jblast.scene import Charge, Sensor
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
 from tests.report.example import not_identifiable, shock_radius, three_parameters
 
 MASS = 209.0
-
-
-def test_the_calculator_finds_the_same_ranges():
-    scene = Scene(charge=Charge(mass_kg=MASS, burst="surface"))
-    law = law_for("peak_overpressure_pa", "kingery_bulmash")
-    found, valid = ranges_at(scene, law, [MASS], [5e3])
-    by_bisection = roots(Question(scene, (), (MASS,), "peak_overpressure_pa", 5e3))[
-        "kingery_bulmash"
-    ]
-    assert found[0, 0] == pytest.approx(by_bisection.value[-1], rel=1e-5)
-    assert valid[0, 0] == by_bisection.valid[-1]
 
 
 def test_a_sensor_on_a_ring_reads_its_pressure():

@@ -4,14 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from calibration.cases import (
-    LAWS,
-    MASS,
-    RANGES,
-    Recorder,
-    readings,
-    recorded,
-)
+from calibration.cases import LAWS, MASS, RANGES, Recorder, readings, recorded
 from jblast.inference import fit
 from jblast.observations import read
 from jblast.scene import default_scene, freed, with_laws

@@ -35,25 +35,6 @@ def test_a_folded_program_is_the_program():
         np.testing.assert_allclose(jnp.broadcast_to(got, want.shape), want, rtol=1e-14)
 
 
-def test_what_is_known_beforehand_is_not_computed_again():
-    def program(x, row, wind):
-        return [x * wind + jnp.exp(row), wind * jnp.sin(x)]
-
-    known, nothing = fold(program, [LANE, ROW, np.zeros((3, 1))])
-    assert isinstance(known, np.ndarray)
-    assert isinstance(nothing, np.ndarray)
-    np.testing.assert_allclose(known, np.exp(ROW), rtol=1e-15)
-
-
-def test_the_derivative_of_a_power_needs_no_other_power():
-    def program(x):
-        return jax.jvp(lambda x: x**1.4, (x,), (jnp.ones_like(x),))
-
-    made = jax.make_jaxpr(lambda x: fold(program, [x]))(LANE)
-    assert str(made).count(" pow ") == 1
-    np.testing.assert_allclose(fold(program, [LANE])[1], 1.4 * LANE**0.4, rtol=1e-14)
-
-
 def test_a_loop_cannot_be_taken_apart_and_is_batched_instead():
     def program(x, row):
         return [lax.fori_loop(0, 3, lambda _, v: v * row, x)]

@@ -48,11 +48,6 @@ def test_an_error_that_cannot_be_is_told(sigma):
     assert found == ((1, said),)
 
 
-def test_an_error_of_nothing_is_none():
-    sigma = np.zeros(3)
-    np.testing.assert_array_equal(checked(LAYOUT, np.tile(GOOD, (2, 1)), sigma)[1], 0.0)
-
-
 def test_errors_that_all_logs_share_have_to_be_finite():
     with pytest.raises(InputError, match="expected finite errors"):
         checked(LAYOUT, np.tile(GOOD, (2, 1)), np.array([0.01, np.nan, 1e-3]))

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference.many.residuals import grouped_rows, row_program, rows_of
+from jblast.inference.many.residuals import rows_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.scene import Clock, Ground, Scene, UncertainScene, freed
@@ -96,23 +96,3 @@ def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
         slope = (up - down) / (2 * step)
         size = float(jnp.abs(miss.columns[k]).max())
         np.testing.assert_allclose(miss.columns[k], slope, atol=1e-6 * (1 + size))
-
-
-def test_slopes_taken_together_are_those_taken_one_by_one():
-    """Two unknowns, and the effect that readings of one path share."""
-    observations = log(("a", "air_arrival_s", 0.2, 1e-3, (60.0, 5.0, 2.0)))
-    uncertain = freed(UncertainScene(Scene()), ["charge_mass_kg", "origin_time_s"])
-    parameters = parameters_of(uncertain)
-    laws = {"air_arrival_s": "kingery_bulmash"}
-    groups, effects = grouped_rows(
-        parameters, layout_of(observations, uncertain.scene), laws
-    )
-    programs = row_program(parameters, tuple(laws.items()), groups[0], sd_known=False)
-    place = (60.0, 5.0, 2.0, np.nan, np.nan, np.log(0.2), 0.01)
-    numbers = [jnp.asarray(x) for x in (2.5, 0.01, *[0.3] * effects, *place)]
-    each, together = (
-        jax.jit(lambda *x, run=run: jnp.stack(run(*x)))(*numbers) for run in programs
-    )
-    assert each.shape == (2 + 2 * (2 + effects),)
-    assert np.count_nonzero(each) >= 4
-    np.testing.assert_allclose(together, each, rtol=1e-10, atol=1e-14)

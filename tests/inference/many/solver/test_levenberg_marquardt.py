@@ -104,29 +104,3 @@ def test_unknowns_that_no_residual_tells_apart_are_no_optimum():
     found = optx.least_squares(ridge, solver, jnp.zeros(2), max_steps=30, throw=False)
     assert not solver.at_optimum(found.state.info)
     assert np.isfinite(found.value).all()
-
-
-def test_under_a_floor_too_high_to_see_an_optimum_nothing_converges():
-    solver = LaneLevenbergMarquardt()
-    for floor, seen in ((0.01, True), (0.05, False)):
-        info = solve(data(0), floor=floor).state.info
-        assert solver.at_optimum(info) == seen
-
-
-def test_the_loop_does_not_wait_for_the_share_of_stragglers():
-    slow = jnp.array([50.0, -6.0, 9.0])
-    starts = jnp.stack([solve(data(0)).value, slow], axis=1)
-    readings = jnp.stack([data(0), data(0)], axis=1)
-
-    def lanes(y, readings):
-        return jax.vmap(decay, in_axes=(1, 1), out_axes=1)(y, readings)
-
-    found = optx.least_squares(
-        lanes,
-        LaneLevenbergMarquardt(),
-        starts,
-        readings,
-        options={"stragglers": 0.5},
-        max_steps=60,
-    )
-    np.testing.assert_array_equal(found.state.done, [True, False])
