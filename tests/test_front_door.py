@@ -11,9 +11,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.inference.fitting.fit_input import fit_input
-from jblast.observations import write
-from jblast.scene import Sensor, scene_of
-from jblast.sensors import planned_layout
+from jblast.scene import scene_of
 
 NAMES = (
     *("fit", "fit_each", "fit_many", "read", "read_scene", "pick_files", "detect"),
@@ -81,13 +79,6 @@ def test_each_name_is_no_module_of_ours_and_says_how_it_is_used(name):
     assert f"jblast.{name}(" in told.partition("Example:")[2]
 
 
-def test_a_log_is_simulated_written_and_read(log, tmp_path):
-    write(tmp_path / "log.csv", log)
-    again = jblast.read(tmp_path / "log.csv")
-    np.testing.assert_allclose(again.value, log.value, rtol=1e-6)
-    assert again.quantity == log.quantity
-
-
 def test_a_scene_may_be_given_by_its_file(known, log):
     again = jblast.simulate(known.source, seed=1)
     np.testing.assert_array_equal(again.value, log.value)
@@ -100,24 +91,6 @@ def test_objects_that_are_no_scene_or_log_are_refused():
         fit_input({"value": 1.0})
     with pytest.raises(InputError, match="or a data frame, got Series"):
         fit_input(pandas.Series([1.0]))
-
-
-@pytest.mark.slow  # by default the scenes of README, test_pages.py
-def test_a_layout_reads_what_the_calculator_says():
-    scene = jblast.Scene(
-        jblast.Charge(mass_kg=15.0),
-        sensors=(
-            Sensor("a", np.array([0.0, 20.0, 0.0]), records=(("air_arrival_s", 1e-4),)),
-        ),
-    )
-    layout, _, _ = planned_layout(scene)
-    read = jblast.record(scene, layout, {"air_arrival_s": "kingery_bulmash"})
-    laws = jblast.calculate(scene, [20.0], 15.0)["air_arrival_s"]
-    np.testing.assert_allclose(read.value, laws["kingery_bulmash"].value, rtol=1e-9)
-
-
-def test_a_method_is_chosen(known):
-    assert jblast.choose(known, "air_arrival_s", 0.05).met
 
 
 def test_a_fireball_is_seen_and_sends_events(known):

@@ -68,17 +68,6 @@ def test_a_name_ends_in_its_unit(one):
     assert one.unit == (symbol or "1")
 
 
-@every_parameter
-def test_a_key_of_the_file_ends_in_the_unit_of_its_number(one):
-    assert split_name(one.key.name)[1] == split_name(one.name)[1]
-
-
-@every_parameter
-def test_what_takes_the_place_of_others_names_numbers_of_its_own_table(one):
-    for other in one.takes_the_place_of:
-        assert PARAMETERS[other].key.table == one.key.table
-
-
 def test_numbers_are_found_by_the_names_they_have_beside_others():
     assert described("charge_mass_kg.east") is PARAMETERS["charge_mass_kg"]
     assert (

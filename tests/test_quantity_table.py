@@ -8,12 +8,10 @@ from jblast.quantities import (
     QUANTITIES,
     components,
     made_with,
-    quantity_named,
 )
 from jblast.registry import LAWS
-from jblast.report.words import LADDERS, quantity_words, split_name
+from jblast.report.words import LADDERS, split_name
 from jblast.scene.charge import EXPLOSIVES, tnt_factor
-from jblast.scene.reader.tables import KEYS
 from jblast.sensors.calculator import COMBINATIONS
 
 ALL = [*QUANTITIES.values(), *DERIVED_QUANTITIES.values()]
@@ -39,10 +37,6 @@ def test_quantities_of_a_kind_have_one_unit(one):
     assert same == ({"m", "px"} if one.kind == "fireball radius" else {one.unit})
 
 
-def test_a_scene_file_may_name_a_law_for_everything_that_can_be_recorded():
-    assert set(QUANTITIES) < set(KEYS["law"])
-
-
 def test_a_sum_is_made_of_quantities_with_a_law():
     assert components("peak_overpressure_pa") == (("peak_overpressure_pa", 1.0),)
     assert dict(components("arrival_difference_s")) == {
@@ -62,9 +56,3 @@ def test_impulses_and_durations_go_by_the_impulse_of_an_explosive(one):
     assert tnt_factor("C4", one.name) == (c4.impulse if by_impulse else c4.pressure)
     by_energy = one.name == "shock_radius_m"
     assert tnt_factor("nuclear", one.name) == (nuclear.energy if by_energy else 0.5)
-
-
-@every_quantity
-def test_words_are_those_of_the_table(one):
-    assert quantity_words(one.name) == one.words
-    assert quantity_named(one.name) is one

@@ -1,6 +1,5 @@
 """What a command says while it works, by a clock that the test winds."""
 
-import inspect
 import io
 import subprocess
 import sys
@@ -8,8 +7,6 @@ from typing import Any, cast
 
 import pytest
 
-import jblast
-import jblast.study
 from jblast import progress_line
 from jblast.errors import InputError
 from jblast.progress import counted, each, heard_by, stages
@@ -166,18 +163,6 @@ def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
 def test_another_progress_is_refused():
     with pytest.raises(InputError, match="progress: expected True, False, or a func"):
         work(progress=cast(Any, "yes"))
-
-
-LONG_CALLS = (
-    *(jblast.fit, jblast.fit_each, jblast.fit_many, jblast.bound, jblast.choose),
-    *(jblast.pick_files, jblast.detect, jblast.fly, jblast.fly_scene),
-    *(jblast.study.run, jblast.study.run_into),
-)
-
-
-@pytest.mark.parametrize("call", LONG_CALLS, ids=lambda call: call.__name__)
-def test_long_calls_have_the_argument(call):
-    assert inspect.signature(call).parameters["progress"].default is False
 
 
 SLOW = """

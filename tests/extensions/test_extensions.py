@@ -31,7 +31,6 @@ from jblast.study.flights import Options, fly
 from jblast.study.gains import TuningSettings, tune_gains
 from jblast.vehicle import CONTROLLERS, controller_of, simulate, start_of, vehicle_of
 from jblast.waves.propagation import ambient
-from jblast.world.perceived import arrivals_of, perceived
 from tests.study.flights.scenes import SHORT, SPEC, scene
 
 HERE = Path(__file__).parent
@@ -187,15 +186,6 @@ def test_a_record_is_differentiable_and_batched(extension):
     assert slope == pytest.approx(float(values[2] - values[0]) / 2e-3, rel=1e-4)
 
 
-def test_a_world_perceives_by_a_kind(extension):
-    extension("thermometer")
-    probe = Sensor("probe", (30.0, 0.0, 1.0), "thermometer")
-    made = Scene(charge=Charge(mass_kg=2.0, time_s=0.1), sensors=(probe,))
-    ((_, entity, sense, time),), late = perceived(made, arrivals_of(made), 1.0)
-    assert (entity, sense, late) == ("probe", "warmth", 0)
-    assert 0.1 < time < 0.1 + 30.0 / 330.0
-
-
 def test_a_controller_is_flown_by_its_name(extension):
     with pytest.raises(InputError, match="controller 'brake': expected one of"):
         fly(scene(), SHORT, controllers=("brake",))
@@ -216,28 +206,6 @@ def test_a_users_load_is_flown():
     assert np.isnan(flown.encounter.scaled_distance).all()
     # an impulse of 4 (2.2116^2 5.39^-2.16 + 0.0196) N s on 30 g
     assert float(flown.metrics.peak_deviation_m) > 0.2
-
-
-def test_flights_by_a_users_controller_are_kept(extension, tmp_path):
-    extension("brake")
-    control = controller_of(SPEC, "brake")
-
-    def flown():
-        return simulate(
-            vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
-            control=control,
-        )  # fmt: skip
-
-    try:
-        keep_in(tmp_path)
-        first = flown()
-        kept = set(tmp_path.glob("traced-*"))
-        assert kept
-        keep_in(tmp_path)  # as another process
-        np.testing.assert_array_equal(flown().position_m, first.position_m)
-        assert set(tmp_path.glob("traced-*")) == kept
-    finally:
-        keep_in(None)
 
 
 def test_gains_and_environments_take_controllers_with_the_loops_of_the_hold(extension):

@@ -18,7 +18,7 @@ from tests.vehicle.flights import at_hover
 with pytest.MonkeyPatch.context() as patch:
     # other tests know the controllers of the package alone
     patch.setattr(CONTROLLERS, "_records", dict(CONTROLLERS._records))
-    from tests.extensions.observer import OBSERVER_RATE, ObservedHold, pull_of_rotors
+    from tests.extensions.observer import OBSERVER_RATE, ObservedHold
 
 IRIS = named("iris")
 HOME = np.array([0.0, 0.0, 10.0])
@@ -41,12 +41,6 @@ def seen(velocities):
         _, memory = turn(jnp.asarray(velocity), memory)
         found.append(np.asarray(memory.push_m_s2))
     return np.array(found)
-
-
-def test_rotors_that_carry_the_weight_pull_at_nothing():
-    np.testing.assert_allclose(
-        pull_of_rotors(at_hover(IRIS, tuple(HOME)), IRIS), 0.0, atol=1e-9
-    )
 
 
 def test_a_steady_push_is_seen_as_an_exponential():

@@ -3,13 +3,9 @@ import pytest
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.words import (
-    joined,
-    parameter_words,
     printed_number,
-    quantity_words,
     rounded,
     significant,
-    split_name,
     unit_for,
 )
 
@@ -71,23 +67,8 @@ def test_an_unidentified_number_has_no_value_and_no_interval():
     assert (printed.value, printed.interval) == ("not identified", "-")
 
 
-def test_an_estimate_without_an_sd_still_prints():
-    printed = printed_estimate("charge_east_m", Estimate(value=12.3456, sd=0.0))
-    assert printed.value == "12.35 m"
-
-
 def test_units_are_chosen_by_the_largest_number():
     assert unit_for("_s", 2e-3, -0.5, None).symbol == "ms"
     assert unit_for("_s").symbol == "s"
     assert significant(123456789.0, 3) == "1.23e8"
     assert significant(0.0) == "0"
-
-
-def test_names_become_words():
-    assert parameter_words("charge_mass_kg") == "charge mass"
-    assert parameter_words("charge_mass_kg.second") == "charge mass of second"
-    assert parameter_words("snow_depth_m") == "snow depth"
-    assert quantity_words("positive_impulse_pa_s") == "positive impulse"
-    assert split_name("wind_east_m_s") == ("wind_east", "_m_s", "")
-    assert joined(["a", "b", "c"]) == "a, b and c"
-    assert joined([]) == ""

@@ -34,15 +34,6 @@ def test_covariances_beside_a_log_are_told_with_it(tmp_path):
     assert [file.name for file in made.logs] == ["picks.csv", "picks.covariance.csv"]
 
 
-def test_every_file_of_a_folder_is_told_and_what_is_no_file_is_not(tmp_path):
-    for name in ("b.wav", "a.wav"):
-        (tmp_path / name).write_text(name)
-    (tmp_path / "folder").mkdir()
-    made = provenance_of([tmp_path, "", tmp_path / "none.csv"], tmp_path / "none.toml")
-    assert [file.name for file in made.logs] == ["a.wav", "b.wav"]
-    assert made.scene is None
-
-
 def test_the_page_and_the_answer_hold_all_of_it(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE, "utf-8")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jblast.constants import FOOT, PSI
 from jblast.errors import InputError
 from jblast.units import LN_PER_DB, SI, SUFFIXES, overpressure, si_factor
 
@@ -21,11 +20,6 @@ from jblast.units import LN_PER_DB, SI, SUFFIXES, overpressure, si_factor
 def test_a_factor_is_the_definition(suffix, factor):
     # NIST SP 811 (2008), appendix B; psi is 0.45359237 * 9.80665 / 0.0254**2
     assert si_factor(suffix) == pytest.approx(factor, rel=2e-16)
-
-
-def test_constants_are_the_factors_of_the_unit_table():
-    assert si_factor("psi") == PSI
-    assert si_factor("ft") == FOOT
 
 
 @pytest.mark.parametrize("dimension", SI)

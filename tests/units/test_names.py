@@ -1,13 +1,10 @@
 """A name of another tool is one of ours in a unit, or it is none."""
 
-import subprocess
-import sys
-
 import pytest
 
 from jblast.observations.table import COLUMNS
 from jblast.quantities import QUANTITIES
-from jblast.units import CALLED, SUFFIXES, dimension_of, our_name, what_to_write
+from jblast.units import dimension_of, our_name, what_to_write
 
 PSI = 4.4482216152605 / 0.0254**2  # a pound's weight on a square inch, both exact
 MEANT = [
@@ -111,20 +108,3 @@ def test_every_quantity_and_column_with_a_unit_is_its_own_name():
         assert found is not None
         assert (found.name, found.factor) == (name, 1.0)
         assert found.dimension == dimension_of(name)
-
-
-def test_what_is_called_otherwise_leads_to_ours_of_its_dimension():
-    for dimension, called in CALLED.items():
-        assert dimension in SUFFIXES
-        for ours in called.values():
-            of = dimension_of(ours)
-            assert of == ("pressure" if dimension == "level" else dimension)
-
-
-def test_names_in_si_need_no_pint():
-    code = (
-        "import sys; from jblast.units import our_name; "
-        "our_name('peak_overpressure_pa'); our_name('Air arrival (s)'); "
-        "sys.exit('pint' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 0

@@ -36,7 +36,6 @@ from tests.cli.verbs.simulate.test_world import BY_LAND
 
 EXAMPLE = Path(__file__).parents[3] / "calibration" / "data" / "records_example"
 FLIGHT = FLOWN_CHARGE + VEHICLE + OWN
-STATIONS = EXAMPLE / "STATIONS.csv"
 SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
 SHOTS = HEADER.replace("\n", ",shot\n") + (
     "a,air_arrival_s,0.05,0.001,30,0,1,one\nb,air_arrival_s,0.09,0.001,40,0,1,two\n"
@@ -73,21 +72,6 @@ def test_names_of_parameters_and_laws_are_those_of_the_command(jblast):
     assert "--law nonsense: expected auto" in jblast.refused(
         "fit", path, "--law", "nonsense"
     )
-
-
-@pytest.mark.slow  # the fit of a pulse is compiled
-def test_a_folder_of_records_is_fitted_as_by_the_command(jblast):
-    code, out, _ = jblast("fit", str(EXAMPLE), "--positions", str(STATIONS), "--json")
-    told = json.loads(out)
-    del told["picks"]
-    answer = library.fit(EXAMPLE, positions=STATIONS)
-    same(fit_document(answer), told)
-    assert answer.exit_code == code
-    picked = library.pick_files(EXAMPLE, positions=STATIONS)
-    _, out, _ = jblast("pick", str(EXAMPLE), "--positions", str(STATIONS), "--json")
-    names = [one["record"] for one in json.loads(out)["picks"]]
-    assert list(picked.found.named()) == names
-    assert len(picked.log.observations) == len(picked.observations())
 
 
 def test_records_without_a_bang_or_without_stations_are_refused(jblast):

@@ -51,15 +51,3 @@ def test_mass_and_place_have_a_panel_each_with_contours_in_their_units():
     assert {"a", "b <x>"} <= set(labels)
     assert mass.get_xlim() == (-100.0, 100.0)
     assert mass.get_ylim() == (-50.0, 150.0)
-
-
-def test_a_map_with_holes_and_one_of_a_single_coordinate_are_drawn(tmp_path):
-    holes = np.array(made().log_sd_mass)
-    holes[:5] = np.inf
-    drawn = made(log_sd_mass=holes, place=("charge_north_m",))
-    figure = bound_figure(drawn)
-    assert figure.axes[1].get_title("left") == "Sd of charge north"
-    assert np.ma.count_masked(figure.axes[0].images[0].get_array()) == 5 * 21
-    for kind in ("png", "svg", "pdf"):
-        figure.savefig(tmp_path / f"map.{kind}")
-        assert (tmp_path / f"map.{kind}").stat().st_size > 5000

@@ -1,8 +1,5 @@
 """What `--json` prints, key by key: the contract is with programs."""
 
-from dataclasses import replace
-
-from jblast.inference.fitting.findings import WrongClock, WrongSensor
 from jblast.report.fit.document import fit_document
 from tests.report import example
 
@@ -69,26 +66,3 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
             [{"charge": "", "place": None, "origin_time_utc": None}],
         ),
     ]
-
-
-def test_a_wrong_clock_has_an_offset_and_a_wrong_sensor_none():
-    rest = (2.5, 3, 0.47, 4, {"origin_time_s": example.Estimate()})
-    wrong = (
-        WrongClock("c", *rest, -0.8, 0.01, "clock_offset_s.c"),
-        WrongSensor("d", *rest),
-    )
-    fit = example.three_parameters()
-    fit = replace(fit, summary=replace(fit.summary, explained_by=wrong))
-    clock, sensor = fit_document(fit)["explained_by"]
-    said = {
-        "chi2": 2.5,
-        "dof": 3,
-        "p_value": 0.47,
-        "law_valid_rows": 4,
-        "estimates": {"origin_time_s": NOTHING},
-    }
-    offset = {"offset_s": -0.8, "offset_sd": 0.01, "parameter": "clock_offset_s.c"}
-    first = {"kind": "clock", "name": "c"}
-    assert list(clock.items()) == list((first | offset | said).items())
-    first = {"kind": "sensor", "name": "d"}
-    assert list(sensor.items()) == list((first | said).items())

@@ -1,7 +1,7 @@
 """Every finding has words, and numbers that JSON can hold."""
 
 import json
-from dataclasses import fields, replace
+from dataclasses import fields
 from typing import Any, get_type_hints
 
 import pytest
@@ -16,7 +16,6 @@ from jblast.inference.mcmc import ensemble as mcmc
 from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.report.fit.findings import words
 from jblast.results import plain
-from tests.report import example
 
 MADE: dict[Any, Any] = {
     int: 3,
@@ -70,26 +69,3 @@ def test_a_finding_has_words_a_code_and_numbers(kind):
     document = json.loads(json.dumps(plain(finding.to_dict()), allow_nan=False))
     assert document.pop("code") == finding.code
     assert list(document) == [field.name for field in fields(finding)]
-
-
-def test_what_was_found_is_json_for_a_user_of_python():
-    found = replace(
-        example.one_parameter().summary,
-        warnings=(fitting.NoScene(), importance.NormalIntervals(MADE[FEW])),
-    )
-    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
-    assert document["estimates"]["charge_mass_kg"]["value"] == 1000.0
-    assert document["warnings"] == [
-        {"code": "no_scene", "freed": [], "altitude_m": 0.0},
-        {
-            "code": "normal_intervals",
-            "because": {
-                "code": "few_effective_draws",
-                "effective": 50.4,
-                "wanted": 100,
-            },
-        },
-    ]
-
-
-FEW = importance.FewEffectiveDraws

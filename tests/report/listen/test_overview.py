@@ -26,13 +26,6 @@ def test_an_envelope_is_the_least_and_most_of_every_column(size):
     assert start / 1000.0 <= envelope.time_s[0] < envelope.time_s[-1] < stop / 1000.0
 
 
-def test_what_has_not_come_is_not_drawn():
-    envelope = Envelope(0, 100, 1000.0, columns=10)
-    envelope.push(SAMPLES[:50], 0)
-    assert np.isfinite(envelope.low[:5]).all()
-    assert np.isnan(envelope.high[5:]).all()
-
-
 @pytest.mark.parametrize("size", [13, 4096, 50_000])
 def test_a_spectrogram_is_that_of_scipy(size):
     """A different implementation: one column a frame."""

@@ -10,7 +10,7 @@ import pytest
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
-from jblast.report.picks import NOTES, picks_answer, picks_text
+from jblast.report.picks import NOTES, picks_answer
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
 from jblast.signals.picks.unknowns import CONTINUED, SMOOTH, Form
@@ -77,13 +77,6 @@ def test_the_fitted_curve_has_the_form_of_the_fit():
     (curve,) = curves([replace(one, record=replace(one.record, samples=samples))])
     np.testing.assert_allclose(curve.fitted, curve.samples, atol=2.0)
     assert "continued_decay" in one.notes
-
-
-def test_a_clipped_peak_is_printed_as_a_bound_and_named():
-    clipped = found({"lower_bound": True, "clipped_at_pa": 800.0})
-    text = picks_text(clipped, log_of(clipped))
-    assert "> 1.000 ± 0.010 kPa" in text
-    assert "g0: clipped at 800 Pa" in text
 
 
 def test_the_document_is_json_and_holds_what_was_picked():

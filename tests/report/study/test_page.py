@@ -11,7 +11,7 @@ from docs.generate import documents
 from jblast.errors import InputError
 from jblast.report.study_columns import columns_of
 from jblast.report.study_page import shares_on_grid, study_report
-from jblast.report.study_results import printed_share, summary_of
+from jblast.report.study_results import summary_of
 from jblast.report.study_stores import read_columns
 
 ATTRIBUTES = {
@@ -119,12 +119,6 @@ def test_the_document_keeps_to_its_schema(report):
     by_name = {one["name"]: one for one in shares["numbers"]}
     # ln of the deviation is a plane: range and mass have nearly all of it
     assert by_name["range_m"]["total"] > 0.5 > by_name["wind_m_s"]["total"]
-
-
-def test_a_share_that_is_nearly_one_is_not_printed_as_one():
-    assert printed_share(29_997 / 30_000) == "0.9999"
-    assert printed_share(0.999757) == "0.999757"
-    assert [printed_share(share) for share in (1.0, 0.4567, 0.0)] == ["1", "0.457", "0"]
 
 
 def test_names_of_a_study_cannot_write_to_the_page():

@@ -64,25 +64,7 @@ def test_tables_are_those_of_all_samples(reports, name):
 
 
 @pytest.mark.slow  # three studies are run
-def test_it_has_the_same_figures(reports):
-    drawn = set(reports["summary"].pictures)
-    assert drawn == {"response", "contours", "exceedance", "convergence"}
-    assert "Only statistics of the samples were stored" in reports["summary"].page()
-
-
-@pytest.mark.slow  # three studies are run
 def test_what_scatter_comes_from_is_told_by_samples_that_were_kept(reports):
     assert not reports["summary"].answer().to_dict()["sensitivity"]
     found = reports["some"].answer().to_dict()["sensitivity"][0]
     assert found["rows"] == 600
-
-
-@pytest.mark.slow  # two studies are run
-@pytest.mark.parametrize("first", [0, 1])
-def test_outcomes_come_in_the_order_of_the_study(tmp_path, first):
-    names = ["air_arrival_s", "peak_overpressure_pa"]
-    names = [names[first], names[1 - first]]
-    text = STUDY.replace('["air_arrival_s"]', f'["{names[0]}", "{names[1]}"]')
-    run_into(study_in(tmp_path, text), tmp_path / "store")
-    lanes = read_columns(str(tmp_path / "store")).lanes
-    assert list(dict.fromkeys(lane.name for lane in lanes)) == names

@@ -6,17 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import soundfile
 
 from jblast.errors import InputError
 from jblast.missions import grid_plan, write_plan
 from jblast.report.ros_bag import RosBag
-from jblast.report.world_files import Fed, run_world
+from jblast.report.world_files import run_world
 from jblast.report.world_viewer import Viewer
 from jblast.scene import Place
 from jblast.sensors.listening import packets
 from jblast.study.running import (
-    listening_of,
     packets_of,
     prepare_run,
     record_run,
@@ -171,29 +169,6 @@ def test_who_watches_changes_nothing_recorded(scene, folder):
     # both bangs at the vehicle; the camera sees both fireballs
     assert found["detected"] >= 2
     assert found["false_alarms"] == 0
-
-
-def test_a_recording_of_a_world_is_that_of_the_run(scene, folder):
-    listening, _ = listening_of(scene, SECONDS, 4)
-    mic = next(sensor for sensor in listening.sensors if sensor.name == "mic")
-    (whole,) = packets(listening, mic)
-    run_world(scene, folder / "heard", seconds=SECONDS, seed=4)
-    written, _ = soundfile.read(folder / "heard" / "sound" / "mic.wav")
-    # 32 bits in the file
-    np.testing.assert_allclose(written, whole[:, 0], rtol=1e-6, atol=1e-6)
-
-
-def test_an_error_while_a_file_is_written_is_raised_at_the_next_packet():
-    def consume(items):
-        assert next(items) == 1
-        raise OSError("no space left")
-
-    fed = Fed(consume)
-    with pytest.raises(OSError, match="no space left"):  # noqa: PT012
-        for item in range(1, 20):
-            fed.put(item)
-    with pytest.raises(OSError, match="no space left"):
-        fed.end()
 
 
 def test_subscribers_are_finished_after_an_error(run):

@@ -177,15 +177,6 @@ def test_a_waveform_contains_its_peak_and_the_marks_of_detections(data):
     assert series(data, f"{PLOTS}/false_alarms")[0] == pytest.approx([0.65])
 
 
-def test_frames_are_thinned_to_twenty_a_second(data):
-    time, images = pictures(data, "/world/camera/image")
-    np.testing.assert_allclose(time, np.arange(0.0, SECONDS, 0.05), atol=1e-9)
-    for exposed, image in zip(time, images, strict=True):
-        assert image.shape == (HEIGHT, WIDTH, 3)
-        # the level of the frame of that time; JPEG of a plain picture is within 2
-        assert np.abs(image - round(100.0 * exposed)).max() <= 2
-
-
 def test_camera_events_are_shown_at_the_end_of_their_interval(data):
     time, images = pictures(data, "/events")
     np.testing.assert_allclose(time, 0.05 * np.arange(1, 41), atol=1e-9)
@@ -212,14 +203,6 @@ def test_a_shock_front_grows_at_the_sound_speed_until_it_has_passed_all(data):
     assert shown == 2
 
 
-def test_a_charge_appears_at_its_detonation(data):
-    ((time, places),) = data["/world/charges/1", "Points3D:positions"]
-    assert time == 0.5
-    np.testing.assert_allclose(places, [[30.0, 0.0, 0.0]])
-    ((_, (radius,)),) = data["/world/charges/1", "Points3D:radii"]
-    assert radius == pytest.approx(2.0 * 1.81)  # twice that of 1 kg
-
-
 def test_the_path_is_continuous_and_follows_the_vehicle(data):
     strips = [strip for _, (strip,) in data["/world/path", "LineStrips3D:strips"]]
     assert len(strips) == SECONDS / PACKET_S
@@ -237,28 +220,9 @@ def test_a_mounted_sensor_is_shown_in_the_frame_of_the_vehicle(data):
     assert not [path for path in plots if path.startswith("/waveforms/imu")]
 
 
-def test_two_files_of_the_same_packets_have_equal_data(tmp_path, data, packets):
-    write(tmp_path / "again.rrd", packets)
-    again = read(tmp_path / "again.rrd")
-    assert again.keys() == data.keys()
-    for key, rows in data.items():
-        assert again[key] == rows, key
-
-
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
     with pytest.raises(InputError, match=r"run\.rrd: expected a file to write"):
         write(tmp_path / "nowhere" / "run.rrd", [])
-
-
-def test_a_scene_of_a_charge_alone_is_shown(tmp_path):
-    path = tmp_path / "run.rrd"
-    viewer = Viewer(
-        scene=Scene(CHARGE), sound_speed_m_s=SPEED, recording_id="r", save=path
-    )
-    viewer.take(Packet(0.4, 0.6, blasts=(CHARGE,)))
-    viewer.finish()
-    viewer.wait()  # returns, as the run is not served
-    assert ("/world/charges/1", "Points3D:positions") in read(path)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 10, 23])

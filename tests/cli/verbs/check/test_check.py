@@ -73,21 +73,6 @@ def test_clips_are_not_doubted_for_clocks_of_their_own(jblast):
     assert text.count("expected a date") == 1
 
 
-SAMPLES = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
-
-
-@pytest.mark.slow
-def test_records_of_samples_are_picked_and_doubted_as_readings_are(jblast):
-    beside = DATA / "records_example"
-    rows = (
-        f"g01,overpressure_record,,,50,0,0,{beside / 'g01.csv'}\n",
-        f"g02,overpressure_record,,,0,80,0,{beside / 'g02.csv'}\n",
-    )
-    code, text, err = jblast("check", jblast.file("log.csv", SAMPLES + "".join(rows)))
-    assert (code, err) == (0, "")
-    assert "overpressure record 2" in text
-
-
 @pytest.mark.parametrize(
     "name", ["five_microphones", "camera_and_bang", "hri_2", "hta_1", "trinity"]
 )

@@ -65,35 +65,6 @@ def test_json_has_every_key_and_stdout_holds_nothing_else(jblast, plan, rows):
 
 
 @pytest.mark.slow
-def test_the_noise_and_the_law_asked_for_are_taken(jblast):
-    scene = jblast.file("plan.toml", FREE)
-    asked = ("bound", scene, "--at", "charge_mass_kg=15", "--json")
-    answer = of_contract(jblast(*asked)[1])
-    normal = json.loads(jblast(*asked, "--noise", "gaussian")[1])
-    wide = answer["parameters"]["charge_mass_kg"]["log_sd"]
-    assert normal["parameters"]["charge_mass_kg"]["log_sd"] < wide
-    named = json.loads(jblast(*asked, "--law", "peak_overpressure_pa=swisdak")[1])
-    assert named["law"]["peak_overpressure_pa"] == "swisdak"
-
-
-@pytest.mark.slow
-def test_a_number_freed_beside_the_scene_is_as_if_the_scene_had_it_free(jblast):
-    scene = jblast.file("plan.toml", FREE)
-    bare = jblast.file("bare.toml", FREE.replace('"free"', "2.0"))
-    at = ("--at", "charge_mass_kg=15", "--json")
-    told = of_contract(jblast("bound", scene, *at)[1])
-    assert (
-        of_contract(jblast("bound", bare, "--free", "charge_mass_kg", *at)[1]) == told
-    )
-    # one beside that of the scene
-    at = ("--at", "charge_mass_kg=15, origin_time_s=0", "--json")
-    both = of_contract(jblast("bound", scene, "--free", "origin_time_s", *at)[1])
-    assert both["free"] == ["charge_mass_kg", "origin_time_s"]
-    wider = both["parameters"]["charge_mass_kg"]["log_sd"]
-    assert wider > told["parameters"]["charge_mass_kg"]["log_sd"]
-
-
-@pytest.mark.slow
 def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
     scene = jblast.file("plan.toml", PRIOR)
     code, out, err = jblast("bound", scene, "--map", jblast.path("map.svg"))

@@ -6,7 +6,6 @@ from jsonschema import Draft202012Validator
 from scipy.integrate import solve_ivp
 
 from docs.generate.documents import schema
-from tests.cli.child import told
 from tests.cli.cli_files import Command
 
 TIME = np.linspace(0.0, 10.0, 301)
@@ -106,33 +105,6 @@ def test_a_law_beyond_the_candidates_is_a_doubt_and_exit_code_four(jblast):
     assert "u_m_s^3" in answer["one_degree_more"]["equations"]["u_m_s"]
 
 
-def test_no_law_in_noise_is_the_headline_and_exit_code_four(jblast):
-    drawn = np.random.default_rng(0).standard_normal(TIME.shape)
-    content = table(TIME, drawn, header="time_s,x")
-    code, out, _ = discovered(jblast, content)
-    assert code == 4
-    assert out.startswith("No law found, x: no term is certain\n")
-    answer = json.loads(discovered(jblast, content, "--json")[1])
-    assert answer["equations"]["x"]["law"] is False
-
-
-def test_collinear_columns_are_the_headline_and_exit_code_four(jblast):
-    decay = np.exp(-0.5 * TIME)
-    drawn = 0.002 * np.random.default_rng(4).standard_normal((2, TIME.size))
-    content = table(TIME, decay + drawn[0], decay + drawn[1], header="time_s,x,y")
-    code, out, _ = discovered(jblast, content)
-    assert code == 4
-    assert out.startswith("Doubtful, x: ")
-    assert "are exchangeable: they are nearly collinear" in out
-    assert "One degree more" not in out
-    code, out, _ = discovered(jblast, content, "--json")
-    assert code == 4
-    answer = json.loads(out)
-    assert answer["certain"] is False
-    pairs = answer["equations"]["x"]["exchangeable"]
-    assert {pairs[0]["term"], pairs[0]["other"]} == {"x", "y"}
-
-
 def test_files_are_written_and_not_overwritten_unasked(jblast):
     options = ("--input", "push_m_s2", "--drag", "--out", jblast.path("out"))
     code, out, _ = discovered(jblast, pushed(), *options)
@@ -189,9 +161,3 @@ def test_bad_input_is_one_message(jblast, content, options, said):
     message = jblast.refused("discover", jblast.file("flight.csv", content), *options)
     assert said in message
     assert message.count("\n") == 1
-
-
-def test_the_command_line_starts_without_pysindy():
-    loaded = told()[("--help",)].modules
-    assert "jblast.cli.main" in loaded
-    assert "pysindy" not in loaded

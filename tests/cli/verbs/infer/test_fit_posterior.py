@@ -54,13 +54,3 @@ def test_the_approximation_alone_warns_where_its_intervals_are_off(jblast):
     (warning,) = (said for said in answer["warnings"] if warned in said)
     assert "for charge_mass_kg" in warning
     assert "--posterior emcee runs MCMC" in warning
-
-
-@pytest.mark.slow
-def test_the_default_says_nothing_of_intervals_that_hold(jblast):
-    scene = jblast.file("scene.toml", EXACT)
-    log = jblast.file("log.csv", HEADER + ROWS.format(20000, 4300, 1500))
-    _, text, _ = jblast("fit", log, "--scene", scene)
-    assert "All fitted parameters are identified." in text
-    _, out, _ = jblast("fit", log, "--scene", scene, "--json")
-    assert not any("90 %" in said for said in json.loads(out)["warnings"])

@@ -22,17 +22,6 @@ def test_a_record_that_cannot_be_read_is_not_left_out_in_silence(jblast):
 
 
 @pytest.mark.slow  # the fit of a pulse is compiled
-def test_picks_that_were_made_are_told_though_a_record_cannot_be_read(jblast):
-    bad = jblast.file("b.csv", "time_s,p_pa\n0,1\n1,\n")
-    stations = str(EXAMPLE / "STATIONS.csv")
-    good = str(EXAMPLE / "g01.csv")
-    code, out, err = jblast("fit", good, bad, "--positions", stations)
-    assert code == 2
-    assert "g01" in out
-    assert "b.csv: line 3, column p_pa: expected a number, got nothing" in err
-
-
-@pytest.mark.slow  # the fit of a pulse is compiled
 def test_ten_records_tell_mass_place_and_time(jblast):
     out = jblast.path("out")
     words = ("fit", str(EXAMPLE), "--positions", str(EXAMPLE / "STATIONS.csv"))

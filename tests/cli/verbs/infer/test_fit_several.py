@@ -58,19 +58,6 @@ def test_several_logs_give_a_table_and_a_bad_one_fails_alone(jblast, tmp_path):
     assert rows["bad"]["value"] == ""
 
 
-def test_a_column_shot_is_as_many_logs(jblast):
-    rows = pressures(15.0, "one") + pressures(40.0, "two")
-    file = jblast.file("log.csv", log(*rows, columns=",shot"))
-    code, said, _ = jblast("fit", file, "--json")
-    assert code == 0
-    logs = json.loads(said)["logs"]
-    masses = [
-        logs[f"log: {shot}"]["estimates"]["charge_mass_kg"]["value"]
-        for shot in ("one", "two")
-    ]
-    np.testing.assert_allclose(masses, [15.0, 40.0], rtol=1e-3)
-
-
 EVENT = """
 [charge]
 mass_kg = 15.0

@@ -72,15 +72,3 @@ def test_a_flash_frees_the_time_so_that_its_shock_can_be_told(jblast):
     code, out, _ = jblast("fit", log, "--scene", scene, "--json")
     assert code == 0
     assert json.loads(out)["estimates"]["origin_time_s"]["value"] == pytest.approx(10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "content",
-    [*LOGS.values(), *((DATA / f"{n}.csv").read_text() for n in ("trinity", "hta_1"))],
-    ids=[*LOGS, "trinity", "hta_1"],
-)
-def test_a_log_can_be_fitted_with_its_starter_scene(jblast, content):
-    log, scene = jblast.file("log.csv", content), jblast.path("scene.toml")
-    assert jblast("scene", log, "--out", scene)[0] == 0
-    assert jblast("fit", log, "--scene", scene, "--json")[0] in (0, 4)

@@ -84,19 +84,6 @@ def test_ms_to_idx_finds_the_first_event_of_each_millisecond_of_the_film(jblast)
     assert t.max() == 5000
 
 
-def test_npz_holds_the_same(jblast):
-    converted(jblast)
-    code, out, _ = converted(jblast, out="events.npz")
-    assert code == 0
-    assert "6 frames of 9 x 6 pixels over 0.005 s: 270 events" in out
-    with (
-        h5py.File(jblast.path("events.h5")) as file,
-        np.load(jblast.path("events.npz")) as arrays,
-    ):
-        for name in "xytp":
-            np.testing.assert_array_equal(arrays[name], column(file, f"events/{name}"))
-
-
 @pytest.mark.parametrize("suffix", [".raw", ".aedat4", ".npz"])
 def test_other_formats_hold_the_same(jblast, suffix):
     converted(jblast)
@@ -148,22 +135,10 @@ def test_frames_without_events_give_an_empty_file(jblast):
         np.testing.assert_array_equal(column(file, "ms_to_idx"), np.zeros(6))
 
 
-def test_colour_frames_count_by_their_luminance(jblast):
-    for i, grey in enumerate(GREYS):
-        save(jblast.directory, i, np.full((*SHAPE, 3), grey, np.uint8))
-    _, out, _ = converted(jblast, "--json")
-    assert json.loads(out)["events"] == 270
-
-
 def test_srgb_frames_are_decoded(jblast):
     _, out, _ = converted(jblast, "--json", "--srgb")
     # linear light 0.0144, 0.0513, 0.2159, 0.0144, 0.0052; doublings of 0.0144 by hand
     assert json.loads(out)["events"] == 54 * (1 + 2 + 3 + 1)
-
-
-def test_polarities_may_have_thresholds_of_their_own(jblast):
-    _, out, _ = converted(jblast, "--json", "--threshold", f"{LN2},10")
-    assert json.loads(out)["darker"] == 0
 
 
 def test_numbers_without_zeros_before_them_are_put_in_order(jblast):

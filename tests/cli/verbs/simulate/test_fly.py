@@ -5,7 +5,6 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate.documents import schema
-from jblast.report import flight_files
 from tests.cli.cli_files import Command
 
 CHARGE = "[charge]\nmass_kg = 1.0\n"
@@ -52,20 +51,6 @@ def test_json_is_all_of_stdout_and_has_no_infinity(jblast):
         assert hold["peak_deviation_m"] > 0.05
 
 
-@pytest.mark.slow
-def test_by_an_estimate_each_blast_is_told(jblast):
-    code, out, err = flown(jblast, "--estimator", "ekf", "--step", "0.004", "--json")
-    assert (code, err) == (0, "")
-    document = json.loads(out, parse_constant=pytest.fail)
-    Draft202012Validator(schema("fly")).validate(document)
-    assert document["estimator"] == "ekf"
-    for (blast,) in document["estimates"].values():
-        # aligned to 0.2 m along each axis, and no fix has come that is better
-        assert 0 < blast["place_before_m"] < 1.0
-        assert blast["place_m"] > 0
-        assert blast["turn_rad"] < 0.3
-
-
 def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
     out = jblast.path("flight")
     code, said, err = flown(jblast, "--out", out)
@@ -84,20 +69,6 @@ def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
         "fly", jblast.path("scene.toml"), *SHORT, "--out", out
     )
     assert flown(jblast, "--out", out, "--force")[0] == 0
-
-
-@pytest.mark.filterwarnings("default:loads.png was not written")
-def test_a_figure_that_fails_costs_only_itself(jblast, monkeypatch):
-    def fails(flights):
-        raise RuntimeError("no ink")
-
-    monkeypatch.setitem(flight_files.ONE, "loads.png", fails)
-    code, said, err = flown(jblast, "--out", jblast.path("out"))
-    assert code == 0, err
-    assert "loads.png was not written" in err
-    written = {path.name for path in (jblast.directory / "out").iterdir()}
-    assert written == FILES - {"loads.png"}
-    assert "recovery time" in said
 
 
 def test_a_crash_is_an_answer(jblast):

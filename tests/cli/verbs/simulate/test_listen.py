@@ -1,6 +1,5 @@
 import csv
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +7,6 @@ import soundfile
 from jsonschema import Draft202012Validator
 
 from docs.generate import documents
-from jblast.scene import SENSOR_KINDS
 
 SCENE = """
 [charge]
@@ -101,44 +99,6 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     assert "already holds files" in jblast.refused(
         "listen", scene, "--out", jblast.path("o")
     )
-
-
-@pytest.mark.slow
-def test_packets_make_the_same_files(jblast):
-    scene = jblast.file("scene.toml", SCENE)
-    for name, more in (("whole", ()), ("packets", ("--packets", "100"))):
-        out = jblast.path(name)
-        assert jblast("listen", scene, "--out", out, "--seconds", "0.3", *more)[0] == 0
-    for name in ("phone.wav", "studio.wav"):
-        one, many = (
-            sounds(jblast.path(f"{d}/{name}"))[0] for d in ("whole", "packets")
-        )
-        np.testing.assert_array_equal(one, many)
-    assert jblast.text("whole/gauge.csv") == jblast.text("packets/gauge.csv")
-
-
-def test_a_stream_that_breaks_keeps_what_it_had(jblast, monkeypatch):
-    kind = SENSOR_KINDS["microphone"]
-    studio = kind.samples()
-
-    class Broken:
-        """Breaks after three packets."""
-
-        record = studio.record
-
-        @staticmethod
-        def stream(*given, **more):
-            stream = studio.stream(*given, **more)
-            for _ in range(3):
-                yield next(stream)
-            raise OSError(28, "No space left on device")
-
-    broken = replace(kind, recorder=Broken)
-    monkeypatch.setitem(SENSOR_KINDS._records, "microphone", broken)
-    scene = jblast.file("scene.toml", SCENE)
-    told = jblast.refused("listen", scene, "--out", jblast.path("o"), "--packets", "10")
-    assert "No space left on device" in told
-    assert sounds(jblast.path("o/phone.wav"))[0].size == 3 * 800
 
 
 def test_what_is_bad_exits_2_in_one_message(jblast):

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import soundfile
 
-from jblast.errors import InputError
 from jblast.report import world_page
 from jblast.report.flights import COLUMNS
 from tests.report import example
@@ -140,16 +139,6 @@ def fitted(jblast, monkeypatch, **answers):
     assert err == ""
     assert list(json.loads(jblast.text("run/fits.json"))["logs"]) == list(answers)
     return code, out
-
-
-def test_fits_that_fail_are_exit_code_4_and_no_statement_on_coverage(
-    jblast, world, monkeypatch
-):
-    failed = InputError("no row with a probability")
-    code, out = fitted(jblast, monkeypatch, **{"1": failed, "2": failed})
-    assert code == 4
-    assert "Blast 2: no row with a probability" in out
-    assert "contain the truth" not in out
 
 
 def test_an_unidentified_parameter_has_no_interval_that_misses(

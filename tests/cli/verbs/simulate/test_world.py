@@ -203,19 +203,6 @@ def test_a_fit_of_a_world_of_one_blast_holds_the_truth(jblast):
 
 
 @pytest.mark.slow
-def test_a_world_prints_its_fits_beside_the_truth(jblast):
-    scene = jblast.file("scene.toml", BY_LAND)
-    words = ("--out", jblast.path("run"), "--seed", "3", "--fit")
-    code, out, err = jblast("world", scene, *words)
-    assert (code, err) == (0, ""), err
-    (truth,) = rows(jblast.text("run/blasts.csv"))
-    (mass,) = [line for line in out.splitlines() if "Charge mass" in line]
-    assert f"{float(truth['mass_kg']):.6g}" in mass
-    assert "run/report.html" in out
-    assert "Charge mass" in jblast.text("run/report.html")
-
-
-@pytest.mark.slow
 def test_what_samples_hold_is_picked_from_them(jblast):
     scene = jblast.file("scene.toml", SAMPLED)
     run = jblast.path("run")

@@ -75,14 +75,6 @@ def test_it_is_a_feature_collection_of_rfc_7946(make):
                 assert all(-180 <= x <= 180 and -90 <= y <= 90 for x, y in ring)
 
 
-def test_longitude_comes_before_latitude():
-    (charge,) = of_kind("charge", collection(five()))
-    lon, lat = charge["geometry"]["coordinates"]
-    # 12 m east and 30 m south of 33.9 N, 35.5 E: a degree is 92.4 km wide, 110.9 high
-    assert lon == pytest.approx(BEIRUT.lon_deg + 12 / 92.4e3, abs=1e-6)
-    assert lat == pytest.approx(BEIRUT.lat_deg - 30 / 110.9e3, abs=1e-6)
-
-
 def test_sensors_come_back_to_where_the_log_put_them():
     fit = five()
     found = of_kind("sensor", collection(fit))

@@ -1,11 +1,8 @@
 """The map as drawn: what it frames, what it names, what it says below."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from jblast.inference.identifiability import OtherMode, ResolvingDatum
 from jblast.report.figure_files import image_bytes
 from jblast.report.fit.map import map_figure
 from jblast.report.fit.place import (
@@ -25,12 +22,6 @@ def far():
     return located(
         around(7, 2e4), draws, centre=(120.0, -300.0), frame=BEIRUT, mass=5e5
     )
-
-
-def words(figure):
-    texts = [t for axes in figure.axes for t in axes.texts]
-    said = [t.get_text() for t in [*texts, *figure.texts]]
-    return said + [axes.get_title(loc="left") for axes in figure.axes]
 
 
 CASES = {
@@ -77,27 +68,3 @@ def test_all_sensors_the_charge_and_its_ellipse_are_in_view(make):
         assert view.holds(*station.position[:2])
     for place in shown.charges[0].ellipses[-1].outline():
         assert view.holds(*place)
-
-
-def test_other_optima_and_the_accepted_place_are_marked():
-    fit = five()
-    other = OtherMode(
-        {"charge_east_m": 150.0, "charge_north_m": 60.0},
-        ("charge_east_m",),
-        0.2,
-        ResolvingDatum("air_arrival_s", "aside"),
-    )
-    fit = replace(fit, summary=replace(fit.summary, ambiguities=(other,)))
-    accepted = {"charge_east_m": (15.0, "it"), "charge_north_m": (-28.0, "it")}
-    figure = map_figure(fit, accepted)
-    assert figure is not None
-    said = "\n".join(words(figure))
-    assert "other optima" in said
-    assert "accepted position" in said
-    marks = {
-        line.get_marker(): tuple(np.asarray(line.get_xydata(), float)[0])
-        for axes in figure.axes
-        for line in axes.lines
-    }
-    assert marks["X"] == (150.0, 60.0)
-    assert marks["+"] == (15.0, -28.0)

@@ -75,12 +75,3 @@ def test_clips_make_one_log_of_their_own_clocks_and_a_fit_finds_the_charge(
     estimates = json.loads(out)["estimates"]
     for name, truth in zip(("charge_east_m", "charge_north_m"), CHARGE, strict=True):
         assert abs(estimates[name]["value"] - truth) < 4 * estimates[name]["sd"], name
-
-
-@pytest.mark.slow
-def test_the_sound_of_slow_motion_is_not_searched(jblast, clips):
-    code, told, _ = jblast("detect", clips[0], "--fps", "60", "--json")
-    assert code == 0
-    answer = json.loads(told)
-    assert (answer["sound_arrivals"], answer["bang_s"]) == ([], None)
-    assert "clock is not that of the given frame rate" in answer["warnings"][-1]

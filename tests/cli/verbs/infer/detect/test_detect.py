@@ -61,20 +61,6 @@ def test_a_template_of_another_rate_is_resampled(jblast):
     assert abs(arrival["time_s"] - 1.23456) < 4 * arrival["sigma_s"]
 
 
-def test_whole_numbers_and_floats_give_one_answer(jblast):
-    samples = 0.5 * recording([[1.5]])
-    shape = template(jblast)
-    times = []
-    for name, subtype in (("a.wav", "PCM_16"), ("b.wav", "PCM_24"), ("c.wav", "FLOAT")):
-        file = write(jblast, name, samples, subtype=subtype)
-        times += [
-            a["time_s"]
-            for a in answer(jblast, file, "--template", shape)[1]["arrivals"]
-        ]
-    # 16 bits add noise of 1e-5 of the noise there is
-    np.testing.assert_allclose(times, times[0], atol=1e-6)
-
-
 def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
     samples = recording([[1.0], [], [1.1]])
     samples[1] = 0.0
@@ -121,22 +107,6 @@ def test_without_a_template_a_drum_is_rejected_and_a_blast_is_not(jblast):
     assert (code, found["rejected_arrivals"]) == (0, [])
     assert not found["arrivals"][0]["blast_form"]
     assert found["arrivals"][0]["log_likelihood_ratio"] < 0.0
-
-
-def test_more_false_alarms_make_a_lower_threshold(jblast):
-    file = write(jblast, "noise.wav", recording([[]]))
-    shape = template(jblast)
-    thresholds = [
-        answer(jblast, file, "--template", shape, "--false-alarms", rate)[1][
-            "threshold_snr_db"
-        ]
-        for rate in ("0.01", "1", "100")
-    ]
-    assert thresholds == sorted(thresholds, reverse=True)
-    # u = sqrt(2 ln(nu0/nu)): a factor of 100 is 2 ln 100 in u^2
-    squares = 10 ** (np.array(thresholds) / 10)
-    # a little less where excursions between two samples are passed over
-    np.testing.assert_allclose(-np.diff(squares), 2 * np.log(100), rtol=1e-2)
 
 
 def test_the_output_of_the_filter_is_written_and_a_picture(jblast):

@@ -3,7 +3,6 @@
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -82,22 +81,6 @@ def test_events_are_watched_as_frames_are(jblast):
     assert told["recording"]["kind"] == "events"
     assert flash["time_s"] == pytest.approx(0.0304, abs=1.5e-3)
     assert (flash["x_px"], flash["y_px"]) == pytest.approx((41.0, 33.0), abs=1.5)
-
-
-def test_times_of_the_day_are_counted_from_the_first_event(jblast):
-    path = jblast.path("day.h5")
-    events(jblast, "day.h5")
-    with h5py.File(path, "r+") as file:
-        t = np.asarray(file["events/t"])
-        del file["events/t"], file["ms_to_idx"]
-        file["events/t"] = t - t[0] + 1715946780 * 10**6
-        for side in ("width", "height"):
-            del file["events"].attrs[side]
-    assert "add --size, such as 640x480" in jblast.refused("detect", path)
-    told = json.loads(jblast("detect", path, "--size", "80x60", "--json")[1])
-    (flash,) = told["flashes"]
-    assert flash["time_s"] == pytest.approx(0.0304 - 1e-6 * t[0], abs=1.5e-3)
-    assert "from the first event, at 1715946780.000000 s" in told["warnings"][-1]
 
 
 def test_what_cannot_be_is_refused_in_one_line(jblast):

@@ -65,15 +65,6 @@ def test_an_array_has_one_time_and_a_direction(jblast):
     assert array["bearing_sd_rad"] > 0.03
 
 
-def test_a_level_array_has_no_elevation_and_says_so(jblast):
-    places = np.array([[0, 0, 1.0], [1.2, 0, 1], [0.6, 1, 1]])
-    times = 0.5 + np.linalg.norm(places - [300, 400, 1], axis=1) / 340.29
-    file = write(jblast, "tri.wav", recording([[t] for t in times]))
-    log, found = log_of(jblast, file, stations(jblast, names_of("tri", 3), places))
-    assert log.quantity == ("air_arrival_s", "bearing_rad")
-    assert found["arrays"][0]["undetermined"] == ["elevation_rad"]
-
-
 def test_an_array_that_contradicts_a_plane_wave_has_rows_of_its_own(jblast):
     places = np.array([[0, 0, 1.0], [2, 0, 1], [0, 2, 1], [2, 2, 1]])
     times = 0.5 + np.linalg.norm(places - [300, 400, 1], axis=1) / 340.29

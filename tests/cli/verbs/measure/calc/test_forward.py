@@ -53,38 +53,6 @@ def test_json_says_value_validity_and_range(numbers):
     assert pressure["shock_kinematics"]["valid"] is True
 
 
-@pytest.mark.slow
-def test_lines_are_not_wider_than_96_columns(calc):
-    for words in (
-        "--mass 15 --range 20 --height 1",
-        f"--mass 15 1000 --range {FIVE} --explosive C4",
-        "--mass 15 --overpressure 2e4",
-    ):
-        assert max(len(line) for line in calc(words).splitlines()) <= 96
-
-
-@pytest.mark.slow
-def test_air_of_an_altitude_is_the_standard_atmosphere(numbers):
-    inputs = numbers("--mass 1 --range 9 --altitude 5000")["inputs"]
-    assert inputs["temperature_k"] == pytest.approx(255.65)
-    assert inputs["pressure_pa"] == pytest.approx(54020.0, rel=1e-4)
-    assert inputs["altitude_m"] == 5000.0
-
-
-@pytest.mark.slow  # a program of its own; an inverse by an explosive is a default test
-def test_an_explosive_is_worth_its_tnt(numbers):
-    c4, tnt = (
-        numbers(f"--range 20 {words}")["quantities"]
-        for words in ("--mass 10 --explosive C4", "--mass 13.7")
-    )
-    for quantity, same in (
-        ("peak_overpressure_pa", True),
-        ("positive_impulse_pa_s", False),
-    ):
-        one, other = (q[quantity]["kingery_bulmash"]["value"] for q in (c4, tnt))
-        assert (one == pytest.approx(other, rel=1e-12)) is same
-
-
 def test_several_values_make_all_combinations(numbers, calc):
     words = f"--mass 1 8 --range {FIVE}"
     found = numbers(words)

@@ -76,17 +76,6 @@ def test_an_inverse_of_an_explosive_gives_its_own_mass(numbers):
     assert rdx == pytest.approx(tnt / 1.09, rel=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("--arrival 0.01", "produces an air arrival of 10 ms"),
-        ("--impulse 300", "produces a positive impulse of 300 Pa s"),
-    ],
-)
-def test_an_inverse_is_titled_in_a_sentence(calc, words, said):
-    assert said in calc(f"--mass 15 {words} --table").splitlines()[0]
-
-
 def test_all_roots_and_laws_without_one_are_shown(numbers, calc):
     words = "--mass 15 --duration 0.001"
     found = numbers(words)["quantities"]["range_m"]

@@ -80,12 +80,6 @@ def test_times_of_events_owe_nothing_to_the_frame_rate(jblast):
     assert np.abs(off).max() <= 1
 
 
-@pytest.mark.slow
-def test_a_real_camera_has_its_times_to_a_bound_that_is_said(jblast):
-    said = rendered(jblast, "--seconds", "0.04", "--mode", "events", "--noise", "on")
-    assert (said["stamps"], said["stamp_error_s"]) == ("interpolated", 1e-4)
-
-
 def test_modes_write_what_they_say(jblast):
     both = rendered(jblast, "--seconds", "0.02")
     kept = events_in(both["files"]["events"])
@@ -135,16 +129,6 @@ def test_priors_are_drawn_and_repeat_with_the_seed(jblast):
         for seed in ("0", "0", "1")
     ]
     assert counts[0] == counts[1] != counts[2]
-
-
-@pytest.mark.slow  # a second witness: sensors/camera/test_film.py
-def test_exposure_blurs_frames_but_not_events(jblast):
-    sharp = rendered(jblast, "--seconds", "0.02")
-    before = (jblast.directory / "out" / "frames" / "0003.png").read_bytes()
-    jblast.file("scene.toml", CHARGE + CAMERA + "exposure_s = 2e-3\n")
-    blurred = rendered(jblast, "--seconds", "0.02", "--force")
-    assert blurred["events"] == sharp["events"]
-    assert (jblast.directory / "out" / "frames" / "0003.png").read_bytes() != before
 
 
 VIEWS = """frames_hz = 100.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE, refused, rendered
+from tests.cli.verbs.simulate.render.scenes import CHARGE, refused, rendered
 
 VEHICLE = '[vehicle]\nmodel = "hummingbird"\nposition_m = [0, -30, 6]\n'
 CARRIED = """[camera]
@@ -41,16 +41,6 @@ def test_a_flight_over_a_field_sends_events_before_the_blast(flying):
     frame = np.asarray(Image.open(flying.path("out/frames/0000.png"))).astype(int)
     assert (frame[0, :, 2] > frame[0, :, 0]).all()  # the sky is blue
     assert np.ptp(frame[10:, :, 0]) > 50  # and the ground has squares
-
-
-@pytest.mark.slow
-def test_ground_and_sky_stand_behind_a_camera_that_stands_still(jblast):
-    jblast.file("scene.toml", CHARGE + CAMERA)
-    words = ("--times", "2.0:2.004", "--mode", "rgb", "--background", "sky")
-    rendered(jblast, *words)
-    frame = np.asarray(Image.open(jblast.path("out/frames/0000.png"))).astype(int)
-    assert (frame[0, :, 2] > frame[0, :, 0]).all()
-    assert (frame[-1, :, 2] < frame[-1, :, 0]).all()
 
 
 BAD = {
