@@ -71,9 +71,3 @@ def test_who_is_thrown_or_spun_stays_upright_and_comes_back(flown):
     # the integral's slowest pole is at -0.29/s: 10 s leave 5 % of what it has gathered
     away = error[:, flown.time_s > 15.0].max(axis=1)
     assert not {name: far for name, far in zip(KICKS, away, strict=True) if far > 0.05}
-
-
-@pytest.mark.slow  # compiled for some 8 s; test_flight.py asks the kernel for less
-def test_the_kernel_recovers_alike(flown):
-    there = np.asarray(thrown("warp:cpu").position_m)
-    np.testing.assert_allclose(there, flown.position_m, atol=1e-8)
