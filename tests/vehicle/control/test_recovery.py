@@ -1,4 +1,4 @@
-"""A hold thrown or spun far from hover comes back upright, by JAX and by the kernel."""
+"""A hold thrown or spun far from hover comes back upright."""
 
 import dataclasses
 
@@ -32,7 +32,8 @@ def stacked(trees):
     return jax.tree.map(lambda *x: jnp.stack(x), *trees)
 
 
-def thrown(backend: str):
+@pytest.fixture
+def flown():
     """Fly them all side by side, with integral action."""
     vehicles, starts, holds = [], [], []
     for name, velocity, rate in KICKS.values():
@@ -52,13 +53,7 @@ def thrown(backend: str):
         control=Each(stacked(holds)),
         ground_up_m=0.0,
         store_every=5,
-        backend=backend,
     )
-
-
-@pytest.fixture(scope="module")
-def flown():
-    return thrown("jax")
 
 
 @pytest.mark.slow  # 16 s of twelve vehicles; by default test_position_hold.py
