@@ -45,7 +45,7 @@ def samples_of(truth: Truth, count: int = SAMPLES, rate: float = RATE):
     return pressure_at(truth, fine).reshape(count, FINE).mean(axis=1)
 
 
-def noisy(truth: Truth, sigma: float, many: int, seed: int = 0, count: int = SAMPLES):
+def noisy(truth: Truth, sigma: float, many: int, seed: int = 0):
     """Return records under white noise."""
     rng = np.random.default_rng(seed)
-    return samples_of(truth, count) + sigma * rng.standard_normal((many, count))
+    return samples_of(truth) + sigma * rng.standard_normal((many, SAMPLES))

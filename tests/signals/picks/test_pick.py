@@ -5,20 +5,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.errors import InputError
 from jblast.signals.picks import pick
 from tests.signals.picks.simulated import (
     RATE,
+    SAMPLES,
     TIME,
     Truth,
     noisy,
-    samples_of,
 )
 
+pytestmark = pytest.mark.slow  # a program of picks to compile
 TRUTH = Truth()
-MANY, COUNT = 32, 8192
-"""Records and their samples: the program that other default tests compile, too."""
-LONG = np.arange(COUNT) / RATE
+MANY = 32
 VALUES = {
     "air_arrival_s": TRUTH.arrival,
     "peak_overpressure_pa": TRUTH.peak,
@@ -34,13 +32,13 @@ VALUES = {
 @pytest.fixture(scope="module")
 def repeated():
     """Picks of one pulse under noise of 1 % of its peak, again and again."""
-    return pick(LONG, noisy(TRUTH, 0.01 * TRUTH.peak, MANY, count=COUNT))
+    return pick(TIME, noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
 
 
 @pytest.fixture(scope="module")
 def exact():
     """The pick of the same without noise."""
-    return pick(LONG, noisy(TRUTH, 0.0, MANY, count=COUNT))
+    return pick(TIME, noisy(TRUTH, 0.0, MANY))
 
 
 @pytest.mark.parametrize("name", VALUES)
@@ -51,8 +49,8 @@ def test_without_noise_the_truth_comes_back(name, exact):
 
 
 def test_a_record_alone_is_picked_as_among_others_and_none_as_none(repeated):
-    records = noisy(TRUTH, 0.01 * TRUTH.peak, MANY, count=COUNT)
-    alone, none = pick(LONG, records[:1]), pick(LONG, records[:0])
+    records = noisy(TRUTH, 0.01 * TRUTH.peak, MANY)
+    alone, none = pick(TIME, records[:1]), pick(TIME, records[:0])
     np.testing.assert_array_equal(alone.covariance, repeated.covariance[:1])
     np.testing.assert_array_equal(alone.air_arrival_s, repeated.air_arrival_s[:1])
     assert none.covariance.shape == (0, 4, 4)
@@ -82,7 +80,6 @@ def test_the_covariance_is_that_of_repetitions(repeated):
     np.testing.assert_allclose(mean / np.outer(sd, sd), seen, atol=4 * 0.18)
 
 
-@pytest.mark.slow  # a second derivative of the model is compiled
 @pytest.mark.xfail(reason="the slopes of 2 in 32 samples disagree; why is not known")
 def test_slopes_by_the_samples_are_those_of_differences():
     samples = jnp.asarray(noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
@@ -101,45 +98,17 @@ def test_slopes_by_the_samples_are_those_of_differences():
         np.testing.assert_allclose(slope, numeric, atol=0.04 * float(jnp.std(numeric)))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda t, p: (t, np.where(t > 4e-3, np.nan, p)),
-            r"pressure_pa: .* nan at \[4",
-        ),
-        (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
-        (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
-        (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
-        (
-            lambda t, p: (np.stack([t, t]), np.stack([p, p])),
-            "time_s: expected .sample.,",
-        ),
-        (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
-    ],
-)
-def test_what_can_be_no_record_is_refused_by_name(change, message):
-    with pytest.raises(InputError, match=message):
-        pick(*change(TIME, samples_of(TRUTH)))
-
-
-@pytest.mark.parametrize("name", ["full_scale_pa", "high_pass_hz"])
-def test_a_scale_or_corner_that_is_not_positive_is_refused(name):
-    with pytest.raises(InputError, match=f"{name}: expected a positive"):
-        pick(TIME, samples_of(TRUTH), **{name: 0.0})
-
-
 def test_in_noise_alone_and_in_nothing_nothing_is_found():
-    noise = np.random.default_rng(2).standard_normal((MANY, COUNT))
+    noise = np.random.default_rng(2).standard_normal((MANY, SAMPLES))
     noise[0] = 0.0
     noise[1] = 101325.0
-    found = pick(LONG, noise)
+    found = pick(TIME, noise)
     assert int(found.found.sum()) == 0
     assert np.isnan(np.asarray(found.air_arrival_s)).all()
 
 
 def test_a_faint_pulse_is_not_told_three_times_as_long_with_its_suction():
-    found = pick(LONG, noisy(TRUTH, 0.25 * TRUTH.peak, MANY, count=COUNT))
+    found = pick(TIME, noisy(TRUTH, 0.25 * TRUTH.peak, MANY))
     off = np.log(np.asarray(found.positive_duration_s) / TRUTH.duration)
     # four standard deviations: once in 500 of 32 records
     assert np.all(np.abs(off) < 4.0 * np.asarray(found.spread[:, 2]))
@@ -147,7 +116,7 @@ def test_a_faint_pulse_is_not_told_three_times_as_long_with_its_suction():
 
 
 def test_a_slow_wave_of_the_baseline_is_told(repeated):
-    wave = 0.1 * TRUTH.peak * np.sin(2 * np.pi * LONG / (5 * TRUTH.duration))
-    found = pick(LONG, noisy(TRUTH, 0.01 * TRUTH.peak, MANY, count=COUNT) + wave)
+    wave = 0.1 * TRUTH.peak * np.sin(2 * np.pi * TIME / (5 * TRUTH.duration))
+    found = pick(TIME, noisy(TRUTH, 0.01 * TRUTH.peak, MANY) + wave)
     assert np.mean(np.asarray(found.curving)) > 0.8
     assert not np.any(np.asarray(repeated.curving))
