@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.environments import reset_lanes, step_lanes
 from jblast.environments.lanes import in_chunks
 from jblast.errors import InputError
 from tests.environments.lanes_of_one_blast import (
@@ -82,23 +81,6 @@ def test_an_action_that_is_no_number_ends_its_lane_alone_and_is_named(wrong):
     assert np.array(found.terminated).tolist() == [False, True, False]
     assert np.array(found.info["bad_action"]).tolist() == [False, True, False]
     assert np.isfinite(np.array(found.observation)).all()
-
-
-def test_a_reset_gives_states_of_the_very_types_that_a_step_gives():
-    # so that what is compiled for one serves the other
-    def kinds(tree):
-        return [
-            (x.shape, x.dtype, x.weak_type)
-            for x in jax.tree.leaves(jax.eval_shape(lambda: tree()))
-        ]
-
-    def begun():
-        return reset_lanes(jax.random.key(0), jnp.arange(3), PARAMS)[0]
-
-    def stepped():
-        return step_lanes(begun(), jnp.zeros((3, 3)), PARAMS).state
-
-    assert kinds(begun) == kinds(stepped)
 
 
 def test_lanes_that_do_not_go_up_in_chunks_are_refused():

@@ -12,10 +12,7 @@ from typing import Any
 import numpy as np
 
 from jblast.report.world import blasts_csv
-from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.scene.reader.scene import world_from_document
-from jblast.sensors import microphone
-from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 from jblast.world import DrawnWorld, arrivals_of, draw_world, readings_of
 
 KEPT = Path(__file__).parent / "data" / "fingerprint.json"
@@ -61,37 +58,13 @@ def by_laws() -> dict[str, Any]:
     }
 
 
-def by_samples() -> dict[str, Any]:
-    """Return what a microphone records of a charge, and how a vehicle is thrown."""
-    import jax
-
-    scene = Scene(Charge(10.0, (12.0, 5.0, 0.0), 0.05))
-    ear = Instrument(rate=4000.0, noise=0.5)
-    sensor = Sensor("ear", np.array([0.0, 0.0, 3.0]), "microphone", instrument=ear)
-    sound = np.asarray(microphone.record(scene, sensor, 0.25, jax.random.key(SEED)))
-    spec = VehicleSpec("hummingbird", np.array([0.0, 0.0, 3.0]))
-    flown = simulate(
-        vehicle_of(spec),
-        start_of(spec),
-        duration_s=0.25,
-        step_s=1e-3,
-        control=hold_of(spec, integral=False),
-        loads=(blast_load(scene),),
-    )
-    return {
-        "sound": sound[::20].tolist(),
-        "path": np.asarray(flown.position_m)[::25].ravel().tolist(),
-        "attitude": np.asarray(flown.quaternion)[::25].ravel().tolist(),
-    }
-
-
 def main() -> None:
-    """Write both."""
+    """Write it."""
     from jblast.cli.jax_start import start_jax
 
     start_jax()
     KEPT.parent.mkdir(exist_ok=True)
-    KEPT.write_text(json.dumps(by_laws() | by_samples(), indent=1) + "\n")
+    KEPT.write_text(json.dumps(by_laws(), indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.world.fingerprint import KEPT, by_laws, by_samples
+from tests.world.fingerprint import KEPT, by_laws
 
 CLOSE = 1e-12
 """Relative, of the largest of its kind: rounding of other libraries of functions."""
@@ -31,8 +31,3 @@ def compare(found, kept):
 
 def test_blasts_are_the_same_text_and_readings_the_same_numbers(kept):
     compare(by_laws(), kept)
-
-
-@pytest.mark.slow
-def test_sound_and_flight_are_the_same_numbers(kept):
-    compare(by_samples(), kept)

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
 from jblast.environments import QuadrotorBlast, QuadrotorEnv
-from jblast.environments.registration import NAMES, register_environments
+from jblast.environments.registration import NAMES
 from jblast.errors import InputError
 from tests.environments.lanes_of_one_blast import PARAMS
 
@@ -20,14 +20,6 @@ STEPS = int(PARAMS.episode_steps)
 @pytest.fixture(scope="module")
 def lanes():
     return QuadrotorBlast(3, params=PARAMS)
-
-
-def test_all_four_are_registered_once_with_both_entry_points():
-    register_environments()
-    for name in NAMES:
-        spec = gymnasium.spec(f"jblast/{name}-v0")
-        assert spec.entry_point
-        assert spec.vector_entry_point
 
 
 @pytest.mark.parametrize("made", [QuadrotorEnv, QuadrotorBlast])

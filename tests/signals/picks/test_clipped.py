@@ -1,14 +1,17 @@
-"""Samples at the end of a scale, and those that only fill a record up."""
+"""Records before and after the fit: what is refused, clipped, padded and trusted."""
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks import pick
 from jblast.signals.picks.pick import filled_length
 from jblast.signals.picks.preparation import clipped_samples
 from jblast.signals.picks.record_picks import clipping_level, notes_of, quality_of
-from tests.signals.records.made import pick
+from tests.signals.picks.simulated import TIME, Truth, samples_of
+from tests.signals.records import made
 
 RAMP = np.linspace(0.0, 1.0, 20)
 
@@ -71,6 +74,34 @@ PEAK_PA = 1000.0
     ],
 )
 def test_what_is_left_counts_by_noise_and_by_peak(misfit, noise_pa, quality):
-    made = pick(misfit=misfit, noise_pa=noise_pa, peak_overpressure_pa=PEAK_PA)
-    assert quality_of(made) == quality
-    assert ("misfit" in notes_of(made)) == (quality != "good")
+    found = made.pick(misfit=misfit, noise_pa=noise_pa, peak_overpressure_pa=PEAK_PA)
+    assert quality_of(found) == quality
+    assert ("misfit" in notes_of(found)) == (quality != "good")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t, p: (t, np.where(t > 4e-3, np.nan, p)),
+            r"pressure_pa: .* nan at \[4",
+        ),
+        (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
+        (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
+        (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
+        (
+            lambda t, p: (np.stack([t, t]), np.stack([p, p])),
+            "time_s: expected .sample.,",
+        ),
+        (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
+    ],
+)
+def test_what_can_be_no_record_is_refused_by_name(change, message):
+    with pytest.raises(InputError, match=message):
+        pick(*change(TIME, samples_of(Truth())))
+
+
+@pytest.mark.parametrize("name", ["full_scale_pa", "high_pass_hz"])
+def test_a_scale_or_corner_that_is_not_positive_is_refused(name):
+    with pytest.raises(InputError, match=f"{name}: expected a positive"):
+        pick(TIME, samples_of(Truth()), **{name: 0.0})

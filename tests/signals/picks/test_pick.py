@@ -5,7 +5,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.errors import InputError
 from jblast.signals.picks import pick
 from tests.signals.picks.simulated import (
     RATE,
@@ -13,9 +12,9 @@ from tests.signals.picks.simulated import (
     TIME,
     Truth,
     noisy,
-    samples_of,
 )
 
+pytestmark = pytest.mark.slow  # a program of picks to compile
 TRUTH = Truth()
 MANY = 32
 VALUES = {
@@ -81,9 +80,8 @@ def test_the_covariance_is_that_of_repetitions(repeated):
     np.testing.assert_allclose(mean / np.outer(sd, sd), seen, atol=4 * 0.18)
 
 
-@pytest.mark.slow  # a second derivative of the model is compiled
 @pytest.mark.xfail(reason="the slopes of 2 in 32 samples disagree; why is not known")
-def test_slopes_by_the_samples_are_those_of_differences(repeated):
+def test_slopes_by_the_samples_are_those_of_differences():
     samples = jnp.asarray(noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
     way = np.random.default_rng(1).standard_normal(samples.shape)
 
@@ -98,34 +96,6 @@ def test_slopes_by_the_samples_are_those_of_differences(repeated):
         numeric = (plus - minus) / (2 * step)
         # a front at the edge of a sample is a kink, beside which a search may end
         np.testing.assert_allclose(slope, numeric, atol=0.04 * float(jnp.std(numeric)))
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (
-            lambda t, p: (t, np.where(t > 4e-3, np.nan, p)),
-            r"pressure_pa: .* nan at \[4",
-        ),
-        (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
-        (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
-        (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
-        (
-            lambda t, p: (np.stack([t, t]), np.stack([p, p])),
-            "time_s: expected .sample.,",
-        ),
-        (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
-    ],
-)
-def test_what_can_be_no_record_is_refused_by_name(change, message):
-    with pytest.raises(InputError, match=message):
-        pick(*change(TIME, samples_of(TRUTH)))
-
-
-@pytest.mark.parametrize("name", ["full_scale_pa", "high_pass_hz"])
-def test_a_scale_or_corner_that_is_not_positive_is_refused(name):
-    with pytest.raises(InputError, match=f"{name}: expected a positive"):
-        pick(TIME, samples_of(TRUTH), **{name: 0.0})
 
 
 def test_in_noise_alone_and_in_nothing_nothing_is_found():

@@ -93,6 +93,12 @@ def test_arrival_and_peak_stay_where_a_reflection_spoils_the_rest(kept):
     assert abs(float(one.pick.air_arrival_s) - ARRIVAL) < 2.0 * RESOLVED
     assert not left_out(one) & {"air_arrival_s", "peak_overpressure_pa"}
     assert float(one.pick.peak_overpressure_pa) == pytest.approx(PEAK, rel=0.03)
+    off = {
+        name: abs(float(getattr(one.pick, name)) / true - 1.0)
+        for name, true in zip(TIMES, (DURATION, IMPULSE), strict=True)
+    }
+    # either the rest is right, by a second front, or it stands in no row
+    assert max(off.values()) < 0.03 or left_out(one) >= set(TIMES)
 
 
 def test_a_flat_top_with_noise_bounds_the_peak():
@@ -102,16 +108,6 @@ def test_a_flat_top_with_noise_bounds_the_peak():
     assert float(one.pick.clipped_at_pa) == pytest.approx(90e3, rel=0.01)
     assert float(one.pick.peak_overpressure_pa) > 90e3
     assert not left_out(one) & {"air_arrival_s", "peak_overpressure_pa"}
-
-
-def test_a_reflection_within_the_positive_phase_leaves_duration_and_impulse_out(kept):
-    one = kept["gauge_reflection"]
-    off = {
-        name: abs(float(getattr(one.pick, name)) / true - 1.0)
-        for name, true in zip(TIMES, (DURATION, IMPULSE), strict=True)
-    }
-    # either they are right, by a second front, or they stand in no row
-    assert max(off.values()) < 0.03 or left_out(one) >= set(TIMES)
 
 
 def test_a_zero_shift_is_named_and_leaves_duration_and_impulse_out(kept):

@@ -1,4 +1,4 @@
-"""A hold thrown or spun far from hover comes back upright, by JAX and by the kernel."""
+"""A hold thrown or spun far from hover comes back upright."""
 
 import dataclasses
 
@@ -32,7 +32,8 @@ def stacked(trees):
     return jax.tree.map(lambda *x: jnp.stack(x), *trees)
 
 
-def thrown(backend: str):
+@pytest.fixture
+def flown():
     """Fly them all side by side, with integral action."""
     vehicles, starts, holds = [], [], []
     for name, velocity, rate in KICKS.values():
@@ -52,13 +53,7 @@ def thrown(backend: str):
         control=Each(stacked(holds)),
         ground_up_m=0.0,
         store_every=5,
-        backend=backend,
     )
-
-
-@pytest.fixture(scope="module")
-def flown():
-    return thrown("jax")
 
 
 @pytest.mark.slow  # 16 s of twelve vehicles; by default test_position_hold.py
@@ -71,9 +66,3 @@ def test_who_is_thrown_or_spun_stays_upright_and_comes_back(flown):
     # the integral's slowest pole is at -0.29/s: 10 s leave 5 % of what it has gathered
     away = error[:, flown.time_s > 15.0].max(axis=1)
     assert not {name: far for name, far in zip(KICKS, away, strict=True) if far > 0.05}
-
-
-@pytest.mark.slow  # compiled for some 8 s; test_flight.py asks the kernel for less
-def test_the_kernel_recovers_alike(flown):
-    there = np.asarray(thrown("warp:cpu").position_m)
-    np.testing.assert_allclose(there, flown.position_m, atol=1e-8)

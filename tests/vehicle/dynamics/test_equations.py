@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import StepGust, from_parameters, named, simulate
+from jblast.vehicle import NWaveGust, StepGust, from_parameters, named, simulate
 from jblast.vehicle.quadrotor import PARAMETERS
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed, tumbling
 
@@ -193,3 +193,16 @@ def test_the_ground_holds_what_falls_and_lets_go_what_lifts():
     np.testing.assert_array_equal(up[lying], 0.25)
     np.testing.assert_array_equal(answer.velocity_m_s[lying], 0)
     assert float(up[-1]) > 1
+
+
+def test_an_n_wave_moves_a_crazyflie_by_half_a_millimetre():
+    vehicle = named("crazyflie")
+    speed = 1900.0  # a little above hover; at hover it is 0.49 mm
+    state = at_hover(vehicle, rotor_speed_rad_s=np.full(4, speed))
+    gust = NWaveGust([30.0, 0.0, 0.0], 0.1, 0.02)
+    flown = simulate(vehicle, state, duration_s=1.5, wind=gust, store_every=20)
+    moved = float(jnp.max(flown.position_m[:, 0]))
+    # x'' = -k (x' - wind), k T << 1: a T^2/6
+    slope = 4 * float(vehicle.rotor_drag[0]) * speed / float(vehicle.mass_kg)
+    assert moved == pytest.approx(slope * 30 * 0.02**2 / 6, rel=5e-3)
+    assert moved == pytest.approx(0.52e-3, rel=0.05)

@@ -204,20 +204,19 @@ def test_rows_that_do_not_fit_are_counted_in_gigabytes(monkeypatch):
         simulate(CRAFT, start(), duration_s=5e-3, backend="warp:cpu")
 
 
-def test_a_wind_in_python_flies_on_jax_and_says_so():
-    def wind(time_s, position_m):
-        return jnp.zeros(3)
-
-    with pytest.warns(UserWarning, match="wind of the type function: JAX is used"):
-        flown = simulate(CRAFT, start(), duration_s=0.001, wind=wind, backend="warp")
-    assert flown.position_m.shape == (BATCH, 3, 3)
+LED = dataclasses.replace(named_gains("hummingbird"), motor_lead=2.0)
 
 
-def test_a_hold_that_leads_the_motors_flies_on_jax_and_says_so():
-    gains = dataclasses.replace(named_gains("hummingbird"), motor_lead=2.0)
-    hold = PositionHold(jnp.zeros(3), gains)
-    with pytest.warns(UserWarning, match="control with a motor_lead: JAX is used"):
-        flown = simulate(CRAFT, start(), duration_s=0.001, control=hold, backend="warp")
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"wind": lambda time_s, place: jnp.zeros(3)}, "wind of the type function"),
+        ({"control": PositionHold(jnp.zeros(3), LED)}, "control with a motor_lead"),
+    ],
+)
+def test_what_the_kernel_cannot_fly_flies_on_jax_and_says_so(options, said):
+    with pytest.warns(UserWarning, match=f"{said}: JAX is used"):
+        flown = simulate(CRAFT, start(), duration_s=0.001, backend="warp", **options)
     assert flown.position_m.shape == (BATCH, 3, 3)
 
 

@@ -170,12 +170,6 @@ REFUSED = {
         "RESOURCE_EXHAUSTED",
         "at most 1,048,576 bytes",
     ),
-    "a larger one": (
-        "Register",
-        b"\0" * 2**23,
-        "RESOURCE_EXHAUSTED",
-        "larger than max",
-    ),
     "another protocol": (
         "Register",
         registration(protocol=2).SerializeToString(),
@@ -298,7 +292,6 @@ def test_a_port_that_is_taken_is_said(server):
 
 ADDRESSES = {
     "everybody": ("0.0.0.0:1234", "expected a loopback address"),
-    "everybody by IPv6": ("[::]:1234", "expected a loopback address"),
     "a name": ("example:1234", "expected a loopback address"),
     "no port": ("127.0.0.1", "HOST:PORT"),
     "no host": (":1234", "HOST:PORT"),

@@ -1,15 +1,35 @@
-"""Files of custom profiles: columns in any order, moments, and what is refused."""
+"""The thesis's custom profiles: their files, and what they give to a flight."""
 
+import itertools
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
+from jblast.vehicle import State, named
 from jblast.vehicle.loads.impulse_table import (
     COLUMNS,
     custom_profile,
     read_custom_profile,
 )
-from tests.vehicle.loads.impulse_table.rows import ASIDE, ROWS, written
+
+# delay, distance, polar and azimuthal angle: seen towards (-1, -1, -1) and along x
+ASIDE = float(np.degrees(np.arccos(-1 / np.sqrt(3))))
+ROWS = [
+    [0.015, 8.66, ASIDE, -135.0, 0.09, 0.10, 0.21, -0.001, -21.0, 10.0],
+    [0.030, 17.32, ASIDE, -135.0, 0.03, 0.03, 0.06, -0.0003, -6.0, 3.0],
+]
+
+
+def written(path: Path, rows, columns=COLUMNS) -> Path:
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
 
 # the thesis's own sample, custom_blast_impulses.csv beside its code
 SAMPLE = np.array(
@@ -30,6 +50,11 @@ MOMENTS = np.array(
         [-0.00027761661953933277, -5.659821222629029, 3.1391007587969755],
     ]
 )
+
+
+@pytest.fixture
+def cases(tmp_path):
+    return read_custom_profile(written(tmp_path / "cases.csv", ROWS))
 
 
 def test_columns_come_in_any_order_and_others_are_not_read(tmp_path):
@@ -111,3 +136,120 @@ def test_no_file_and_a_duration_of_nothing_are_refused(tmp_path, cases):
         custom_profile(cases, (0.0, 0.0, 0.0), duration_s=0.0)
     with pytest.raises(InputError, match="moment_point_m: expected 3 numbers"):
         custom_profile(cases, (0.0, 0.0, 0.0), moment_point_m=(1.0, 2.0))
+
+
+CRAZYFLIE = named("crazyflie")
+AHEAD = [0.020, 10.0, 90.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.001, 0.0]
+
+
+def state_at(position) -> State:
+    return State(
+        jnp.asarray(position, float),
+        jnp.zeros(3),
+        jnp.array([0.0, 0.0, 0.0, 1.0]),
+        jnp.zeros(3),
+        jnp.full(4, 1788.0),
+    )
+
+
+def away(distance) -> np.ndarray:
+    """A place that sees a charge at the origin towards (-1, -1, -1)."""
+    return np.full(3, distance / np.sqrt(3))
+
+
+@pytest.mark.parametrize("row", [0, 1])
+def test_at_a_case_the_pulse_is_that_case(cases, row):
+    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    place = jnp.asarray(away(ROWS[row][1]))
+    push, turn, delay = profile.impulse_at(place, jnp.array([0.0, 0.0, 0.0, 1.0]))
+    np.testing.assert_allclose(push, ROWS[row][4:7], rtol=1e-9)
+    np.testing.assert_allclose(turn, ROWS[row][7:], rtol=1e-9)
+    np.testing.assert_allclose(delay, ROWS[row][0], rtol=1e-9)
+    assert profile.in_range(place, jnp.array([0.0, 0.0, 0.0, 1.0]))
+
+
+def test_past_the_cases_the_impulse_falls_with_the_square_and_is_marked(cases):
+    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    upright = jnp.array([0.0, 0.0, 0.0, 1.0])
+    place = jnp.asarray(away(2 * 17.32))
+    push, _, delay = profile.impulse_at(place, upright)
+    np.testing.assert_allclose(push, np.array(ROWS[1][4:7]) / 4, rtol=1e-9)
+    np.testing.assert_allclose(delay, 0.06, rtol=1e-9)
+    assert not profile.in_range(place, upright)
+    assert not profile.in_range(jnp.array([10.0, 0.0, 0.0]), upright)
+
+
+def test_directions_are_the_body_s_and_impulses_turn_with_it(cases):
+    """A quarter turn to the left: what lay at -135 degrees lies at 135."""
+    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    half = np.sqrt(0.5)
+    turned = jnp.array([0.0, 0.0, half, half])
+    place = away(8.66) * np.array([-1.0, 1.0, 1.0])
+    assert profile.in_range(jnp.asarray(place), turned)
+    state = state_at(place)
+    state = State(
+        state.position_m,
+        state.velocity_m_s,
+        turned,
+        state.body_rate_rad_s,
+        state.rotor_speed_rad_s,
+    )
+    push, _ = profile.impulse(jnp.asarray(0.0), jnp.asarray(1.0), state, CRAZYFLIE)
+    x, y, z = ROWS[0][4:7]
+    np.testing.assert_allclose(push, [-y, x, z], rtol=1e-9)
+
+
+def test_between_directions_the_nearer_weighs_more(tmp_path):
+    path = written(tmp_path / "two.csv", [[*ROWS[0][:1], 10.0, *ROWS[0][2:]], AHEAD])
+    profile = custom_profile(read_custom_profile(path), (0.0, 0.0, 0.0))
+    upright = jnp.array([0.0, 0.0, 0.0, 1.0])
+    push, _, _ = profile.impulse_at(jnp.array([-10.0, 0.0, 0.0]), upright)
+    np.testing.assert_allclose(push, AHEAD[4:7], atol=1e-9)
+    near = jnp.array([-9.9, 1.0, 0.0])
+    # 5.8 degrees off the one case, more than a right angle off the other
+    assert float(profile.impulse_at(near, upright)[0][0]) == pytest.approx(
+        -0.2, rel=0.05
+    )
+
+
+def test_moments_of_a_far_point_are_taken_about_the_vehicle(cases):
+    """The lever of 100 m leaves what a vehicle feels: millinewton metre seconds."""
+    arm = (100.0, 0.0, 0.0)
+    profile = custom_profile(cases, (0.0, 0.0, 0.0), moment_point_m=arm)
+    place = jnp.asarray(away(8.66))
+    _, turn, _ = profile.impulse_at(place, jnp.array([0.0, 0.0, 0.0, 1.0]))
+    expected = np.array(ROWS[0][7:]) - np.cross(arm, ROWS[0][4:7])
+    np.testing.assert_allclose(turn, expected, atol=1e-9)
+
+
+def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
+    """The sample's lever is 21/0.25 m; a Crazyflie's rotors are 4.3 cm away."""
+    with pytest.raises(InputError) as caught:
+        custom_profile(cases, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+    turn, push = (np.linalg.norm(ROWS[0][a:b]) for a, b in ((7, 10), (4, 7)))
+    for said in (
+        f"{turn:.3g} N m s",
+        f"{push:.3g} N s",
+        f"{turn / push:.3g} m",
+        "at most 0.13 m",
+        "give moment_point_m: the vector from that point to the centre of mass",
+    ):
+        assert said in str(caught.value)
+    for point in ((100.0, 0.0, 0.0), (0.0, 0.0, 0.0)):
+        custom_profile(cases, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE, moment_point_m=point)
+    own = cases.copy()
+    own[:, 7:] = np.cross([0.0, 0.0, 0.05], own[:, 4:7])
+    custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+    own[:, 4:7] = 0.0  # a moment without an impulse has no lever
+    with pytest.raises(InputError, match="a lever of inf m"):
+        custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+
+
+def test_the_whole_share_is_given_once_however_steps_cut_it(cases):
+    profile = custom_profile(cases, (0.0, 0.0, 0.0), duration_s=5e-3)
+    state = state_at(away(8.66))
+    edges = np.concatenate([[0.0], np.linspace(0.0151, 0.0193, 9), [0.1]])
+    heavy = eqx.tree_at(lambda v: v.mass_kg, CRAZYFLIE, jnp.asarray(1e9))  # it stays
+    give = jax.jit(lambda a, b: profile.impulse(a, b, state, heavy)[0])
+    total = sum(np.asarray(give(a, b)) for a, b in itertools.pairwise(edges))
+    np.testing.assert_allclose(total, ROWS[0][4:7], rtol=1e-9)
