@@ -23,6 +23,18 @@ records = { peak_overpressure_pa = "5%", positive_impulse_pa_s = "5%" }
 """
 
 
+def table(text: str) -> list[tuple[str, str]]:
+    """Return what is given and what is said of it, a line each: `given => said`."""
+    rows = (line.partition(" => ") for line in text.strip("\n").splitlines())
+    return [(given, said) for given, _, said in rows]
+
+
+def says(message: str, said: str) -> None:
+    """Assert that a message is one line and has all parts, which bars are between."""
+    assert message.count("\n") == 1, message
+    assert all(part in message for part in said.split(" | ")), message
+
+
 class Command:
     """Runs jblast in a directory of its own, and reads what it said."""
 

@@ -9,64 +9,40 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-PLACED = "sensor,quantity,value,sigma,{}\n"
+from tests.cli.cli_files import says, table
+
+AT = "sensor,quantity,value,sigma"
 DEGREES = "lat_deg,lon_deg,alt_m"
-BOTH = f"{DEGREES},east_m,north_m,up_m"
-UTC = f"sensor,quantity,value_utc,sigma,{DEGREES}\n"
-
-LOGS = {
-    "two units for one column": (
-        "sensor,quantity,value_kpa,value_psi,sigma,range_m\n"
-        "a,peak_overpressure,5,0.7,1,20\n",
-        ["line 1", "'value_kpa' and 'value_psi'", "two units for one column"],
-    ),
-    "two units for one distance": (
-        PLACED.format("range_m,range_ft") + "a,air_arrival_s,0.05,0.001,20,66\n",
-        ["line 1", "range_m once", "'range_m' and 'range_ft'"],
-    ),
-    "latitudes in one row and metres in another": (
-        PLACED.format(BOTH)
-        + "a,air_arrival_s,0.5,0.01,33.9,35.5,10,,,\n"
-        + "b,air_arrival_s,0.5,0.01,,,,100,0,0\n",
-        ["line 3, column east_m", "expected all places", "got metres here"],
-    ),
-    "latitudes and metres in one row": (
-        PLACED.format(BOTH) + "a,air_arrival_s,0.5,0.01,33.9,35.5,10,3,4,5\n",
-        ["line 2, column east_m", "got metres beside degrees"],
-    ),
-    "a time without date": (
-        UTC + "a,air_arrival_s,15:08:18.3,0.01,33.9,35.5,10\n",
-        ["line 2, column value_utc", "expected a date", "got '15:08:18.3'"],
-    ),
-    "a time without zone": (
-        UTC + "a,air_arrival_s,2020-08-04T15:08:18.3,0.01,33.9,35.5,10\n",
-        ["line 2, column value_utc", "expected a zone", "got '2020-08-04T15:08:18.3'"],
-    ),
-    "a number that could be two": (
-        PLACED.format("range_m") + 'a,peak_overpressure_pa,"1,234",9,20\n',
-        ["line 2, column value", "1,234"],
-    ),
-    "a record of samples": (
-        "time_s,pressure_pa\n" + "".join(f"{i / 100},{i % 7}\n" for i in range(50)),
-        ["line 1", "time_s, pressure_pa", "a record of samples"],
-    ),
-    "an unknown unit": (
-        PLACED.format("range_m") + "a,peak_overpressure_furlong,5,1,20\n",
-        ["line 2, column quantity", "furlong"],
-    ),
-}
+UTC = f"sensor,quantity,value_utc,sigma,{DEGREES} / a,air_arrival_s,"
+LOGS = table(f"""
+{AT.replace("value", "value_kpa,value_psi")},range_m / a,x,5,1,1,20 =>\
+ line 1 | 'value_kpa' and 'value_psi' | two units for one column
+{AT},range_m,range_ft / a,air_arrival_s,1,1,2,6 =>\
+ line 1 | range_m once | 'range_m' and 'range_ft'
+{AT},{DEGREES},east_m,north_m,up_m / a,air_arrival_s,1,1,3,3,1,,, /\
+ b,air_arrival_s,1,1,,,,1,0,0 =>\
+ line 3, column east_m | expected all places | got metres here
+{AT},{DEGREES},east_m,north_m,up_m / a,air_arrival_s,1,1,3,3,1,3,4,5 =>\
+ line 2, column east_m | got metres beside degrees
+{UTC}15:08:18.3,0.01,33.9,35.5,10 =>\
+ line 2, column value_utc | expected a date | got '15:08:18.3'
+{UTC}2020-08-04T15:08:18.3,1,3,3,1 =>\
+ line 2, column value_utc | expected a zone | got '2020-08-04T15:08:18.3'
+{AT},range_m / a,peak_overpressure_pa,"1,234",9,20 => line 2, column value | 1,234
+time_s,pressure_pa{"".join(f" / {i / 100},{i % 7}" for i in range(50))} =>\
+ line 1 | time_s, pressure_pa | a record of samples
+{AT},range_m / a,peak_overpressure_furlong,5,1,20 => line 2, column quantity | furlong
+""")
 
 
-@pytest.mark.parametrize(("content", "said"), LOGS.values(), ids=LOGS.keys())
+@pytest.mark.parametrize(("content", "said"), LOGS)
 def test_a_bad_log_is_told_by_row_and_column(jblast, content, said):
-    log = jblast.file("log.csv", content)
-    message = jblast.refused("fit", log)
-    assert message.count("\n") == 1
-    assert all(word in message for word in ["log.csv", *said]), message
+    log = jblast.file("log.csv", content.replace(" / ", "\n") + "\n")
+    says(jblast.refused("fit", log), f"log.csv | {said}")
     code, out, err = jblast("check", log)
-    assert code == 2
     told = " ".join(f"{out} {err}".split())
-    assert all(word in told for word in ["log.csv", *said]), told
+    assert code == 2
+    assert all(word in told for word in ["log.csv", *said.split(" | ")]), told
 
 
 def test_a_workbook_with_two_tables_is_told_by_sheet_and_row(jblast):
@@ -111,46 +87,25 @@ def changed(values, index, value):
     return values
 
 
-RECORDS = {
-    "a time twice": (
-        record(changed(TIME, 100, TIME[99])),
-        ["line 102, column time_s", "expected a time after", "got 0.099 s"],
-    ),
-    "a time that goes back": (
-        record(changed(TIME, 100, TIME[50])),
-        ["line 102, column time_s", "expected a time after", "got 0.05 s"],
-    ),
-    "a gap": (
-        record(np.delete(TIME, range(100, 120)), np.delete(PULSE, range(100, 120))),
-        ["line 102, column time_s", "a sample every 0.001 s", "a gap of 0.021 s"],
-    ),
-    "a channel of NaN": (
-        record(pressure=np.full(400, np.nan)),
-        ["column pressure_pa", "expected samples", "got no finite number"],
-    ),
-    "a few NaN": (
-        record(pressure=changed(PULSE, 100, np.nan)),
-        ["line 102, column pressure_pa", "expected a number", "got 'nan'"],
-    ),
-    "volts without a sensitivity": (
-        record(header="time_s,voltage_v"),
-        ["column voltage_v", "expected pressure", "--sensitivity"],
-    ),
-}
+ONCE = np.delete(np.arange(400), range(100, 120))
+RECORDS = [
+    (record(changed(TIME, 100, TIME[99])), "line 102 | a time after | got 0.099 s"),
+    (record(changed(TIME, 100, TIME[50])), "line 102 | a time after | got 0.05 s"),
+    (record(TIME[ONCE], PULSE[ONCE]), "line 102 | every 0.001 s | a gap of 0.021 s"),
+    (record(pressure=np.full(400, np.nan)), "pressure_pa | got no finite number"),
+    (record(pressure=changed(PULSE, 100, np.nan)), "line 102 | a number | got 'nan'"),
+    (record(header="time_s,voltage_v"), "column voltage_v | --sensitivity"),
+]
 
 
-@pytest.mark.parametrize(("content", "said"), RECORDS.values(), ids=RECORDS.keys())
+@pytest.mark.parametrize(("content", "said"), RECORDS)
 def test_a_bad_record_is_told_by_row_and_column(jblast, content, said):
-    message = jblast.refused("pick", jblast.file("rec.csv", content))
-    assert message.count("\n") == 1
-    assert all(word in message for word in ["rec.csv", *said]), message
+    says(jblast.refused("pick", jblast.file("rec.csv", content)), f"rec.csv | {said}")
 
 
 def test_all_bad_records_are_told_in_one_message(jblast):
     """That others beside them are picked, and kept, stands in `test_pick`."""
-    files = [
-        jblast.file(f"r{i}.csv", text) for i, (text, _) in enumerate(RECORDS.values())
-    ]
+    files = [jblast.file(f"r{i}.csv", text) for i, (text, _) in enumerate(RECORDS)]
     message = jblast.refused("pick", *files)
     assert message.count("\n") == 1
     assert all(file in message for file in files)

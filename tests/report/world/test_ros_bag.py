@@ -16,6 +16,7 @@ from PIL import Image
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from jblast.errors import InputError
 from jblast.observations.places import Frame
 from jblast.report.ros_bag import DEFINITIONS, FULL_SCALE_PA, RosBag
 from jblast.scene import (
@@ -475,3 +476,10 @@ def test_a_lost_vehicle_is_left_out_and_a_run_without_anything_is_a_file(tmp_pat
     assert counts["/vehicle/pose"] == 2
     assert counts["/clock"] == 3
     assert "/vehicle/fix" not in counts
+
+
+def test_a_large_camera_is_refused_before_a_file(tmp_path):
+    large = Camera(np.zeros(3), FORWARD, np.ones(2), np.zeros(2), 2049, 10)
+    with pytest.raises(InputError, match=r"at most 2048 by 2048 px.* got 2049 by 10"):
+        RosBag(path=tmp_path / "a.mcap", scene=Scene(camera=large), seconds=1.0)
+    assert not [*tmp_path.iterdir()]

@@ -6,12 +6,12 @@ from jsonschema import Draft202012Validator
 from scipy.integrate import solve_ivp
 
 from docs.generate.documents import schema
-from tests.cli.cli_files import Command
+from tests.cli.cli_files import Command, says, table
 
 TIME = np.linspace(0.0, 10.0, 301)
 
 
-def table(*columns: np.ndarray, header: str) -> str:
+def columns_of(*columns: np.ndarray, header: str) -> str:
     rows = "\n".join(
         ",".join(f"{v:.9g}" for v in row) for row in zip(*columns, strict=True)
     )
@@ -31,7 +31,7 @@ def pushed(noise: float = 0.02, cube: float = 0.0) -> str:
         max_step=0.02,
     )
     drawn = noise * np.random.default_rng(0).standard_normal(TIME.shape)
-    return table(TIME, flow.y[0] + drawn, push, header="time_s,u_m_s,push_m_s2")
+    return columns_of(TIME, flow.y[0] + drawn, push, header="time_s,u_m_s,push_m_s2")
 
 
 def discovered(jblast: Command, content: str, *options: str):
@@ -78,7 +78,7 @@ def test_json_is_all_of_stdout(jblast):
 def test_equations_that_do_not_give_the_data_back_exit_with_four(jblast):
     # two oscillators beat; one of them, and its own first power alone, cannot
     beat = np.sin(2.0 * TIME) + np.sin(2.6 * TIME)
-    content = table(TIME, beat, header="time_s,x")
+    content = columns_of(TIME, beat, header="time_s,x")
     code, out, _ = discovered(jblast, content, "--json")
     assert code == 4
     assert json.loads(out)["reproduced"] is False
@@ -121,43 +121,40 @@ def test_files_are_written_and_not_overwritten_unasked(jblast):
 ROWS = [f"{0.1 * i:g},{np.sin(0.3 * i):.6f},1.5" for i in range(30)]
 
 
-def spoiled(row: int, text: str) -> str:
-    return "\n".join(["time_s,x,y", *ROWS[:row], text, *ROWS[row + 1 :]]) + "\n"
+# the fourth row, or a slash and a whole table; then options
+REFUSED = table("""
+0.3,1,1.5; => column y: expected values that change
+0.3,1,1.5;--state z => line 1: missing column 'z'
+0.3,1,1.5;--input w => which --input names
+0.3,1,1.5;--state x --input x => got x twice
+0.3,1,1.5;--state time_s => another column than time_s
+0.3,1,1.5;--input x,y => a column that is no input
+0.2,1,1.5; => line 5: column time_s: expected times that rise
+0.3,nan,1.5; => line 5: column x: expected a number
+0.3,1e200,1.5; => between -1e100 and 1e100, got '1e200'
+0.3,,1.5; => line 5: column x: expected a number
+0.3,1; => line 5: expected 3 fields
+/time_s,x / 0,1 / 1,2; => at least 20 rows after the header, got 2
+/t,x / 0,1; => line 1: missing column time_s
+/time_s,x,x / 0,1,1; => 'x' once, got it twice
+/; => the file is empty
+0.3,1,1.5;--state x --threshold 2 => --threshold
+0.3,1,1.5;--state x --degree 0 => --degree
+0.3,1,1.5;--state x --ensemble 18 => from 19 to 10000
+""")
 
 
-@pytest.mark.parametrize(
-    ("content", "options", "said"),
-    [
-        (spoiled(0, ROWS[0]), (), "column y: expected values that change"),
-        (spoiled(0, ROWS[0]), ("--state", "z"), "line 1: missing column 'z'"),
-        (spoiled(0, ROWS[0]), ("--input", "w"), "which --input names"),
-        (spoiled(0, ROWS[0]), ("--state", "x", "--input", "x"), "got x twice"),
-        (spoiled(0, ROWS[0]), ("--state", "time_s"), "another column than time_s"),
-        (spoiled(0, ROWS[0]), ("--input", "x,y"), "a column that is no input"),
-        (
-            spoiled(5, "0.4,1,1.5"),
-            (),
-            "line 7: column time_s: expected times that rise",
-        ),
-        (spoiled(5, "0.5,nan,1.5"), (), "line 7: column x: expected a number"),
-        (spoiled(5, "0.5,1e200,1.5"), (), "between -1e100 and 1e100, got '1e200'"),
-        (spoiled(5, "0.5,,1.5"), (), "line 7: column x: expected a number"),
-        (spoiled(5, "0.5,1"), (), "line 7: expected 3 fields"),
-        ("time_s,x\n0,1\n1,2\n", (), "at least 20 rows after the header, got 2"),
-        ("t,x\n0,1\n", (), "line 1: missing column time_s"),
-        ("time_s;x\n0;1\n", (), "got semicolons"),
-        ("time_s,x,x\n0,1,1\n", (), "'x' once, got it twice"),
-        ("", (), "the file is empty"),
-        (spoiled(0, ROWS[0]), ("--state", "x", "--threshold", "2"), "--threshold"),
-        (spoiled(0, ROWS[0]), ("--state", "x", "--degree", "0"), "--degree"),
-        (
-            spoiled(0, ROWS[0]),
-            ("--state", "x", "--ensemble", "18"),
-            "from 19 to 10000",
-        ),
-    ],
-)
-def test_bad_input_is_one_message(jblast, content, options, said):
-    message = jblast.refused("discover", jblast.file("flight.csv", content), *options)
-    assert said in message
-    assert message.count("\n") == 1
+@pytest.mark.parametrize(("asked", "said"), REFUSED)
+def test_bad_input_is_one_message(jblast, asked, said):
+    row, _, options = asked.partition(";")
+    lines = row[1:].split(" / ")
+    if row[0] != "/":
+        lines = ["time_s,x,y", *ROWS[:3], row, *ROWS[4:]]
+    content = "\n".join(lines) + "\n" if lines != [""] else ""
+    path = jblast.file("flight.csv", content)
+    says(jblast.refused("discover", path, *options.split()), said)
+
+
+def test_semicolons_are_told(jblast):
+    path = jblast.file("flight.csv", "time_s;x\n0;1\n")
+    assert "got semicolons" in jblast.refused("discover", path)

@@ -1,7 +1,6 @@
 """`jblast pick`: from records to a log, and what it says where it cannot."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -25,25 +24,10 @@ def test_silence_is_nothing_found(jblast):
     assert document["nothing_found"] == ["a"]
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
-        ("a.mp3", "ID3", "a.mp3: expected a record of samples, its name ending in"),
-        (
-            "a.csv",
-            "time_s,p_v\n0,1\n1,2\n",
-            "a.csv: column p_v: expected pressure",
-        ),
-        (
-            "a.csv",
-            "time_s,p_pa\n0,1\n1,\n",
-            "a.csv: line 3, column p_pa: expected",
-        ),
-        ("a.wav", "", "a.wav: is empty"),
-    ],
-)
-def test_what_cannot_be_read_is_one_message(jblast, name, content, said):
-    assert said in jblast.refused("pick", jblast.file(name, content))
+def test_what_cannot_be_read_is_one_message(jblast):
+    expected = "a.mp3: expected a record of samples, its name ending in"
+    assert expected in jblast.refused("pick", jblast.file("a.mp3", "ID3"))
+    assert "a.wav: is empty" in jblast.refused("pick", jblast.file("a.wav", ""))
 
 
 def test_a_bad_file_costs_the_others_nothing(jblast):
@@ -101,27 +85,12 @@ def test_sound_without_full_scale_tells_times_alone(jblast):
 
 
 @pytest.mark.slow  # the fit of a pulse is compiled
-@pytest.mark.parametrize(
-    ("name", "said"),
-    [
-        ("c.csv", "expected names of columns and a sample a row, got one line"),
-        ("c.wav", "is not a sound file"),
-        ("c.mp3", "expected a record of samples, its name ending in"),
-        ("huge.csv", "expected at most 2 GB of .csv, which is read whole, got 10"),
-        ("absent.csv", "no such file"),
-    ],
-)
-def test_picks_made_before_a_bad_file_are_kept(jblast, name, said):
-    bad, log = Path(jblast.path(name)), jblast.path("picks.csv")
-    if name != "absent.csv":
-        bad.write_bytes(bytes(range(128, 256)))
-    if name == "huge.csv":
-        os.truncate(bad, 10 * 2**30)  # of holes: it takes no room
+def test_picks_made_before_a_bad_file_are_kept(jblast):
+    bad, log = jblast.file("c.wav", bytes(range(128, 256))), jblast.path("picks.csv")
     good = [str(EXAMPLE / f"g0{k}.csv") for k in (1, 2)]
-    code, out, err = jblast("pick", *good, str(bad), "--out", log)
-    bad.unlink(missing_ok=True)
+    code, out, err = jblast("pick", *good, bad, "--out", log)
     assert code == 2
     assert "2 picks in 2 records" in out
-    assert f"{name}: " in err
-    assert said in err
+    assert "c.wav: " in err
+    assert "is not a sound file" in err
     assert set(read(log).sensor) == {"g01", "g02"}

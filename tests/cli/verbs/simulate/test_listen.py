@@ -7,6 +7,7 @@ import soundfile
 from jsonschema import Draft202012Validator
 
 from docs.generate import documents
+from tests.cli.cli_files import table
 
 SCENE = """
 [charge]
@@ -101,6 +102,17 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     )
 
 
+OPTIONS = table("""
+--seconds -1 => --seconds: expected a positive number, got -1
+--seconds 1e9 => --seconds: expected 1 to
+--packets 0 => expected a positive number
+--packets 9000 => --packets: expected at most 8000 packets per second
+--ambient none.wav => no such file
+--ambient EMPTY => is empty
+--seed x => whole number
+""")
+
+
 def test_what_is_bad_exits_2_in_one_message(jblast):
     scene = jblast.file("scene.toml", SCENE)
     silent = jblast.file("empty.wav", b"")
@@ -117,15 +129,7 @@ def test_what_is_bad_exits_2_in_one_message(jblast):
     for content, words in cases.items():
         bad = jblast.file("bad.toml", content)
         assert words in jblast.refused("listen", bad, "--out", jblast.path("o"))
-    options = {
-        ("--seconds", "-1"): "--seconds: expected a positive number, got -1",
-        ("--seconds", "1e9"): "--seconds: expected 1 to",
-        ("--packets", "0"): "expected a positive number",
-        ("--packets", "9000"): "--packets: expected at most 8000 packets per second",
-        ("--ambient", jblast.path("none.wav")): "no such file",
-        ("--ambient", silent): "is empty",
-        ("--seed", "x"): "whole number",
-    }
-    for words, said in options.items():
+    for words, said in OPTIONS:
+        words = words.replace("EMPTY", silent).split()
         told = jblast.refused("listen", scene, "--out", jblast.path("o"), *words)
         assert said in told

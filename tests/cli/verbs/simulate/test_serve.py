@@ -1,30 +1,55 @@
-"""jblast serve: what it refuses from a shell, before anybody could come."""
+"""jblast serve: what it refuses from a shell, and one flight end to end."""
 
+import json
 import socket
+import threading
+import time
 
 import pytest
 
+from jblast.autopilot.mavlink import Receiver, Sender
+from tests.cli.cli_files import says, table
+
 WORLD = "[world]\ncount = 2\n"
+SCENE = """
+[charge]
+mass_kg = 1.0
+position_m = [30, 0, 0]
+time_s = 1000.0
+[vehicle]
+model = "iris"
+position_m = [0, 0, 0]
+"""
+REFUSED = table("""
+--listen 0.0.0.0:1 => --listen: expected a loopback
+--listen 127.0.0.1 => --listen: expected HOST:PORT
+--rate 1001 => --rate: expected 1 to 1000
+--rate 0.5 => --rate: expected 1 to 1000
+--rate 0 => --rate: expected a positive number
+--speed -1 => --speed: expected a positive number
+--lead nan => --lead: expected a finite number
+--mavlink tcp:0.0.0.0:4560 => --mavlink: expected a loopback address
+--mavlink com:1 => --mavlink: expected tcp:HOST:PORT or udp
+--mavlink ANY --listen 127.0.0.1:0 => --listen: expected no such option with a server
+--mavlink ANY --rate 9 => --rate: expected no such option with a server over --mavlink
+--mavlink ANY --lead 1 => --lead: expected no such option with a server over --mavlink
+--mavlink ANY --speed 2 => --speed: expected no such option with a server
+--ground-station ANY --rate 9 => --rate: expected no such option with a server over --gr
+--ground-station ANY --patience 1 => --patience: expected no such option with a server
+--ground-station ANY --tlog a.tlog => --tlog: expected no such option with a server
+--tlog a.tlog => --tlog: expected no such option with
+--mavlink ANY --ground-station => expected --ground-station or
+--ground-station udp:10.0.0.1:14550 => --ground-station: expected a loopback address
+""")
 
-REFUSED = {
-    "another's address": (["--listen", "0.0.0.0:1"], "--listen: expected a loopback"),
-    "no port": (["--listen", "127.0.0.1"], "--listen: expected HOST:PORT"),
-    "a rate too high": (["--rate", "1001"], "--rate: expected 1 to 1000"),
-    "a rate too low": (["--rate", "0.5"], "--rate: expected 1 to 1000"),
-    "a rate of nothing": (["--rate", "0"], "--rate: expected a positive number"),
-    "no speed": (["--speed", "-1"], "--speed: expected a positive number"),
-    "no lead": (["--lead", "nan"], "--lead: expected a finite number"),
-}
 
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_served_is_one_message(jblast, name):
-    words, message = REFUSED[name]
-    if "--listen" not in words:
-        words = [*words, "--listen", "127.0.0.1:0"]
-    err = jblast.refused("serve", jblast.file("world.toml", WORLD), *words)
-    assert message in err
-    assert err.count("\n") == 1
+@pytest.mark.parametrize(("words", "said"), REFUSED)
+def test_what_cannot_be_served_is_one_message(jblast, words, said):
+    if not {"--listen", "--mavlink", "--ground-station", "--tlog"} & {*words.split()}:
+        words += " --listen 127.0.0.1:0"
+    words = words.replace("ANY", "tcp:127.0.0.1:0").split()
+    text = SCENE if "--mavlink" in words or "--ground-station" in words else WORLD
+    says(jblast.refused("serve", jblast.file("scene.toml", text), *words), said)
 
 
 def test_a_port_that_is_taken_is_one_message(jblast):
@@ -33,3 +58,47 @@ def test_a_port_that_is_taken_is_one_message(jblast):
         words = ["serve", jblast.file("world.toml", WORLD), "--listen", address]
         err = jblast.refused(*words)
     assert f"--listen: expected a free port of this machine, got {address}" in err
+
+
+def connected(port: int) -> socket.socket:
+    """Connect as soon as somebody listens, within a minute."""
+    for _ in range(300):
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=60.0)
+        except ConnectionRefusedError:
+            time.sleep(0.2)
+    raise TimeoutError
+
+
+def answering(port: int, turns: int) -> None:
+    """Arm, let the rotors turn, answer so many turns and hang up."""
+    receiver, sender = Receiver(), Sender(1, 1)
+    with connected(port) as link:
+        while turns and (data := link.recv(65536)):
+            for message in receiver.feed(data):
+                if message.name == "HIL_SENSOR" and turns:
+                    turns -= 1
+                    stamp = message.values["time_usec"]
+                    answer = {"time_usec": stamp, "mode": 129, "flags": 1}
+                    answer["controls"] = [0.9] * 4 + [0.0] * 12
+                    link.sendall(sender.pack("HIL_ACTUATOR_CONTROLS", **answer))
+
+
+@pytest.mark.slow
+def test_a_flight_that_is_cut_off_keeps_its_log(jblast, tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    other = threading.Thread(target=answering, args=(port, 250))
+    other.start()
+    logs = ["--tlog", str(tmp_path / "a.tlog")]
+    scene = jblast.file("scene.toml", SCENE)
+    words = ["--mavlink", f"tcp:127.0.0.1:{port}", "--seconds", "5", "--json"]
+    code, out, _ = jblast("serve", scene, *words, *logs)
+    other.join()
+    told = json.loads(out)
+    assert code == 4
+    assert (told["turns"], told["flown"]) == (250, 250)
+    assert told["ended"] == "the autopilot has disconnected"
+    # four rotors at 0.9 of their speed carry 2.2 times the weight of an Iris
+    assert told["position_m"][2] > 1.0
+    assert (tmp_path / "a.tlog").stat().st_size > 250 * 150

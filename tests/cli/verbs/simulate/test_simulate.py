@@ -59,18 +59,6 @@ def test_what_cannot_be_simulated_exits_2(jblast, tmp_path):
     scene = jblast.file("bad.toml", normal)
     refusal = jblast.refused("simulate", scene, "--out", jblast.path("o.csv"))
     assert "sd above zero" in refusal
-    wild = SENSORS.replace('"5%"', '"1e302%"')
-    scene = jblast.file("bad.toml", "[charge]\nmass_kg = 15.0\n" + wild)
-    said = [
-        jblast("simulate", scene, "--out", jblast.path(f"{seed}.csv"), "--seed", seed)
-        for seed in "0123"
-    ]
-    bad = [err for code, _, err in said if code == 2]
-    assert bad
-    assert all("expected" in err for err in bad)
-    for seed, (code, _, _) in zip("0123", said, strict=True):
-        assert (tmp_path / f"{seed}.csv").exists() == (code == 0)
-        (tmp_path / f"{seed}.csv").unlink(missing_ok=True)
     assert not (tmp_path / "o.csv").exists()
     err = jblast.refused("simulate", good, "--out", jblast.path("no/o.csv"))
     assert "cannot be written" in err

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.cli.cli_files import table
 from tests.cli.verbs.infer.detect.sounds import RATE, recording, template, write
 
 
@@ -50,36 +51,40 @@ def test_templates_that_are_none(jblast, good):
         assert said in refused(jblast, good, "--template", file)
 
 
+OPTIONS = table("""
+--charge -1 --range 5 => --charge: expected a positive number
+--charge 1 --range -5 => --range: expected a positive number
+--charge 1 => --charge: expected --range with it
+--range 1 => --range: expected --charge with it
+--template SHAPE --charge 1 --range 5 => expected it or --charge, got both
+--template SHAPE --blast-form => --blast-form: expected no --template with it
+--template SHAPE --false-alarms 0 => --false-alarms: expected a positive
+--template SHAPE --false-alarms 1e12 => --false-alarms: expected less than
+--template SHAPE --positions x.csv => --positions: expected --out
+""")
+# beneath east, north and up of others, or a slash and a whole one
+STATIONS = table("""
+other,1,2,3 => expected a station for good of
+ => a station a row
+good,1,2 => line 2: expected 4 fields
+good,1,2,x => column up_m: expected a finite number, got 'x'
+good,1,2,3 / good,1,2,4 => got 'good' twice
+/sensor,east_m,north_m / good,1,2 => missing column up_m
+/sensor,lat_deg,lon_deg,alt_m / good,91,2,3 => column lat_deg
+/sensor,esat_m,north_m,up_m / good,1,2,3 => did you mean east_m?
+""")
+
+
 def test_options_that_cannot_be_used(jblast, good):
-    shape = ("--template", template(jblast))
-    for words, said in (
-        (("--charge", "-1", "--range", "5"), "--charge: expected a positive number"),
-        (("--charge", "1", "--range", "-5"), "--range: expected a positive number"),
-        (("--charge", "1"), "--charge: expected --range with it"),
-        (("--range", "1"), "--range: expected --charge with it"),
-        (
-            (*shape, "--charge", "1", "--range", "5"),
-            "expected it or --charge, got both",
-        ),
-        ((*shape, "--blast-form"), "--blast-form: expected no --template with it"),
-        ((*shape, "--false-alarms", "0"), "--false-alarms: expected a positive"),
-        ((*shape, "--false-alarms", "1e12"), "--false-alarms: expected less than"),
-        ((*shape, "--positions", "x.csv"), "--positions: expected --out"),
-    ):
+    shape = template(jblast)
+    for words, said in OPTIONS:
+        words = words.replace("SHAPE", shape).split()
         assert said in refused(jblast, good, *words)
 
 
 def test_stations_that_are_none(jblast, good):
     words = ("--template", template(jblast), "--out", jblast.path("out"), "--positions")
-    head = "sensor,east_m,north_m,up_m\n"
-    for text, said in (
-        (head + "other,1,2,3\n", "expected a station for good of"),
-        (head, "a station a row"),
-        (head + "good,1,2\n", "line 2: expected 4 fields"),
-        (head + "good,1,2,x\n", "column up_m: expected a finite number, got 'x'"),
-        (head + "good,1,2,3\ngood,1,2,4\n", "got 'good' twice"),
-        ("sensor,east_m,north_m\ngood,1,2\n", "missing column up_m"),
-        ("sensor,lat_deg,lon_deg,alt_m\ngood,91,2,3\n", "column lat_deg"),
-        ("sensor,esat_m,north_m,up_m\ngood,1,2,3\n", "did you mean east_m?"),
-    ):
-        assert said in refused(jblast, good, *words, jblast.file("st.csv", text))
+    for rows, said in STATIONS:
+        rows = rows[1:] if rows[:1] == "/" else f"sensor,east_m,north_m,up_m / {rows}"
+        file = jblast.file("st.csv", rows.rstrip(" /").replace(" / ", "\n") + "\n")
+        assert said in refused(jblast, good, *words, file)

@@ -54,13 +54,6 @@ def test_a_stream_finds_what_the_whole_does(jblast):
     assert streamed["latency_s"] == pytest.approx(whole["latency_s"] + 0.1, abs=1e-6)
 
 
-def test_a_template_of_another_rate_is_resampled(jblast):
-    file = write(jblast, "one.wav", recording([[1.23456]]))
-    shape = template(jblast, rate=11025)
-    (arrival,) = answer(jblast, file, "--template", shape)[1]["arrivals"]
-    assert abs(arrival["time_s"] - 1.23456) < 4 * arrival["sigma_s"]
-
-
 def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
     samples = recording([[1.0], [], [1.1]])
     samples[1] = 0.0

@@ -24,26 +24,6 @@ def test_the_thesis_case_comes_out_as_printed(numbers):
     assert between == pytest.approx(air - ground, rel=1e-12)
 
 
-@pytest.mark.slow
-def test_defaults_are_printed_and_named(calc, numbers):
-    text = calc("--mass 15 --range 20")
-    for words in (
-        "surface (default)",
-        "288.15 K, 101.325 kPa, dry",
-        "(default: at sea level)",
-        "5660 m/s (default: granite)",
-        "8.11 m/kg^(1/3)",
-    ):
-        assert words in text
-    inputs = numbers("--mass 15 --range 20")["inputs"]
-    assert inputs["defaults"] == ["air", "burst", "explosive", "ground"]
-    assert inputs["scaled_distance_m_kg13"] == pytest.approx(20.0 / np.cbrt(15.0))
-    said = "--burst free-air --explosive rdx --humidity 0.1 --p-speed 6000"
-    inputs = numbers(f"--mass 15 --range 20 {said}")["inputs"]
-    assert inputs["defaults"] == []
-    assert inputs["explosive"] == "RDX"
-
-
 def test_json_says_value_validity_and_range(numbers):
     pressure = numbers("--mass 1 --range 100")["quantities"]["peak_overpressure_pa"]
     entry = pressure["kingery_bulmash"]

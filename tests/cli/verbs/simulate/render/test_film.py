@@ -1,6 +1,5 @@
 """`jblast render`: frames, events and what is said of them."""
 
-import json
 import shutil
 
 import h5py
@@ -17,12 +16,6 @@ from tests.cli.verbs.simulate.render.scenes import (
     rendered,
 )
 from tests.sensors.camera.rendering.baked.noise_set import write_noise_set
-
-SENSOR = """[[sensor]]
-name = "a"
-position_m = [30.0, 0.0, 1.0]
-records = { air_arrival_s = 1e-4, peak_overpressure_pa = "5%" }
-"""
 
 
 def events_in(path: str) -> dict[str, np.ndarray]:
@@ -48,17 +41,6 @@ def test_frames_events_and_a_contact_sheet(jblast):
     # the blast is ahead, a little below the middle
     assert abs(np.median(events["x"]) - 11.5) < 1
     assert images.read_png(said["files"]["contact_sheet"]).shape[1] > 100
-
-
-@pytest.mark.slow
-def test_the_frames_are_what_jblast_events_reads(jblast):
-    said = rendered(jblast, "--seconds", "0.02", "--background", "0.3")
-    again = ["--fps", "500", "--srgb", "--noise", "off", "--threshold", "0.2,0.3"]
-    out = ["--out", jblast.path("again.h5"), "--json"]
-    code, told, _ = jblast("events", said["files"]["frames"], *again, *out)
-    assert code == 0
-    # what is brighter than white has more events than 8 bits know of
-    assert 50 < json.loads(told)["events"] < said["events"]
 
 
 @pytest.mark.slow  # the solver is compiled for half a minute
@@ -171,21 +153,6 @@ def test_a_camera_may_look_away_at_a_background_that_moves(jblast):
     assert said["events"] > 18 * 24
     frame = np.asarray(Image.open(jblast.path("out/frames/0003.png")))
     assert (frame == 150).all()
-
-
-@pytest.mark.slow
-def test_a_camera_changes_nothing_of_what_the_sensors_say(jblast):
-    answers = []
-    for camera in ("", CAMERA):
-        scene = CHARGE.replace("15.0", "{ lognormal = [15.0, 1.5] }") + SENSOR + camera
-        path = jblast.file("scene.toml", scene)
-        log = jblast.path("log.csv")
-        assert jblast("simulate", path, "--out", log, "--force")[0] == 0
-        code, fitted, _ = jblast("fit", log, "--scene", path, "--json")
-        assert code == 0
-        _, planned, _ = jblast("bound", path, "--json")
-        answers.append((jblast.text("log.csv"), fitted, planned))
-    assert answers[0] == answers[1]
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """A film as a video, and its events in other formats."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -73,13 +71,3 @@ def test_events_may_have_another_format(jblast, suffix):
     assert len(ours.t) == answer["events"] > 0
     for one, other in zip(ours, theirs, strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-def test_the_video_of_a_film_gives_events(jblast):
-    path = jblast.path("film.mp4")
-    rendered(jblast, *SHORT, "--mode", "rgb", "--video", path)
-    words = ["--fps", "500", "--noise", "off", "--json", "--out", jblast.path("e.npz")]
-    code, out, _ = jblast("events", path, *words)
-    answer = json.loads(out)
-    assert (code, answer["frames"], answer["fps"]) == (0, 10, 500.0)
-    assert answer["events"] > 0
