@@ -93,6 +93,7 @@ def test_objects_that_are_no_scene_or_log_are_refused():
         fit_input(pandas.Series([1.0]))
 
 
+@pytest.mark.slow
 def test_a_fireball_is_seen_and_sends_events(known):
     scene, times = known.scene, jnp.linspace(-1e-3, 5e-3, 4)
     frames = jblast.render(scene, scene.camera, times)

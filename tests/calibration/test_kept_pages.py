@@ -41,6 +41,7 @@ def test_the_manual_states_how_far_the_laws_lie_apart():
     assert [int(n) for n in stated] == found
 
 
+@pytest.mark.slow
 def test_the_table_of_gauges_is_what_its_script_prints():
     assert (RESULTS / "gauges.txt").read_text("utf-8") == gauges_text() + "\n"
 

@@ -109,6 +109,7 @@ def test_an_interval_holds_one_more_number_as_often_as_its_level_says(members):
     assert held == pytest.approx(level, abs=4.0 * np.sqrt(level * (1 - level) / 20_000))
 
 
+@pytest.mark.slow
 def test_the_drag_of_a_vehicle_is_found(drag):
     case = drag
     found, again = found_in_case(case, 0.01)
@@ -131,6 +132,7 @@ def test_the_lag_of_a_motor_is_found():
     assert again.reproduced == (True,)
 
 
+@pytest.mark.slow
 def test_held_inputs_need_to_be_said():
     case = motor_case()
     held, _ = found_in_case(case, 0.0)
@@ -222,6 +224,7 @@ def discovered(states, inputs, names):
     return discover(TIME, states, inputs, names=names, members=12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 0.001, 0.03])
 def test_collinear_states_are_exchangeable(noise):
     state, push = driven()
@@ -250,6 +253,7 @@ def test_collinear_inputs_are_exchangeable_unless_the_record_distinguishes_them(
     assert apart.exchangeable == ((),)
 
 
+@pytest.mark.slow
 def test_terms_of_a_true_law_are_not_exchangeable(drag):
     found, _ = found_in_case(drag, 0.01)
     assert found.exchangeable == ((), ())

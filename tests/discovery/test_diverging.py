@@ -55,6 +55,7 @@ def cycle():
     return time, states, *found_in(time, states, 3)
 
 
+@pytest.mark.slow
 def test_equations_of_an_unstable_limit_cycle_are_certain(cycle):
     _, _, found, again = cycle
     near(found, 0, {"y": -1.0}, 0.02)

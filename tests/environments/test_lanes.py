@@ -67,6 +67,7 @@ def test_the_last_observation_of_an_episode_is_shown_before_the_next_begins():
     assert (np.array(found[STEPS + 1].state.steps) == 1).all()
 
 
+@pytest.mark.slow
 def test_another_episode_draws_another_blast():
     _, found = batch(3, STEPS + 1)
     first, second = found[0].state.episode, found[-1].state.episode

@@ -135,6 +135,7 @@ def test_messages_are_those_of_all_kinds(extension, written, old, new, message):
         read_scene(written(SCENE.replace(old, new)))
 
 
+@pytest.mark.slow
 def test_listen_writes_the_file_of_a_kind(extension, written, tmp_path, capsys):
     extension("thermometer")
     out = tmp_path / "out"
@@ -170,6 +171,7 @@ def test_a_stream_is_the_record_and_goes_through_the_instrument(extension, writt
     assert np.std(whole[:100]) == pytest.approx(0.1, rel=0.3)
 
 
+@pytest.mark.slow
 def test_a_record_is_differentiable_and_batched(extension):
     extension("thermometer")
     record = SENSOR_KINDS["thermometer"].samples().record
@@ -186,6 +188,7 @@ def test_a_record_is_differentiable_and_batched(extension):
     assert slope == pytest.approx(float(values[2] - values[0]) / 2e-3, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_controller_is_flown_by_its_name(extension):
     with pytest.raises(InputError, match="controller 'brake': expected one of"):
         fly(scene(), SHORT, controllers=("brake",))
@@ -198,6 +201,7 @@ def test_a_controller_is_flown_by_its_name(extension):
     assert 0 < min(peaks) < max(peaks) < np.inf
 
 
+@pytest.mark.slow
 def test_a_users_load_is_flown():
     short = replace(SHORT, seconds=0.1, load=coded_load)
     (flown, *_) = fly(scene(), short).holds.values()
@@ -235,6 +239,7 @@ def test_a_users_warp_functions_fly_as_jax_does(extension):
     np.testing.assert_allclose(here, there, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_controller_without_warp_functions_is_flown_by_jax_with_a_warning(extension):
     extension("brake")
     CONTROLLERS.register(replace(CONTROLLERS["brake"], kernel=None))

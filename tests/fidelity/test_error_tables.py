@@ -40,6 +40,7 @@ def test_errors_are_as_stored(quantity, burst):
         np.testing.assert_allclose(powers, table.exponents[method], atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("burst", BURSTS)
 def test_losses_are_as_stored(burst):
     table = errors.loss_table(burst)

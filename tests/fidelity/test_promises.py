@@ -40,6 +40,7 @@ def test_promises_are_kept_at_no_more_than_twice_the_cost(quantity, path):
     assert loose.met >= 0.98 * loose.supported
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["air_arrival_s", "peak_overpressure_pa"])
 def test_what_choose_names_is_what_the_study_counts(quantity):
     path = random_path("free-air", FEW)

@@ -88,6 +88,7 @@ def test_blasts_of_all_durations_are_found_and_other_sounds_are_not(whole):
     assert {round(one.time_s) for one, _ in whole.rejected} >= {6, 10}
 
 
+@pytest.mark.slow
 def test_with_the_same_noise_a_stream_finds_what_a_whole_recording_does(bank, sound):
     channel = Channel("gate", "", 1, sound, RATE)
     noise = noise_spectrum(coloured(11.0), RATE)
@@ -108,6 +109,7 @@ def test_with_the_same_noise_a_stream_finds_what_a_whole_recording_does(bank, so
     )
 
 
+@pytest.mark.slow
 def test_early_sound_has_no_more_false_alarms_than_requested():
     rate, trials = 8000.0, 40
     bank, per_hour, alarms = bank_of_pulses(rate), 900.0, 0

@@ -74,6 +74,7 @@ def sound_of(times, noise=0.02):
     return sound
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_no_picks")
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_sounds_are_attributed_to_blasts_or_are_false_alarms(scene, noise):
@@ -131,6 +132,7 @@ def film_of(light):
     return np.repeat(values[..., None], 3, axis=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius_px", [2.5, 15.0])
 def test_a_flash_is_seen_in_frames_of_8_bits(scene, radius_px):
     frames = round(SECONDS * FRAMES_HZ)

@@ -199,6 +199,7 @@ def test_slopes_are_those_of_finite_differences_and_curvatures_finite(f, word):
         assert np.all(np.isfinite(curvature[i])), name
 
 
+@pytest.mark.slow
 @every_other_function
 def test_single_precision_stays_close_to_double(f, word):
     if is_flag(f, word):

@@ -72,6 +72,7 @@ def test_rise_ends_at_the_speed_of_a_large_bubble():
     np.testing.assert_allclose(speed, 2 / 3 * np.sqrt(STANDARD_GRAVITY * radius))
 
 
+@pytest.mark.slow
 @settings(deadline=None)  # the first one compiles
 @given(masses)
 def test_it_cools_to_the_draper_point_when_it_stops_to_glow(mass):

@@ -139,6 +139,7 @@ def alike(these: Blasts, those: Blasts, count: int) -> None:
         np.testing.assert_array_equal(one[:count], other[:count])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "how", [ByRate(jnp.asarray(0.5)), ByTick(0.2, 0.5)], ids=["rate", "tick"]
 )
@@ -160,6 +161,7 @@ def test_more_blasts_leave_the_first_ones_as_they_are():
     np.testing.assert_array_equal(np.argsort(few.time_s), np.argsort(more.time_s[:4]))
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_world_alone_and_in_a_batch():
     world = WorldSpec(ByRate(Uniform(0.1, 0.2)), gap=Uniform(0.1, 0.2))
     batch = worlds(world, 3)
@@ -171,6 +173,7 @@ def test_a_seed_gives_the_same_world_alone_and_in_a_batch():
     assert len(apart) == MANY  # no two seeds are alike
 
 
+@pytest.mark.slow
 def test_what_is_drawn_and_cannot_be_is_told():
     tight = WorldSpec(ByCount(5), time=Uniform(0.0, 10.0), gap=Uniform(2.0, 90.0))
     with pytest.raises(InputError, match=r"a.toml: \[world\] \(seed 0\) count: .*fit"):

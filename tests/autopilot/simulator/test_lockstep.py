@@ -168,6 +168,7 @@ def test_a_vehicle_below_ground_is_refused():
         turns_of(Scene(Charge(1.0), vehicle=spec), spec, None, 0)
 
 
+@pytest.mark.slow
 def test_at_rest_on_the_ground_its_instruments_say_so():
     spec = VehicleSpec("iris", position=jnp.zeros(3))
     turns = turns_of(Scene(Charge(1.0), vehicle=spec), spec, None, 0)

@@ -88,6 +88,7 @@ def test_a_vector_without_lanes_is_refused(count):
         QuadrotorBlast(count)
 
 
+@pytest.mark.slow
 def test_actions_of_another_shape_and_a_step_before_a_reset_are_refused(lanes):
     with pytest.raises(InputError, match="expected a reset before it"):
         QuadrotorBlast(2, params=PARAMS).step(np.zeros((2, 3)))

@@ -114,6 +114,7 @@ def test_bounds_that_are_kept_are_no_residuals_and_no_degrees_of_freedom():
     assert [outlier.sensor for outlier in outliers] == ["a"]
 
 
+@pytest.mark.slow
 def test_bounds_alone_identify_nothing_far_above_them():
     table = clipped()
     alone = posterior(replace(table, lower_bound=np.ones(8, bool)), "gaussian")

@@ -39,6 +39,7 @@ def names(tmp_path_factory):
     return defined
 
 
+@pytest.mark.slow
 def test_the_log_density_is_a_plain_function_with_its_optimum_at_the_start(names):
     found = names["found"]
     start = jnp.asarray(found.start)

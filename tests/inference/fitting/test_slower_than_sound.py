@@ -45,6 +45,7 @@ def scattered():
     return solved(scatter=True)
 
 
+@pytest.mark.slow
 def test_arrivals_with_the_speed_of_sound_are_not_reported(exact, scattered):
     for solution in (exact, scattered):
         assert slower_than_sound(log_of(solution), solution) is None

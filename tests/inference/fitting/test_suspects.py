@@ -47,6 +47,7 @@ def test_a_clock_that_is_off_is_named_with_what_to_type():
     assert "0.8 s behind" in said or "s behind" in said
 
 
+@pytest.mark.slow
 def test_asked_one_by_one_no_sensor_of_an_honest_log_is_accused():
     made = heard("arrivals", np.random.default_rng(4))
     asked = []
@@ -59,6 +60,7 @@ def test_asked_one_by_one_no_sensor_of_an_honest_log_is_accused():
     assert len(asked) == len(NAMES)
 
 
+@pytest.mark.slow
 def test_two_sensors_whose_places_are_swapped_are_named():
     made = heard("arrivals", np.random.default_rng(5))
     place = made.position.copy()
@@ -75,6 +77,7 @@ def test_two_sensors_whose_places_are_swapped_are_named():
     assert accused_sensors(swapped, [first]) == {"b", "e"}
 
 
+@pytest.mark.slow
 def test_sensors_that_explain_a_log_as_well_as_the_suspected_one_are_named():
     made = heard("arrivals", np.random.default_rng(3), clock={"c": -0.1})
     solution = solve(made, ASKED)

@@ -90,6 +90,7 @@ def test_draws_that_reach_further_come_with_their_density(free):
         assert weights.mean() == pytest.approx(1.0, abs=4 * error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [0.0, 2.5, 4.0])
 def test_ends_are_off_by_what_integration_says_and_the_answer_warns(apart):
     made = disagreeing(apart)

@@ -28,6 +28,7 @@ def made():
     )
 
 
+@pytest.mark.slow
 def test_draws_come_back_from_the_file(walked, tmp_path):
     pytest.importorskip("arviz", exc_type=ImportError)
     xarray = pytest.importorskip("xarray")

@@ -10,6 +10,7 @@ def of(density, draws):
     return np.array([float(density.log_density(jnp.asarray(w))) for w in draws])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("apart", "count"), [(4.0, 2), (1.0, 1)])
 def test_two_modes_are_told_where_there_is_a_valley(apart, count):
     rng = np.random.default_rng(0)

@@ -140,6 +140,7 @@ def test_information_and_chi_squared_are_those_of_the_full_covariance():
     assert dof == 5
 
 
+@pytest.mark.slow
 def test_residuals_of_a_table_are_in_the_sigma_of_the_log():
     posterior = of(picks(), scatter=True)
     left = standardised_residuals(posterior, Z)

@@ -73,6 +73,7 @@ def test_expected_effects_obey_the_identity_of_posterior_means():
     np.testing.assert_allclose(v, -LOADING.T @ slope, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_two_groups_of_readings_far_apart_are_integrated_near_the_exact_integral():
     # a shift through the place where the effect gives up on the readings: of two modes
     # of equal weight the bound holds one, so it is low by ln 2 there

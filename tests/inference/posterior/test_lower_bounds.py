@@ -120,6 +120,7 @@ def joint_slopes(v, residual, sd, loading, noise, bound):
     return jax.grad(joint)(v), jax.hessian(joint)(v)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ERRORS)
 @pytest.mark.parametrize("shift", [-30.0, -1.0, 1.0, 30.0])
 def test_the_expected_effects_are_found_wherever_bounds_lie(noise, shift):

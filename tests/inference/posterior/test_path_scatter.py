@@ -45,6 +45,7 @@ def at(posterior, values):
     return z.at[time].add(jnp.mean(posterior.misfit(z).residual))
 
 
+@pytest.mark.slow
 def test_the_density_is_the_mean_of_normal_ones_over_the_correlations():
     posterior = ring("gaussian")
     z = at(posterior, TRUE)
@@ -70,6 +71,7 @@ def test_the_density_is_the_mean_of_normal_ones_over_the_correlations():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", ["gaussian", "student"])
 def test_a_small_array_does_not_pull_the_charge_towards_itself(noise):
     posterior = ring(noise)

@@ -77,6 +77,7 @@ def assert_smooth(posterior: Posterior, places: np.ndarray, axis: int) -> None:
     assert not off.any(), (axis, places[off, axis], difference[off], slope[off])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hta_1", "hri_2"])
 def test_student_errors_far_from_the_mode_leave_no_steps(name):
     posterior = ford_posterior(name, "student")

@@ -287,6 +287,7 @@ def test_slow_arrivals_from_an_unknown_place_accuse_no_sensor(speed, free):
     assert f"imply a speed of {speed:.0f} m/s" in sentence(doubt, heard(speed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "late"), [(330.0, 0.0), (345.0, 0.5)])
 def test_sound_and_a_single_wrong_clock_are_not_slow(speed, late):
     found = kinds(heard(speed, late), freed(SCENE, PLACE))

@@ -239,6 +239,7 @@ def test_packets_make_the_file_that_the_whole_makes(tmp_path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [RuntimeError("broke"), KeyboardInterrupt()])
 def test_a_stream_that_breaks_keeps_what_it_had(tmp_path, end):
     path = tmp_path / "a.wav"

@@ -38,6 +38,7 @@ def watched(watch, packets):
     return found, rejected, np.array(statistic)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7])
 def test_frames_as_they_come_have_the_flashes_of_the_film(film, size):
     times, light = film

@@ -54,6 +54,7 @@ def test_a_blast_in_the_second_frame_is_seen():
     assert seen.flashes[0].growth.time_s == pytest.approx(0.0002, abs=4e-4)
 
 
+@pytest.mark.slow
 def test_fast_films_are_averaged_and_large_ones_binned():
     film = growing(frames=320, rate=4000.0)
     seen = detect_flashes(blocks(*film), 4000.0, HEIGHT)

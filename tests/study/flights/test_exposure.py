@@ -71,6 +71,7 @@ def test_the_fireball_flown_into_is_the_one_filmed():
     assert float(found.fireball_time_s) == pytest.approx(duration - reached, abs=3e-3)
 
 
+@pytest.mark.slow
 def test_a_blast_that_comes_after_the_end_does_nothing_to_it():
     charge = Charge(mass_kg=1.0, time_s=2.0, explosive="C4")  # the program above
     scene = Scene(charge=charge, fireball_growth=50e-3)

@@ -53,6 +53,7 @@ def test_fits_do_not_depend_on_tiles_or_devices(study, monkeypatch):
         np.testing.assert_array_equal(one[name], all_of_them[name])
 
 
+@pytest.mark.slow
 def test_fits_hold_what_they_say(study):
     found = run(study)
     # of 1,000: four standard errors of nine tenths (errors are Student's: a few more)

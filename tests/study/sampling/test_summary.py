@@ -45,6 +45,7 @@ def whole_state(folder, name="air_arrival_s"):
     return state[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["", AXIS])
 def test_the_statistics_are_those_of_all_rows(tmp_path, axis):
     study = study_in(tmp_path, SUMMARY + axis)

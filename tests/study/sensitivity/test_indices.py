@@ -67,6 +67,7 @@ def test_an_axis_of_three_levels_has_its_shares_of_the_variance():
     assert found.explained > 0.99
 
 
+@pytest.mark.slow
 def test_calls_of_the_function_tell_the_indices_of_ishigami():
     found = indices_of_function(
         lambda scores: ishigami(angles_of(scores)), NAMES, 4096, resamples=50

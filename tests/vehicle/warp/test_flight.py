@@ -220,6 +220,7 @@ def test_what_the_kernel_cannot_fly_flies_on_jax_and_says_so(options, said):
     assert flown.position_m.shape == (BATCH, 3, 3)
 
 
+@pytest.mark.slow
 def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
     from jblast.vehicle.warp import flight
 

@@ -86,6 +86,7 @@ def test_no_pressure_falls_below_vacuum(burst):
     assert pressure.min() < -0.95 * STANDARD_PRESSURE
 
 
+@pytest.mark.slow
 def test_a_record_is_its_loop_and_numbers_broadcast():
     time = np.linspace(0.0, 0.08, 41)
     batch = jax.jit(blast_pressure, static_argnames="burst")(time, *AIR)

@@ -70,6 +70,7 @@ def test_single_precision_keeps_the_front_far_into_a_record():
     assert np.median(off[np.asarray(known) != 0]) < 1e-6 * PEAK
 
 
+@pytest.mark.slow
 def test_gradients_are_those_of_the_means():
     edges = 2.0 + jnp.arange(COUNT + 1, dtype=float) / RATE
     weight = jnp.sin(jnp.linspace(0.0, 60.0, COUNT))

@@ -128,6 +128,7 @@ def test_one_who_comes_late_hears_what_is_under_way_and_no_more():
     assert told == {name for name, last in arrivals.items() if last >= 1.2}
 
 
+@pytest.mark.slow
 def test_a_blast_added_after_its_lead_comes_in_the_next_packet():
     """Whoever is past it receives what has not arrived yet, as one who joins."""
     schedule = BlastSchedule(world(), LEAD_S)
@@ -151,6 +152,7 @@ def test_a_blast_added_after_its_lead_comes_in_the_next_packet():
     assert ("past", "flash") not in seen
 
 
+@pytest.mark.slow
 def test_one_who_moves_is_told_anew_where_it_meets_the_wave():
     """It reports a straight flight, so its last word is that of the path known ahead;
     1e-9 s, as the two tracks are counted from other knots."""

@@ -35,6 +35,7 @@ def test_json_is_all_of_stdout_and_has_no_infinity(jblast):
         assert hold["peak_deviation_m"] > 0.05
 
 
+@pytest.mark.slow
 def test_files_are_written_once_and_the_flight_can_be_discovered(jblast):
     out = jblast.path("flight")
     code, said, err = flown(jblast, "--out", out)

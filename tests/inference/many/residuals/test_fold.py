@@ -45,6 +45,7 @@ def test_a_loop_cannot_be_taken_apart_and_is_batched_instead():
     np.testing.assert_allclose(got, LANE * ROW**3, rtol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quantity", "name"),
     [

@@ -87,6 +87,7 @@ def test_on_the_ground_both_are_one_of_twice_the_pressure_that_pushes_along_it()
     assert abs(float(given[2])) < 1e-12 * float(given[0])
 
 
+@pytest.mark.slow
 def test_of_a_charge_so_high_that_its_echo_is_faint_nothing_is_left():
     state = hovering(CRAZYFLIE, (5.0, 0.0, 2000.0))
     both, straight = (load(2000.0, reflection=seen) for seen in (True, False))
@@ -110,6 +111,7 @@ def test_while_it_says_it_is_quiet_no_front_comes_the_second_neither():
     assert float(one.quiet_until(jnp.asarray(second + 60.0), state, CRAZYFLIE)) > second
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("burst", ["surface", "free-air"])
 def test_a_charge_on_the_ground_has_none_and_a_batch_of_both_kinds_is_its_loop(burst):
     charge = Charge(1.0, (0.0, 0.0, 0.0), burst=burst)

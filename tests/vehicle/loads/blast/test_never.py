@@ -88,6 +88,7 @@ def test_its_wave_never_comes_and_has_no_pressure():
     assert all(float(x) == 0.0 for x in jax.tree.leaves(slopes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["time_s", "mass_kg", "impulse_mass_kg"])
 def test_what_is_no_number_loses_the_vehicle_and_is_not_never(field):
     broken = load(OTHER)

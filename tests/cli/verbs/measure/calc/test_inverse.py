@@ -5,6 +5,7 @@ import pytest
 from jblast.waves import kingery_bulmash_pressure, wu_hao_air_arrival_time
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "used"),
     [

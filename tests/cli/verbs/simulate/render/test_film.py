@@ -62,6 +62,7 @@ def test_times_of_events_owe_nothing_to_the_frame_rate(jblast):
     assert np.abs(off).max() <= 1
 
 
+@pytest.mark.slow
 def test_modes_write_what_they_say(jblast):
     both = rendered(jblast, "--seconds", "0.02")
     kept = events_in(both["files"]["events"])

@@ -34,6 +34,7 @@ def test_a_wall_hides_the_fire_in_frames_and_events(jblast):
     assert np.ptp(last_frame(jblast)) == 0
 
 
+@pytest.mark.slow
 def test_the_sky_follows_the_daylight_and_its_events_do_not(jblast):
     skies, sent = [], []
     for lux in ("94000", "1000", "10"):

@@ -11,6 +11,7 @@ from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE, refused, rend
 SHORT = "--seconds", "0.02"
 
 
+@pytest.mark.slow
 def test_a_video_shows_the_frames(jblast):
     jblast.file("scene.toml", CHARGE + CAMERA.replace("width = 24", "width = 23"))
     path = jblast.path("film.mp4")
