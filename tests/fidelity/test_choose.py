@@ -128,9 +128,15 @@ def test_no_sigma_asks_for_the_best_there_is():
     assert tolerance_of(np.array([np.nan]), ARRIVAL, [conditions]) == 0.0
 
 
+FREE = freed(UncertainScene(scene(10.0)), ["charge_mass_kg"])
+NOWHERE = Scene(sensors=(Sensor("s", jnp.full(3, jnp.nan)),))
+
+
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
+        ((ARRIVAL, 0.1, FREE), "charge_mass_kg is free"),
+        ((ARRIVAL, 0.1, NOWHERE), "expected position_m"),
         (("height", 0.1), "unknown quantity 'height'; expected one of flash_time_s"),
         ((PRESSURE, 0.1), f"no sensor of the scene records {PRESSURE}"),
         (("arrival_difference_s", 0.1), "consists of air_arrival_s and ground_arrival"),
@@ -140,20 +146,9 @@ def test_no_sigma_asks_for_the_best_there_is():
     ],
 )
 def test_what_cannot_be_asked_is_refused(asked, said):
+    quantity, tolerance, *other = asked
     with pytest.raises(InputError, match=said):
-        choose(scene(10.0), *asked)
-
-
-def test_a_free_mass_is_refused_as_the_choice_depends_on_it():
-    free = freed(UncertainScene(scene(10.0)), ["charge_mass_kg"])
-    with pytest.raises(InputError, match="charge_mass_kg is free"):
-        choose(free, ARRIVAL, 0.1)
-
-
-def test_a_sensor_without_a_place_is_refused():
-    nowhere = Scene(sensors=(Sensor("s", jnp.full(3, jnp.nan)),))
-    with pytest.raises(InputError, match="expected position_m"):
-        choose(nowhere, ARRIVAL, 0.1)
+        choose(*other or [scene(10.0)], quantity, tolerance)
 
 
 def test_a_sensor_that_does_not_say_what_it_records_may_record_anything():

@@ -1,9 +1,6 @@
 """What the stored tables promise is kept, off every table's nodes."""
 
-import dataclasses
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -15,7 +12,6 @@ from jblast.fidelity.errors import (
     REFERENCES,
     jitted_conditions,
 )
-from jblast.registry import call, law_for
 
 FEW = 200
 TOLERANCES = (0.01, 0.03, 0.1, 0.3)
@@ -60,26 +56,6 @@ def test_what_choose_names_is_what_the_study_counts(quantity):
         assert len(met) == counts[tolerance].met
         good = [real[choices[i].method][i] <= tolerance for i in met]
         assert sum(good) >= counts[tolerance].good
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("quantity", REFERENCES)
-def test_no_value_and_no_slope_is_anything_but_a_number(quantity, path):
-    for name in jitted_conditions(quantity, path).holds:
-        law = law_for(quantity, name)
-
-        @jax.jit
-        def values(log_range, log_mass, law=law):
-            there = dataclasses.replace(
-                path, slant_range=jnp.exp(log_range), charge_mass=jnp.exp(log_mass)
-            )
-            return jnp.broadcast_to(call(law.function, there), log_range.shape)
-
-        at = jnp.log(path.slant_range), jnp.log(path.charge_mass)
-        value, pull = jax.vjp(values, *at)
-        assert np.isfinite(value).all(), name
-        for slope in pull(jnp.ones_like(value)):
-            assert np.isfinite(slope).all(), name
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import read, resolve_positions
+from jblast.observations import resolve_positions
 from jblast.scene import Camera, Charge, Scene, Sensor
 from jblast.sensors import planned_layout
 
@@ -19,20 +19,14 @@ def camera(*position: float) -> Camera:
     return Camera(at, ahead, np.full(2, 900.0), np.array([320, 240]), 640, 480)
 
 
-def log(tmp_path, text: str):
-    path = tmp_path / "log.csv"
-    path.write_text(text)
-    return read(path)
-
-
-def test_a_radius_in_an_image_is_seen_from_the_camera(tmp_path):
-    placed = resolve_positions(log(tmp_path, HEADER + RADIUS), Scene(camera=camera()))
+def test_a_radius_in_an_image_is_seen_from_the_camera(table):
+    placed = resolve_positions(table(HEADER + RADIUS), Scene(camera=camera()))
     np.testing.assert_array_equal(placed.position, [[0.0, -100.0, 2.0]])
 
 
-def test_a_radius_in_metres_needs_neither_place_nor_camera(tmp_path):
+def test_a_radius_in_metres_needs_neither_place_nor_camera(table):
     text = HEADER + "c,fireball_radius_m,4,,0.004\n"
-    assert np.isnan(resolve_positions(log(tmp_path, text), Scene()).position).all()
+    assert np.isnan(resolve_positions(table(text), Scene()).position).all()
 
 
 SEEN = "c,bearing_rad,-0.1,0.01,3,4,0,\n"
@@ -72,16 +66,16 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "scene", "said"), BAD.values(), ids=BAD)
-def test_what_does_not_go_together_is_refused(tmp_path, text, scene, said):
+def test_what_does_not_go_together_is_refused(table, text, scene, said):
     with pytest.raises(InputError) as error:
-        resolve_positions(log(tmp_path, text), scene)
+        resolve_positions(table(text), scene)
     for words in said:
         assert words in str(error.value)
 
 
-def test_a_free_origin_time_may_come_before_it_all(tmp_path):
+def test_a_free_origin_time_may_come_before_it_all(table):
     text = HEADER + RADIUS.replace("0.004", "-0.004")
-    resolve_positions(log(tmp_path, text), Scene(camera=camera()), ["origin_time_s"])
+    resolve_positions(table(text), Scene(camera=camera()), ["origin_time_s"])
 
 
 PLANS = {

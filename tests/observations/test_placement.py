@@ -1,23 +1,14 @@
 import numpy as np
 import pytest
 
+from jblast.cli.arguments.options import in_options
 from jblast.errors import InputError
-from jblast.observations import read, resolve_positions
+from jblast.observations import resolve_positions
 from jblast.scene import Air, Charge, Scene, Sensor
 
 BARE = "sensor,quantity,value,sigma\n"
 POSITION = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
 RANGE = "sensor,quantity,value,sigma,range_m\n"
-
-
-@pytest.fixture
-def log(tmp_path):
-    def write(text):
-        path = tmp_path / "log.csv"
-        path.write_text(text)
-        return read(path)
-
-    return write
 
 
 def scene(**sensors):
@@ -26,15 +17,15 @@ def scene(**sensors):
     )
 
 
-def test_a_place_comes_from_the_scene_where_the_log_has_none(log):
-    observations = log(POSITION + "a,air_arrival_s,1,,,,\nb,air_arrival_s,2,,4,5,6\n")
+def test_a_place_comes_from_the_scene_where_the_log_has_none(table):
+    observations = table(POSITION + "a,air_arrival_s,1,,,,\nb,air_arrival_s,2,,4,5,6\n")
     placed = resolve_positions(observations, scene(a=[1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(placed.position, [[1, 2, 3], [4, 5, 6]])
     assert np.isnan(observations.position[0]).all()  # the log itself is unchanged
 
 
-def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(log):
-    observations = log(POSITION + "a,air_arrival_s,1,,1,2,3\n")
+def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(table):
+    observations = table(POSITION + "a,air_arrival_s,1,,1,2,3\n")
     placed = resolve_positions(observations, scene(a=[1.0, 2.0, 3.0009]))
     np.testing.assert_array_equal(placed.position, [[1, 2, 3]])
     with pytest.raises(InputError) as caught:
@@ -43,53 +34,53 @@ def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(log):
         assert said in str(caught.value)
 
 
-def test_a_place_in_degrees_given_twice_names_the_origin_that_both_count_from(log):
+def test_a_place_in_degrees_given_twice_names_the_origin_that_both_count_from(table):
     degrees = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
-    observations = log(degrees + "a,air_arrival_s,1,,47,11,500\n")
+    observations = table(degrees + "a,air_arrival_s,1,,47,11,500\n")
     with pytest.raises(InputError, match=r"count from its \[place\].*\[\[sensor\]\]"):
         resolve_positions(observations, scene(a=[0.0, 0.0, 50.0]))
 
 
-def test_a_sensor_without_a_place_is_named(log):
-    observations = log(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
+def test_a_sensor_without_a_place_is_named(table):
+    observations = table(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
     with pytest.raises(InputError, match=r"line 3: expected east_m.*named 'b'"):
         resolve_positions(observations, scene(a=[1.0, 2.0, 3.0]))
 
 
-def test_a_scene_sensor_that_says_no_position_gives_none(log):
-    observations = log(BARE + "a,air_arrival_s,1,\n")
+def test_a_scene_sensor_that_says_no_position_gives_none(table):
+    observations = table(BARE + "a,air_arrival_s,1,\n")
     with pytest.raises(InputError, match="named 'a'"):
         resolve_positions(observations, scene(a=[np.nan] * 3))
 
 
-def test_a_shock_radius_needs_no_place(log):
+def test_a_shock_radius_needs_no_place(table):
     text = "sensor,quantity,value,sigma,time_s\ncamera,shock_radius_m,11,,1e-4\n"
-    assert np.isnan(resolve_positions(log(text), Scene()).position).all()
+    assert np.isnan(resolve_positions(table(text), Scene()).position).all()
 
 
-def test_one_sensor_needs_no_place_where_the_scene_gives_its_range(log):
+def test_one_sensor_needs_no_place_where_the_scene_gives_its_range(table):
     ranged = Scene(charge=Charge(range_m=20.0))
-    assert len(resolve_positions(log(BARE + "a,air_arrival_s,1,\n"), ranged)) == 1
+    assert len(resolve_positions(table(BARE + "a,air_arrival_s,1,\n"), ranged)) == 1
     with pytest.raises(InputError, match=r"distance to one sensor; got .*'a', 'b'"):
         resolve_positions(
-            log(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n"), ranged
+            table(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n"), ranged
         )
 
 
-def test_ranges_are_kept_where_the_charge_stays_in_place(log):
-    observations = log(RANGE + "a,air_arrival_s,1,,20\nb,air_arrival_s,2,,30\n")
+def test_ranges_are_kept_where_the_charge_stays_in_place(table):
+    observations = table(RANGE + "a,air_arrival_s,1,,20\nb,air_arrival_s,2,,30\n")
     placed = resolve_positions(observations, Scene(), {"charge_mass_kg"})
     np.testing.assert_array_equal(placed.slant_range, [20, 30])
 
 
 @pytest.mark.parametrize("name", ["charge_east_m", "charge_north_m"])
-def test_a_range_beside_a_free_place_is_refused(log, name):
+def test_a_range_beside_a_free_place_is_refused(table, name):
     with pytest.raises(InputError, match=f"line 2, column range_m.*{name}.*got range"):
-        resolve_positions(log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {name})
+        resolve_positions(table(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {name})
 
 
-def test_a_range_in_the_log_and_in_the_scene_must_agree(log):
-    observations = log(RANGE + "a,air_arrival_s,1,,20\n")
+def test_a_range_in_the_log_and_in_the_scene_must_agree(table):
+    observations = table(RANGE + "a,air_arrival_s,1,,20\n")
     assert len(resolve_positions(observations, Scene(charge=Charge(range_m=20.0)))) == 1
     with pytest.raises(InputError, match=r"line 2, column range_m: got 20.*21\.0"):
         resolve_positions(observations, Scene(charge=Charge(range_m=21.0)))
@@ -99,8 +90,8 @@ def test_a_range_in_the_log_and_in_the_scene_must_agree(log):
         )
 
 
-def test_a_range_in_the_log_must_agree_with_a_sensor_of_the_scene(log):
-    observations = log(RANGE + "a,air_arrival_s,1,,5\n")
+def test_a_range_in_the_log_must_agree_with_a_sensor_of_the_scene(table):
+    observations = table(RANGE + "a,air_arrival_s,1,,5\n")
     assert np.isnan(
         resolve_positions(observations, scene(a=[3.0, 4.0, 0.0])).position
     ).all()
@@ -111,10 +102,10 @@ def test_a_range_in_the_log_must_agree_with_a_sensor_of_the_scene(log):
 SHOTS = RANGE.replace("\n", ",shot\n")
 
 
-def test_several_shots_need_a_charge_named_for_each(log):
+def test_several_shots_need_a_charge_named_for_each(table):
     rows = ["a,air_arrival_s,1,,20,one\n", "a,air_arrival_s,2,,20,two\n"]
-    assert len(resolve_positions(log(SHOTS + rows[0]), Scene())) == 1
-    observations = log(SHOTS + "".join(rows))
+    assert len(resolve_positions(table(SHOTS + rows[0]), Scene())) == 1
+    observations = table(SHOTS + "".join(rows))
     message = r"line 3, column shot: expected 'one'.*got 'two'.*\[\[charge\]\]"
     with pytest.raises(InputError, match=message):
         resolve_positions(observations, Scene())
@@ -125,8 +116,8 @@ def test_several_shots_need_a_charge_named_for_each(log):
         resolve_positions(observations, other)
 
 
-def test_each_charge_is_asked_about_its_own_origin_time(log):
-    observations = log(
+def test_each_charge_is_asked_about_its_own_origin_time(table):
+    observations = table(
         SHOTS + "a,air_arrival_s,1,.1,20,one\na,air_arrival_s,2,.1,20,two\n"
     )
     late = Scene(charge=Charge(name="one"), others=(Charge(name="two", time_s=9.0),))
@@ -135,17 +126,35 @@ def test_each_charge_is_asked_about_its_own_origin_time(log):
     assert len(resolve_positions(observations, late, {"origin_time_s.two"})) == 2
 
 
-def test_wind_needs_a_direction_but_only_for_what_it_changes(log):
+def test_wind_needs_a_direction_but_only_for_what_it_changes(table):
     windy = Scene(air=Air(wind_north=4.0))
     with pytest.raises(
         InputError, match=r"line 2.*range alone, which has no direction"
     ):
-        resolve_positions(log(RANGE + "a,air_arrival_s,1,,20\n"), windy)
+        resolve_positions(table(RANGE + "a,air_arrival_s,1,,20\n"), windy)
     with pytest.raises(InputError, match="a free wind"):
         resolve_positions(
-            log(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {"wind_east_m_s"}
+            table(RANGE + "a,air_arrival_s,1,,20\n"), Scene(), {"wind_east_m_s"}
         )
     assert (
-        len(resolve_positions(log(RANGE + "a,peak_overpressure_pa,1,,20\n"), windy))
+        len(resolve_positions(table(RANGE + "a,peak_overpressure_pa,1,,20\n"), windy))
         == 1
     )
+
+
+@pytest.mark.parametrize(
+    ("row", "names"),
+    [
+        ("air_arrival_s,1.4,.001", "charge_east_m,charge_north_m,origin_time_s"),
+        ("peak_overpressure_pa,5e3,100", "charge_east_m,charge_north_m"),
+    ],
+)
+def test_a_sensor_at_the_origin_is_told_what_to_free_without_a_scene(table, row, names):
+    observations = table(f"{POSITION}a,{row},0,0,0\nb,{row},150,0,0\n")
+    with pytest.raises(InputError) as refused:
+        resolve_positions(observations, Scene(), {"charge_mass_kg"}, is_default=True)
+    message = str(in_options(refused.value))
+    assert "line 2: sensor 'a' stands at [0, 0, 0] m; no scene given: " in message
+    assert message.endswith(f"the charge is assumed at the origin; add --free {names}")
+    with pytest.raises(InputError, match="where the charge is; expected a distance"):
+        resolve_positions(observations, Scene(), {"charge_mass_kg"})

@@ -23,7 +23,6 @@ BAD = {
         ],
     ),
     "empty file": ("", ["line 1", "empty", "sensor,quantity,value,sigma"]),
-    "comments only": ("# nothing\n\n", ["line 1", "empty"]),
     "header only": ("# c\n" + HEADER, ["line 2", "after the header", "measurement"]),
     "missing column": (
         "sensor,quantity,value\na,air_arrival_s,1\n",
@@ -36,10 +35,6 @@ BAD = {
     "column twice": (
         HEADER.replace("up_m", "north_m") + ROW,
         ["line 1", "north_m once", "twice"],
-    ),
-    "wide table": (
-        "sensor,peak_overpressure_pa\na,1\n",
-        ["line 1", "'peak_overpressure_pa'", "quantity, not a column"],
     ),
     "part of a position, by column": (
         "sensor,quantity,value,sigma,east_m,up_m\na,air_arrival_s,1,,2,3\n",
@@ -61,10 +56,6 @@ BAD = {
         HEADER + ROW + ROW.replace("air_arrival_s", "air_arival_s"),
         ["line 3", "column quantity", "'air_arival_s'", "did you mean air_arrival_s?"],
     ),
-    "no quantity": (
-        HEADER + ROW.replace("air_arrival_s", ""),
-        ["line 2", "column quantity", "unknown quantity ''"],
-    ),
     "no sensor": (
         HEADER + ROW[1:],
         ["line 2", "column sensor", "a name", "got nothing"],
@@ -81,18 +72,9 @@ BAD = {
         HEADER + ROW.replace("20", "-inf"),
         ["line 2", "column east_m", "a finite number", "'-inf'"],
     ),
-    "overflow": (HEADER + ROW.replace("20", "1e999"), ["line 2", "'1e999'"]),
     "zero sigma": (
         HEADER + ROW.replace("0.001", "0"),
         ["line 2", "column sigma", "a positive number", "got 0"],
-    ),
-    "negative sigma": (
-        HEADER + ROW.replace("0.001", "-0.1"),
-        ["line 2", "column sigma", "a positive number", "got -0.1"],
-    ),
-    "negative duration": (
-        HEADER + ROW + ROW.replace("air_arrival_s,", "positive_duration_s,-"),
-        ["line 3", "column value", "a positive positive_duration_s", "got -0.05"],
     ),
     "duplicate": (
         HEADER + ROW + "# c\n" + ROW.replace("20,", "20.0,"),
@@ -114,10 +96,6 @@ BAD = {
         FRONT + "a,air_arrival_s,1,,2\n",
         ["line 2", "column time_s", "expected nothing", "got 2 for air_arrival_s"],
     ),
-    "fireball without time": (
-        FRONT + "c,fireball_radius_m,11,,\n",
-        ["line 2", "column time_s", "at which fireball_radius_m was", "got nothing"],
-    ),
     "bearing in degrees": (
         HEADER + "a,bearing_rad,225,1,1,2,3\n",
         ["line 2", "column value", "within 6.28319 rad", "got 225", "degrees"],
@@ -126,15 +104,10 @@ BAD = {
         HEADER + "a,elevation_rad,-1.6,,1,2,3\n",
         ["line 2", "column value", "within 1.5708 rad", "got -1.6"],
     ),
-    "unclosed quote": (
-        HEADER + ROW + '"b' + ROW + ROW,
-        ["line 3", "quote"],
-    ),
     "quote over two lines": (
         HEADER + '"a\nb"' + ROW[1:],
         ["line 2", "quote that is not closed"],
     ),
-    "stray quote": (HEADER + '"a"b' + ROW[1:], ["line 2", "quote"]),
     "Latin-1": (
         (HEADER + ROW + ROW.replace("a,", "caf\u00e9,", 1)).encode("latin-1"),
         ["line 3", "UTF-8", "0xe9"],
@@ -147,7 +120,6 @@ BAD = {
         HEADER.encode() + b"\x7fELF\x00\x01",
         ["line 2", "a CSV file", "0x7f", "binary"],
     ),
-    "workbook": (b"PK\x03\x04\x14\x00", ["line 1", "zip archive", "plain text"]),
 }
 
 
@@ -180,20 +152,18 @@ def test_what_errs_in_ln_must_be_positive(log, quantity, value):
         read(log(HEADER + f"a,{quantity},{value},,1,2,3\n"))
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(InputError, match=r"none\.csv: no such file; expected a CSV"):
-        read(tmp_path / "none.csv")
-
-
-def test_a_directory_is_told(tmp_path):
-    with pytest.raises(InputError, match="is a directory"):
-        read(tmp_path)
-
-
-@pytest.mark.parametrize("path", ["a\0b.csv", "x" * 5000])
-def test_an_impossible_path_is_told(path):
-    with pytest.raises(InputError, match="cannot be read"):
-        read(path)
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("none.csv", "no such file; expected a CSV"),
+        ("", "is a directory"),
+        ("a\0b.csv", "cannot be read"),
+        ("x" * 5000, "cannot be read"),
+    ],
+)
+def test_a_path_that_leads_to_no_file_is_told(tmp_path, name, said):
+    with pytest.raises(InputError, match=said):
+        read(f"{tmp_path}/{name}")
 
 
 FUZZ = settings(
@@ -225,3 +195,34 @@ def test_random_rows_raise_nothing_but_input_errors(log, more, rows):
     text = "\n".join([header, *rows]).encode("utf-8", "replace")
     with suppress(InputError):
         assert np.isfinite(read(log(text)).value).all()
+
+
+SEVERAL = (
+    HEADER
+    + ROW
+    + "b,air_arival_s,fast,-1,1,2,3\n"
+    + "c,air_arrival_s,1,,1,,3\n"
+    + ROW
+    + "d,air_arrival_s,2,0.1,5,6,7\n"
+)
+
+
+def test_every_fault_is_gathered_line_by_line(log):
+    faults: list[InputError] = []
+    observations = read(log(SEVERAL), faults=faults)
+    said = [str(fault).partition("log.csv: ")[2] for fault in faults]
+    assert [text.partition(":")[0] for text in said] == [
+        "line 3, column quantity",
+        "line 3, column value",
+        "line 3, column sigma",
+        "line 4, column north_m",
+        "line 5",
+    ]
+    assert observations.sensor == ("a", "d")
+    assert observations.line == (2, 6)
+
+
+def test_a_file_in_which_nothing_can_be_read_is_a_log_without_rows(tmp_path):
+    faults: list[InputError] = []
+    assert len(read(tmp_path / "none.csv", faults=faults)) == 0
+    assert "no such file" in str(faults[0])

@@ -3,7 +3,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from jblast.observations import Observations, read, resolve_positions, starter_scene
-from jblast.scene import Free, read_scene
+from jblast.observations.grouping import located
+from jblast.observations.scenes import for_log
+from jblast.scene import Free, default_scene, read_scene
 
 BARE = "sensor,quantity,value,sigma\n"
 POSITION = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
@@ -84,14 +86,6 @@ def test_a_sensor_at_an_unknown_range_frees_it(start):
     resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
-def test_several_ranges_leave_the_place_fixed(start):
-    observations, uncertain, _ = start(
-        RANGE + "a,positive_impulse_pa_s,70,,276\nb,positive_impulse_pa_s,7,,2760\n"
-    )
-    assert set(uncertain.beliefs) == {"charge_mass_kg"}
-    resolve_positions(observations, uncertain.scene, uncertain.beliefs)
-
-
 def test_a_shock_radius_alone_leaves_place_and_time_fixed(start):
     observations, uncertain, text = start(
         "sensor,quantity,value,sigma,time_s\n"
@@ -101,11 +95,6 @@ def test_a_shock_radius_alone_leaves_place_and_time_fixed(start):
     assert set(uncertain.beliefs) == {"charge_mass_kg"}
     assert "position_m = [EAST" not in text
     resolve_positions(observations, uncertain.scene, uncertain.beliefs)
-
-
-def test_places_that_nobody_gave_are_asked_for(start):
-    _, _, text = start(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
-    assert text.count("# position_m = [EAST, NORTH, UP]") == 2
 
 
 def test_the_ground_is_there_where_its_wave_was_heard(start):
@@ -159,3 +148,29 @@ def test_any_name_of_a_sensor_survives_as_toml(tmp_path, names):
     )
     sensors = read_scene(tmp_path / "scene.toml").scene.sensors
     assert [sensor.name for sensor in sensors] == names
+
+
+EARTH = "sensor,quantity,value_utc,sigma,clock,lat_deg,lon_deg,alt_m\n"
+DATED = [
+    f"{name},{quantity},2024-05-17T12:00:0{second}Z,0.01,{name},{place},1500\n"
+    for name, place in (("a", "33.9,35.5"), ("b", "33.9,35.51"), ("c", "33.91,35.5"))
+    for quantity, second in (("flash_time_s", 1), ("air_arrival_s", 3))
+]
+
+
+def test_it_frees_what_the_default_scene_does_at_the_same_places(start):
+    log, uncertain, _ = start(EARTH + "".join(DATED))
+    assert uncertain.beliefs.keys() == for_log(default_scene(), log).beliefs.keys()
+    there = located(log, uncertain)
+    assert there.frame == log.frame
+    settled = resolve_positions(there, uncertain.scene, uncertain.beliefs)
+    np.testing.assert_array_equal(settled.position, log.position)
+    assert float(uncertain.scene.air.altitude) == 1500.0
+
+
+def test_clocks_that_nothing_sets_are_commented_out(start):
+    rows = [row for row in DATED if "flash" not in row]
+    _, uncertain, text = start(EARTH + "".join(rows))
+    assert not [name for name in uncertain.beliefs if "clock" in name]
+    assert text.count("# [[clock]]") == 2
+    assert '# name = "b"' in text

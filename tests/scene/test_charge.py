@@ -9,19 +9,6 @@ from jax.core import Tracer
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Clock, Scene, Sensor, with_values
-from jblast.scene.reader.tables import KEYS
-
-
-def test_the_first_number_is_the_mass():
-    assert Charge(15.0).mass_kg == 15.0
-
-
-def test_keywords_are_the_keys_of_the_scene_file():
-    of_file = {"mass_kg", "position_m", "time_s", "range_m"}
-    assert of_file <= set(KEYS["charge"])
-    charge = Charge(mass_kg=2.0, position_m=(1.0, 2.0, 3.0), time_s=2.0, range_m=2.0)
-    assert (charge.mass_kg, charge.time_s, charge.range_m) == (2.0, 2.0, 2.0)
-    assert (charge.east, charge.north, charge.up) == charge.position_m == (1, 2, 3)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +57,29 @@ def test_gradients_are_found_by_the_names_of_the_fields():
     assert (slope.mass_kg, slope.position_m) == (7.0, (1.0, 1.0, 3.0))
 
 
-def test_a_batch_of_places_keeps_its_charges_apart():
-    places = jnp.arange(12.0).reshape(4, 3)
-    charges = jax.vmap(lambda place: Charge(position_m=place))(places)
-    np.testing.assert_array_equal(jnp.stack(charges.position_m, axis=-1), places)
+@pytest.mark.parametrize(
+    ("kind", "values", "said"),
+    [
+        (Charge, {"mass_kg": "15"}, "Charge mass_kg: expected a number.*'15'"),
+        (Sensor, {"name": "a", "position_m": "here"}, "Sensor position_m.*'here'"),
+    ],
+)
+def test_text_in_place_of_a_number_is_refused_by_name(kind, values, said):
+    with pytest.raises(TypeError, match=said):
+        kind(**values)
+    with pytest.raises(TypeError, match=said):
+        kind(*values.values())
+
+
+@pytest.mark.parametrize(
+    ("named", "said"),
+    [
+        ({"position_m": (1.0, 2.0)}, "position_m: expected 3 numbers: east, north, up"),
+        ({"position_m": 5.0}, r"position_m: expected 3 numbers.*got shape \(\)"),
+        ({"offset_m": (1.0,) * 4}, "offset_m: expected 3 numbers: forward, left, up"),
+        ({"quaternion": (1.0,) * 3}, "quaternion: expected 4 numbers: x, y, z, w"),
+    ],
+)
+def test_a_vector_of_a_sensor_with_other_numbers_is_refused(named, said):
+    with pytest.raises(InputError, match=f"sensor gate {said}"):
+        replace(Sensor("gate", (1.0, 2.0, 3.0)), **named)

@@ -1,9 +1,17 @@
-import equinox as eqx
 import jax
-import jax.numpy as jnp
+import numpy as np
 import pytest
 
-from jblast.scene import PARAMETERS, Scene, with_values
+from jblast.scene import (
+    PARAMETERS,
+    LogNormal,
+    Normal,
+    Scene,
+    UncertainScene,
+    default_scene,
+    draw_scene,
+    with_values,
+)
 from jblast.scene.uncertain import value_of
 
 DERIVED = ("charge_range_m", "air_altitude_m", "air_sound_speed_m_s")
@@ -30,14 +38,22 @@ def test_several_values_go_in_together_and_the_old_scene_stays():
     assert (scene.air.sound_speed, scene.charge.mass_kg) == (None, 1)
 
 
-def test_no_values_change_nothing():
-    assert eqx.tree_equal(with_values(Scene(), {}), Scene())
+def test_every_uncertain_number_is_drawn_on_its_own():
+    beliefs = {
+        "charge_mass_kg": LogNormal(15.0, 2.0),
+        "air_sound_speed_m_s": Normal(340.0, 3.0),
+    }
+    uncertain = UncertainScene(Scene(), beliefs)
+    keys = jax.random.split(jax.random.key(1), 2000)
+    scenes = jax.vmap(lambda key: draw_scene(key, uncertain))(keys)
+    z_mass = np.log(np.asarray(scenes.charge.mass_kg) / 15.0) / np.log(2.0)
+    z_speed = (np.asarray(scenes.air.sound_speed) - 340.0) / 3.0
+    # four standard errors of a mean, and of a correlation, of 2000
+    assert abs(z_mass.mean()) < 4 / np.sqrt(2000)
+    assert abs(z_speed.mean()) < 4 / np.sqrt(2000)
+    assert abs(np.mean(z_mass * z_speed)) < 4 / np.sqrt(2000)
 
 
-def test_values_carry_gradients_into_the_scene():
-    def twice(speed):
-        scene = with_values(Scene(), {"air_sound_speed_m_s": speed})
-        assert scene.air.sound_speed is not None
-        return 2.0 * scene.air.sound_speed
-
-    assert jax.grad(twice)(jnp.asarray(340.0)) == 2.0
+def test_a_free_number_cannot_be_drawn_and_says_so():
+    with pytest.raises(ValueError, match="charge_mass_kg is free and cannot be drawn"):
+        draw_scene(jax.random.key(0), default_scene())

@@ -221,9 +221,8 @@ def test_what_no_scene_can_have_is_refused(f, word):
     values = {name: float(value[0]) for name, value in drawn(f, 1).items()}
     for name in values:
         bounds = ARGUMENTS[name].bounds
-        for bound in (bounds.above, bounds.at_least, bounds.at_most):
-            if not np.isfinite(bound):
-                continue
-            beyond = bound + 1.0 if bound == bounds.at_most else bound - 1.0
+        beyond = [bounds.above, bounds.above - 1.0, bounds.at_least - 1.0]
+        beyond = [x for x in [*beyond, bounds.at_most + 1.0] if np.isfinite(x)]
+        for bad in beyond if ARGUMENTS[name].open else [*beyond, np.nan, np.inf]:
             with pytest.raises(ValueError, match=f"{name} must be"):
-                call(f, word, values | {name: beyond})
+                call(f, word, values | {name: bad})

@@ -25,15 +25,6 @@ def test_gradient_at_distance_zero_is_zero():
         assert gradient.tolist() == [0.0, 0.0, 0.0]
 
 
-def test_one_source_meets_many_sensors():
-    sensors = jnp.arange(12.0).reshape(4, 3)
-    source = jnp.array([[1.0, 1.0, 1.0]])
-    together = slant_range(source, sensors)
-    assert together.shape == (4,)
-    for sensor, distance in zip(sensors, together, strict=True):
-        assert slant_range(source[0], sensor) == distance
-
-
 def test_what_is_no_number_has_no_distance_direction_or_size_in_an_image():
     nowhere = jnp.array([jnp.nan, 0.0, 0.0])
     assert jnp.isnan(slant_range(nowhere, jnp.array([1.0, 2.0, 3.0])))

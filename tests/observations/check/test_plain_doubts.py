@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from jblast.observations import read
 from jblast.observations.check import (
     clocks_doubted,
     places_doubted,
@@ -18,10 +17,9 @@ from jblast.scene import Scene, Sensor, default_scene
 from tests.observations.rows import HEADER
 
 
-def log(tmp_path, *rows, header=HEADER):
-    path = tmp_path / "log.csv"
-    path.write_text(header + "".join(f"{row}\n" for row in rows))
-    return read(path)
+@pytest.fixture
+def log(table):
+    return lambda *rows, header=HEADER: table(header + "\n".join(rows) + "\n")
 
 
 PLACES = {
@@ -38,8 +36,8 @@ PLACES = {
 
 
 @pytest.mark.parametrize("kind", PLACES)
-def test_places_are_doubted(tmp_path, kind):
-    (doubt,) = places_doubted(log(tmp_path, *PLACES[kind]))
+def test_places_are_doubted(log, kind):
+    (doubt,) = places_doubted(log(*PLACES[kind]))
     assert (doubt.kind, doubt.rows) == (kind, (1, 0))
 
 
@@ -52,14 +50,13 @@ def test_places_are_doubted(tmp_path, kind):
         ["a,air_arrival_s,0.05,,20,0,1", "a,air_arrival_s,0.05,1e-3,20,0,1"],
     ],
 )
-def test_sensors_that_agree_are_not_doubted(tmp_path, rows):
-    assert places_doubted(log(tmp_path, *rows)) == []
+def test_sensors_that_agree_are_not_doubted(log, rows):
+    assert places_doubted(log(*rows)) == []
 
 
-def test_clocks_and_shots_are_doubted(tmp_path):
+def test_clocks_and_shots_are_doubted(log):
     header = "sensor,quantity,value,sigma,range_m,shot,clock\n"
     table = log(
-        tmp_path,
         "a,flash_time_s,1.0,0.001,50,one,phone",
         "a,air_arrival_s,0.9,0.001,50,one,phone",
         "b,air_arrival_s,1.2,0.001,60,one,watch",
@@ -80,13 +77,13 @@ def test_clocks_and_shots_are_doubted(tmp_path):
 @pytest.mark.parametrize(
     ("unit", "factor"), [("seconds", 1), ("milliseconds", 1000), ("nanoseconds", 10**9)]
 )
-def test_seconds_since_1970_are_told_and_never_taken_for_a_date(tmp_path, unit, factor):
+def test_seconds_since_1970_are_told_and_never_taken_for_a_date(log, unit, factor):
     rows = [
         f"a,air_arrival_s,{1700000000 * factor},,20,0,1",
         f"b,air_arrival_s,{1700000001 * factor},,40,0,1",
         f"b,peak_overpressure_pa,{1700000001 * factor},,40,0,1",
     ]
-    table = log(tmp_path, *rows)
+    table = log(*rows)
     (doubt,) = clocks_doubted(table)
     assert (doubt.kind, doubt.rows) == ("since_1970", (0, 1))
     assert doubt.names == (unit, "2023-11-14T22:13:20.000Z")
@@ -98,9 +95,8 @@ def test_seconds_since_1970_are_told_and_never_taken_for_a_date(tmp_path, unit, 
     assert clocks_doubted(known) == []
 
 
-def test_errors_are_doubted(tmp_path):
+def test_errors_are_doubted(log):
     table = log(
-        tmp_path,
         "a,peak_overpressure_pa,5000,5001,20,0,1",
         "b,peak_overpressure_pa,5000,0.004,30,0,1",
         "c,peak_overpressure_pa,5000,250,40,0,1",
@@ -110,9 +106,8 @@ def test_errors_are_doubted(tmp_path):
     assert found == [("sigma_too_fine", (1,)), ("sigma_large", (0,))]
 
 
-def test_all_faults_beside_a_scene_are_told_not_the_first_alone(tmp_path):
+def test_all_faults_beside_a_scene_are_told_not_the_first_alone(log):
     table = log(
-        tmp_path,
         "a,air_arrival_s,0.05,,20,0,1",
         "b,air_arrival_s,0.05,,,,",
         "c,air_arrival_s,-0.05,1e-3,40,0,1",

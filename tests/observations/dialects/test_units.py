@@ -1,8 +1,6 @@
 """Values, errors, places and times in other units are ours afterwards, and told."""
 
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -116,11 +114,6 @@ def test_an_error_may_be_a_share_of_its_value(log):
     np.testing.assert_allclose(found.sigma, [400, np.nan])
 
 
-def test_a_clock_time_may_have_its_error_in_milliseconds(log):
-    head = "sensor,quantity,value,sigma_ms,range_m\n"
-    np.testing.assert_allclose(of(log, "a,air_arrival_s,5,8,1", head=head).sigma, 0.008)
-
-
 def test_a_peak_level_is_a_pressure_and_its_decibels_a_share(log):
     found = of(log, "a,peak_level_db,154,1,90", "b,Peak level (dB),>160,2,90")
     assert set(found.quantity) == {"peak_overpressure_pa"}
@@ -158,15 +151,6 @@ def test_a_column_of_levels_holds_levels_alone(log):
     for quantity in ("peak_overpressure_pa", "air_arrival_s"):
         with pytest.raises(InputError, match="two units for one column"):
             of(log, f"a,{quantity},154,1,1", head=head)
-
-
-def test_our_own_dialect_needs_neither_pint_nor_pandas(log):
-    path = log(HEAD + "a,air_arrival_s,1,0.1,20\n")
-    code = (
-        f"import sys; from jblast.observations import read; read({str(path)!r}); "
-        "sys.exit(bool({'pint', 'pandas'} & set(sys.modules)))"
-    )
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
 
 
 def test_places_and_times_may_be_in_other_units(log):

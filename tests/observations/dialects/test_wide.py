@@ -52,11 +52,6 @@ def test_one_column_of_shares_is_that_of_all_errors_that_are_shares(log):
     assert made.without_sigma == ("air_arrival_ms",)
 
 
-def test_a_share_of_a_level_is_one_of_its_pressure(log):
-    text = "sensor,range_m,peak_level_db,sigma_percent\na,10,154,8.5\n"
-    np.testing.assert_allclose(read(log(text), wide=True).error_scale(), 0.085)
-
-
 @pytest.mark.parametrize(
     "name",
     [

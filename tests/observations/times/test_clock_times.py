@@ -51,14 +51,6 @@ def test_of_times_in_utc_with_dates_there_is_nothing_to_tell(tmp_path):
     assert read(tmp_path, in_utc, date="2020-08-05", zone="+03:00").understood == ()
 
 
-def test_times_of_day_take_the_date_and_zone_that_are_given(tmp_path):
-    text = LOG.replace("2020-08-04T15:08:18.310004Z", "18:08:18.310004")
-    for zone in ("+03:00", "Asia/Beirut"):
-        log = read(tmp_path, text, date="2020-08-04", zone=zone)
-        assert log.value[0] == 0.310004
-        assert log.epoch == datetime(2020, 8, 4, 15, 8, 18, tzinfo=UTC)
-
-
 def test_a_clock_a_day_off_keeps_its_microseconds(tmp_path):
     log = read(tmp_path, LOG.replace("04T18:08:20.5+", "05T18:08:20.500001+"))
     assert log.value[1] == 86402.500001

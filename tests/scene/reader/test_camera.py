@@ -29,10 +29,6 @@ def camera():
     return read
 
 
-def test_a_scene_without_a_camera_has_none():
-    assert read_camera({"charge": {}}, "scene.toml") is None
-
-
 def test_what_is_not_said_takes_its_default(camera):
     read = camera()
     assert read.position.tolist() == [0, -50, 2]
@@ -65,11 +61,6 @@ def test_every_key_arrives_where_it_belongs(camera):
     assert read.threshold.tolist() == [0.2, 0.3]
 
 
-def test_straight_up_is_a_direction(camera):
-    read = camera(look_at_m="[0, -50, 9]")
-    assert read.quaternion.tolist() == [0, 0, 0, 1]
-
-
 def test_a_long_quaternion_becomes_a_unit_one(camera):
     read = camera(look_at_m=None, quaternion_xyzw="[1e200, 0, 0, 0]")
     assert read.quaternion.tolist() == [1, 0, 0, 0]
@@ -78,18 +69,13 @@ def test_a_long_quaternion_becomes_a_unit_one(camera):
 BAD = {
     "no focal length": ({"focal_px": None}, ["focal_px: expected a number or [x, y]"]),
     "zero focal length": ({"focal_px": "0"}, ["focal_px", "positive", "got 0"]),
-    "focal length NaN": ({"focal_px": "nan"}, ["focal_px", "positive", "got nan"]),
     "one zero of two": ({"focal_px": "[1, 0]"}, ["focal_px[1]", "positive", "got 0"]),
-    "three focal lengths": ({"focal_px": "[1, 1, 1]"}, ["focal_px", "[x, y]"]),
     "free focal length": ({"focal_px": "['free', 1]"}, ["not supported yet"]),
-    "focal length in words": ({"focal_px": "'300'"}, ["positive", "got '300'"]),
     "a negative threshold": ({"threshold": "-0.2"}, ["threshold", "got -0.2"]),
-    "a negative one of two": ({"threshold": "[0.2, -1]"}, ["threshold[1]", "got -1"]),
     "unknown key": ({"focal_mm": "8"}, ["focal_mm: unknown key; did", "focal_px"]),
     "no place": ({"position_m": None}, ["position_m", "[east, north, up]", "nothing"]),
     "two coordinates": ({"position_m": "[0, 1]"}, ["position_m", "got [0, 1]"]),
     "free place": ({"position_m": "[0, 'free', 0]"}, ["not supported yet"]),
-    "a place NaN": ({"position_m": "[0, nan, 0]"}, ["position_m[1]", "finite"]),
     "looking at itself": (
         {"look_at_m": "[0, -50, 2]"},
         ["look_at_m: expected a position other than position_m"],
@@ -107,7 +93,6 @@ BAD = {
     "no width": ({"width": None}, ["width", "a whole number", "got nothing"]),
     "half a pixel": ({"width": "346.5"}, ["width", "a whole number", "346.5"]),
     "no height": ({"height": "0"}, ["height", "1 to 65535", "got 0"]),
-    "true height": ({"height": "true"}, ["height", "a whole number", "True"]),
     "four of distortion": (
         {"distortion": "[0, 0, 0, 0]"},
         ["distortion: expected [k1, k2, p1, p2, k3]"],

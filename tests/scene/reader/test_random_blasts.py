@@ -54,21 +54,17 @@ def test_without_a_charge_there_is_none_that_happens():
 FLAT = [[0, 0, 0], [0, 5, 0]]
 REFUSED = {
     "no blast": ({"count": 0}, "count: expected a whole number, 1 to .*, got 0"),
-    "half a blast": ({"count": 1.5}, "count: expected a whole number"),
     "too many": (
         {"count": 21, "time_s": [0, 19], "gap_s": 1},
         "count: expected at most 20, which fit between 0 and 19 s at gap_s 1, got 21",
     ),
     "several at once": ({"count": 2, "time_s": 3}, "count: expected at most 1"),
     "a rate below zero": ({"rate_hz": -1}, "rate_hz: .*positive, got -1"),
-    "no rate": ({"rate_hz": 0}, "rate_hz: .*positive, got 0"),
     "a probability above 1": (
         {"probability": 1.5, "tick_s": 1},
         "probability: expected a number above 0 and at most 1, got 1.5",
     ),
-    "no probability": ({"probability": 0, "tick_s": 1}, "probability: .*got 0"),
     "no tick": ({"probability": 0.1}, "tick_s: expected the time .*, got nothing"),
-    "a tick of nothing": ({"probability": 0.1, "tick_s": 0}, "tick_s: .*got 0"),
     "a tick alone": ({"tick_s": 1}, "tick_s: expected probability"),
     "two of three": ({"count": 1, "rate_hz": 1}, "rate_hz: expected one of count, r"),
     "a line": ({"region_m": {"box": FLAT}}, "box: expected a region with an extent.*e"),
@@ -77,7 +73,6 @@ REFUSED = {
         "first corner less than its second up",
     ),
     "a circle": ({"region_m": {"ring": [5, 5]}}, "ring: .*area, got"),
-    "a ring inside out": ({"region_m": {"ring": [6, 5]}}, "ring: .*area, got"),
     "a box of one corner": ({"region_m": {"box": [[0, 0, 0]]}}, "box: expected"),
     "box and ring": (
         {"region_m": {"box": [[0, 0, 0], [1, 1, 0]], "ring": [1, 2]}},

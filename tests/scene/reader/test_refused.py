@@ -8,8 +8,6 @@ from jblast.scene import read_scene
 BAD = {
     # what cannot be read at all
     "broken TOML": ("schema = 1\nmass = = 2\n", ["broken TOML", "line 2"]),
-    "key twice": ("[air]\npressure_pa = 1\npressure_pa = 2\n", ["broken TOML"]),
-    "a number of 5000 digits": ("schema = " + "9" * 5000, ["broken TOML"]),
     "deep nesting": ("schema = " + "[" * 5000, ["broken TOML"]),
     "Latin-1": (b"# caf\xe9\n", ["line 1", "UTF-8", "0xe9"]),
     "binary": (b"schema = 1\n\0\0", ["line 2", "a scene in TOML", "0x00"]),
@@ -19,10 +17,6 @@ BAD = {
         ["[charge] mas_kg", "unknown key", "did you mean mass_kg?", "burst"],
     ),
     "unknown table": ("[chrage]\n", ["chrage", "unknown table", "mean charge?"]),
-    "unknown key of a sensor": (
-        "[[sensor]]\nnam = 'a'\n",
-        ["[[sensor]] nam", "did you mean name?"],
-    ),
     "unknown quantity under law": (
         "[law]\nair_arival_s = 'wu_hao'\n",
         ["[law] air_arival_s", "did you mean air_arrival_s?"],
@@ -30,7 +24,6 @@ BAD = {
     "a later schema": ("schema = 2\n", ["schema", "expected 1", "got 2"]),
     "a table that is a number": ("air = 5\n", ["[air]", "written [air]", "got 5"]),
     "one sensor as a table": ("[sensor]\nname='a'\n", ["written [[sensor]]"]),
-    "charges that are numbers": ("charge = [1]\n", ["[[charge]]", "got [1]"]),
     "no charge": ("charge = []\n", ["[[charge]]", "empty list"]),
     "world": (
         "[world]\n",
@@ -40,7 +33,6 @@ BAD = {
         "[charge]\nexplosive = 'ANFOO'\n",
         ["[charge] explosive", "unknown explosive 'ANFOO'", "mean ANFO?", "Comp B"],
     ),
-    "explosive that is no text": ("[charge]\nexplosive = 3\n", ["in quotes", "got 3"]),
     "ground path": ("[ground]\npath = 'tunnel'\n", ["[ground] path", "head, thesis"]),
     "free sensor": (
         "[[sensor]]\nname = 'a'\nposition_m = ['free', 0, 0]\n",
@@ -63,10 +55,6 @@ BAD = {
         "[air]\naltitude_m = 0\npressure_pa = 1e5\n",
         ["[air] altitude_m", "pressure_pa", "got both"],
     ),
-    "altitude and temperature": (
-        "[air]\naltitude_m = 0\ntemperature_k = 280\n",
-        ["[air] altitude_m", "temperature_k", "got both"],
-    ),
     "range and position": (
         "[charge]\nrange_m = 3\nposition_m = [0, 0, 0]\n",
         ["[charge] range_m", "either range_m or position_m", "got both"],
@@ -80,7 +68,6 @@ BAD = {
         "[charge]\nmass_kg = -15\n",
         ["[charge] mass_kg", "a number that is positive", "got -15"],
     ),
-    "zero range": ("[charge]\nrange_m = 0\n", ["range_m", "positive", "got 0"]),
     "hectopascals": (
         "[air]\npressure_pa = 1013\n",
         ["[air] pressure_pa", "between 20000 and 120000", "1013hPa is 101300"],
@@ -89,8 +76,6 @@ BAD = {
         "[air]\npressure_pa = { uniform = [1e3, 1e5] }\n",
         ["[air] pressure_pa", "a bound", "between 20000 and 120000", "got 1000"],
     ),
-    "cold": ("[air]\ntemperature_k = 15\n", ["between 150 and 400", "got 15"]),
-    "per cent": ("[air]\nrelative_humidity = 50\n", ["between 0 and 1", "got 50"]),
     "above the troposphere": ("[air]\naltitude_m = 2e4\n", ["altitude_m", "11000"]),
     "gamma": ("[law]\nsedov_gamma = 1.0\n", ["sedov_gamma", "above 1", "got 1.0"]),
     "never": (
@@ -100,29 +85,19 @@ BAD = {
             "omit a charge that never happens",
         ],
     ),
-    "infinite": ("[charge]\ntime_s = -inf\n", ["time_s", "a finite number", "-inf"]),
     "not a number": ("[charge]\nmass_kg = nan\n", ["a finite number", "got nan"]),
-    "overflow": ("[charge]\nmass_kg = 1" + "0" * 400, ["a finite number", "..."]),
     "text": ("[charge]\nmass_kg = '15'\n", ['a number, "free" or', "got '15'"]),
     "truth": ("[charge]\nmass_kg = true\n", ["a number", "got True"]),
-    "a date": ("[charge]\ntime_s = 2020-01-01\n", ["a number", "datetime"]),
     "two coordinates": (
         "[charge]\nposition_m = [0, 0]\n",
         ["[charge] position_m", "[east, north, up]", "got [0, 0]"],
     ),
-    "a bad coordinate": (
-        "[charge]\nposition_m = [0, 'x', 0]\n",
-        ["[charge] position_m[1]", "got 'x'"],
-    ),
-    "a storm": ("[air]\nwind_m_s = [0, 300]\n", ["[air] wind_m_s[1]", "got 300"]),
-    "no TNT": ("[charge]\ntnt_factor = 0\n", ["tnt_factor", "positive", "got 0"]),
     "three winds": ("[air]\nwind_m_s = [0, 0, 0]\n", ["[east, north]"]),
     # priors
     "lo > hi": (
         "[charge]\nmass_kg = { uniform = [2, 1] }\n",
         ["[charge] mass_kg", "lo < hi", "got [2, 1]"],
     ),
-    "lo = hi": ("[charge]\nmass_kg = { loguniform = [1, 1] }\n", ["lo < hi"]),
     "factor": (
         "[charge]\nmass_kg = { lognormal = [2, 1] }\n",
         ["a factor above 1", "got [2, 1]"],
@@ -148,10 +123,6 @@ BAD = {
         "[charge]\nmass_kg = { gaussian = [1, 2] }\n",
         ["[charge] mass_kg", "unknown prior 'gaussian'", "lognormal, normal"],
     ),
-    "misspelt prior": (
-        "[charge]\nmass_kg = { log_normal = [1, 2] }\n",
-        ["did you mean lognormal?"],
-    ),
     "two priors": (
         "[charge]\nmass_kg = { normal = [1, 2], uniform = [1, 2] }\n",
         ["got normal and uniform"],
@@ -165,16 +136,9 @@ BAD = {
         "[charge]\nmass_kg = { normal = ['a', 2] }\n",
         ["two finite numbers in normal", "got 'a'"],
     ),
-    "a prior of infinity": (
-        "[charge]\nmass_kg = { uniform = [1, inf] }\n",
-        ["two finite numbers in uniform", "got inf"],
-    ),
     # words
     "burst": ("[charge]\nburst = 'air'\n", ["[charge] burst", "surface, free-air"]),
-    "path": ("[ground]\npath = 'hed'\n", ["[ground] path", "did you mean head?"]),
     "charge without name": ("[charge]\nname = ''\n", ["[charge] name", "a name"]),
-    "explosive number": ("[charge]\nexplosive = 3\n", ["explosive", "got 3"]),
-    "negative TNT factor": ("[charge]\ntnt_factor = -1\n", ["positive", "got -1"]),
     "law number": ("[law]\nair_arrival_s = 1\n", ["[law] air_arrival_s", "got 1"]),
     "scatter": ("[law]\nscatter = 1\n", ["[law] scatter", "true or false", "got 1"]),
     # sensors
@@ -194,10 +158,6 @@ BAD = {
         "[[sensor]]\nname = 'a'\nposition_m = [0, nan, 0]\n",
         ["[[sensor]] 'a' position_m[1]", "finite", "got nan"],
     ),
-    "sensor place of two": (
-        "[[sensor]]\nname = 'a'\nposition_m = [0, 0]\n",
-        ["[[sensor]] 'a' position_m", "[east, north, up]", "got [0, 0]"],
-    ),
     "records of an unknown quantity": (
         "[[sensor]]\nname = 'a'\nrecords = { air_arrival = 1 }\n",
         ["'a' records", "unknown quantity", "did you mean air_arrival_s?"],
@@ -214,10 +174,6 @@ BAD = {
         "[[sensor]]\nname = 'a'\nrecords = { air_arrival_s = '5%' }\n",
         ["'a' records air_arrival_s", "sigma in seconds", "got '5%'"],
     ),
-    "a share of a direction": (
-        "[[sensor]]\nname = 'a'\nrecords = { bearing_rad = '5%' }\n",
-        ["'a' records bearing_rad", "sigma in radians"],
-    ),
     "a share of nothing": (
         "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '0%' }\n",
         ["'a' records positive_duration_s", "positive share", "got '0%'"],
@@ -226,29 +182,13 @@ BAD = {
         "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '5' }\n",
         ["'a' records positive_duration_s", 'its % sign, as "5%"', "got '5'"],
     ),
-    "a share past all numbers": (
-        "[[sensor]]\nname = 'a'\nrecords = { positive_duration_s = '1e999%' }\n",
-        ["'a' records positive_duration_s", "got inf"],
-    ),
     "a mass in pounds": (
         "[charge]\nmass_lb = 33\n",
         ["[charge] mass_lb", "ours is mass_kg: multiply by 0.45359237"],
     ),
-    "a place in feet": (
-        "[[sensor]]\nname = 'a'\nposition_ft = [0, 9, 0]\n",
-        ["position_ft", "ours is position_m: multiply by 0.3048"],
-    ),
     "a temperature in Celsius": (
         "[air]\ntemperature_c = 15\n",
         ["[air] temperature_c", "ours is temperature_k: add 273.15"],
-    ),
-    "a temperature in Fahrenheit": (
-        "[air]\ntemperature_F = 59\n",
-        ["subtract 32, multiply by 5/9 and add 273.15"],
-    ),
-    "a wind in km/h": (
-        "[air]\nwind_km_h = [3.6, 0]\n",
-        ["ours is wind_m_s: multiply by 0.277777778"],
     ),
     "a humidity in per cent": (
         "[air]\nrelative_humidity_percent = 50\n",

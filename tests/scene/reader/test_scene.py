@@ -1,6 +1,5 @@
 """A scene file arrives in a scene, key by key."""
 
-import jax
 import numpy as np
 import pytest
 
@@ -10,7 +9,6 @@ from jblast.scene import (
     LogUniform,
     Normal,
     Uniform,
-    draw_scene,
 )
 from jblast.scene.uncertain import value_of, with_values
 from tests.scene.reader.alone import ALONE
@@ -119,22 +117,6 @@ def test_every_key_of_the_contract_arrives_where_it_belongs(scene):
     assert beliefs == {}
 
 
-def test_a_camera_stays_with_the_scene_whatever_is_drawn(scene):
-    camera = (
-        "[camera]\nposition_m = [0, -40, 2]\nlook_at_m = [0, 0, 2]\nwidth = 32\n"
-        "height = 24\nfocal_px = [30, 31]\nframes_hz = 500\n"
-    )
-    read = scene("[charge]\nmass_kg = { lognormal = [15, 2] }\n" + camera)
-    drawn = draw_scene(jax.random.key(0), read)
-    assert float(drawn.charge.mass_kg) != 15.0
-    for kept in (read.scene.camera, drawn.camera):
-        assert kept is not None
-        assert (kept.width, kept.height, float(kept.frames_hz)) == (32, 24, 500.0)
-        np.testing.assert_array_equal(kept.focal, [30.0, 31.0])
-        np.testing.assert_array_equal(kept.position, [0.0, -40.0, 2.0])
-    assert scene("").scene.camera is None
-
-
 def test_an_empty_file_is_the_default_scene(scene):
     uncertain = scene("")
     assert uncertain.beliefs == {"charge_mass_kg": Free(positive=True)}
@@ -161,15 +143,6 @@ def test_the_median_of_a_prior_is_where_a_fit_starts(scene):
     uncertain = scene("[charge]\nrange_m = { loguniform = [10, 1000] }\n")
     assert uncertain.scene.charge.range_m == pytest.approx(100)
     assert_is(uncertain.beliefs["charge_range_m"], LogUniform, 10, 1000)
-
-
-def test_one_charge_may_be_written_as_a_list(scene):
-    uncertain = scene("[[charge]]\nname = 'x'\nmass_kg = 3\n")
-    assert uncertain.scene.charge.mass_kg == 3
-
-
-def test_altitude_stands_in_for_temperature_and_pressure(scene):
-    assert scene("[air]\naltitude_m = 1500\n").scene.air.altitude == 1500
 
 
 def test_a_byte_order_mark_and_windows_line_ends_do_no_harm(scene):

@@ -11,17 +11,6 @@ NAMES = sorted(
 )
 
 
-def test_rows_come_by_column_without_the_head_of_comments():
-    rows = data_rows("point_source_euler")
-    assert len(rows) == 139
-    assert rows[0] == {
-        "lambda": "0.1",
-        "overpressure_ratio": "157.7283",
-        "log_slope": "-2.97994",
-        "arrival": "0.003440707",
-    }
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_every_table_says_where_it_comes_from_and_is_complete(name):
     text = files("jblast.waves").joinpath(f"data/{name}.csv").read_text()

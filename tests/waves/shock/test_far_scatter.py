@@ -9,33 +9,17 @@ from jblast.registry import LAWS, call, law_for, total_scatter
 from jblast.scene import Charge, Scene, Sensor
 from jblast.scene.charge import Burst
 from jblast.sensors import planned_layout, record
+from jblast.sensors.calculator import scene_path, with_rows
 from jblast.sensors.simulated_readings import loadings
-from jblast.waves.paths import Path
 from jblast.waves.shock import FAR_END, FarScatter, measured_far_scatter
 
 PEAK = "peak_overpressure_pa"
 FAR_QUANTITIES = (PEAK, "positive_impulse_pa_s", "positive_duration_s")
 
 
-def path(z, burst: Burst = "surface") -> Path:
-    z = jnp.asarray(z, float)
-    nothing = jnp.zeros(())
-    return Path(
-        slant_range=z,
-        ground_range=z,
-        charge_mass=jnp.ones(()),
-        height_of_burst=nothing,
-        ambient_pressure=jnp.asarray(101325.0),
-        sound_speed=jnp.asarray(340.29),
-        air_density=nothing,
-        p_speed=nothing,
-        sedov_gamma=nothing,
-        time_since_detonation=nothing,
-        sensor_height=nothing,
-        temperature=jnp.asarray(288.15),
-        relative_humidity=jnp.asarray(0.5),
-        burst=burst,
-    )
+def path(z, burst: Burst = "surface"):
+    scene = Scene(charge=Charge(mass_kg=1.0, burst=burst))
+    return with_rows(scene_path(scene), jnp.asarray(z, float), jnp.ones(len(z)))
 
 
 @pytest.mark.parametrize("burst", ["surface", "free-air"])

@@ -1,4 +1,3 @@
-import jax
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -84,16 +83,6 @@ def test_no_pressure_falls_below_vacuum(burst):
     pressure = np.asarray(blast_pressure(time, z, 1.0, burst=burst))
     assert pressure.min() > -STANDARD_PRESSURE
     assert pressure.min() < -0.95 * STANDARD_PRESSURE
-
-
-@pytest.mark.slow
-def test_a_record_is_its_loop_and_numbers_broadcast():
-    time = np.linspace(0.0, 0.08, 41)
-    batch = jax.jit(blast_pressure, static_argnames="burst")(time, *AIR)
-    loop = [blast_pressure(t, *AIR) for t in time]
-    np.testing.assert_allclose(batch, loop, rtol=1e-9, atol=1e-6)
-    ranges = np.array([10.0, 20.0, 30.0])[:, None]
-    assert blast_pressure(time[None, :], ranges, MASS).shape == (3, 41)
 
 
 @both_bursts

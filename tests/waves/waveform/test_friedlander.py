@@ -15,7 +15,9 @@ from jblast.waves.waveform import (
     modified_friedlander_pressure,
 )
 from tests.tools.slopes import with_slopes
-from tests.waves.waveform.thesis_pulse import DURATION, PEAK
+
+PEAK, DURATION = 2e5, 4e-3
+"""The pulse of the thesis."""
 
 
 def by_quadrature(function, start, end):
@@ -57,10 +59,6 @@ def test_the_impulse_is_the_area_of_the_positive_phase(decay):
     np.testing.assert_allclose(
         friedlander_impulse(PEAK, DURATION, decay), area, rtol=1e-11
     )
-
-
-def test_a_triangle_has_half_the_impulse_of_its_rectangle():
-    assert friedlander_impulse(PEAK, DURATION, 0.0) == 0.5 * PEAK * DURATION
 
 
 def test_slope_and_curvature_of_the_impulse_are_defined_at_zero_decay():
@@ -115,29 +113,6 @@ def test_the_spectrum_is_the_fourier_integral(decay, frequency):
         rtol=1e-9,
         atol=1e-9 * PEAK * DURATION,
     )
-
-
-def test_with_decay_one_the_spectrum_is_that_of_infrapy():
-    frequency = jnp.geomspace(0.1, 1e4, 200)
-    angle = 2 * np.pi * frequency * DURATION
-    magnitude = jnp.abs(friedlander_spectrum(frequency, PEAK, DURATION, 1.0))
-    np.testing.assert_allclose(
-        magnitude, PEAK * DURATION * angle / (1 + angle**2), rtol=1e-13
-    )
-
-
-@pytest.mark.parametrize("decay", [0.7, 1.0, 2.0])
-def test_the_spectrum_is_largest_where_the_docstring_says(decay):
-    # at b = 1: 1/(2 pi t_d)
-    peak = math.sqrt(decay**2 - 2 * (decay - 1) ** 2) / (2 * math.pi * DURATION)
-    at = with_slopes(
-        lambda x: jnp.log(
-            jnp.abs(friedlander_spectrum(jnp.exp(x), PEAK, DURATION, decay))
-        )
-    )
-    before, there, after = at(np.log([0.9 * peak, peak, 1.1 * peak]))[1]
-    assert there == pytest.approx(0.0, abs=1e-13)
-    assert before > 0 > after
 
 
 @pytest.mark.parametrize("decay", [0.4, 1.0, 3.0])

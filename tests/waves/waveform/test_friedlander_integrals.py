@@ -30,14 +30,6 @@ def moment(integral, decay, order=0):
     return weights / 2 @ (WEIGHTS[integral](x) * (-x) ** order * np.exp(-decay * x))
 
 
-def test_the_first_terms_are_those_of_the_series():
-    # 1/2 - b/6 + b^2/24: the next term is b^3/120
-    b = np.array([-1e-3, 1e-3])
-    np.testing.assert_allclose(
-        AT[impulse_fraction](b)[0], 0.5 - b / 6 + b**2 / 24, rtol=0, atol=1e-9 / 100
-    )
-
-
 def test_the_decay_is_found_to_rounding_over_eighteen_decades():
     fraction = np.geomspace(1e-6, 1e12, 2001)
     # k is steep in b where b = -35: a rounding of b there is 35 of k.

@@ -174,20 +174,6 @@ def test_tdms_with_a_scale_that_npTDMS_does_not_apply_is_refused(tmp_path):
         open_record(path)
 
 
-def test_a_warning_of_a_library_is_a_note(tmp_path, monkeypatch):
-    path = tmp_path / "gate.sac"
-    trace = obspy.Trace(np.zeros(100, np.float32), {"sampling_rate": 100.0})
-    trace.write(str(path), format="SAC")
-    original = obspy.read
-
-    def read(*arguments, **options):
-        warnings.warn("odd header", UserWarning, stacklevel=1)
-        return original(*arguments, **options)
-
-    monkeypatch.setattr(obspy, "read", read)
-    assert only(path).notes[-1] == "warning of the reader: UserWarning: odd header"
-
-
 def test_tdms_that_is_cut_short_is_refused(tmp_path):
     path = tmp_path / "daq.tdms"
     wave = {"wf_increment": 1 / RATE_HZ, "unit_string": "Pa"}

@@ -74,6 +74,9 @@ def test_names_may_stand_in_the_comment_that_numpy_writes(tmp_path, delimiter):
         open_record(path)
 
 
+ROWS = "0,20,on,5\n1,20,,6\n"
+
+
 def test_columns_of_something_else_are_left_out_and_named(tmp_path):
     body = "n,time_s,temperature_c,pressure_pa,note\n1,0,20,5,\n2,1,20,6,loud\n"
     (recording,) = open_record(text(tmp_path, body))
@@ -82,26 +85,20 @@ def test_columns_of_something_else_are_left_out_and_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("head", "others"),
+    ("head", "rows", "others"),
     [
-        ("Sample Time (s),step,unit,P (kPa)", "step, unit"),
-        ("time_s,dt,unit,kPa", "dt, unit"),
-        ("time_s,temperature_c,unit,CH2 (V)", "temperature_c, unit"),
-        ("Time (s),T,state,P\n,degC,n/a,kPa", "T (degC), state (n/a)"),
+        ("Sample Time (s),step,unit,P (kPa)", ROWS, "step, unit"),
+        ("time_s,dt,unit,kPa", ROWS, "dt, unit"),
+        ("time_s,temperature_c,unit,CH2 (V)", ROWS, "temperature_c, unit"),
+        ("Time (s),T,state,P\n,degC,n/a,kPa", ROWS, "T (degC), state (n/a)"),
+        ("unit,time_s,x,kPa", "7,0,on,5\n7,1,,6\n", "unit, x"),
     ],
 )
-def test_columns_named_as_keys_of_a_preamble_are_columns(tmp_path, head, others):
-    body = head + "\n0,20,on,5\n1,20,,6\n"
+def test_columns_named_as_keys_of_a_preamble_are_columns(tmp_path, head, rows, others):
+    body = f"{head}\n{rows}"
     (recording,) = open_record(text(tmp_path, body), Scaling(sensitivity=1e3))
     np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
     assert recording.notes == (f"columns left out, not pressure: {others}",)
-
-
-def test_a_first_column_named_as_a_key_is_a_column(tmp_path):
-    body = "unit,time_s,x,kPa\n7,0,on,5\n7,1,,6\n"
-    (recording,) = open_record(text(tmp_path, body))
-    np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
-    assert recording.notes == ("columns left out, not pressure: unit, x",)
 
 
 def test_a_blank_within_a_remark_separates_no_columns(tmp_path):

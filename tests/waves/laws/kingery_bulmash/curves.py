@@ -1,4 +1,7 @@
-"""The curves that the tests of Kingery and Bulmash go through."""
+"""Curves of Kingery and Bulmash, and tables as they are printed."""
+
+import csv
+from pathlib import Path
 
 from jblast.waves.laws import kingery_bulmash as kb
 
@@ -11,3 +14,10 @@ LAWS = {
     "arrival_time": kb.kingery_bulmash_arrival_time,
     "shock_front_velocity": kb.kingery_bulmash_shock_speed,
 }
+TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"
+
+
+def rows(path):
+    """Return the rows of a table without the comments above it."""
+    lines = (x for x in path.read_text().splitlines() if not x.startswith("#"))
+    return list(csv.DictReader(lines))

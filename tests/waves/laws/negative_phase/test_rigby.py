@@ -98,22 +98,6 @@ def test_blends_move_the_fits_by_less_than_their_pieces_are_apart(quantity, burs
         assert np.all(ours <= high * (1 + 1e-13))
 
 
-@pytest.mark.slow
-@every_curve
-def test_value_slope_and_curvature_are_continuous_at_the_edges_of_blends(
-    quantity, burst
-):
-    joins = np.array([end for end, _ in PRINTED[quantity, burst][:-1]])
-    half = 0.5 * math.log1p(BLEND_WIDTH)
-    edges = np.log(np.concatenate([joins, joins])) + half * np.repeat(
-        [-1.0, 1.0], joins.size
-    )
-    found = log_law(quantity, burst)([edges - 1e-9, edges + 1e-9])
-    for (left, right), atol in zip(found, (1e-8, 1e-6, 1e-3), strict=True):
-        # two steps times the next derivative, up to 60 jump/width^3 = 5e3 at the last
-        np.testing.assert_allclose(left, right, rtol=0, atol=atol)
-
-
 def test_free_air_fits_lie_as_far_below_the_ufc_table_as_was_found():
     # The docstring's per cents. formulas.md 4 has 6 to 16 % and 4 to 13 %, from fewer Z
     # than these: the pressures are furthest apart at Z = 1.48.

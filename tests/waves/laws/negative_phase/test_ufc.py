@@ -1,4 +1,3 @@
-import csv
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -10,8 +9,8 @@ import pytest
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.laws import negative_phase_ufc as ufc
 from tests.tools.slopes import with_slopes
+from tests.waves.laws.kingery_bulmash.curves import TRANSCRIBED_AGAIN, rows
 
-TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"
 LAWS = {
     "Pr_neg_kPa": ufc.ufc_reflected_negative_pressure,
     "Pso_neg_kPa": ufc.ufc_negative_pressure,
@@ -27,11 +26,6 @@ every_law = pytest.mark.parametrize("column", LAWS)
 def log_law(column):
     """Give ln y of ln Z, at 1 kg in standard air, its slope and its curvature."""
     return with_slopes(lambda log_z: jnp.log(LAWS[column](jnp.exp(log_z), 1.0)))
-
-
-def rows(path):
-    lines = (x for x in path.read_text().splitlines() if not x.startswith("#"))
-    return list(csv.DictReader(lines))
 
 
 TABLE = rows(Path(str(files("jblast.waves") / "data/negative_phase_ufc.csv")))
@@ -67,16 +61,6 @@ def test_no_suction_exceeds_the_ambient_pressure_at_any_distance(column):
     moved = np.asarray(LAWS[column](Z, 1.0)) / lower - 1
     assert moved.max() < 1e-12
     assert moved.min() > -0.01
-
-
-def test_a_reading_of_the_ambient_pressure_becomes_what_the_docstring_says():
-    held = ufc._held_below_ambient(
-        STANDARD_PRESSURE * np.array([0.9, 1.0 / 1.05, 1.0, 1.05, 1.2])
-    )
-    np.testing.assert_allclose(
-        held / STANDARD_PRESSURE, [0.9, 1 / 1.05, 0.992, 1.0, 1.0], rtol=0, atol=5e-4
-    )
-    assert held[0] == pytest.approx(0.9 * STANDARD_PRESSURE, rel=1e-14)
 
 
 @pytest.mark.parametrize(

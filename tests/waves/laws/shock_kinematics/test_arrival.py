@@ -5,7 +5,6 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 from scipy.integrate import quad
 
@@ -44,16 +43,6 @@ def test_the_arrival_is_the_integral_of_one_over_the_speed(burst, z):
     assert float(shock_kinematics_arrival_time(z, 1.0, burst=burst)) == pytest.approx(
         expected, rel=2e-10
     )
-
-
-@both_bursts
-def test_the_derivative_of_the_arrival_is_one_over_the_shock_speed(burst):
-    r = jnp.geomspace(FIRST[burst] * 1.001, 1e6, 300)
-    derivative = jax.jit(
-        jax.vmap(jax.grad(lambda r: shock_kinematics_arrival_time(r, 1.0, burst=burst)))
-    )(r)
-    speed = shock_kinematics_shock_speed(r, 1.0, burst=burst)
-    np.testing.assert_allclose(derivative * speed, 1.0, rtol=1e-14)
 
 
 @both_bursts

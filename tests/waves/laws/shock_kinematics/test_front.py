@@ -18,6 +18,7 @@ from jblast.waves.laws.shock_kinematics import (
     front_tail,
     shock_kinematics_pressure,
     shock_kinematics_shock_speed,
+    shock_kinematics_valid,
 )
 from jblast.waves.shock import weak_shock_tail
 from tests.waves.laws.shock_kinematics.cases import FIRST, both_bursts, log_law
@@ -32,17 +33,6 @@ def test_pressure_is_kingery_bulmash_up_to_the_join(burst):
         kingery_bulmash_pressure(z, 1.0, burst=burst),
         rtol=1e-13,
     )
-
-
-@pytest.mark.parametrize(
-    ("burst", "amplitude", "length"),
-    [("surface", 170_256.0, 2.7953), ("free-air", 105_693.0, 4.8852)],
-)
-def test_the_tails_have_the_parameters_of_the_docstring(burst, amplitude, length):
-    tail = front_tail(burst)
-    # Half of the last printed digit.
-    assert tail.amplitude == pytest.approx(amplitude, abs=0.5)
-    assert tail.length == pytest.approx(length, abs=5e-5)
 
 
 @both_bursts
@@ -62,14 +52,6 @@ def test_the_tail_meets_the_curve_in_value_and_slope(burst):
         near, far = law([join + side, join + 2 * side])[0]
         one_sided = (-3 * value + 4 * near - far) / (2 * side)
         assert one_sided == pytest.approx(slope, abs=1e-8)
-
-
-def test_joined_at_40_the_surface_pressure_at_400_is_a_quarter_lower():
-    curve = kingery_bulmash_curve("incident_pressure", "surface").segments[0]
-    late, z = weak_shock_tail(curve, 40.0), 400.0
-    ratio = jnp.exp(late.log_pressure(jnp.log(z))) / shock_kinematics_pressure(z, 1.0)
-    # DESIGN says 25 %: two digits.
-    assert float(ratio) == pytest.approx(0.75, abs=0.005)
 
 
 def test_a_curve_flatter_than_sound_has_no_tail():
@@ -96,3 +78,11 @@ def test_the_speed_agrees_with_the_printed_speed_curve(burst):
     # Reference README: 0.5 % for Z >= 1 up to the join, up to 5 % near the charge.
     assert jnp.abs(ratio - 1)[z >= 1].max() < 0.006
     assert jnp.abs(ratio - 1).max() < 0.05
+
+
+@both_bursts
+def test_it_is_valid_from_the_first_row_to_ten_thousand(burst):
+    first = FIRST[burst]
+    z = jnp.array([0.99 * first, 1.01 * first, 40.0, 400.0, 9.9e3, 1.01e4])
+    valid = shock_kinematics_valid(z, 1.0, burst=burst)
+    assert valid.tolist() == [False, True, True, True, True, False]

@@ -1,4 +1,3 @@
-import csv
 import math
 from importlib.resources import files
 from itertools import pairwise
@@ -10,10 +9,12 @@ import pytest
 
 from jblast.waves.curves import BLEND_WIDTH
 from jblast.waves.laws import kingery_bulmash as kb, swisdak
-from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from jblast.waves.laws.swisdak import swisdak_curve
-
-TRANSCRIBED_AGAIN = Path(__file__).parents[3] / "data"
+from tests.waves.laws.kingery_bulmash.curves import (
+    LAWS as KINGERY_BULMASH,
+    TRANSCRIBED_AGAIN,
+    rows,
+)
 
 LAWS = {
     "incident_pressure": swisdak.swisdak_pressure,
@@ -24,22 +25,6 @@ LAWS = {
     "arrival_time": swisdak.swisdak_arrival_time,
     "shock_front_velocity": swisdak.swisdak_shock_speed,
 }
-KINGERY_BULMASH = {
-    "incident_pressure": kb.kingery_bulmash_pressure,
-    "reflected_pressure": kb.kingery_bulmash_reflected_pressure,
-    "incident_impulse": kb.kingery_bulmash_impulse,
-    "reflected_impulse": kb.kingery_bulmash_reflected_impulse,
-    "positive_phase_duration": kb.kingery_bulmash_duration,
-    "arrival_time": kb.kingery_bulmash_arrival_time,
-    "shock_front_velocity": kb.kingery_bulmash_shock_speed,
-}
-
-
-def rows(path):
-    lines = (x for x in path.read_text().splitlines() if not x.startswith("#"))
-    return list(csv.DictReader(lines))
-
-
 TABLE = rows(Path(str(files("jblast.waves") / "data/swisdak_1994.csv")))
 
 
@@ -138,12 +123,6 @@ def test_the_segments_jump_by_what_the_docstring_says(quantity, jumps):
         for left, right in pairwise(segments)
     }
     assert found == pytest.approx(jumps, abs=0.005)
-
-
-def test_the_far_pressure_is_too_low():
-    assert float(
-        swisdak.swisdak_pressure(198.5, 1.0) / shock_kinematics_pressure(198.5, 1.0)
-    ) == pytest.approx(0.60, abs=0.005)
 
 
 def test_the_packaged_table_is_the_metric_part_of_the_other_transcription():

@@ -1,3 +1,0 @@
-"""The pulse of the thesis."""
-
-PEAK, DURATION = 2e5, 4e-3
