@@ -12,8 +12,6 @@ from jblast.report.fit.document import fit_document
 from jblast.results import plain
 from tests.report import example
 
-FILES |= {"map.png"}
-
 
 class Tags(HTMLParser):
     """Collects every tag, and checks that they close in order."""
