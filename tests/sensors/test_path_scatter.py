@@ -172,6 +172,7 @@ def test_the_derivative_of_a_factor_is_that_of_differences():
     check_grads(factor, (matrix,), order=1, modes=["fwd"], rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_batches_that_meet_in_one_program_come_to_an_end():
     """LAPACK deadlocks here on two cores: inverses of one program wait for others."""
     batches = [systems(40, 24)[0] for _ in range(6)]

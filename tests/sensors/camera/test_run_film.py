@@ -73,6 +73,7 @@ def joined(packets):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("film", [MOVING, STILL], ids=["moving", "fixed"])
 def test_frames_are_those_of_the_film(film):
     expected = np.concatenate([frames for _, frames in film.frames()])[:-1]

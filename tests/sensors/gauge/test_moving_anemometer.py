@@ -36,6 +36,7 @@ def recorded(track, scene=SCENE, seconds=0.3, **options):
     return np.asarray(made)
 
 
+@pytest.mark.slow
 def test_a_sensor_at_rest_on_a_track_is_a_fixed_one():
     still = recorded(moving(np.zeros(3)))
     fixed = recorded(None)
