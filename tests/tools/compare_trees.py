@@ -300,14 +300,14 @@ COMMANDS = (
     _refused("serve_refused", "serve typo.toml --listen 127.0.0.1:0", "mas_kg"),
     Command("study", "study study.toml --out study.zarr --json"),
     Command("study_report", "study report study.zarr --out studied --json"),
-    Command("study_list", "study --list --json"),
+    Command("study_list", "study --list"),
     _refused("study_refused", "study typo.toml --out none.zarr", "typo.toml"),
     _searched(
         "tune",
         "tune growth.toml film/frames --free fireball_growth_s --out tuned --json",
     ),
     _searched("tune_gains", "tune flights.toml --gains --vehicles 2 --json"),
-    Command("tune_list", "tune film.toml --list --json"),
+    Command("tune_list", "tune film.toml --list"),
     _refused("tune_refused", "tune film.toml film/frames --free hue", "hue"),
     _searched(
         "discover",
