@@ -77,6 +77,8 @@ def test_a_video_that_breaks_off_or_varies_is_refused_by_name(jblast, verb):
             words = ["--seconds", "0.01", "--background", str(path)]
             assert said in refused(jblast, *words)
             continue
+        if verb == "detect" and path == varies:  # it goes by the stamps of the file
+            continue
         out = ["--out", jblast.path("out.h5")] if verb == "events" else []
         message = jblast.refused(verb, str(path), *out)
         assert said in message
