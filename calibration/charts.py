@@ -720,8 +720,10 @@ def effect_points() -> list[Point]:
 # Flights
 VEHICLES, FLIGHT_S, PERIOD_S = 64, 2.5, 10e-3
 """Vehicles in a batch; duration, and period of controller and compared rows [s]."""
-FLIGHT_STEPS = {"swinging wind": (1e-4, 5e-4, 2e-3, 5e-3, 1e-2)}
-FLIGHT_STEPS["blast, held in place"] = (5e-4, 2e-3, 1e-2)
+FLIGHT_STEPS = {
+    "swinging wind": (1e-4, 5e-4, 2e-3, 5e-3, 1e-2),
+    "blast, held in place": (5e-4, 2e-3, 1e-2),
+}
 """Steps of each case [s]; each divides the period."""
 REFERENCE_STEP_S = 5e-5
 
@@ -748,7 +750,7 @@ def flight_points() -> list[Point]:
         "loads": (blast_load(Scene(charge=charge)),),
         "command_step_s": PERIOD_S,
     }
-    starts = (
+    starts: tuple[tuple[State, dict[str, Any]], ...] = (
         (moving, {"wind": wind}),
         (State(home + offset, still, level, still, hover), held),
     )

@@ -671,7 +671,7 @@ def _step_limits() -> list[Mode]:
     limits, vehicles, holds = [], [], []
     for name in NAMES:
         vehicle, gains = named(name), named_gains(name)
-        limits.append(step_limit("rk4", float(vehicle.motor_lag_s), gains))
+        limits.append(step_limit(float(vehicle.motor_lag_s), gains))
         for share in SHARES:
             times = jnp.asarray(share * limits[-1] / HOVER_STEP_S)
             bare = eqx.tree_at(
@@ -1074,7 +1074,7 @@ UNITS = {"m/kg^(1/3)": 1.0, "m/kg^(1/2)": MASS ** (1.0 / 2.0 - 1.0 / 3.0)}
 def figure_of(modes: Mapping[str, Sequence[Mode]]) -> Figure:
     """Draw the laws over scaled distance, clocks, and the shares of failing cases."""
     figure = new_figure(15.0, 10.5)
-    left, right = figure.subfigures(1, 2, width_ratios=[0.92, 1.0])
+    left, right = figure.subfigures(1, 2, width_ratios=[0.92, 1.0], squeeze=False)[0]
     _law_map(left.subplots(), modes["laws"])
     above, below = right.subplots(2, 1, height_ratios=[1.0, 1.2])
     _clocks(above, modes["clocks"])
@@ -1101,8 +1101,9 @@ def _law_map(axes: Axes, modes: Sequence[Mode]) -> None:
             valid = np.any([_valid(law, burst) for burst in bursts], axis=0)
             for start, stop, good in runs(valid):
                 width, low = Z[stop - 1] - Z[start], Z[start]
-                look = {"color": BLUE, "alpha": 0.75} if good else {"color": "#d8d8d8"}
-                axes.barh(row, width, 0.56 if good else 0.17, left=low, **look)
+                look = (BLUE, 0.75, 0.56) if good else ("#d8d8d8", 1.0, 0.17)
+                color, alpha, height = look
+                axes.barh(row, width, height, left=low, color=color, alpha=alpha)
             for mode in modes:
                 if mode.method == f"{quantity} by {law.name}" and mode.unit in UNITS:
                     z = mode.boundary * UNITS[mode.unit]

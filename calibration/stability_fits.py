@@ -530,7 +530,8 @@ def bare_walk(density: Density, start: np.ndarray, steps: int) -> BareWalk:
 
     # vectorised: one call of the compiled density for half of the walkers
     sampler = emcee.EnsembleSampler(
-        *start.shape,
+        start.shape[0],
+        start.shape[1],
         lambda w: np.asarray(densities(density, jnp.asarray(w)), float),
         vectorize=True,
     )

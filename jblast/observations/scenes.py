@@ -112,7 +112,7 @@ def names_to_free(observations: Observations) -> list[str]:
     free = len(quantities) >= 4 and _in_no_line(places)
     seen = set(quantities) >= _SEEN_AND_HEARD
     on_earth = observations.frame is not None
-    names = list(PLACE) if places and (free or seen or on_earth) else []
+    names: list[str] = list(PLACE) if places and (free or seen or on_earth) else []
     clocks = np.isin(quantities, CLOCK_TIMES).sum()
     dated = clocks > 0 and (on_earth or observations.epoch is not None)
     if (free and clocks >= 3) or "flash_time_s" in quantities or dated:

@@ -96,7 +96,6 @@ def summary_columns(
         {},
         {},
         axes,
-        None,
         dict(attributes),
         summary.groups,
         notes,

@@ -65,6 +65,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
@@ -218,7 +219,7 @@ def point_source(
     time = jnp.sqrt(sedov_alpha(gamma) * air.density * radius**5 / energy)
     speed = 0.4 * radius / time
     strength = 2.0 * air.density * speed**2 / (gamma + 1.0) / air.pressure
-    if not isinstance(strength, jax.core.Tracer) and strength < STRONG_START:
+    if not isinstance(strength, Tracer) and strength < STRONG_START:
         raise InputError(
             f"radius: expected a shock of at least {STRONG_START:g} ambient pressures "
             f"at the start, got {strength:.3g} at {radius:g} m; start nearer to the "

@@ -1,6 +1,7 @@
 """Arrivals of a search with the times of their picks."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,7 +79,8 @@ def bang(duration_s, level, *, high_pass_hz=None, echo=0.0, clipped=None, noise=
     sound = level * sound.reshape(-1, 4).mean(axis=1)
     sound += noise * np.random.default_rng(3).standard_normal(sound.size)
     if high_pass_hz is not None:
-        sound = lfilter(*butter(1, high_pass_hz / (RATE / 2), "high"), sound)
+        high_pass: Any = butter(1, high_pass_hz / (RATE / 2), "high")
+        sound = lfilter(*high_pass, sound)
     largest = np.abs(sound).max()
     return sound if clipped is None else np.clip(sound, *clipped * largest)
 

@@ -1,5 +1,7 @@
 """The spectrum that a tuning expects of noise is the one that `listen` draws."""
 
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ RATE = 8000.0
 def test_the_filters_power_is_that_of_the_filter():
     count, high_pass, low_pass = 65, 30.0, 900.0
     frequency = np.linspace(0.0, 0.5 * RATE, count)[1:-1]
-    sections = [
+    sections: Any = [
         butter(2, corner, side, fs=RATE, output="sos")
         for corner, side in ((high_pass, "high"), (low_pass, "low"))
     ]

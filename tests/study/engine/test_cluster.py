@@ -1,6 +1,7 @@
 import contextlib
 import os
 import signal
+from typing import Any
 
 import pytest
 
@@ -22,7 +23,7 @@ def workers_here(count):
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
-            dashboard_address=None,
+            dashboard_address=None,  # pyright: ignore[reportArgumentType] (none)
             env={"JAX_PLATFORMS": "cpu", "JAX_NUM_CPU_DEVICES": "1"},
             silence_logs=50,  # a worker that was killed
         ) as cluster,
@@ -49,7 +50,7 @@ def test_two_processes_write_the_store_that_one_does(tmp_path, monkeypatch):
 
         def tiles(missing):
             # a worker is killed with work on it; what it did not end is done again
-            pids = client.run(os.getpid)
+            pids: Any = client.run(os.getpid)
             for n, tile in enumerate(
                 shared(client, write_tile, store, missing, jblast.__version__)
             ):

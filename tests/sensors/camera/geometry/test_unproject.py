@@ -1,6 +1,7 @@
 """Distortion of random lenses, wider than those that are sold, and its inverse."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -43,7 +44,8 @@ def fold_radius(lens, way) -> float:
     folded = np.flatnonzero(least(radii) <= 0)
     if not folded.size:
         return np.inf
-    return brentq(least, radii[folded[0] - 1], radii[folded[0]], xtol=1e-15)
+    first: Any = folded[0]
+    return float(brentq(least, radii[first - 1], radii[first], xtol=1e-15))  # pyright: ignore[reportArgumentType]
 
 
 PLACE = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)).map(np.array)
