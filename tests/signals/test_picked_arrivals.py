@@ -80,7 +80,7 @@ def bang(duration_s, level, *, high_pass_hz=None, echo=0.0, clipped=None, noise=
     sound += noise * np.random.default_rng(3).standard_normal(sound.size)
     if high_pass_hz is not None:
         high_pass: Any = butter(1, high_pass_hz / (RATE / 2), "high")
-        sound = lfilter(*high_pass, sound)
+        sound = lfilter(high_pass[0], high_pass[1], sound)
     largest = np.abs(sound).max()
     return sound if clipped is None else np.clip(sound, *clipped * largest)
 

@@ -104,7 +104,7 @@ def test_the_time_of_a_sound_is_that_of_its_pick(scene):
     clock = np.arange(sound.size) / RATE - 2.0
     x = np.maximum(clock, 0.0) / 0.03
     high_pass: Any = butter(1, 60.0 / (RATE / 2), "high")
-    sound += lfilter(*high_pass, (clock >= 0) * (1 - x) * np.exp(-x))
+    sound += lfilter(high_pass[0], high_pass[1], (clock >= 0) * (1 - x) * np.exp(-x))
     (found,) = run(RunDetectors(scene, arrivals(), SHOTS), sound)
     assert found.shot == "shot 1"
     assert found.sigma_s < 1e-3
