@@ -74,6 +74,7 @@ def test_another_episode_draws_another_blast():
     assert (np.array(first.blasts.mass_kg) != np.array(second.blasts.mass_kg)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wrong", [jnp.nan, jnp.inf])
 def test_an_action_that_is_no_number_ends_its_lane_alone_and_is_named(wrong):
     states, _ = RESET_LANES(jax.random.key(7), jnp.arange(3), PARAMS)

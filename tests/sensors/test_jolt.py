@@ -47,6 +47,7 @@ def read_at(mass, place):
     return record(scene, replace(LAYOUT, position=at), LAWS).value
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["hummingbird", "iris"])
 def test_a_jolt_is_the_impulse_of_the_load_in_one_step_over_mass(model):
     scene = scene_of(model=model)

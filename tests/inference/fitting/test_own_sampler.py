@@ -53,6 +53,7 @@ def test_the_log_density_is_a_plain_function_with_its_optimum_at_the_start(names
     assert float(many[1]) < float(value)
 
 
+@pytest.mark.slow
 def test_values_are_the_numbers_of_the_scene_in_their_units(names):
     found = names["found"]
     at = found.values(found.start)

@@ -150,6 +150,7 @@ def test_each_row_of_the_flight_and_each_frame_is_in_one_packet(run, parts):
     assert np.all(np.diff(events) >= 0.0)
 
 
+@pytest.mark.slow
 def test_who_watches_changes_nothing_recorded(scene, folder, monkeypatch):
     # without picks, whose program takes a minute to compile
     monkeypatch.setattr(

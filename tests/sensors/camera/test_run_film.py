@@ -89,6 +89,7 @@ def test_frames_are_those_of_the_film(film):
     assert np.abs(levels).max(axis=-1).mean() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [None, NoiseModel(leak_hz=1.0)])
 def test_the_division_into_packets_changes_nothing(noise):
     tenths = list(filmed_packets(MOVING, BOUNDS, noise=noise))
@@ -112,6 +113,7 @@ def by_pixel(time, x, y, sign):
     return found
 
 
+@pytest.mark.slow
 def test_times_of_events_are_within_the_interval_of_their_samples():
     fine = list(stream_events(subdivided(MOVING, 0.2), (0.2, 0.2)))
     fields = ("time", "x", "y", "polarity")
@@ -129,6 +131,7 @@ def test_times_of_events_are_within_the_interval_of_their_samples():
     assert np.median(np.abs(off)) < 0.2 / HZ
 
 
+@pytest.mark.slow
 def test_an_exposure_blurs_frames_but_not_events():
     exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
     film = replace(MOVING, camera=exposed)

@@ -47,6 +47,7 @@ def scaled_errors(positions, angle, *, speed_sd=0.0):
     return np.array(rows), np.mean(chi2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [-0.4, 0.02, 1.2])
 @pytest.mark.parametrize("speed_sd", [0.0, 10.0])
 def test_normalised_errors_of_a_direction_are_one(angle, speed_sd):
@@ -119,6 +120,7 @@ def von_karman(apart, length):
     return 2 ** (1 - order) / gamma(order) * x**order * kv(order, x)
 
 
+@pytest.mark.slow
 def test_intervals_contain_directions_of_fronts_that_air_has_turned():
     rng, inside, widths = np.random.default_rng(3), [], []
     for _ in range(120):

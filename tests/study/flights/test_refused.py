@@ -55,7 +55,7 @@ REFUSED = {
     "a step too large": (
         scene,
         {"options": Options(seconds=2.0, step_s=0.3)},
-        ["step_s: rk4 is stable up to"],
+        ["step_s: RK4 is stable up to"],
     ),
     "a negative tolerance": (
         scene,

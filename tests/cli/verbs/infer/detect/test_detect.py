@@ -66,6 +66,7 @@ def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
     assert "constant channel skipped: three.2" in said
 
 
+@pytest.mark.slow
 def test_without_a_template_a_drum_is_rejected_and_a_blast_is_not(jblast):
     samples = recording([[]], seconds=6.0)
     time = np.arange(samples.shape[1]) / RATE
