@@ -234,7 +234,8 @@ def read() -> list[Mutant]:
 def write(mutants: list[Mutant]) -> None:
     """Write the list."""
     with LIST.open("w", newline="") as file:
-        rows = csv.DictWriter(file, [f.name for f in fields(Mutant)])
+        names = [f.name for f in fields(Mutant)]
+        rows = csv.DictWriter(file, names, lineterminator="\n")
         rows.writeheader()
         rows.writerows(asdict(m) for m in mutants)
 
