@@ -1104,11 +1104,17 @@ def _law_map(axes: Axes, modes: Sequence[Mode]) -> None:
                 look = (BLUE, 0.75, 0.56) if good else ("#d8d8d8", 1.0, 0.17)
                 color, alpha, height = look
                 axes.barh(row, width, height, left=low, color=color, alpha=alpha)
-            for mode in modes:
-                if mode.method == f"{quantity} by {law.name}" and mode.unit in UNITS:
-                    z = mode.boundary * UNITS[mode.unit]
-                    axes.plot([z, z], [row - 0.42, row + 0.42], color=VERMILLION, lw=2)
-                    axes.text(1.08 * z, row, f"{z:.2g}", fontsize=8, va="center")
+            limits = sorted(
+                mode.boundary * UNITS[mode.unit]
+                for mode in modes
+                if mode.method == f"{quantity} by {law.name}" and mode.unit in UNITS
+            )
+            for z in limits:
+                axes.plot([z, z], [row - 0.42, row + 0.42], color=VERMILLION, lw=2)
+                lower = z < limits[-1]  # its number stands outside, on the left
+                place = (z / 1.08, row) if lower else (1.08 * z, row)
+                side = "right" if lower else "left"
+                axes.text(*place, f"{z:.2g}", fontsize=8, va="center", ha=side)
             places.append(row)
             names.append(law.name)
             row += 1.0
@@ -1153,7 +1159,8 @@ def _clocks(axes: Axes, modes: Sequence[Mode]) -> None:
             time, steps, color=colour, linewidth=1.8, label=np.dtype(dtype).name
         )
         axes.axhline(sigma, color=MUTED, linewidth=0.9, linestyle=(0, (4, 3)))
-        axes.text(1.2, 1.4 * sigma, f"sigma = {sigma:g} s", color=MUTED, fontsize=8)
+        words = f"sigma = {sigma:g} s"
+        axes.text(2e5, sigma / 1.4, words, color=MUTED, fontsize=8, va="top")
         axes.plot(mode.boundary, sigma, "o", color=COLOURS[mode.response], zorder=4)
     for words, at in TIMES.items():
         axes.axvline(at, color="#c8c8c8", linewidth=0.9, zorder=0)
