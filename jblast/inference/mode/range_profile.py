@@ -342,6 +342,16 @@ def range_profile(posterior: Posterior, found: Optima) -> RangeProfile | None:
     return profile if is_resolved else None
 
 
+def narrowest(away: Float[np.ndarray, "row 2"]) -> Float[np.ndarray, "2"]:
+    """Return the direction in which places extend least, as a unit vector.
+
+    Args:
+        away: Places relative to their middle, any number of them.
+    """
+    # an SVD of the places would have a square matrix with a row for each of them
+    return np.linalg.eigh(away.T @ away)[1][:, 0]
+
+
 def _free_place(posterior: Posterior) -> Int[np.ndarray, "2"] | None:
     """Return the indices of a single charge's east and north; None if not both free."""
     parameters = posterior.parameters
@@ -427,7 +437,7 @@ class _Walker:
         # travel, so the charge lies towards -s. It is linear in t0 and s: no search is
         # needed.
         slowness = np.linalg.lstsq(design, times, rcond=None)[0][1:]
-        across = np.linalg.svd(away)[2][1]
+        across = narrowest(away)
         lacking = math.sqrt(max(STANDARD_SOUND_SPEED**-2 - slowness @ slowness, 0.0))
         for side in (0, 1, -1):
             far = np.array(z)

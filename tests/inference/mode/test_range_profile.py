@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit
-from jblast.inference.mode.range_profile import STEP, RangeProfile
+from jblast.inference.mode.range_profile import STEP, RangeProfile, narrowest
 from jblast.observations import observed
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.waves import kingery_bulmash_arrival_time
@@ -62,6 +62,13 @@ def test_draws_have_the_moments_of_the_likelihood_and_of_the_bearing():
     bearing = found.bearings(z, found.best)
     assert bearing.std() == pytest.approx(0.02, rel=0.04)
     assert found.others() == []
+
+
+def test_a_line_of_many_arrivals_is_narrowest_across_itself():
+    # as many rows as a long log has: a matrix of their square has no memory
+    along = np.random.default_rng(0).normal(size=(200_000, 1))
+    across = narrowest(along * np.array([0.6, 0.8]))
+    np.testing.assert_allclose(np.abs(across), [0.8, 0.6], rtol=1e-12)
 
 
 def ring_log(range_m, bearing_deg, width_m=2.0, count=6, sd=2e-5):
