@@ -574,13 +574,13 @@ def headline(fit: Fit) -> list[str]:
             f"recordings outside the range of their laws; do not use "
             f"{'these values' if len(found.extrapolated) > 1 else 'this value'}."
         )
+    if found.explained_by and not lines:
+        lines.append("ONE SENSOR IS WRONG: do not use the numbers below.")
     if found.unchecked:
         lines.append(
             "UNCERTAIN INTERVALS: importance sampling cannot check them; do not use "
             "those below. --posterior emcee runs MCMC."
         )
-    if found.explained_by and not lines:
-        lines.append("ONE SENSOR IS WRONG: do not use the numbers below.")
     if len(found.explained_by) > 1:
         names = " or ".join(
             f"the order of {wrong.name} and {wrong.other}"

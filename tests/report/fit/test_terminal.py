@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.importance import IntervalsOff
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report import summary
@@ -83,6 +84,11 @@ def test_intervals_that_importance_sampling_cannot_check_are_a_problem():
     fit = replace(good, summary=replace(good.summary, warnings=(off,)))
     assert fit.exit_code == 4
     assert summary(fit).index("UNCERTAIN INTERVALS") < summary(fit).index("Estimates")
+    # numbers that are wrong come before intervals that are not checked
+    wrong = WrongSensor("gate", 3.0, 3, 0.4, 6, good.summary.estimates)
+    explained = replace(fit.summary, explained_by=(wrong,))
+    problems = summary(replace(fit, summary=explained))
+    assert problems.index("ONE SENSOR IS WRONG") < problems.index("UNCERTAIN INTERVALS")
     only_off = IntervalsOff("charge_mass_kg", 0.5, np.nan)
     fit = replace(good, summary=replace(good.summary, warnings=(only_off,)))
     assert fit.exit_code == 0
