@@ -205,11 +205,21 @@ class Estimates:
             self.moments[variable.name] = merged(self.moments[variable.name], more)
 
     def reached(self, targets: Mapping[str, float]) -> bool:
-        """Return whether each standard error is at its target, by cell and sensor."""
+        """Return whether each standard error is at its target, by cell and sensor.
+
+        That of a share is taken with one yes and one no added: without them a share of
+        0 or 1 would have an error of zero from the first tile on.
+        """
         # `all` of no targets is true, but such a study runs to its last sample
         return bool(targets) and all(
-            (self.moments[name].standard_error() <= target).all()
-            for name, target in targets.items()
+            (
+                _share_error(self.moments[v.name])
+                if v.kind == "yes_no"
+                else self.moments[v.name].standard_error()
+            ).max()
+            <= targets[v.name]
+            for v in self._outcomes
+            if v.name in targets
         )
 
 
@@ -280,6 +290,13 @@ class Moments(NamedTuple):
                 *(np.concatenate(x) for x in zip(pairs, rest, strict=True))
             )
         return together
+
+
+def _share_error(moments: Moments) -> Float[np.ndarray, "..."]:
+    """Return the standard error of each share, with one yes and one no added."""
+    count = moments.answers + 2
+    share = (moments.mean * moments.answers + 1) / count
+    return np.sqrt(share * (1 - share) / count)
 
 
 def merged(a: Moments, b: Moments) -> Moments:

@@ -10,6 +10,8 @@ from jblast.errors import InputError
 from jblast.scene import Air
 from jblast.study import draw, outcomes, run, run_into
 from jblast.study.engine.launch import mesh_of
+from jblast.study.engine.store import Variable
+from jblast.study.engine.tiles import Estimates, Numbering
 from jblast.study.sampling import work
 from jblast.waves import wu_hao_air_arrival_time
 from jblast.waves.propagation import sound_speed_of
@@ -118,6 +120,19 @@ def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path, monkeypatch
         found.air_arrival_s.std("sample", ddof=1) / np.sqrt(ran.samples),
         rtol=1e-12,
     )
+
+
+def test_a_share_of_nothing_yet_is_not_a_share_of_zero():
+    event = Variable("rare", "outcome", "1", "an event", "yes_no")
+    estimates = Estimates([event], Numbering(64, 1, 1, 4096, 64))
+    none = {"rare": np.zeros(998, np.int8)}
+    estimates.add(0, none)
+    assert estimates.moments["rare"].standard_error() == 0.0
+    # sqrt(p (1 - p) / n) with p = 1/1000 of 1,000 samples, two of which are added
+    assert not estimates.reached({"rare": 9.99e-4})
+    assert estimates.reached({"rare": 1e-3})
+    estimates.add(998, none)
+    assert estimates.reached({"rare": 5.01e-4})
 
 
 def test_a_draw_that_cannot_be_fails_alone_and_is_counted(tmp_path):
