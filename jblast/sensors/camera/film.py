@@ -46,7 +46,7 @@ from jblast.sensors.camera.files.event_files import Written, check_suffix, write
 from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.geometry import CameraPath, pixels_moved
-from jblast.sensors.camera.image import BACKGROUND, bare, bloom, images, luminance
+from jblast.sensors.camera.image import BACKGROUND, bare, images, luminance
 from jblast.sensors.camera.rendering import check_camera, render, render_carried
 from jblast.sensors.camera.surroundings import Landscape, Outlook, outlook_of
 from jblast.waves.fireball import fireball_duration, fireball_growth_time
@@ -99,7 +99,6 @@ class Film:
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         appearance: Exposure, and distribution of the smoke; None: defaults.
         path: Pose of the camera's carrier over time; None for a fixed camera.
-        bloom: Share of the light of frames that the lens spreads; not for events.
         gain: Factor of the light of frames (`image.picture_gain`); not for events.
     """
 
@@ -114,7 +113,6 @@ class Film:
     depth: Float[np.ndarray, "height width"] | None = None
     appearance: Appearance | None = None
     path: CameraPath | None = None
-    bloom: float = 0.0
     gain: float = 1.0
 
     def at_instants(self) -> "Film":
@@ -161,9 +159,8 @@ class Film:
         return np.concatenate([luminance(part) for part in frames])
 
     def _shot(self, frames: Frames) -> Frames:
-        """Return frames with the gain and the bloom of a picture."""
-        frames = frames if self.gain == 1.0 else self.gain * frames
-        return bloom(frames, self.bloom)
+        """Return frames with the gain of a picture."""
+        return frames if self.gain == 1.0 else self.gain * frames
 
     def _length(self) -> int:
         """Return the number of frames that are rendered together."""

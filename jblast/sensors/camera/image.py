@@ -1,4 +1,4 @@
-r"""Light in pixels: compositing, black bodies, tone curve and bloom.
+r"""Light in pixels: compositing, black bodies and tone curve.
 
 Images are linear light. Alpha is composited in linear light (Porter and Duff 1984,
 "over"):
@@ -28,11 +28,6 @@ unchanged, so that frames remain measurements. The mean level of a picture follo
 level of light. The key, the grey shown for the mean luminance $Y$ [cd/m2], is
 
 $$\alpha(Y) = 1.03 - \frac{2}{2 + \log_{10}(Y + 1)}$$
-
-Bloom is the light that a lens scatters, as three round Gaussians of equal parts, before
-values are limited to full scale, so that much of the sun or of a fire appears around
-it. Energy is conserved: light that would leave the picture is reflected at its edge, in
-place of the light that comes in from outside. The widths are declared, not measured.
 
 References:
     Khronos Group (2024), Khronos PBR Neutral Tone Mapper, specification
@@ -90,8 +85,6 @@ DESATURATION = 0.15
 """$K_d$ of the specification: at eight times full scale half of a colour is white."""
 FULL_SUN = 3e4
 """Luminance of a white wall for which pictures have a gain of 1 [cd/m2]."""
-WIDTHS = (0.004, 0.016, 0.064)
-"""Standard deviations of the bloom over the picture's longer side [-]; declared."""
 BACKGROUND = 0.18
 """Linear light of a grey that looks half as bright as white."""
 Background = (
@@ -288,53 +281,6 @@ def picture_gain(illuminance: float) -> float:
 
 def _key(luminance: float) -> float:
     return 1.03 - 2.0 / (2.0 + math.log10(luminance + 1.0))
-
-
-def bloom(
-    frames: Float[np.ndarray, "*time height width 3"], part: float
-) -> Float[np.ndarray, "*time height width 3"]:
-    """Return frames with a share of their light spread.
-
-    Args:
-        frames: Linear light, not clipped.
-        part: Share of the light that is spread, 0 to 1; 0 returns the frames.
-
-    Raises:
-        InputError: The part is below 0 or above 1.
-    """
-    if not 0.0 <= part <= 1.0:
-        raise InputError(f"bloom: expected a share from 0 to 1, got {part!r}")
-    if part == 0.0:
-        return frames
-    height, width = frames.shape[-3:-1]
-    spread = np.zeros_like(frames)
-    for relative in WIDTHS:
-        sigma = relative * max(height, width)
-        # a Gaussian is separable: one matrix for rows, one for columns
-        rows, columns = (_spreading(size, sigma) for size in (height, width))
-        wide = np.einsum(
-            "ij,...jkc->...ikc", rows.astype(frames.dtype), frames, optimize=True
-        )
-        spread += np.einsum(
-            "ij,...kjc->...kic", columns.astype(frames.dtype), wide, optimize=True
-        )
-    weight = frames.dtype.type(part / len(WIDTHS))
-    return (1 - frames.dtype.type(part)) * frames + weight * spread
-
-
-def _spreading(size: int, sigma: float) -> Float[np.ndarray, "size size"]:
-    """Return the matrix that spreads a line of pixels; its columns sum to one."""
-    steps = np.arange(size)
-    reach = math.ceil(4 * sigma)  # beyond 4 sigma are 6e-5 of the light
-    tap = np.arange(-reach, reach + 1)
-    weight = np.exp(-0.5 * np.square(tap / sigma))
-    weight /= weight.sum()
-    # light past an edge returns: pixels repeat as in a mirror, with period 2 * size
-    landed = (steps[:, None] + tap) % (2 * size)
-    landed = np.where(landed < size, landed, 2 * size - 1 - landed)
-    matrix = np.zeros((size, size))
-    np.add.at(matrix, (landed, steps[:, None]), np.broadcast_to(weight, landed.shape))
-    return matrix
 
 
 def images(

@@ -175,12 +175,12 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
     camera, moves = film.camera, film.path is not None
     behind: Any = film.background
     plain = film.views is None and film.depth is None and film.supersample == 1
-    plain &= film.bloom == 0.0 and film.gain == 1.0
+    plain &= film.gain == 1.0
     plain &= not isinstance(behind, MovingBackground)
     if not plain or isinstance(behind, Landscape) is not moves:
         raise InputError(
             "film of a run: expected ground and sky of a moving camera or an image of "
-            "a fixed one, without depth, gain, bloom, pictures of an explosion and "
+            "a fixed one, without depth, gain, pictures of an explosion and "
             "several rays per pixel"
         )
     if not moves:

@@ -1,4 +1,4 @@
-r"""The surroundings of a fireball: landscape, sun, and surfaces lit by the fireball.
+r"""The surroundings of a fireball: landscape, and surfaces lit by the fireball.
 
 Landscape. The default background of a moving camera is textured ground and a sky. The
 texture is tiled. It is stored at every size down to one pixel, each half of the one
@@ -6,16 +6,6 @@ before (Williams 1983, "Pyramidal parametrics"), and interpolated between the tw
 whose pixels are as large as the footprint of a ray on the ground. Far away it is even,
 and does not flicker when the camera moves. The light of the sky falls from its horizon
 upwards by $e^{-\sin(h)/s}$, $h$ the elevation.
-
-Sun. Full scale is a white wall in the daylight $E$. A disc of angular radius $r$ that
-alone gives $E$ to a surface facing it has, relative to that wall's $E/\pi$, the light
-
-$$L = 1/\sin^2 r$$
-
-A pixel wider than the disc sees the same amount of light: the disc is drawn at least
-two pixels wide, and fainter by the same factor. Around it is glare, of lens and air, by
-the law of Stiles and Holladay for the eye, $10\,E/\theta^2$ in cd/m2 at the angle
-$\theta$ in degrees. It is declared for a camera, and limited to its value at the limb.
 
 Light of the fireball. A surface of a background is as bright as the light that falls on
 it. By day that is the illuminance $E_0$, under which the background was taken. The
@@ -47,12 +37,8 @@ Only the rows of an image that a fire can light are calculated for its light: th
 not lit, and often fills half of the image or more. Images of each component are summed
 one after another, and the arc tangent is a polynomial: with JAX's own functions it
 would take as long as the fireball itself.
-
-References:
-    Holladay (1926), J. Opt. Soc. Am. 12: 271; Stiles (1929), Proc. R. Soc. B 104: 322.
 """
 
-import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -62,7 +48,6 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jblast.errors import InputError
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.fireball import (
     Appearance,
@@ -74,7 +59,6 @@ from jblast.sensors.camera.fireball import (
     lumpy_depth,
 )
 from jblast.sensors.camera.geometry import Rays, Surfaces, pixel_rays, surfaces_seen
-from jblast.types import as_float_array
 
 GROUND = (0.16, 0.14, 0.11)
 """Light of even ground without a texture: dry soil, full scale 1. Declared."""
@@ -82,10 +66,6 @@ HORIZON = (0.55, 0.70, 0.90)
 """Light of a clear sky above the horizon, full scale 1. Declared."""
 FALL = 0.6
 """Sine of the elevation over which the sky's light falls by e [-]. Declared."""
-RADIUS = math.radians(0.53 / 2)
-"""Angular radius of the sun's disc [rad]: 0.53 degrees is its mean diameter."""
-GLARE = 10.0 * math.pi
-"""Glare of Stiles and Holladay over a white wall's light [deg2]."""
 PARTS = 16
 """Lit rows are rounded up to this share of an image's height, because each number of
 rows is a program of its own."""
@@ -94,41 +74,6 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 TERMS = {"float64": 13, "float32": 8}
 """Terms of the polynomial: the arc tangent to 1e-11 in float64 and, at the precision of
 float32, to 1e-7; near zero much better."""
-
-
-class Sun(eqx.Module):
-    """A white sun.
-
-    Attributes:
-        direction: East, north, up, unit length.
-    """
-
-    direction: Float[Array, "3"] = eqx.field(converter=as_float_array)
-
-    def light(
-        self, direction: Float[Array, "3 row column"], pixel: Float[Array, ""]
-    ) -> Float[Array, "row column"]:
-        """Return the light that the sun adds to the sky, full scale 1.
-
-        Args:
-            direction: Directions of rays, unit length.
-            pixel: Angle of a pixel [rad].
-        """
-        away = direction - self.direction.astype(direction.dtype)[:, None, None]
-        square = jnp.sum(jnp.square(away), axis=0)
-        # near the middle the cosine of the angle loses its digits, the chord does not
-        chord = jnp.sqrt(jnp.maximum(square, jnp.finfo(square.dtype).tiny))
-        angle = 2.0 * jnp.arcsin(jnp.minimum(0.5 * chord, 1.0))
-        radius = jnp.maximum(RADIUS, pixel)
-        # an edge one pixel wide, so that a moving sun does not flicker
-        disc = jnp.clip((radius - angle) / pixel + 0.5, 0.0, 1.0)
-        # over the area of a disc whose edge falls off within a pixel
-        area = jnp.square(radius) + jnp.square(pixel) / 12.0
-        bright = (RADIUS / math.sin(RADIUS)) ** 2 / area
-        limb = math.degrees(RADIUS)
-        # the law of glare diverges in the middle
-        apart = jnp.maximum(jnp.degrees(angle), limb)
-        return bright * disc + GLARE / jnp.square(apart)
 
 
 class Landscape(eqx.Module):
@@ -142,7 +87,6 @@ class Landscape(eqx.Module):
         metres_per_pixel: Scale of the texture [m/px]; east is to its right, north up,
             and its middle is at the origin.
         horizon: Light of the sky above the horizon.
-        sun: The sun, or None.
     """
 
     texels: Float[Array, "texel 3"]
@@ -151,7 +95,6 @@ class Landscape(eqx.Module):
     columns: Int[Array, " size"]
     metres_per_pixel: Float[Array, ""]
     horizon: Float[Array, "3"]
-    sun: Sun | None = None
 
     def light(
         self, rays: Rays, pixel: Float[Array, ""]
@@ -165,8 +108,6 @@ class Landscape(eqx.Module):
         up = rays.direction[2]
         solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
         sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
-        if self.sun is not None:
-            sky = sky + self.sun.light(rays.direction, pixel)[None]
         # even ground needs no look-ups, which take most of the time
         if len(self.texels) == 1:
             ground = self.texels[0][:, None, None]
@@ -225,7 +166,6 @@ def landscape(
     texture: Float[np.ndarray, "height width 3"] | None = None,
     metres_per_pixel: float = 1.0,
     horizon: tuple[float, float, float] = HORIZON,
-    sun: Sun | None = None,
 ) -> Landscape:
     """Return ground with a texture, or even ground, under a clear sky.
 
@@ -233,7 +173,6 @@ def landscape(
         texture: Linear light, full scale 1.
         metres_per_pixel: Scale of the texture [m/px].
         horizon: Light of the sky above the horizon, full scale 1.
-        sun: The sun, or None.
     """
     image = np.array([[GROUND]]) if texture is None else np.asarray(texture, float)
     sizes = [image]
@@ -248,7 +187,6 @@ def landscape(
         jnp.asarray([size.shape[1] for size in sizes]),
         jnp.asarray(float(metres_per_pixel)),
         jnp.asarray(horizon),
-        sun,
     )
 
 
@@ -272,32 +210,6 @@ def _halved(image: np.ndarray) -> np.ndarray:
             ends = (1 - part) * whole.take(low, axis) + part * whole.take(high, axis)
             image = np.diff(ends, axis=axis) * (size // 2 / size)
     return image
-
-
-def sun_at(azimuth_deg: float, elevation_deg: float) -> Sun:
-    """Return the sun at an azimuth, clockwise from north, and an elevation [deg].
-
-    Raises:
-        InputError: It is below the horizon or past the zenith, or a number is not
-            finite.
-    """
-    if not math.isfinite(azimuth_deg):
-        raise InputError(f"sun: expected an azimuth in degrees, got {azimuth_deg!r}")
-    if not 0.0 <= elevation_deg <= 90.0:
-        raise InputError(
-            f"sun: expected an elevation from 0 to 90 degrees, got {elevation_deg!r}"
-        )
-    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
-    level = math.cos(elevation)
-    return Sun(
-        jnp.array(
-            [
-                level * math.sin(azimuth),
-                level * math.cos(azimuth),
-                math.sin(elevation),
-            ]
-        )
-    )
 
 
 class LitRows(eqx.Module):
