@@ -195,7 +195,6 @@ SI = {
     "angle": "rad", "mass": "kg", "image": "px",
 }  # fmt: skip
 """Suffix of jblast's names by dimension."""
-DIMENSIONS = tuple(SUFFIXES)
 
 
 class OurName(NamedTuple):

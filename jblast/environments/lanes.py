@@ -27,12 +27,6 @@ from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.rollout import CHUNK_BYTES, over_devices
 
 T = TypeVar("T")
-CHUNK_LANES = 1024
-"""Lanes that a processor advances through all steps before the next chunk.
-
-The state of more lanes does not stay in its cache; with fewer, blocks of lanes in a
-blast or at a beginning are mostly empty.
-"""
 PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 128, 256, 8
 """Block sizes: pairs of lane and blast over 128, lanes over 256, and at least 8.
 

@@ -493,13 +493,6 @@ def table_rows(name: str) -> list[dict[str, str]]:
     return list(csv.DictReader(lines))
 
 
-def table_head(name: str) -> str:
-    """Return the header of a table: date, script and machine of the measurement."""
-    text = (DATA / f"{name}.csv").read_text(encoding="utf-8")
-    lines = [line for line in text.splitlines() if line.startswith("#")]
-    return " ".join(line.lstrip("# ") for line in lines)
-
-
 @cache
 def error_table(quantity: str, burst: str) -> Errors:
     """Return the errors of all methods for a quantity."""

@@ -178,7 +178,6 @@ def run(options: argparse.Namespace) -> int:
         **of_film,
         **given(options, false_alarms="false_alarms_per_hour"),
     )
-    from jblast.observations import Observations
     from jblast.results import to_json
 
     if isinstance(found, SoundDetections):
@@ -197,10 +196,6 @@ def run(options: argparse.Namespace) -> int:
             sys.stdout.write(f"\nWritten to {options.out}: {', '.join(written)}\n")
         if "observations.csv" in written:
             log = Path(options.out) / "observations.csv"
-            rows = found.log
-            if rows is not None and not isinstance(rows, Observations):
-                rows = rows.observations
-            assert rows is not None  # it has been written
             command = fit_command(log, options.scene)
             sys.stdout.write(f"Fit it with: {command}\n")
     return 0 if found.detected else NOT_FOUND
