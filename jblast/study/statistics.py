@@ -537,8 +537,8 @@ def merge_moments(a: Moments, b: Moments) -> Moments:
 def finish_moments(state: Moments) -> dict[str, np.ndarray]:
     r"""Return the statistics of a stream; NaN for those that need more values.
 
-    `variance` is $M_2/(n-1)$, and the squared `standard_error` of the mean a part $n$
-    of it.
+    `variance` is $M_2/(n-1)$; the squared `standard_error` of the mean is the variance
+    over $n$.
 
     Returns:
         `count`, `infinite`, `lost`, `mean`, `standard_error`, `variance`, `sd`,

@@ -59,9 +59,7 @@ from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.scene.reader.tables import finite, fixed_list
-from jblast.sensors.camera.baked_explosion import (
-    ExplosionViews,
-)
+from jblast.sensors.camera.baked_explosion import ExplosionViews
 from jblast.sensors.camera.billboards import Views, upright
 from jblast.sensors.camera.files.images import (
     check_whole_webp,
@@ -353,7 +351,7 @@ def _spread(
         Covariance of columns and rows, and variance of rows, over that of columns;
         those of a disc for a picture that is nowhere opaque.
     """
-    # the silhouette, as for `coding.visible_radius`
+    # the silhouette: more than half opaque
     opaque = (texels[..., 4] > 127).astype(np.float32)
     number = np.maximum(opaque.sum((-2, -1)), 1.0)
     place = np.arange(opaque.shape[-1]) - 0.5 * (opaque.shape[-1] - 1)
