@@ -199,7 +199,6 @@ class WorldAnswer(Document):
         date: Date of the run.
         versions: Versions of jblast, jax and python.
         scene_sha256: SHA-256 of the scene's file.
-        preset: Always null.
         laws: Law of each quantity, for all senses.
         blasts: Blasts in order of time.
         perceived: Each first perception, in order of time.
@@ -221,7 +220,6 @@ class WorldAnswer(Document):
     date: str
     versions: Mapping[str, str]
     scene_sha256: str | None
-    preset: None
     laws: Mapping[str, str]
     blasts: tuple[BlastDrawn, ...]
     perceived: tuple[Perceived, ...]
@@ -356,7 +354,6 @@ def world_answer(run: WorldRun) -> WorldAnswer:
         date=made.date,
         versions=made.versions,
         scene_sha256=None if made.scene is None else made.scene.sha256,
-        preset=None,
         laws=dict(run.world.scene.law),
         blasts=tuple(
             BlastDrawn(charge.name, time, (east, north, up), mass)

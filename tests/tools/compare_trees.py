@@ -30,6 +30,7 @@ import math
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -45,8 +46,6 @@ OF_SD = 1e-3
 two searches by the same method."""
 SEARCHED = 1e-6
 """Of a searched number without a standard deviation."""
-SECONDS = 3600
-"""Longest time of a command."""
 ROWS = 100
 """Rows of a table and entries of a list that are kept; longer ones are thinned."""
 
@@ -168,12 +167,14 @@ class Command(NamedTuple):
             commands may be read.
         exact: Whether numbers are those of a law or a simulation.
         word: What the message of a refused command must contain.
+        seconds: Time after which it is interrupted.
     """
 
     name: str
     line: str
     exact: bool = True
     word: str = ""
+    seconds: float = 3600.0
 
 
 def _searched(name: str, line: str) -> Command:
@@ -296,7 +297,11 @@ COMMANDS = (
     Command("report", "report world --out world.html"),
     _searched("report_fit", "report world --fit --out fits.html"),
     _refused("report_refused", "report film", "run.json"),
-    Command("serve", "serve world.toml --listen 127.0.0.1:0 --seconds 0.2 --json"),
+    Command(
+        "serve",
+        "serve world.toml --listen 127.0.0.1:0 --seconds 0.2 --json",
+        seconds=60.0,  # it waits for clients
+    ),
     _refused("serve_refused", "serve typo.toml --listen 127.0.0.1:0", "mas_kg"),
     Command("study", "study study.toml --out study.zarr --json"),
     Command("study_report", "study report study.zarr --out studied --json"),
@@ -346,23 +351,22 @@ def record(tree: Path, out: Path, names: list[str]) -> None:
             continue
         line = command.line.replace("DATA", str(tree / "calibration" / "data"))
         before = _files(work)
-        done = subprocess.run(
-            [sys.executable, "-m", "jblast.cli.main", *line.split()],
-            cwd=work,
-            env=env,
-            capture_output=True,
-            text=True,
-            timeout=SECONDS,
-            check=False,
-        )
+        words = [sys.executable, "-m", "jblast.cli.main", *line.split()]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        with subprocess.Popen(words, cwd=work, env=env, text=True, **pipes) as run:
+            try:
+                output, errors = run.communicate(timeout=command.seconds)
+            except subprocess.TimeoutExpired:
+                run.send_signal(signal.SIGINT)
+                output, errors = run.communicate()
         new = sorted(p for p, at in _files(work).items() if before.get(p) != at)
-        document: dict[str, Any] = {"line": command.line, "exit_code": done.returncode}
-        if done.returncode and not done.stdout:
-            document["message"] = done.stderr.splitlines()[-1]
-        if "--json" in line and done.stdout:
-            document["answer"] = _kept(json.loads(done.stdout))
+        document: dict[str, Any] = {"line": command.line, "exit_code": run.returncode}
+        if run.returncode and not output:
+            document["message"] = errors.splitlines()[-1]
+        if "--json" in line and output:
+            document["answer"] = _kept(json.loads(output))
         elif "--csv" in line:
-            document["answer"] = _table(done.stdout)
+            document["answer"] = _table(output)
         document["files"] = {name: _content(work / name) for name in new}
         text = json.dumps(document, indent=1, ensure_ascii=False)
         text = SHORT.sub(lambda found: f"[{' '.join(found[1].split())}]", text)
@@ -370,7 +374,7 @@ def record(tree: Path, out: Path, names: list[str]) -> None:
             text = text.replace(str(place), word)
         (out / f"{command.name}.json").write_text(f"{text}\n")
         sys.stdout.write(
-            f"{command.name}: exit code {done.returncode}, {len(new)} files\n"
+            f"{command.name}: exit code {run.returncode}, {len(new)} files\n"
         )
         sys.stdout.flush()
 
