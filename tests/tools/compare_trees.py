@@ -325,7 +325,8 @@ WORDS = {".html", ".md", ".toml", ".svg", ".txt", ".kml"}
 FIGURES = {"path", "loads", "error", "map", "report", "sheet", "mission", "controllers"}
 """Text, and names of drawn figures: kept is only that they exist."""
 UNSTEADY = {"provenance", "versions", "took_s", "written", "command", "seconds_taken"}
-"""Keys of when, where and by what an answer was computed."""
+UNSTEADY |= {"date", "address", "seconds"}
+"""Keys of when, where, by what and how long an answer was computed."""
 SHORT = re.compile(r"\[([^][{}]*)\]")
 """Lists of numbers and words, which are written on one line."""
 
