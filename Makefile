@@ -12,7 +12,7 @@ help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
 	@echo 'make chart       cost against error of every method; make stability where each fails'
 	@echo 'make test        the tests that take seconds'
-	@echo 'make quick       those of the rooms that changed since the last tag, or SINCE=COMMIT'
+	@echo 'make quick       those of the packages that changed since the last tag, or SINCE=COMMIT'
 	@echo 'make test-slow   those that take minutes'
 	@echo 'make test-all    both'
 	@echo 'make check       format, lint, spelling, types; notebooks without outputs; figures that pages quote'
@@ -38,7 +38,7 @@ test: .venv/dev
 	$(PYTEST) -m "not slow"
 
 quick: .venv/dev
-	rooms=$$($(BIN)/python tests/tools/changed.py $(SINCE)) && $(PYTEST) -m "not slow" -o addopts= $$rooms
+	packages=$$($(BIN)/python tests/tools/changed.py $(SINCE)) && $(PYTEST) -m "not slow" -o addopts= $$packages
 
 # FIRST names what comes first, as do the notebooks, the longest file: at the end one
 # worker would wait for them. After UNTIL (seconds since 1970) no test begins.

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration.charts import EFFECTS, USUAL
-from jblast.fidelity.timing import best_of
+from calibration.timing import best_of
 from jblast.sensors.camera.events.ideal import (
     grey_table,
     ideal_events,

@@ -42,7 +42,7 @@ from calibration.six_stations import (
     scene_of,
     scipy_ends,
 )
-from jblast.fidelity.timing import best_of
+from calibration.timing import best_of
 from jblast.inference import ManyFits, fit_many
 from jblast.inference.many.engine import engine_for
 from jblast.sensors import planned_layout

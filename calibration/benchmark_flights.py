@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.fidelity.timing import best_of
+from calibration.timing import best_of
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     Each,

@@ -18,8 +18,8 @@ import numpy as np
 from jax.sharding import NamedSharding, PartitionSpec
 from jaxtyping import Array
 
+from calibration.timing import best_of
 from jblast import waves
-from jblast.fidelity.timing import best_of
 from jblast.waves.laws.swisdak import swisdak_curve
 
 POINTS = 1 << 22

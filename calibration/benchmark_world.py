@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.fidelity.timing import machine
+from calibration.timing import machine
 from jblast.report.words import aligned
 from jblast.scene import (
     Camera,

@@ -44,10 +44,10 @@ from scipy.stats import qmc
 
 from calibration import cases, stability_fits as poor
 from calibration.eye_pick import eye_pick
+from calibration.timing import best_of, machine, seconds
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import errors
-from jblast.fidelity.timing import best_of, machine, seconds
 from jblast.files import write_text
 from jblast.inference import solve
 from jblast.inference.identifiability import identifiability

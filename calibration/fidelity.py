@@ -53,6 +53,7 @@ from calibration import run_part
 from calibration.charts import method_seconds
 from calibration.far_pressure import SHALLOW, bend, every_record
 from calibration.gauge_200g import as_read, at_front, distance, table
+from calibration.timing import machine
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import errors
@@ -80,7 +81,6 @@ from jblast.fidelity.errors import (
     standard_path,
     value_of,
 )
-from jblast.fidelity.timing import machine
 from jblast.files import write_text
 from jblast.registry import call, law_for, total_scatter
 from jblast.report.words import comma_separated

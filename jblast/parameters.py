@@ -73,7 +73,7 @@ class Bounds:
         """Return how a refused value reads in another unit; "" if it fits none."""
         for unit, size in self.other_units:
             if self.allows(value * size):
-                return f"; {value:g}{unit} is {value * size:g}"
+                return f"; {value:g} {unit} is {value * size:g}"
         return ""
 
 

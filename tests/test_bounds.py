@@ -30,7 +30,7 @@ def test_of_an_array_bounds_say_where():
 def test_a_value_that_fits_in_another_unit_is_named_with_its_size():
     others = (("hPa", 1e2), ("bar", 1e5))
     bounds = Bounds(at_least=2e4, at_most=1.2e5, other_units=others)
-    assert bounds.hint(1013.0) == "; 1013hPa is 101300"
-    assert bounds.hint(0.9) == "; 0.9bar is 90000"
+    assert bounds.hint(1013.0) == "; 1013 hPa is 101300"
+    assert bounds.hint(0.9) == "; 0.9 bar is 90000"
     assert bounds.hint(19.0) == bounds.hint(math.nan) == ""
     assert UNBOUNDED.hint(1013.0) == ""

@@ -234,6 +234,11 @@ def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns
             units[str(name)] = own
         elif role == "axis":
             axes.append(_axis(str(name), variable))
+        else:
+            raise InputError(
+                f"{source}: {name}: expected the role outcome, input or axis, "
+                f"got {role}"
+            )
     found = StudyColumns(
         tuple(lanes),
         inputs,

@@ -444,10 +444,10 @@ def detect_sound(
 
 def _picked(searched: Sequence[Searched]) -> list[Searched]:
     """Return channels with the times of the picks of their arrivals."""
-    from jblast.signals.picked_arrivals import Heard, picked_arrivals
+    from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
 
     heard = [
-        Heard(one.channel.samples, one.channel.rate_hz, 0.0, one.detections)
+        SearchedChannel(one.channel.samples, one.channel.rate_hz, 0.0, one.detections)
         for one in searched
     ]
     return [

@@ -32,7 +32,7 @@ noise, and the longest pulses of the bank with their suction, 0.3 s. Between two
 arrivals it ends midway."""
 
 
-class Heard(NamedTuple):
+class SearchedChannel(NamedTuple):
     """Arrivals in samples of a channel.
 
     Attributes:
@@ -48,7 +48,7 @@ class Heard(NamedTuple):
     arrivals: Sequence[Detection]
 
 
-def picked_arrivals(channels: Sequence[Heard]) -> list[tuple[Detection, ...]]:
+def picked_arrivals(channels: Sequence[SearchedChannel]) -> list[tuple[Detection, ...]]:
     """Return the arrivals of each channel with the times of their picks.
 
     Args:
@@ -84,7 +84,7 @@ def picked_arrivals(channels: Sequence[Heard]) -> list[tuple[Detection, ...]]:
     ]
 
 
-def _intervals(channel: Heard) -> Iterator[PressureRecord]:
+def _intervals(channel: SearchedChannel) -> Iterator[PressureRecord]:
     """Yield the samples about each arrival."""
     times = [arrival.time_s for arrival in channel.arrivals]
     middles = [0.5 * (one + other) for one, other in pairwise(times)]

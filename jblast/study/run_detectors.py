@@ -21,7 +21,7 @@ from jblast.signals.flash import Flash, FlashWatch
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
 from jblast.signals.live import LEAST_NOISE, LiveDetection, SoundWatch
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
-from jblast.signals.picked_arrivals import Heard, picked_arrivals
+from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
 from jblast.signals.search import bank_of_pulses
 from jblast.study.running import Frames, Packet, RunDetection, Samples
 from jblast.world import Arrivals
@@ -141,7 +141,7 @@ class RunDetectors:
         first, samples = watch.latest
         arrivals = [one.arrival for one in found]
         rate_hz = watch.rate_hz
-        heard = Heard(samples, rate_hz, first / rate_hz, arrivals)
+        heard = SearchedChannel(samples, rate_hz, first / rate_hz, arrivals)
         return [
             self._detection(
                 name, "sound", start_s + one.time_s, one.sigma_s, one.statistic

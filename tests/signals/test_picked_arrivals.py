@@ -9,7 +9,7 @@ from scipy.signal import butter, lfilter
 
 from jblast.signals import picked_arrivals as module
 from jblast.signals.matched_filter import Detection
-from jblast.signals.picked_arrivals import Heard, picked_arrivals
+from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
 from jblast.signals.search import Channel, bank_of_pulses, search_bank
 from tests.signals.records.made import picked_at_its_peak
 
@@ -24,7 +24,7 @@ def heard(peaks, arrivals, seconds=4.0, start_s=0.0):
     samples = np.random.default_rng(0).uniform(-0.1, 0.1, round(seconds * RATE))
     for time, size in peaks:
         samples[round((time - start_s) * RATE)] = size
-    return Heard(samples, RATE, start_s, arrivals)
+    return SearchedChannel(samples, RATE, start_s, arrivals)
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ CASES = {
 def test_the_bang_of_a_telephone_is_timed_within_its_error(sound):
     bank = bank_of_pulses(RATE)
     found = search_bank(Channel("a", "a", 1, sound, RATE), bank, 1.0, any_form=True)
-    picks = picked_arrivals([Heard(sound, RATE, 0.0, found.detections)])[0]
+    picks = picked_arrivals([SearchedChannel(sound, RATE, 0.0, found.detections)])[0]
     one = max(picks, key=lambda arrival: arrival.statistic)
     assert one.sigma_s < 2e-3
     assert one.time_s == pytest.approx(2.0003, abs=3 * one.sigma_s)

@@ -1,9 +1,9 @@
-"""Which tests a change asks for: those of the rooms it touched.
+"""Which tests a change asks for: those of the packages it touched.
 
     python tests/tools/changed.py [COMMIT]
 
 Prints folders and files of tests for what differs from a commit: the one named, else
-main's last tag, else the first. A file that all rooms use asks for all tests.
+main's last tag, else the first. A file that all packages use asks for all tests.
 """
 
 import subprocess
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-ROOM_OF = {
+TESTS_OF = {
     "notebooks": "tests/test_notebooks.py",
     "calibration": "tests/calibration",
     ".ci": "tests/test_install.py",
@@ -31,10 +31,10 @@ def asked_for(files: Iterable[str]) -> list[str]:
     wanted: set[str] = set(ALWAYS)
     for file in files:
         top, *rest = Path(file).parts
-        if top in ROOM_OF:
-            wanted.add(ROOM_OF[top])
+        if top in TESTS_OF:
+            wanted.add(TESTS_OF[top])
         elif top == "jblast" and len(rest) > 1:
-            wanted.add(_room(*rest))
+            wanted.add(_package(*rest))
         elif top == "tests" and len(rest) > 1 and rest[0] != "tools":
             wanted.add(f"tests/{rest[0]}")
         elif top == "tests" and rest[-1].startswith("test_"):
@@ -44,7 +44,7 @@ def asked_for(files: Iterable[str]) -> list[str]:
     return sorted(test for test in wanted if (ROOT / test).exists())
 
 
-def _room(*parts: str) -> str:
+def _package(*parts: str) -> str:
     """Return the folder of tests of a module; all tests where it has none."""
     folder = f"tests/{parts[0]}"
     return folder if (ROOT / folder).is_dir() else "tests"

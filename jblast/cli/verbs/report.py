@@ -29,7 +29,7 @@ def add_arguments(verb: VerbParser) -> None:
         "--fit",
         action="store_true",
         help="fit of each blast's readings: answers next to the truth, and 90 %% "
-        "ellipses on the map",
+        "ellipses on the map; fits.json in RUN has the whole answers",
     )
     verb.outputs.add_argument(
         "--out",

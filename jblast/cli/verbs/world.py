@@ -68,7 +68,8 @@ def add_arguments(verb: VerbParser) -> None:
     verb.model.add_argument(
         "--fit",
         action="store_true",
-        help="fit of each blast's readings with [world] as the prior, and report.html",
+        help="fit of each blast's readings with [world] as the prior, fits.json and "
+        "report.html",
     )
     verb.advanced.add_argument(
         "--seed", type=seed, default=0, help="seed of all random numbers (default: 0)"

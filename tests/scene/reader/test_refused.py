@@ -70,7 +70,7 @@ BAD = {
     ),
     "hectopascals": (
         "[air]\npressure_pa = 1013\n",
-        ["[air] pressure_pa", "between 20000 and 120000", "1013hPa is 101300"],
+        ["[air] pressure_pa", "between 20000 and 120000", "1013 hPa is 101300"],
     ),
     "a prior up to no pressure": (
         "[air]\npressure_pa = { uniform = [1e3, 1e5] }\n",

@@ -20,8 +20,8 @@ BAD = table(f"""
 --mass 5 --range 3,-1 => --range | -1
 --mass 5 --range inf => --range | finite
 --mass 100 --range 50 --quantity overpressure --pressure 1013 =>\
- --pressure | between 20000 and 120000 | 1013hPa is 101300
---mass 1 --range 9 --pressure 0.9 => 0.9bar is 90000
+ --pressure | between 20000 and 120000 | 1013 hPa is 101300
+--mass 1 --range 9 --pressure 0.9 => 0.9 bar is 90000
 --mass 5 --range 9 --pressure 0 => --pressure | got 0
 --mass 5 --overpressure -2 => --overpressure | -2
 --mass 5 --range 9 --temperature 15 => 150 and 400
