@@ -30,7 +30,7 @@ is the factor by which the rotors' response may grow or shrink before the loop
 oscillates, where $L$ is real and negative; the phase margin is the angle by which it
 may lag, where $|L| = 1$ (Skogestad and Postlethwaite 2005, section 2.4). Margins are
 interpolated between the frequencies of a fine grid and are differentiable. They are
-meaningless unless the loop is stable (`is_stable`).
+meaningless unless the loop is stable (`decay_rate`).
 """
 
 from functools import lru_cache
@@ -150,8 +150,10 @@ def loop_margins(
     )
 
 
-def is_stable(gains: Gains, motor_lag_s: float, period_s: float) -> bool:
-    """Return whether the controlled vehicle is stable near hover.
+def decay_rate(gains: Gains, motor_lag_s: float, period_s: float) -> float:
+    """Return the decay rate of the controlled vehicle near hover, by its slowest mode.
+
+    It is negative if the vehicle is unstable.
 
     Args:
         gains: Controller gains.
@@ -160,7 +162,7 @@ def is_stable(gains: Gains, motor_lag_s: float, period_s: float) -> bool:
     """
     # An unused integral stays constant: its eigenvalue is 1, up to rounding.
     largest = growth(chains(gains, float(motor_lag_s)), period_s, 1)
-    return largest <= 1 + 1e-9
+    return (1 + 1e-9 - largest) / period_s
 
 
 class _Crossings(NamedTuple):

@@ -12,7 +12,7 @@ from jblast.vehicle import (
     named,
     named_gains,
 )
-from jblast.vehicle.control.stability import LOOPS, hold_margins, is_stable
+from jblast.vehicle.control.stability import LOOPS, decay_rate, hold_margins
 
 NAMES = ("crazyflie", "hummingbird", "iris")
 HEADING, UPWARD = LOOPS.index("heading"), LOOPS.index("upward")
@@ -107,6 +107,6 @@ def test_margins_have_the_slopes_of_differences():
 
 def test_stable_is_what_comes_back():
     gains = named_gains("iris", integral=True)
-    assert is_stable(gains, 0.0125, 5e-4)
+    assert decay_rate(gains, 0.0125, 5e-4) > 0
     limp = dataclasses.replace(gains, body_rate=gains.body_rate / 20)
-    assert not is_stable(limp, 0.0125, 5e-4)
+    assert decay_rate(limp, 0.0125, 5e-4) < 0
