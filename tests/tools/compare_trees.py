@@ -353,8 +353,14 @@ def record(tree: Path, out: Path, names: list[str]) -> None:
         line = command.line.replace("DATA", str(tree / "calibration" / "data"))
         before = _files(work)
         words = [sys.executable, "-m", "jblast.cli.main", *line.split()]
-        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        with subprocess.Popen(words, cwd=work, env=env, text=True, **pipes) as run:
+        with subprocess.Popen(
+            words,
+            cwd=work,
+            env=env,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        ) as run:
             try:
                 output, errors = run.communicate(timeout=command.seconds)
             except subprocess.TimeoutExpired:
