@@ -1,65 +1,60 @@
-"""Traced programs kept between runs.
+"""Compiled programs kept between runs.
 
-JAX's compilation cache saves the compilation in a second run. But to look a program up
-there, it must be traced and lowered again, which is half of the work of a warm `jblast
-fit`. `kept` stores the lowered program (`jax.export`) under a key of all that it
-depends on: the package's files, versions, shapes of arrays and values of all other
-arguments, spelled out as text. The structure of a result is stored next to the program
-in JSON, with arrays by index, so that another run can rebuild it. A function or class
-from outside the package, such as a user's law, enters the key with its code and the
-values that it refers to. A program that depends on something without a lasting
-description (an open file, an array spread over devices) is not stored. Nothing is
-stored before `keep_in` sets a folder, as commands do, or outside `kept_between_runs`,
-in which the long functions of the library run.
+`kept` compiles like `equinox.filter_jit` and stores the machine code. Another run loads
+it without tracing or compiling. Its key holds all that the code depends on: the files
+of the package, versions, processor, settings, shapes of arrays, and values of all other
+arguments, spelled out as text. What has no lasting description is not stored: a
+function from outside the package, such as a user's law, an array of constants, arrays
+on several devices. JAX's own compilation cache then saves the compilation alone.
+Nothing is stored before `keep_in` sets a folder, as commands do, or outside
+`kept_between_runs`, in which the long functions of the library run.
+
+Stored files hold machine code and pickled structures of results. They are therefore
+read only from a folder that belongs to the user, closed to all others.
 """
 
 import contextlib
-import dataclasses
 import functools
 import hashlib
-import importlib
-import json
 import os
-import sys
-import sysconfig
+import pickle
+import platform
 import threading
-import weakref
+import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from importlib.metadata import version
 from pathlib import Path
-from types import CodeType, EllipsisType, FunctionType, MethodType, ModuleType
+from types import EllipsisType, FunctionType
 from typing import Any, ParamSpec, TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
-from jax import export
 from jax.core import Tracer
+from jax.experimental import serialize_executable
 from jax.experimental.compilation_cache import compilation_cache
+from jaxlib import lapack
 
 from jblast.files import write_bytes
 from jblast.registry import PACKAGED, Law, others
 
 P = ParamSpec("P")
 R = TypeVar("R")
+Program = Callable[..., Any]
 LIBRARIES = ("jax", "jaxlib", "equinox", "optimistix", "lineax", "numpy")
-LAPACK = ("geqrf", "orgqr", "ormqr", "potrf", "getrf", "syevd", "gesdd", "trsm")
-UNSTABLE = tuple(
-    export.DisabledSafetyCheck.custom_call(f"lapack_{kind}{name}_ffi")
-    for kind in "sd"
-    for name in LAPACK
-)
-"""Calls that JAX may change between versions; allowed, as the version is in the key."""
-CHECKERS = ("jaxtyping", "beartype")
-"""Packages whose wrappers only check arguments: the wrapped function is keyed."""
 SETTINGS = (
     "jax_enable_x64",
     "jax_default_matmul_precision",
     "jax_default_prng_impl",
     "jax_threefry_partitionable",
+    "jax_numpy_dtype_promotion",
+    "jax_default_device",
+    "jax_disable_jit",
+    "jax_debug_nans",
 )
+"""Settings of JAX that change a program without changing its arguments."""
 CACHE_SETTINGS: dict[str, Any] = {
     "jax_persistent_cache_min_compile_time_secs": 0.0,
     "jax_persistent_cache_min_entry_size_bytes": 0,
@@ -71,10 +66,10 @@ WIDE: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": 512}
 
 
 class _Store:
-    """Folder of stored programs, and programs already used in this process."""
+    """Folder of stored programs, and the program of each call in this process."""
 
     folder: Path | None = None
-    used: dict[str, Callable[..., Any] | None]
+    used: dict[Hashable, Program]
 
     def __init__(self) -> None:
         self.used, self.lock = {}, threading.Lock()
@@ -84,9 +79,28 @@ STORE = _Store()
 
 
 def keep_in(folder: str | Path | None) -> None:
-    """Store traced programs in a folder from now on; None: stop storing."""
-    STORE.folder = None if folder is None else Path(folder)
+    """Store compiled programs in a folder from now on; None: stop storing.
+
+    The folder is closed to other users. One that belongs to another user is not used.
+    """
+    STORE.folder = None if folder is None else _closed(Path(folder))
     STORE.used = {}
+
+
+def _closed(folder: Path) -> Path | None:
+    """Make a folder that nobody else can write to; None if that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        folder.chmod(0o700)  # refused in a folder of another user, but not to root
+        if not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid():
+            return folder
+        fault = "it belongs to another user"
+    except OSError as error:
+        fault = str(error.strerror)
+    warnings.warn(
+        f"programs are not kept between runs in {folder}: {fault}", stacklevel=3
+    )
+    return None
 
 
 def cache_folder() -> Path:
@@ -96,7 +110,7 @@ def cache_folder() -> Path:
 
 @contextlib.contextmanager
 def kept_between_runs() -> Iterator[None]:
-    """Keep traced and compiled programs of the enclosed code, as commands do.
+    """Keep compiled programs of the enclosed code, as commands do.
 
     Without it every process traces and compiles again: `jblast.fit` of `hta_1.csv`
     then takes 92 s of processor time in a script instead of 8. A compilation cache that
@@ -111,7 +125,7 @@ def kept_between_runs() -> Iterator[None]:
         )
         before: dict[str, Any] = {}
         if outermost:
-            STORE.folder = cache_folder()
+            STORE.folder = _closed(cache_folder())
             before = _cache_used()
     try:
         yield
@@ -124,7 +138,7 @@ def kept_between_runs() -> Iterator[None]:
 
 def _cache_used() -> dict[str, Any]:
     """Turn on the compilation cache unless the user did; return the former settings."""
-    if getattr(jax.config, "jax_compilation_cache_dir"):  # noqa: B009 (type checkers)
+    if STORE.folder is None or getattr(jax.config, "jax_compilation_cache_dir"):  # noqa: B009 (type checkers)
         return {}
     wanted = CACHE_SETTINGS | {"jax_compilation_cache_dir": str(STORE.folder)}
     before = {name: getattr(jax.config, name) for name in wanted}
@@ -161,11 +175,11 @@ def write_cache_atomically() -> None:
 
 
 def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
-    """Compile like `equinox.filter_jit`, and store the traced program between runs.
+    """Compile like `equinox.filter_jit`, and store the program between runs.
 
-    A program that cannot be stored (inside another program, or with an argument that
-    cannot be spelled out) uses `filter_jit` alone. The key takes a few milliseconds for
-    a new module and 0.1 ms for a known one.
+    A call within another program, or one without a key, uses `filter_jit` alone. The
+    key takes milliseconds, and is made once for each structure of arguments; a later
+    call costs what one of `filter_jit` does.
 
     Args:
         function: Function to compile.
@@ -175,125 +189,144 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
 
     @functools.wraps(function)
     def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
-        if STORE.folder is None:
+        leaves, tree = jax.tree.flatten((args, kwargs))
+        arrays = [leaf for leaf in leaves if is_array(leaf)]
+        # within another traced program there are no arrays to call with
+        if any(isinstance(array, Tracer) for array in arrays):
             return compiled(*args, **kwargs)
-        leaves = jax.tree.leaves((args, kwargs))
-        # Within another traced program there are no values to key or arrays to call
-        # with.
-        if any(isinstance(leaf, Tracer) for leaf in leaves):
+        call = function, tree, tuple(map(_kind, leaves)), _settings()
+        program = STORE.used.get(call)
+        if program is None and STORE.folder is not None:
+            program = _program(function, (args, kwargs), options)
+            STORE.used[call] = program or compiled
+        if program is None or program is compiled:
             return compiled(*args, **kwargs)
-        program = _program_for(function, (args, kwargs), options)
-        if program is None:
-            return compiled(*args, **kwargs)
-        return program(*(leaf for leaf in leaves if is_array(leaf)))
+        return program(arrays)
 
     return keeping
 
 
-def kept_once(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile like `kept`, and look the stored program up only when JAX traces.
-
-    Later calls with arguments of the same layout do without the key, which takes longer
-    than a step of an environment. A layout whose first call is outside
-    `kept_between_runs` is compiled and not stored.
-    """
-
-    @functools.wraps(function)
-    def looked_up(*args: P.args, **kwargs: P.kwargs) -> R:
-        program = None
-        if STORE.folder is not None:
-            program = _program_for(function, (args, kwargs), {})
-        if program is None:
-            return function(*args, **kwargs)
-        return program(*filter(is_array, jax.tree.leaves((args, kwargs))))
-
-    return eqx.filter_jit(looked_up)
+def is_array(value: Any) -> bool:
+    """Return whether a value is an argument of a program, not a constant in it."""
+    return isinstance(value, jax.Array | np.ndarray | np.generic)
 
 
-def _program_for(function: Callable, arguments: Any, options: Any) -> Callable | None:
-    """Return the stored or traced program for arguments; None if it has no key."""
+def _kind(leaf: Any) -> Hashable:
+    """Return what the program depends on of an argument."""
+    if isinstance(leaf, jax.Array):
+        weak = getattr(leaf, "weak_type", False)  # keys of random numbers have none
+        return leaf.shape, leaf.dtype, weak, leaf.sharding
+    if is_array(leaf):
+        return leaf.shape, leaf.dtype
+    return type(leaf), leaf
+
+
+def _settings() -> tuple[Any, ...]:
+    return tuple(getattr(jax.config, name) for name in SETTINGS)
+
+
+def _program(function: Callable, arguments: Any, options: Any) -> Program | None:
+    """Return the stored or newly compiled program for arguments; None without a key."""
     assert STORE.folder is not None
     try:
-        key = _key(function, arguments)
+        path = STORE.folder / f"program-{_key(function, arguments, options)}"
     except Unkept:
         return None
-    if key not in STORE.used:
-        path = STORE.folder / f"traced-{key}"
-        # A None is stored, too, so that a program that cannot be exported is tried only
-        # once.
-        STORE.used[key] = _read(path, options) or _traced(
-            function, arguments, path, options
-        )
-    return STORE.used[key]
+    return _loaded(path) or _compiled(function, arguments, options, path)
 
 
-def _traced(
-    function: Callable, arguments: Any, path: Path, options: Any
-) -> Callable | None:
-    """Trace, store and return a program; None if it cannot be stored."""
+def _compiled(
+    function: Callable, arguments: Any, options: Any, path: Path
+) -> Program | None:
+    """Compile, store and return a program; None if JAX cannot store it."""
     leaves, tree = jax.tree.flatten(arguments)
-    structure = []
+    answers: list[Any] = []
 
     def flat(*arrays):
         left = iter(arrays)
         filled = [next(left) if is_array(leaf) else leaf for leaf in leaves]
         args, kwargs = jax.tree.unflatten(tree, filled)
-        answer = function(*args, **kwargs)
-        found: list[Any] = []
-        structure.append(described(answer, found))
-        return found
+        found, of = jax.tree.flatten(function(*args, **kwargs))
+        slots = [_Slot() if is_array(leaf) else leaf for leaf in found]
+        answers.append(jax.tree.unflatten(of, slots))
+        return [leaf for leaf in found if is_array(leaf)]
 
     arrays = [leaf for leaf in leaves if is_array(leaf)]
+    lowered = jax.jit(flat, **options).lower(*arrays)
+    cache = {"jax_compilation_cache_dir": jax.config.values["jax_compilation_cache_dir"]}
+    # code that was read from JAX's own cache cannot be stored again
+    _set_cache(dict.fromkeys(cache))
     try:
-        made = export.export(jax.jit(flat), disabled_checks=UNSTABLE)(*arrays)
-        data = bytes(made.serialize())
-    except (Unkept, ValueError, NotImplementedError, ImportError):
+        made = lowered.compile()
+    finally:
+        _set_cache(cache)
+    try:
+        data = pickle.dumps((*serialize_executable.serialize(made), answers[-1]))
+    except (ValueError, NotImplementedError, TypeError, pickle.PicklingError):
         return None
-    head = json.dumps(structure[-1]).encode()
     with contextlib.suppress(OSError):  # a full disk: not stored
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, head + b"\n" + data, durable=False)
-    # From the bytes, as in later runs: XLA's cache distinguishes it from `made`, so
-    # that the next run would compile again.
-    return _program(data, structure[-1], options)
+        write_bytes(path, hashlib.sha256(data).digest() + data, durable=False)
+    return _with_answer(made, answers[-1])
 
 
-def _read(path: Path, options: Any) -> Callable | None:
-    """Return a stored program; None if there is none or it cannot be read."""
+def _loaded(path: Path) -> Program | None:
+    """Load a stored program; None if there is none, or its file is damaged."""
     try:
-        head, data = path.read_bytes().split(b"\n", 1)
-        return _program(data, json.loads(head), options)
-    except Exception:  # missing or truncated: it is traced again
+        with path.open("rb") as file:
+            digest, data = file.read(32), file.read()
+    except OSError:
         return None
+    if hashlib.sha256(data).digest() != digest:
+        return None
+    code, of_arguments, of_arrays, answer = pickle.loads(data)
+    if b"lapack" in code:  # its addresses are SciPy's, which JAX asks for in tracing
+        lapack.prepare_lapack_call("potrf_ffi", np.dtype(float))
+    program = serialize_executable.deserialize_and_load(
+        code, of_arguments, of_arrays, execution_devices=jax.local_devices()[:1]
+    )
+    return _with_answer(program, answer)
 
 
-def _program(data: bytes, structure: Any, options: Any) -> Callable:
-    program = export.deserialize(bytearray(data))
-    if b"lapack" not in program.mlir_module_serialized:
-        # For every CPU program JAX imports SciPy's LAPACK, a third of the import time
-        # of JAX. Without the platform check it does not; the backend is in the key.
-        # The platforms are emptied together with the check.
-        free = export.DisabledSafetyCheck.platform(), *program.disabled_safety_checks
-        program = dataclasses.replace(
-            program, platforms=(), disabled_safety_checks=free
-        )
-    run = jax.jit(program.call, **options)
-    return lambda *arrays: rebuilt(structure, run(*arrays))
+class _Slot:
+    """Stands for an array in an answer."""
 
 
-def _key(function: Callable, arguments: Any) -> str:
+def _with_answer(program: Program, answer: Any) -> Program:
+    """Return a program that fills the arrays of its answer."""
+    leaves, tree = jax.tree.flatten(answer)
+
+    def called(arrays: list[Any]) -> Any:
+        found = iter(program(*arrays))
+        filled = [next(found) if isinstance(x, _Slot) else x for x in leaves]
+        return jax.tree.unflatten(tree, filled)
+
+    return called
+
+
+def _key(function: Callable, arguments: Any, options: Any) -> str:
     """Return a key of everything that a program depends on.
 
     Raises:
-        Unkept: A law from outside the package, or a part of an argument, has no lasting
-            description.
+        Unkept: A part has no lasting description, or laws from outside the package are
+            registered, whose code may depend on anything.
     """
-    # Settings of JAX that change a traced program without changing its arguments.
-    settings = [getattr(jax.config, name) for name in SETTINGS]
-    foreign = sorted(f"{law.quantity} {law.name} {source_of(law)}" for law in others())
-    around = f"{_source()} {jax.default_backend()} {settings} {foreign}"
+    if others():
+        raise Unkept
+    around = _source(), _machine(), os.environ.get("XLA_FLAGS"), _settings(), options
     whole = f"{around} {spelled(function)} {spelled(arguments)}"
     return hashlib.sha256(whole.encode()).hexdigest()
+
+
+@functools.cache
+def _machine() -> str:
+    """Return what machine code depends on: devices, their software, the processor."""
+    device = jax.local_devices()[0]
+    parts = [device.device_kind, device.client.platform_version, platform.machine()]
+    with contextlib.suppress(OSError):  # the kinds of instructions; Linux alone
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        known = ("model name", "flags", "Features")
+        parts += sorted({line for line in lines if line.startswith(known)})
+    return " ".join(parts)
 
 
 @functools.cache
@@ -348,327 +381,54 @@ class Unkept(Exception):
     """A program depends on something without a lasting description."""
 
 
-def is_array(value: Any) -> bool:
-    """Return whether a value is an argument of a program, not a constant in it."""
-    return isinstance(value, jax.Array | np.ndarray | np.generic)
-
-
-class _SpellingCache:
-    """Spellings of modules in use, by identity.
-
-    Modules are immutable, so each is spelled out once. A search calls programs with one
-    posterior thousands of times; spelling it out took half of that time.
-    """
-
-    def __init__(self) -> None:
-        self.known: dict[int, tuple[weakref.ref, str]] = {}
-
-    def of(self, module: eqx.Module) -> str:
-        """Return the spelling of a module that is an argument of a program."""
-        name = id(module)
-        there = self.known.get(name)
-        if there is not None and there[0]() is module:
-            return there[1]
-        found = _of_fields(module, fixed=False)
-        forget = functools.partial(self._forget, name)
-        self.known[name] = weakref.ref(module, forget), found
-        return found
-
-    def _forget(self, name: int, gone: weakref.ref) -> None:
-        there = self.known.get(name)
-        # The identity may have been reused by another module.
-        if there is not None and there[0] is gone:
-            del self.known[name]
-
-
-_SPELLING_CACHE = _SpellingCache()
-
-
 def spelled(value: Any, fixed: bool = False) -> str:
     """Return the text of an argument: shapes of arrays, values of anything else.
-
-    Functions and classes from outside the package are represented by their source
-    (`source_of`).
 
     Args:
         value: The argument, or a part of it.
         fixed: True if arrays in it would be constants of the program.
 
     Raises:
-        Unkept: A part has no lasting description, or is spread over devices.
+        Unkept: A part has no lasting description, or is on another device.
     """
-    known = isinstance(value, jax.Array) and not isinstance(value, Tracer)
-    if known and len(value.devices()) > 1:
+    if isinstance(value, jax.Array) and value.devices() != {jax.local_devices()[0]}:
         raise Unkept
     if is_array(value) and not fixed:
         return f"{value.dtype}{value.shape}{getattr(value, 'weak_type', False)}"
-    if is_plain(value):
+    if isinstance(value, bool | int | float | complex | str | bytes | EllipsisType):
         return f"{type(value).__name__}:{value!r}"
+    if value is None:
+        return "None"
     if isinstance(value, Enum):
         return f"{spelled(type(value))}.{value.name}"
     if isinstance(value, Law) and PACKAGED.get((value.quantity, value.name)) is value:
         return f"law {value.quantity} {value.name}"
     if isinstance(value, type | FunctionType):
-        return name_of(value) if is_packaged(value) else source_of(value)
+        return _name(value)
     if isinstance(value, dict):
         items = [(spelled(k, True), spelled(v, fixed)) for k, v in value.items()]
         return f"dict{sorted(items)}"
     if isinstance(value, tuple | list):
-        return f"{spelled(type(value))}{[spelled(entry, fixed) for entry in value]}"
-    if isinstance(value, eqx.Module) and not fixed:
-        return _SPELLING_CACHE.of(value)
+        return f"{_name(type(value))}{[spelled(entry, fixed) for entry in value]}"
     if is_dataclass(value):
-        return _of_fields(value, fixed=True)
+        whole = fixed or not isinstance(value, eqx.Module)
+        entries = [
+            spelled(getattr(value, f.name), whole or f.metadata.get("static", False))
+            for f in fields(value)
+        ]
+        return f"{_name(type(value))}{entries}"
     raise Unkept
 
 
-def _of_fields(value: Any, *, fixed: bool) -> str:
-    """Return the text of a data class by its fields; see `spelled`."""
-    entries = [
-        spelled(getattr(value, f.name), fixed or f.metadata.get("static", False))
-        for f in fields(value)
-    ]
-    return f"{spelled(type(value))}{entries}"
-
-
-def is_plain(value: Any) -> bool:
-    """Return whether a value is a number, a text or None."""
-    plain = bool | int | float | complex | str | bytes | EllipsisType | None
-    return isinstance(value, plain)
-
-
-def is_packaged(value: type | FunctionType) -> bool:
-    """Return whether the name of a class or function identifies it in a key."""
-    if isinstance(value, FunctionType) and value.__closure__ is not None:
-        return False
-    package = value.__module__.partition(".")[0]
-    return package in ("jblast", "builtins") and "<" not in value.__qualname__
-
-
-def name_of(value: type | FunctionType) -> str:
+def _name(value: type | FunctionType) -> str:
     """Return module and name of a class or function.
 
     Raises:
-        Unkept: It is not in this package or in Python, or it is nested in a function.
+        Unkept: They do not identify it: it is from outside of the package and of
+            Python, or made by a function.
     """
-    if not is_packaged(value):
+    made = isinstance(value, FunctionType) and value.__closure__ is not None
+    package = value.__module__.partition(".")[0]
+    if made or package not in ("jblast", "builtins") or "<" in value.__qualname__:
         raise Unkept
     return f"{value.__module__}:{value.__qualname__}"
-
-
-# Called for each law at each call of a kept function: 0.5 ms without the cache.
-@functools.lru_cache(maxsize=512)
-def source_of(value: Hashable) -> str:
-    """Return a digest of a function or class from outside the package.
-
-    It covers the bytecode with its constants, defaults, values of a closure, and
-    recursively every function, class and number that the code refers to by a global
-    name. An edited law, or one created with another constant, is therefore another
-    program, and the same law in another process is the same program. Installed packages
-    enter with their version. Like a compiled program, a function is described once per
-    process; a later change of a global is not detected.
-
-    Raises:
-        Unkept: It refers to an object without a lasting description, such as a file.
-    """
-    digest = hashlib.sha256()
-    for part in _Description().parts(value):
-        digest.update(part.encode() + b"\0")
-    return f"source {digest.hexdigest()}"
-
-
-class _Description:
-    """Traversal of everything that a function refers to; each object once."""
-
-    def __init__(self) -> None:
-        self.seen: dict[int, int] = {}
-        self.alive: list[Any] = []  # keeps objects alive, so that ids are not reused
-
-    def parts(self, value: Any) -> Iterator[str]:
-        """Yield descriptions of a value and of everything that it refers to.
-
-        Raises:
-            Unkept: A value has no lasting description.
-        """
-        if is_plain(value):
-            yield f"{type(value).__name__}:{value!r}"
-            return
-        if id(value) in self.seen:
-            yield f"again {self.seen[id(value)]}"
-            return
-        self.seen[id(value)] = len(self.seen)
-        self.alive.append(value)
-        if isinstance(value, jax.Array | np.ndarray | np.generic):
-            array = np.asarray(value)
-            yield f"{array.dtype}{array.shape}"
-            yield hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
-        elif isinstance(value, tuple | list):
-            yield f"{type(value).__name__} {len(value)}"
-            for entry in value:
-                yield from self.parts(entry)
-        elif isinstance(value, set | frozenset):
-            yield f"set {sorted(map(repr, value))}"
-        elif isinstance(value, Mapping):
-            yield f"{type(value).__name__} {len(value)}"
-            for key, entry in value.items():
-                yield from self.parts(key)
-                yield from self.parts(entry)
-        elif isinstance(value, CodeType):
-            yield from self._code(value)
-        elif isinstance(value, ModuleType):
-            yield _versioned(value.__name__)
-        elif isinstance(value, FunctionType):
-            yield from self._function(value)
-        elif isinstance(value, type):
-            yield from self._class(value)
-        elif isinstance(value, MethodType):
-            yield from self.parts(value.__func__)
-            yield from self.parts(value.__self__)
-        elif isinstance(value, functools.partial):
-            yield from self.parts((value.func, value.args, value.keywords))
-        elif isinstance(value, property):
-            yield from self.parts(value.fget)
-        elif isinstance(value, staticmethod | classmethod):
-            yield from self.parts(value.__func__)
-        elif isinstance(value, Enum):
-            yield f"{type(value).__qualname__}.{value.name}"
-        elif hasattr(value, "__wrapped__"):  # as jax.jit and jax.custom_jvp return
-            yield type(value).__qualname__
-            yield from self.parts(value.__wrapped__)
-            for rule in ("jvp", "fwd", "bwd"):
-                yield from self.parts(getattr(value, rule, None))
-        elif is_dataclass(value):
-            yield from self.parts(type(value))
-            for one in fields(value):
-                yield from self.parts(getattr(value, one.name, None))
-        elif isinstance(home := getattr(value, "__module__", None), str) and hasattr(
-            value, "__name__"
-        ):  # a ufunc, or a function written in C
-            yield f"{_versioned(home)}:{value.__name__}"
-        else:
-            raise Unkept
-
-    def _code(self, code: CodeType) -> Iterator[str]:
-        yield f"{code.co_code.hex()} {code.co_names} {code.co_varnames}"
-        for constant in code.co_consts:
-            yield from self.parts(constant)
-
-    def _function(self, function: FunctionType) -> Iterator[str]:
-        home = function.__globals__.get("__name__", "")
-        if home.partition(".")[0] in CHECKERS:
-            yield from self.parts(getattr(function, "__wrapped__", None))
-            return
-        code = function.__code__
-        if _is_installed(home):
-            yield f"{_versioned(home)}:{code.co_qualname}:{code.co_firstlineno}"
-        else:
-            yield from self.parts(code)
-            yield from self._names_in(function.__globals__, _names(code))
-        yield from self.parts((function.__defaults__, function.__kwdefaults__))
-        for cell in function.__closure__ or ():
-            try:
-                yield from self.parts(cell.cell_contents)
-            except ValueError:  # an empty cell, as in a recursive definition
-                yield "empty"
-
-    def _names_in(self, known: Mapping[str, Any], names: set[str]) -> Iterator[str]:
-        """Yield the values that code refers to by names of its module.
-
-        For another module of the user, all attributes of these names are included:
-        superfluous ones only make the key stricter.
-        """
-        for name in sorted(names & set(known)):
-            value = known[name]
-            again = id(value) in self.seen
-            yield name
-            yield from self.parts(value)
-            if again or not isinstance(value, ModuleType):
-                continue
-            if not _is_installed(value.__name__):
-                yield from self._names_in(vars(value), names)
-
-    def _class(self, cls: type) -> Iterator[str]:
-        yield f"{cls.__module__}:{cls.__qualname__}"
-        if _is_installed(cls.__module__):
-            yield _versioned(cls.__module__)
-            return
-        yield from self.parts(cls.__bases__)
-        for name, value in sorted(vars(cls).items()):
-            value = getattr(value, "method", value)  # equinox wraps those of modules
-            if isinstance(value, FunctionType):
-                # dataclasses write theirs from the fields, whose values are keyed
-                written = value.__code__.co_filename != "<string>"
-            else:
-                written = name[:2] != "__" and not name.startswith("_abc_")
-            if written:
-                yield name
-                yield from self.parts(value)
-
-
-def _names(code: CodeType) -> set[str]:
-    inner = (one for one in code.co_consts if isinstance(one, CodeType))
-    return set(code.co_names).union(*map(_names, inner))
-
-
-@functools.cache
-def _is_installed(module: str) -> bool:
-    """Return whether a version or the key identifies the contents of a module."""
-    top = module.partition(".")[0]
-    if top in ("jblast", "builtins") or top in sys.stdlib_module_names:
-        return True
-    file = getattr(sys.modules.get(top), "__file__", None)
-    folders = (sysconfig.get_path(kind) for kind in ("purelib", "platlib"))
-    return file is not None and any(Path(file).is_relative_to(one) for one in folders)
-
-
-@functools.cache
-def _versioned(module: str) -> str:
-    """Return the name of a module, with the version of its package if installed."""
-    top = module.partition(".")[0]
-    return f"{module} {getattr(sys.modules.get(top), '__version__', '')}"
-
-
-def described(value: Any, found: list[Any]) -> Any:
-    """Describe a result in JSON, with its arrays as indices into `found`.
-
-    Raises:
-        Unkept: A part has no representation in JSON.
-    """
-    if is_array(value):
-        found.append(value)
-        return ["array", len(found) - 1]
-    if value is None or isinstance(value, bool | int | float | str):
-        return ["value", value]
-    if isinstance(value, dict) and all(isinstance(key, str) for key in value):
-        return ["dict", [[k, described(v, found)] for k, v in value.items()]]
-    if hasattr(value, "_fields") or type(value) in (tuple, list):
-        entries = [described(entry, found) for entry in value]
-        return ["sequence", name_of(type(value)), entries]
-    if isinstance(value, eqx.Module):
-        entries = [
-            [f.name, described(getattr(value, f.name), found)] for f in fields(value)
-        ]
-        return ["module", name_of(type(value)), entries]
-    raise Unkept
-
-
-def rebuilt(description: Any, arrays: list[Any]) -> Any:
-    """Return the result of a description."""
-    kind, *rest = description
-    if kind == "array":
-        return arrays[rest[0]]
-    if kind == "value":
-        return rest[0]
-    if kind == "dict":
-        return {key: rebuilt(entry, arrays) for key, entry in rest[0]}
-    module, name = rest[0].split(":")
-    home = importlib.import_module(module)
-    made: Any = functools.reduce(getattr, name.split("."), home)
-    if kind == "sequence":
-        entries = [rebuilt(entry, arrays) for entry in rest[1]]
-        return made(*entries) if hasattr(made, "_fields") else made(entries)
-    # Without `__init__`, whose converters and checks would run on every result.
-    answer = object.__new__(made)
-    for field, entry in rest[1]:
-        object.__setattr__(answer, field, rebuilt(entry, arrays))
-    return answer

@@ -15,12 +15,12 @@ from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
 from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError, shown
-from jblast.kept_programs import kept_between_runs, kept_once
+from jblast.kept_programs import kept, kept_between_runs
 from jblast.progress import in_words
 from jblast.progress_line import Progress, shown_by
 
-_RESET, _STEP = kept_once(reset), kept_once(step)
-_RESET_LANES, _STEP_LANES = kept_once(reset_lanes), kept_once(step_lanes)
+_RESET, _STEP = kept(reset), kept(step)
+_RESET_LANES, _STEP_LANES = kept(reset_lanes), kept(step_lanes)
 
 
 class _Programs:
