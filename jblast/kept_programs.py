@@ -19,6 +19,7 @@ import hashlib
 import os
 import pickle
 import platform
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -253,7 +254,9 @@ def _compiled(
 
     arrays = [leaf for leaf in leaves if is_array(leaf)]
     lowered = jax.jit(flat, **options).lower(*arrays)
-    cache = {"jax_compilation_cache_dir": jax.config.values["jax_compilation_cache_dir"]}
+    cache = {
+        "jax_compilation_cache_dir": jax.config.values["jax_compilation_cache_dir"]
+    }
     # code that was read from JAX's own cache cannot be stored again
     _set_cache(dict.fromkeys(cache))
     try:
@@ -427,8 +430,11 @@ def _name(value: type | FunctionType) -> str:
         Unkept: They do not identify it: it is from outside of the package and of
             Python, or made by a function.
     """
-    made = isinstance(value, FunctionType) and value.__closure__ is not None
-    package = value.__module__.partition(".")[0]
-    if made or package not in ("jblast", "builtins") or "<" in value.__qualname__:
-        raise Unkept
-    return f"{value.__module__}:{value.__qualname__}"
+    found: Any = sys.modules.get(value.__module__)
+    for part in value.__qualname__.split("."):
+        found = getattr(found, part, None)
+    while found is not value and hasattr(found, "__wrapped__"):  # it is decorated
+        found = found.__wrapped__
+    if found is value and value.__module__.partition(".")[0] in ("jblast", "builtins"):
+        return f"{value.__module__}:{value.__qualname__}"
+    raise Unkept
