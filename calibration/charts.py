@@ -52,13 +52,13 @@ from jblast.files import write_text
 from jblast.inference import solve
 from jblast.inference.identifiability import identifiability
 from jblast.inference.importance import importance, weighted_quantiles
-from jblast.inference.mcmc.engines import BLOCK, Emcee, Scan, WalkState, mixture_of
+from jblast.inference.mcmc import Start, walk
 from jblast.inference.mode.laplace import NORMAL_Q95, laplace
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior, posterior_of
 from jblast.inference.sampled_records import sampled_records
-from jblast.inference.whitening import densities, whitened_density
+from jblast.inference.whitening import whitened_density
 from jblast.observations import Observations
 from jblast.observations.table import RECORD_QUANTITIES
 from jblast.progress import in_words
@@ -460,24 +460,21 @@ def sampler_points() -> list[Point]:
     base, normal = best_of(lambda: laplace(posterior, z, identified.identified_basis))
     density = whitened_density(posterior, normal, identified)
     free, axes = normal.z.size, np.asarray(density.root)
-    about = mixture_of(np.zeros((1, free)), np.eye(free)[None], np.ones(1))
+    starts = [Start(np.zeros(free), np.eye(free), 1.0)]
 
-    def walk(sampler, steps: int, seed: int) -> tuple[float, np.ndarray]:
-        w = np.random.default_rng(seed).standard_normal((WALKERS, free))
-        value = np.array(densities(density, jnp.asarray(w)))
-        start = WalkState(w, value, sampler.first_random(seed))
-
+    def walked(steps: int, seed: int) -> tuple[float, np.ndarray]:
         def along(steps: int) -> np.ndarray:
-            return sampler.walk(density, about, start, steps, lambda: None).chain
+            states = walk(density, starts, seed=seed, walkers=WALKERS)
+            return np.array([w for w, _ in itertools.islice(states, steps)])
 
-        # one block compiles the sampler, at a fraction of the time of the whole walk
-        took, chain = best_of(lambda: along(steps), 1, lambda: along(BLOCK))
+        # a few steps compile the density, at a fraction of the time of the whole walk
+        took, chain = best_of(lambda: along(steps), 1, lambda: along(2))
         return took, chain[steps // 10 :] @ axes.T
 
     def ends(draws: np.ndarray) -> np.ndarray:
         return np.quantile(draws.reshape(-1, free), SHARES, axis=0)
 
-    long_s, long = walk(Scan(), REFERENCE_STEPS, 100)
+    long_s, long = walked(REFERENCE_STEPS, 100)
     true, sd = ends(long), long.reshape(-1, free).std(axis=0)
     # two halves differ by twice the error of the whole, if they are independent
     half = ends(long[: len(long) // 2]) - ends(long[len(long) // 2 :])
@@ -490,14 +487,12 @@ def sampler_points() -> list[Point]:
         error = max(least, float(np.sqrt(np.mean(np.square(worst)))))
         points.append(Point("", method, base + took, error, over + words))
 
-    for (name, sampler), steps in itertools.product(
-        (("emcee", Emcee()), ("one scan", Scan())), STEPS
-    ):
+    for steps in STEPS:
         runs = min(RUNS * max(STEPS) // steps, MAX_RUNS)
-        walks = [walk(sampler, steps, seed) for seed in range(runs)]
+        walks = [walked(steps, seed) for seed in range(runs)]
         words = f", {WALKERS} walkers, {runs} runs"
         took = min(took for took, _ in walks)
-        add(f"{name}, {steps:,} steps", took, [ends(x) for _, x in walks], words)
+        add(f"emcee, {steps:,} steps", took, [ends(x) for _, x in walks], words)
     for draws in DRAWS:
         runs = min(RUNS * max(DRAWS) // draws, MAX_RUNS)
         drawn = [
@@ -517,7 +512,7 @@ def sampler_points() -> list[Point]:
         add(f"importance, {draws:,} draws", took, bounds, f", {runs} runs")
     sds = np.sqrt(np.diag(normal.covariance))
     add("Laplace", 0.0, [np.outer([-NORMAL_Q95, NORMAL_Q95], sds)])
-    name, words = f"one scan, {REFERENCE_STEPS:,} steps", f"{over}, {WALKERS} walkers"
+    name, words = f"emcee, {REFERENCE_STEPS:,} steps", f"{over}, {WALKERS} walkers"
     points.append(Point("", name, base + long_s, least, words, reference=True))
     return points
 

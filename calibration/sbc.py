@@ -49,7 +49,7 @@ from jblast.inference.importance import (
     largest_log_sd,
     largest_quantile_error,
 )
-from jblast.inference.mcmc.ensemble import ensemble
+from jblast.inference.mcmc import ensemble
 from jblast.inference.mode.laplace import laplace
 from jblast.inference.mode.search import optima
 from jblast.inference.posterior.parameters import parameters_of

@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
+from jaxtyping import Array, Float
 
 from calibration.stability import Mode, boundary_at, crossing, verified
 from jblast.errors import InputError
@@ -36,9 +37,7 @@ from jblast.inference.importance import (
     IntervalsOff,
     check_intervals,
 )
-from jblast.inference.mcmc.convergence import Convergence, convergence
-from jblast.inference.mcmc.engines import mixture_of
-from jblast.inference.mcmc.ensemble import LongRidge
+from jblast.inference.mcmc import Convergence, convergence
 from jblast.inference.mode.laplace import NORMAL_Q95
 from jblast.inference.mode.search import SAME_OPTIMUM_SD
 from jblast.inference.whitening import (
@@ -548,14 +547,21 @@ def unit_normals() -> np.ndarray:
     return np.random.default_rng(0).standard_normal((WALKERS, DIMENSION))
 
 
+class TwoNormals(eqx.Module):
+    """Unit normals apart along the first axis, the second with half the weight."""
+
+    apart: Array
+
+    def log_density(self, w: Float[Array, " free"]) -> Float[Array, ""]:
+        """Return ln of the density at a place, up to a constant."""
+        other = jnp.log(0.5) - 0.5 * (w[0] - self.apart) ** 2
+        return jnp.logaddexp(-0.5 * w[0] ** 2, other) - 0.5 * jnp.sum(w[1:] ** 2)
+
+
 def _shares() -> Mode:
-    center = np.zeros((2, DIMENSION))
-    center[1, 0] = SEPARATED_SD
-    covariance = np.tile(np.eye(DIMENSION), (2, 1, 1))
     start = unit_normals()
     start[::2, 0] += SEPARATED_SD
-    density = mixture_of(center, covariance, np.array([2.0, 1.0]))
-    walk = bare_walk(density, start, TWO_MODE_STEPS)
+    walk = bare_walk(TwoNormals(jnp.asarray(SEPARATED_SD)), start, TWO_MODE_STEPS)
     share, tau = np.mean(walk.kept[..., 0] > SEPARATED_SD / 2), walk.judged.tau.max()
     seen = not walk.judged.reached(1.0) and tau > TWO_MODE_STEPS / 50
     return Mode(
@@ -581,7 +587,7 @@ def _mirror() -> Mode:
     north = normal.z[2] + walk.chain @ np.asarray(density.root)[2]
     beyond = int((np.sign(north) != np.sign(normal.z[2])).any(axis=0).sum())
     both = ensemble(found.posterior, normal, found.identifiability, found.optima)
-    shares = [mode.share for mode in both.modes]
+    share = float(np.mean(np.sign(both.draws()[:, 2]) == np.sign(normal.z[2])))
     return Mode(
         "walks",
         "emcee, stretch move",
@@ -592,9 +598,9 @@ def _mirror() -> Mode:
         f"reach it, and the chain looks converged: R-hat "
         f"{walk.judged.r_hat.max():.3f}, {MIRROR_STEPS / walk.own_tau:.0f} "
         "autocorrelation times",
-        verified("marks", len(shares) == 2 and both.converged, "a mirror image"),
-        f"both modes are reported with their shares, {shares[0]:.0%} and "
-        f"{shares[1]:.0%}; autocorrelation time {both.convergence.tau.max():.0f}",
+        verified("marks", 0.3 < share < 0.7 and both.converged, "a mirror image"),
+        f"walkers start at both optima and keep their shares, {share:.0%} and "
+        f"{1 - share:.0%}; autocorrelation time {both.convergence.tau.max():.0f}",
     )
 
 
@@ -642,7 +648,6 @@ def _endless() -> Mode:
         found.optima,
         most_steps=ENDLESS_STEPS,
     )
-    improper = any(isinstance(f, LongRidge) and f.is_endless for f in both.findings)
     return Mode(
         "walks",
         "emcee, arrivals from afar",
@@ -652,9 +657,8 @@ def _endless() -> Mode:
         f"the 5 % quantile of the mass is {low[0]:.2g} kg after {SHORT_CHAIN} steps, "
         f"{low[1]:.2g} kg after {LONG_CHAIN}: it depends on the length of the walk, "
         "not on the log",
-        verified("marks", improper and not both.converged, "an endless ridge"),
-        "not converged (exit code 4): the ridge, its bounds and the improper posterior "
-        "are reported",
+        verified("marks", not both.converged, "an endless ridge"),
+        "not converged (exit code 4)",
     )
 
 

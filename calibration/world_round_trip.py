@@ -24,8 +24,7 @@ flash and is jolted (when, how much and whereto, by what its IMU leaves of it).
 Autos: where the truth ranks, as `--posterior auto` answers. Each world's
 fit goes as `auto` goes: its normal approximation, where importance sampling finds
 nothing against it and all numbers are narrow; else walkers, from every optimum that
-counts, until the quantiles are known to 0.05 sd. Here the walk's moves are compiled
-(`sampler="scan"`), which takes a fifth of the time of emcee's, whose moves they are.
+counts, until the quantiles are known to 0.05 sd.
 
 A row a world is added to calibration/results/world_autos.csv, a few worlds of each
 subset in turn; what the file holds already is not done again, and after so many seconds
@@ -71,7 +70,7 @@ from jblast.inference.importance import (
     pareto_smoothed,
     reaching,
 )
-from jblast.inference.mcmc.ensemble import ensemble
+from jblast.inference.mcmc import ensemble
 from jblast.inference.mode.laplace import Laplace, laplace
 from jblast.inference.mode.search import Optima, optima
 from jblast.inference.posterior.fisher_information import information
@@ -440,7 +439,7 @@ def answer(subset: str, solved: Solved) -> Answer:
         method, reached = "laplace", normal.converged
         z = normal.draws(AUTO_DRAWS, np.random.default_rng(seed))
     else:
-        walk = ensemble(posterior, normal, identified, found, seed=seed, sampler="scan")
+        walk = ensemble(posterior, normal, identified, found, seed=seed)
         method, reached, z = "walk", walk.converged, walk.draws(AUTO_DRAWS)
     alike = np.full(len(z), 1 / len(z))
     sd, least = sharpness(

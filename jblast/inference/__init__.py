@@ -29,7 +29,7 @@ from jblast.inference.many.fit_many import (
     fit_many as fit_many,
 )
 from jblast.inference.many.lanes import ManyFits as ManyFits
-from jblast.inference.mcmc.ensemble import Ensemble as Ensemble, ensemble as ensemble
+from jblast.inference.mcmc import Ensemble as Ensemble, ensemble as ensemble
 from jblast.inference.posterior.posterior import (
     Posterior as Posterior,
     posterior_of as posterior_of,

@@ -82,9 +82,7 @@ def test_contributing_shows_the_whole_example(name):
     assert code in page
 
 
-def test_a_law_is_calculated_and_its_programs_are_not_kept(
-    extension, tmp_path
-):
+def test_a_law_is_calculated_and_its_programs_are_not_kept(extension, tmp_path):
     def values():
         return jblast.calculate(Scene(), [20.0], [15.0])["air_arrival_s"]
 

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from jblast.report.provenance import Provenance
     from jblast.signals.picks import PickedFiles
 
-WALK = "walk"
-"""Folder of `--out` that stores an MCMC chain."""
-
 
 def each_made(
     made: "Provenance", logs: Iterable[str], files: Sequence[str]
@@ -110,13 +107,6 @@ def write_answers(
         text = fits_answer(answers, made, picks).to_json()
         write_text(directory / "fits.json", text)
         write_text(directory / "answers.csv", answers_csv(answers))
-
-
-def only_a_walk(directory: Path) -> bool:
-    """Return whether a directory has an MCMC chain of an earlier run and no more."""
-    # An MCMC run writes its chain first and all other files at the end, so that a
-    # folder with the chain alone is from an interrupted run, which is continued.
-    return directory.is_dir() and [p.name for p in directory.iterdir()] == [WALK]
 
 
 def add_records(verb: VerbParser) -> None:

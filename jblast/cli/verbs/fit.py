@@ -8,12 +8,10 @@ import os
 import sys
 
 from jblast.cli.arguments.logs import (
-    WALK,
     add_records,
     each_made,
     from_records,
     made_with_samples,
-    only_a_walk,
     scaling_of,
     write_answers,
 )
@@ -125,8 +123,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.report.provenance import provenance_of
 
     out = Path(options.out) if options.out else None
-    # an interrupted MCMC run is continued without --force
-    if out and not only_a_walk(out):
+    if out:
         check_directory(out, options.force)
     scene = scene_named(options.scene) if options.scene else None
     made = None
@@ -171,8 +168,6 @@ def run(options: argparse.Namespace) -> int:
         uncertain,
         noise=options.noise,
         posterior=options.posterior,
-        # The chain is stored as it grows, so that an interrupted run is continued.
-        store=out / WALK if out else None,
         **scale,
     )
     if options.json:
@@ -183,7 +178,7 @@ def run(options: argparse.Namespace) -> int:
             write_report(
                 answer,
                 out,
-                force=options.force or only_a_walk(out),
+                force=options.force,
                 records=recorded.figure if recorded else None,
                 made=made,
                 picks=picks,

@@ -238,7 +238,6 @@ def fit(
     noise: Noise = "student",
     posterior: Method = "weighted",
     seed: int = 0,
-    store: str | os.PathLike[str] | None = None,
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
     progress: Progress = False,
@@ -266,8 +265,6 @@ def fit(
             weighted by the posterior), "laplace" (the approximation alone), "emcee"
             (walkers), or "auto": walkers if the approximation fails its check.
         seed: Seed of the starts of the search and the draws of the posterior.
-        store: Folder in which a chain of walkers is stored, and resumed if it was
-            interrupted.
         scaling: Scale of the records, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
         progress: True prints progress on stderr; a function is called at each report
@@ -300,7 +297,6 @@ def fit(
         noise=noise,
         posterior=posterior,
         seed=seed,
-        store=store,
         scaling=scaling,
         high_pass_hz=high_pass_hz,
     )
@@ -315,7 +311,6 @@ def _fit(
     seed: int,
     scaling: Scaling | None,
     high_pass_hz: float | None,
-    store: str | os.PathLike[str] | None = None,
 ) -> Fit:
     """Fit one log in its scene."""
     begin = _stages(of_samples=SAMPLES in observations.quantity)
@@ -361,7 +356,7 @@ def _fit(
             observations.sensor, observations.quantity, strict=True
         )
     ]
-    sure = uncertainty(solution, posterior, seed=seed, rows=names, store=store)
+    sure = uncertainty(solution, posterior, seed=seed, rows=names)
     begin("collecting results")
     draws = sure.z
     values = parameters.values_of_each(jax.device_put(draws))

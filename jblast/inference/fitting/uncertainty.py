@@ -9,7 +9,6 @@ Along null directions nothing is drawn: the normal approximation of the rest is 
 there is.
 """
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -42,8 +41,7 @@ from jblast.inference.importance import (
     largest_quantile_error,
     marginals_of_draws,
 )
-from jblast.inference.mcmc.ensemble import Ensemble, ensemble
-from jblast.inference.mcmc.run import WALKERS
+from jblast.inference.mcmc import WALKERS, Ensemble, ensemble
 from jblast.inference.mode.laplace import marginals
 from jblast.inference.mode.range_profile import DETERMINED, RangeProfile
 from jblast.inference.posterior.parameters import Estimate, Finding
@@ -69,7 +67,7 @@ class Uncertainty:
         z: Draws of the coordinates.
         marginals: Estimate of each number; its value is the most probable one.
         converged: True if the method converged.
-        findings: Findings about modes, ridges and inaccurate intervals.
+        findings: Findings about convergence and inaccurate intervals.
         ensemble: The walkers' chain, if they ran.
         bearing: Bearing [degrees clockwise from north] and range [m], if arrival times
             determine the bearing of a charge but not its position.
@@ -92,7 +90,6 @@ def uncertainty(
     *,
     seed: int = 0,
     rows: Sequence[str] = (),
-    store: str | os.PathLike[str] | None = None,
 ) -> Uncertainty:
     """Draw from the posterior by the requested method, or along the range of a charge.
 
@@ -107,16 +104,15 @@ def uncertainty(
             confirms it and numbers are narrow, else walkers. "emcee": walkers.
         seed: Seed of the draws.
         rows: Name of each row of the log in messages.
-        store: Folder in which a chain is stored, and resumed if it was interrupted.
     """
     sight = solution.sight
     if sight is None or len(solution.identifiability.null):
-        return _by_method(solution, method, seed=seed, rows=rows, store=store)
+        return _by_method(solution, method, seed=seed, rows=rows)
     followed = _along_range(solution, sight, seed)
     # without an identified position no method about one optimum is valid
     if followed.bearing is not None:
         return followed
-    found = _by_method(solution, method, seed=seed, rows=rows, store=store)
+    found = _by_method(solution, method, seed=seed, rows=rows)
     if method != "weighted" or found.weighted:
         return found
     return replace(followed, findings=found.findings)
@@ -180,7 +176,6 @@ def _by_method(
     *,
     seed: int = 0,
     rows: Sequence[str] = (),
-    store: str | os.PathLike[str] | None = None,
 ) -> Uncertainty:
     """Draw from the posterior by the requested method; see `uncertainty`."""
     normal = solution.laplace
@@ -217,7 +212,6 @@ def _by_method(
         # at least twice the unknowns; four times lets half of the walkers span them
         walkers=max(WALKERS, 4 * normal.z.size),
         rows=rows,
-        store=store,
     )
     parameters = solution.posterior.parameters
     by_name = marginals_of_draws(parameters, walkers.draws())

@@ -117,10 +117,7 @@ def write_report(
 
 def _write_draws(fit: Fit, path: Path) -> Path:
     """Write the MCMC draws as NetCDF in the schema of ArviZ."""
-    from jblast.inference.mcmc.ensemble import (
-        inference_data,
-        write_inference_data,
-    )
+    from jblast.inference.arviz_file import inference_data, write_inference_data
 
     tree = inference_data(
         fit.ensemble, fit.density, fit.observations, all_words(fit.ensemble.findings)

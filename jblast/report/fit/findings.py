@@ -5,14 +5,13 @@ from functools import singledispatch
 
 import numpy as np
 
-from jblast.inference import importance
+from jblast.inference import importance, mcmc
 from jblast.inference.fitting import findings as fitting
 from jblast.inference.fitting.assumptions import StillAir, WindPassesForSoundSpeed
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.solution import SamplesRoughlyCounted
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.identifiability import Cure, OtherMode, ResolvingDatum
-from jblast.inference.mcmc import ensemble as mcmc
 from jblast.inference.posterior.parameters import Finding
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES
@@ -56,7 +55,6 @@ TEMPLATES: dict[type[Finding], str] = {
     importance.RangeFollowed: "draws along the range of the charge: at {0.ranges} "
     "ranges the posterior is integrated over bearing and all other parameters; the "
     "prior is flat in ln of the range",
-    mcmc.Interrupted: "stopped by Ctrl-C after {0.steps} steps",
     mcmc.QuantilesUncertain: "the quantiles of {0.parameter} have a standard error of "
     "{0.error:.2g} sd, required {0.wanted:g}",
     mcmc.ChainTooShort: "{0.steps} steps are {0.times:.0f} autocorrelation times of "
@@ -389,29 +387,6 @@ def _(finding: importance.NormalJudged) -> str:
     )
     verdict = "passes" if finding.holds else "fails"
     return f"the normal approximation {verdict} its check: {checks}"
-
-
-@words.register
-def _(finding: mcmc.SeveralModes) -> str:
-    parts = [
-        f"{100 * share:.0f} % about {_values(peak)}"
-        for share, peak in zip(finding.shares, finding.peaks, strict=True)
-    ]
-    return f"the posterior has {len(parts)} modes: {'; '.join(parts)}"
-
-
-@words.register
-def _(finding: mcmc.LongRidge) -> str:
-    text = (
-        f"the posterior is a ridge, {finding.longer:.0f} times as long as its normal "
-        f"approximation, from {_values(finding.low)} to {_values(finding.high)}"
-    )
-    if finding.is_endless:
-        text += (
-            "; the density does not decrease beyond it, so the posterior is improper: "
-            "set a prior on one of these"
-        )
-    return text
 
 
 def _values(values: Mapping[str, float]) -> str:

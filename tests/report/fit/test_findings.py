@@ -6,13 +6,12 @@ from typing import Any, get_type_hints
 
 import pytest
 
-from jblast.inference import importance
+from jblast.inference import importance, mcmc
 from jblast.inference.fitting import (
     assumptions,
     findings as fitting,
     solution,
 )
-from jblast.inference.mcmc import ensemble as mcmc
 from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.report.fit.findings import words
 from jblast.results import plain

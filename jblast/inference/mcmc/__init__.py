@@ -1,1 +1,0 @@
-"""Walkers: ensemble moves, engines, convergence, checkpoints."""
