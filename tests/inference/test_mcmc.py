@@ -4,7 +4,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
 
 from jblast.errors import InputError
 from jblast.inference.arviz_file import inference_data, write_inference_data
@@ -84,13 +83,13 @@ STARTS = (
 )
 
 
+def normal_density(w, of):
+    u = (w - of.center) @ np.linalg.inv(of.root).T
+    return np.exp(-0.5 * np.sum(u**2, axis=-1)) / (2 * np.pi * np.linalg.det(of.root))
+
+
 def log_mixture(w):
-    return np.log(
-        sum(
-            0.2 * of.share * multivariate_normal(of.center, of.root @ of.root.T).pdf(w)
-            for of in STARTS
-        )
-    )
+    return np.log(sum(0.2 * of.share * normal_density(w, of) for of in STARTS))
 
 
 def test_an_independent_move_draws_from_the_mixture_and_knows_its_density():
@@ -180,7 +179,7 @@ def test_too_few_walkers_are_refused_and_too_few_steps_are_said():
         ensemble(posterior, normal, told, walkers=6)
     short = ensemble(posterior, normal, told, most_steps=60, walkers=8)
     assert not short.converged
-    assert "60 steps are" in " ".join(all_words(short.findings))
+    assert "autocorrelation times" in " ".join(all_words(short.findings))
 
 
 @pytest.mark.slow
