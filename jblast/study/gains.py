@@ -30,7 +30,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
-from scipy.optimize import OptimizeResult, approx_fprime, minimize
+from scipy.optimize import OptimizeResult, minimize
 
 from jblast.errors import InputError
 from jblast.progress import in_words
@@ -265,7 +265,9 @@ def tune_gains(
 
     def slopes(x: np.ndarray) -> np.ndarray:
         margins = np.asarray(_SLOPES(jnp.asarray(x), gains, lag, dead, required))
-        return np.vstack([margins, approx_fprime(x, decay, DECAY_STEP)])
+        steps = DECAY_STEP * np.eye(FACTORS)
+        falls = [(decay(x + step) - decay(x)) / DECAY_STEP for step in steps]
+        return np.vstack([margins, falls])
 
     def search(least: Callable, start: np.ndarray, tolerance: float) -> OptimizeResult:
         return minimize(
