@@ -92,8 +92,8 @@ def _closed(folder: Path) -> Path | None:
     """Make a folder that nobody else can write to; None if that cannot be done."""
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        folder.chmod(0o700)  # refused in a folder of another user, but not to root
         if not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid():
+            folder.chmod(0o700)
             return folder
         fault = "it belongs to another user"
     except OSError as error:
@@ -186,16 +186,26 @@ def kept(function: Callable[P, R], **options: Any) -> Callable[P, R]:
         function: Function to compile.
         options: Options of `jax.jit`.
     """
-    compiled = eqx.filter_jit(function, **options)
+
+    @functools.cache
+    def compiled_with(laws: tuple[Law, ...]) -> Callable[P, R]:
+        @functools.wraps(function)
+        def with_laws(*args: P.args, **kwargs: P.kwargs) -> R:
+            return function(*args, **kwargs)
+
+        return eqx.filter_jit(with_laws, **options)
 
     @functools.wraps(function)
     def keeping(*args: P.args, **kwargs: P.kwargs) -> R:
+        # programs look laws up by name, and a user may replace one
+        laws = others()
+        compiled = compiled_with(laws)
         leaves, tree = jax.tree.flatten((args, kwargs))
         arrays = [leaf for leaf in leaves if is_array(leaf)]
         # within another traced program there are no arrays to call with
         if any(isinstance(array, Tracer) for array in arrays):
             return compiled(*args, **kwargs)
-        call = function, tree, tuple(map(_kind, leaves)), _settings()
+        call = function, tree, tuple(map(_kind, leaves)), _settings(), laws
         program = STORE.used.get(call)
         if program is None and STORE.folder is not None:
             program = _program(function, (args, kwargs), options)
@@ -254,15 +264,15 @@ def _compiled(
 
     arrays = [leaf for leaf in leaves if is_array(leaf)]
     lowered = jax.jit(flat, **options).lower(*arrays)
-    cache = {
-        "jax_compilation_cache_dir": jax.config.values["jax_compilation_cache_dir"]
-    }
     # code that was read from JAX's own cache cannot be stored again
-    _set_cache(dict.fromkeys(cache))
-    try:
-        made = lowered.compile()
-    finally:
-        _set_cache(cache)
+    with STORE.lock:
+        name = "jax_compilation_cache_dir"
+        cache = {name: jax.config.values[name]}
+        _set_cache(dict.fromkeys(cache))
+        try:
+            made = lowered.compile()
+        finally:
+            _set_cache(cache)
     try:
         data = pickle.dumps((*serialize_executable.serialize(made), answers[-1]))
     except (ValueError, NotImplementedError, TypeError, pickle.PicklingError):
@@ -273,7 +283,7 @@ def _compiled(
 
 
 def _loaded(path: Path) -> Program | None:
-    """Load a stored program; None if there is none, or its file is damaged."""
+    """Load a stored program; None if there is none, or it cannot be loaded."""
     try:
         with path.open("rb") as file:
             digest, data = file.read(32), file.read()
@@ -281,12 +291,17 @@ def _loaded(path: Path) -> Program | None:
         return None
     if hashlib.sha256(data).digest() != digest:
         return None
-    code, of_arguments, of_arrays, answer = pickle.loads(data)
-    if b"lapack" in code:  # its addresses are SciPy's, which JAX asks for in tracing
-        lapack.prepare_lapack_call("potrf_ffi", np.dtype(float))
-    program = serialize_executable.deserialize_and_load(
-        code, of_arguments, of_arrays, execution_devices=jax.local_devices()[:1]
-    )
+    try:
+        code, of_arguments, of_arrays, answer = pickle.loads(data)
+        if (
+            b"lapack" in code
+        ):  # its addresses are SciPy's, which JAX asks for in tracing
+            lapack.prepare_lapack_call("potrf_ffi", np.dtype(float))
+        program = serialize_executable.deserialize_and_load(
+            code, of_arguments, of_arrays, execution_devices=jax.local_devices()[:1]
+        )
+    except Exception:  # what XLA refuses, for whatever reason, is compiled again
+        return None
     return _with_answer(program, answer)
 
 

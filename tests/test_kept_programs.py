@@ -145,6 +145,32 @@ def test_what_a_key_cannot_tell_has_none():
             spelled(value)
 
 
+def triple(time):
+    """Another law under its name."""
+    return 3.0 * time
+
+
+def seen(x):
+    """Look a law up by name, as programs do."""
+    return LAWS["flash_time_s", "light"].function(x)
+
+
+def test_a_law_that_is_replaced_is_another_program():
+    seen.__module__ = "jblast.climb"
+    law, program = LAWS["flash_time_s", "light"], kept(seen)
+    whole = kept(lambda x: program(x))  # within another program, too
+    first = program(X)
+    try:
+        for factor, function in ((2.0, later), (3.0, triple)):
+            register(replace(law, function=function))
+            np.testing.assert_array_equal(program(X), factor * X)
+            np.testing.assert_array_equal(whole(X), factor * X)
+    finally:
+        LAWS.pop((law.quantity, law.name))
+        register(law)
+    np.testing.assert_array_equal(program(X), first)
+
+
 def test_with_a_users_law_nothing_is_stored(store):
     law = LAWS["flash_time_s", "light"]
     try:

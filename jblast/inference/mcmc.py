@@ -138,7 +138,8 @@ class Convergence:
         # the error falls with the root of the steps, R-hat minus 1 with the steps
         by_error = self.steps * np.max(np.square(self.error / precision))
         by_halves = self.steps * np.max((self.r_hat - 1) / (ALIKE - 1))
-        return float(max(by_error, by_halves, LONG_ENOUGH * np.max(self.tau)))
+        by_length = LONG_ENOUGH * np.max(self.tau)
+        return float(np.max([by_error, by_halves, by_length]))  # NaN stays NaN
 
 
 @dataclass(frozen=True)

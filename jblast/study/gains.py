@@ -9,8 +9,8 @@ flight. Three terms are added: half the mean of ln of the 2-norm of the path err
 time, because a vehicle that is displaced little may return slowly; a large penalty on
 any peak above that of the scene's gains; and a thousandth of the squared factors, so
 that gains without influence stay. Constraints are the margins of all loops, with their
-own derivatives, and the decay of the closed loop: margins alone also hold for some
-loops that are unstable, more slowly than a flight shows. Sequential quadratic
+own derivatives, and the decay of the closed loop: some unstable loops have these
+margins too, and grow too slowly for a flight to show it. Sequential quadratic
 programming (Kraft 1988, SciPy's SLSQP) searches from the scene's gains, whose margins
 may be too small, to the nearest local optimum.
 

@@ -37,8 +37,8 @@ The far rows of one shot share the first, which stands for its weather. It inclu
 median loss, since the sign depends on the weather: downwind, peaks rise. It is
 independent of the level of the shot near the charge. The second is that of each record,
 the scale of a Student-t with 4 degrees of freedom in a fit, and the standard deviation
-of a normal where blasts are simulated. Both are bounded; an unbounded
-scatter would allow any distant reading to agree with any mass. The numbers, in
+of a normal where blasts are simulated. Both are bounded; an unbounded scatter would
+allow any distant reading to agree with any mass. The numbers, in
 `data/far_scatter.json`, are estimated by `calibration/far_pressure.py` from 189 records
 of 18 chemical shots, Z = 22 to 838 m/kg^(1/3).
 
