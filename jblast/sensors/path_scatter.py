@@ -52,7 +52,7 @@ KERNELS = np.array(
         (1.0, 1.0, 0.1, 1.0),
         (1.0, 1.0, 0.15, 5 / 3),
         (1.0, 1.0, 0.4, 5 / 3),
-        (0.1, 0.45, 0.4, 5 / 3),
+        (0.1, 0.2, 0.2, 5 / 3),
     ]
 )
 """Rows of $(f, k_1, k_2, \\alpha)$, from the roughest to the smoothest, equally
