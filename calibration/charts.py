@@ -50,15 +50,13 @@ from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import errors
 from jblast.files import write_text
 from jblast.inference import solve
-from jblast.inference.identifiability import identifiability
-from jblast.inference.importance import importance, weighted_quantiles
-from jblast.inference.mcmc import Start, walk
-from jblast.inference.mode.laplace import NORMAL_Q95, laplace
-from jblast.inference.mode.search import optima
-from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import Posterior, posterior_of
+from jblast.inference.answer import unconstrained
+from jblast.inference.density import Density, density_of
+from jblast.inference.mcmc import walk
+from jblast.inference.posterior.record_likelihood import SampledRecords
+from jblast.inference.regions import quantiles
+from jblast.inference.sample import ORDINARY, sample
 from jblast.inference.sampled_records import sampled_records
-from jblast.inference.whitening import whitened_density
 from jblast.observations import Observations
 from jblast.observations.table import RECORD_QUANTITIES
 from jblast.progress import in_words
@@ -75,13 +73,12 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.report.words import capitalised, comma_separated, markdown
-from jblast.scene import Charge, Scene, UncertainScene, freed
-from jblast.sensors import observe, planned_layout
+from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
+from jblast.sensors import planned_layout
 from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.noise import IDEAL, NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
-from jblast.sensors.record import to_error_scale
-from jblast.sensors.simulated_readings import written
+from jblast.sensors.simulated_readings import readings, written
 from jblast.signals import filtered_by, matched_kernel, threshold_for, white_noise
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
@@ -392,7 +389,7 @@ def fit_points() -> list[Point]:
             )
             for read in logs.readings[:count]
         )
-        return np.array([np.asarray(one.optima.z[0]) for one in found])
+        return np.array([one.answer.z for one in found])
 
     timed = {
         "fit_many": best_of(lambda: poor.ours(logs), 3),
@@ -430,23 +427,21 @@ def fit_points() -> list[Point]:
 
 
 # Samplers
-STEPS, DRAWS = (200, 1000, 5000), (500, 4000, 30_000)
-"""Steps of the walks, and draws of importance sampling."""
+STEPS, DRAWN_LAST = (200, 1000, 5000), (500, 2000, 8000, 30_000)
+"""Steps of the walks, and last draws of the default method, which takes 2,000."""
 REFERENCE_STEPS, RUNS, MAX_RUNS, WALKERS = 20_000, 3, 5, 256
 """Steps of the reference; runs of the longest and at most of others; walkers."""
 SHARES = (0.05, 0.95)
 """Quantiles at the bounds of the 90 % interval."""
 
 
-def one_posterior() -> Posterior:
-    """Return the posterior of one simulated log of five microphones, exact laws."""
-    scene = cases.scene_with(scatter=False)
-    layout, sigma, _ = planned_layout(scene)
-    laws = cases.MICROPHONE_LAWS
-    read = observe(jax.random.key(11), scene, layout, laws, sigma)
-    parameters = parameters_of(freed(UncertainScene(scene), list(cases.TRUTH)))
-    measured = to_error_scale(read, layout.quantity)
-    return Posterior(parameters, layout, measured, sigma, tuple(laws.items()))
+def one_density() -> Density:
+    """Return the density of one simulated log of five microphones, exact laws."""
+    uncertain = with_laws(
+        UncertainScene(cases.scene_with(scatter=False)), cases.MICROPHONE_LAWS
+    )
+    log = readings(jax.random.key(11), uncertain.scene)
+    return density_of(log, freed(uncertain, list(cases.TRUTH)))
 
 
 def sampler_points() -> list[Point]:
@@ -454,64 +449,58 @@ def sampler_points() -> list[Point]:
 
     Errors are rms over the runs, and not below the uncertainty of the reference.
     """
-    posterior = one_posterior()
-    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
-    identified = identifiability(posterior, z)
-    base, normal = best_of(lambda: laplace(posterior, z, identified.identified_basis))
-    density = whitened_density(posterior, normal, identified)
-    free, axes = normal.z.size, np.asarray(density.root)
-    starts = [Start(np.zeros(free), np.eye(free), 1.0)]
+    density = one_density()
+    base, known = best_of(lambda: sample(density))
+    free = known.values.shape[1]
 
     def walked(steps: int, seed: int) -> tuple[float, np.ndarray]:
         def along(steps: int) -> np.ndarray:
-            states = walk(density, starts, seed=seed, walkers=WALKERS)
-            return np.array([w for w, _ in itertools.islice(states, steps)])
+            states = walk(density, known, seed=seed, walkers=WALKERS)
+            return np.array([x for *_, x in itertools.islice(states, steps)])
 
-        # a few steps compile the density, at a fraction of the time of the whole walk
         took, chain = best_of(lambda: along(steps), 1, lambda: along(2))
-        return took, chain[steps // 10 :] @ axes.T
+        kept = chain[steps // 10 :]
+        return took, unconstrained(density, kept.reshape(-1, free))
 
     def ends(draws: np.ndarray) -> np.ndarray:
-        return np.quantile(draws.reshape(-1, free), SHARES, axis=0)
+        return np.quantile(draws, SHARES, axis=0)
 
     long_s, long = walked(REFERENCE_STEPS, 100)
-    true, sd = ends(long), long.reshape(-1, free).std(axis=0)
+    true, sd = ends(long), long.std(axis=0)
     # two halves differ by twice the error of the whole, if they are independent
     half = ends(long[: len(long) // 2]) - ends(long[len(long) // 2 :])
     least = 0.5 * float(np.max(np.abs(half) / sd))
     over = f"{free} parameters, 90 % intervals"
     points = []
 
-    def add(method: str, took: float, found: list[np.ndarray], words: str = "") -> None:
+    def add(method: str, took: float, found: list[np.ndarray], words: str) -> None:
         worst = [np.max(np.abs(one - true) / sd) for one in found]
         error = max(least, float(np.sqrt(np.mean(np.square(worst)))))
-        points.append(Point("", method, base + took, error, over + words))
+        points.append(Point("", method, took, error, over + words))
 
     for steps in STEPS:
         runs = min(RUNS * max(STEPS) // steps, MAX_RUNS)
         walks = [walked(steps, seed) for seed in range(runs)]
         words = f", {WALKERS} walkers, {runs} runs"
-        took = min(took for took, _ in walks)
+        took = base + min(took for took, _ in walks)
         add(f"emcee, {steps:,} steps", took, [ends(x) for _, x in walks], words)
-    for draws in DRAWS:
-        runs = min(RUNS * max(DRAWS) // draws, MAX_RUNS)
+    for count in DRAWN_LAST:
+        effort = ORDINARY._replace(final=count)
         drawn = [
-            best_of(
-                lambda n=draws, s=seed: importance(posterior, normal, seed=s, draws=n),
-                1,
-            )
-            for seed in range(runs)
+            best_of(lambda e=effort, s=seed: sample(density, s, e), 1)
+            for seed in range(MAX_RUNS)
         ]
         bounds = [
             np.array(
-                [weighted_quantiles(x, o.weights, SHARES) for x in (o.z - normal.z).T]
+                [
+                    quantiles(x, one.weights, SHARES)
+                    for x in unconstrained(density, one.values).T
+                ]
             ).T
-            for _, o in drawn
+            for _, one in drawn
         ]
         took = min(took for took, _ in drawn)
-        add(f"importance, {draws:,} draws", took, bounds, f", {runs} runs")
-    sds = np.sqrt(np.diag(normal.covariance))
-    add("Laplace", 0.0, [np.outer([-NORMAL_Q95, NORMAL_Q95], sds)])
+        add(f"weighted, {count:,} draws", took, bounds, f", {MAX_RUNS} runs")
     name, words = f"emcee, {REFERENCE_STEPS:,} steps", f"{over}, {WALKERS} walkers"
     points.append(Point("", name, base + long_s, least, words, reference=True))
     return points
@@ -851,8 +840,6 @@ def detector_points() -> list[Point]:
 # Pressure records
 RECORD_LOGS, SNR, EYE_ERROR = 60, 20.0, 0.05
 """Logs for each case; peak over noise; assumed error of a duration by eye."""
-WIDE, NARROW, REACH_SD = 41, 17, 4.5
-"""Nodes of the density of readings and of samples; largest distance of them [sd]."""
 
 
 class Estimate(NamedTuple):
@@ -864,33 +851,15 @@ class Estimate(NamedTuple):
     sd: float
 
 
-# One node after another: a batch of all would need the memory of all at once.
-_DENSITIES = jax.jit(lambda p, z: jax.lax.map(p.log_density, z[:, None]))
-
-
-def on_grid(posterior: Posterior, centre: float, sd: float, count: int) -> Estimate:
-    """Return the estimate by quadrature on nodes about a centre."""
-    z = centre + sd * np.linspace(-REACH_SD, REACH_SD, count)
-    density = np.asarray(_DENSITIES(posterior, jnp.asarray(z)))
-    fine = np.linspace(z[0], z[-1], 2001)
-    weight = np.exp(np.interp(fine, z, density) - np.nanmax(density))
-    weight /= weight.sum()
-    low, middle, high = np.interp([0.05, 0.5, 0.95], np.cumsum(weight), fine)
-    mean = weight @ fine
-    return Estimate(middle, low, high, float(np.sqrt(weight @ (fine - mean) ** 2)))
-
-
-def of_readings(posterior: Posterior) -> Estimate:
-    """Return the estimate from readings alone, on narrower and narrower grids."""
-    answer = Estimate(math.log(cases.MASS), 0.0, 0.0, 0.3)
-    # each grid is at most 4.4 times finer: six cover any sd down to 0.3 / 4.4^6
-    for _ in range(6):
-        spacing = 2 * REACH_SD * answer.sd / (WIDE - 1)
-        answer = on_grid(posterior, answer.middle, answer.sd, WIDE)
-        answer = answer._replace(sd=max(answer.sd, spacing))
-        if answer.sd > 2 * spacing:
-            break
-    return answer
+def mass_of(
+    log: Observations, uncertain: UncertainScene, samples: SampledRecords | None = None
+) -> Estimate:
+    """Return the estimate of a fit, by readings or by samples."""
+    draws = solve(log, uncertain, records=samples).draws
+    ln_mass = np.log(draws.values[:, 0])
+    low, middle, high = quantiles(ln_mass, draws.weights)
+    away = ln_mass - draws.weights @ ln_mass
+    return Estimate(middle, low, high, float(np.sqrt(draws.weights @ away**2)))
 
 
 def by_eye(records) -> Observations:
@@ -915,29 +884,23 @@ def record_points() -> list[Point]:
     """Return cost and errors of each method, with exact laws and with scatter."""
     points, truth = [], math.log(cases.MASS)
     for words, scatter in (("laws exact", False), ("laws scatter", True)):
-        parameters = parameters_of(cases.uncertain_scene(scatter=scatter))
-
-        def posterior(log: Observations, parameters=parameters) -> Posterior:
-            return posterior_of(parameters, cases.layout(), log, cases.LAWS, "student")
+        uncertain = cases.uncertain_scene(scatter=scatter)
 
         def picked(records) -> Observations:
             return cases.log_of_picks(pick_records(records))
 
-        def of_samples(records, posterior=posterior) -> Estimate:
+        def of_samples(records, uncertain=uncertain) -> Estimate:
             picks = pick_records(records)
             log = cases.log_of_picks(picks)
-            of_picks = posterior(log)
-            first = of_readings(of_picks)
             samples = sampled_records(log, [(one.record.name, one) for one in picks])
-            sampled = replace(of_picks, records=samples)
-            return on_grid(sampled, first.middle, first.sd, NARROW)
+            return mass_of(log, uncertain, samples)
 
         methods: dict[str, Callable[[Any], Estimate]] = {
-            "by eye": lambda r, p=posterior: of_readings(p(by_eye(r))),
-            "picks": lambda r, p=posterior: of_readings(
-                p(replace(picked(r), covariances=()))
+            "by eye": lambda r, u=uncertain: mass_of(by_eye(r), u),
+            "picks": lambda r, u=uncertain: mass_of(
+                replace(picked(r), covariances=()), u
             ),
-            "picks, covariance": lambda r, p=posterior: of_readings(p(picked(r))),
+            "picks, covariance": lambda r, u=uncertain: mass_of(picked(r), u),
             "samples": of_samples,
         }
         # another layout is another program: logs with a poor pick are left out
@@ -998,7 +961,7 @@ TOPICS = {
     ),
     "sampler": Topic(
         "Sampling a posterior: cost against error",
-        "time of a run, with the optimum known",
+        "time of a run from the log; walkers start from the default draws",
         "worst bound of a 90 % interval [posterior sd], or that of the reference",
         sampler_points,
         relative=False,
@@ -1041,7 +1004,7 @@ TOPICS = {
     ),
     "records": Topic(
         f"A mass from six pressure records, peak {SNR:g} times the noise",
-        f"time of a log: picks, and densities on grids of {WIDE} masses",
+        "time of a log: picks and fit",
         "rms of ln mass; coverage of 90 % intervals minus 90 %",
         record_points,
     ),

@@ -599,7 +599,7 @@ def compare(
         n_records=len(log.shot),
         scaled_height=float(log.scaled_height()[0]),
         log_mass=float(np.log(log.charge_mass[0])),
-        laplace=told,
+        weighted=told,
         emcee=told,
         valid=float(log.scaled_height()[0]) >= SHALLOWEST_LEFT_ASIDE,
         exact=told,

@@ -36,6 +36,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
+from calibration import run_part
 from calibration.world_round_trip import Fitted, fits, worlds
 from jblast.cli.jax_start import start_jax
 from jblast.report.figure_style import BLUE, VERMILLION, new_figure, quiet, titled
@@ -122,8 +123,8 @@ def numbers_of(fitted: Fitted) -> Callable[[Array], Array]:
 
 def known_of(fitted: Fitted) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return sd, bound, and what holds the truth, of each that is asked."""
-    numbers, weights = numbers_of(fitted), fitted.drawn.weights
-    drawn = np.asarray(jax.vmap(numbers)(jnp.asarray(fitted.drawn.z)))
+    numbers, weights = numbers_of(fitted), fitted.weights
+    drawn = np.asarray(jax.vmap(numbers)(jnp.asarray(fitted.z)))
     truth = np.asarray(numbers(jnp.asarray(fitted.truth)))
     slopes = np.asarray(jax.jacfwd(numbers)(jnp.asarray(fitted.truth)))
     least = np.diag(slopes @ fitted.covariance @ slopes.T)
@@ -258,4 +259,4 @@ def main(seconds: int = 540, count: int = WORLDS) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    run_part({"table": lambda: main(*map(int, sys.argv[1:]))})

@@ -4,19 +4,17 @@ r"""Is a 90 % interval right for 90 % of blasts? Six cases, 500 logs each.
 
 Truths are drawn from the priors of each file in `calibration/scenes/`, a log of each is
 simulated with the errors `jblast fit` assumes (Student-t; normal scatter of laws),
-and the truth is ranked among draws of the posterior (theory below): of
-emcee for every log, of Laplace's approximation where its diagnostic let it answer.
-Log i has seed i. If intervals are right, ranks are uniform: that is tested by
-chi-squared in 20 bins (10 for few logs), for each unknown of each case, with Holm's
-correction over all. "inside" is the share of truths inside the 90 % interval. Writes
-calibration/results/sbc.png and sbc.csv (every rank).
+and the truth is ranked among draws of the posterior (theory below): weighted ones, the
+default, and those of emcee. Log i has seed i. If intervals are right, ranks are
+uniform: that is tested by chi-squared in 20 bins (10 for few logs), for each unknown of
+each case, with Holm's correction over all. "inside" is the share of truths inside the
+90 % interval. Writes calibration/results/sbc.png and sbc.csv (every rank).
 
 Simulation-based calibration (Talts, Betancourt, Simpson, Vehtari & Gelman 2018,
-arXiv:1804.06788): a truth $    heta \sim p(    heta)$ and a log $y \sim p(y \mid
-heta)$ are one draw of the joint density, and so is $  heta' \sim p(   heta \mid y)$
+arXiv:1804.06788): a truth $\theta \sim p(\theta)$ and a log $y \sim p(y \mid
+\theta)$ are one draw of the joint density, and so is $\theta' \sim p(\theta \mid y)$
 with the same $y$. So among $L$ independent draws of the posterior the truth takes each
-of the $L + 1$ ranks equally often: over all logs, and over those that anything about
-$y$ picks out, such as a diagnostic of the fit.
+of the $L + 1$ ranks equally often.
 
 Drawn is the share of truths that rank below r, less the share expected. Inside the
 grey band lie 95 % of all curves that uniform ranks make, each as a whole (Saeilynoja,
@@ -39,26 +37,20 @@ from jaxtyping import Bool, Float, Int
 from matplotlib.figure import Figure
 from scipy.stats import chisquare
 
+from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.inference import Posterior
-from jblast.inference.identifiability import identifiability
-from jblast.inference.importance import (
-    importance,
-    laplace_holds,
-    largest_log_sd,
-    largest_quantile_error,
-)
-from jblast.inference.mcmc import ensemble
-from jblast.inference.mode.laplace import laplace
-from jblast.inference.mode.search import optima
+from jblast.inference import ensemble
+from jblast.inference.density import density_of
 from jblast.inference.posterior.parameters import parameters_of
+from jblast.inference.sample import solve
+from jblast.observations import Observations
 from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
 from jblast.report.words import comma_separated
-from jblast.scene import read_scene
+from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.sensors import observe, planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.record import to_error_scale
+from jblast.sensors.simulated_readings import written
 
 SCENES = Path(__file__).parent / "scenes"
 DRAWS = 99
@@ -70,18 +62,20 @@ class Ranked(NamedTuple):
 
     Attributes:
         names: What was unknown.
+        weighted: Rank of the truth among weighted draws.
         emcee: Rank of the truth among the walkers' draws.
-        laplace: Rank of the truth among draws of the normal approximation.
-        holds: Whether the approximation's own diagnostic let it answer.
+        reliable: Whether the weights can be believed.
+        effective: Effective number of weighted draws.
         converged: Whether the walk reached its precision.
         steps: Of the walk.
         tau: Its autocorrelation time, the longest [steps].
     """
 
     names: tuple[str, ...]
+    weighted: Int[np.ndarray, "log free"]
     emcee: Int[np.ndarray, "log free"]
-    laplace: Int[np.ndarray, "log free"]
-    holds: Bool[np.ndarray, " log"]
+    reliable: Bool[np.ndarray, " log"]
+    effective: Float[np.ndarray, " log"]
     converged: Bool[np.ndarray, " log"]
     steps: Int[np.ndarray, " log"]
     tau: Float[np.ndarray, " log"]
@@ -89,8 +83,6 @@ class Ranked(NamedTuple):
 
 CURVES = 4000
 """Sets of uniform ranks simulated for the band."""
-FEWEST = 50
-"""Fewer logs that the normal approximation answered are not drawn."""
 
 
 CASES = (
@@ -159,11 +151,11 @@ def _joined(parts: list[Ranked]) -> Ranked:
 
 
 def table(ranked: dict[str, Ranked]) -> str:
-    """Return both tables, of emcee and of Laplace's approximation."""
+    """Return both tables, of weighted draws and of emcee."""
     lines = []
     for title, ranks_of in (
+        ("weighted draws", lambda r: r.weighted),
         ("emcee", lambda r: r.emcee),
-        ("Laplace, where its diagnostic let it answer", lambda r: r.laplace[r.holds]),
     ):
         lines += [title, f"{'':46}{'logs':>5}{'inside':>8}{'p':>8}{'Holm':>8}"]
         rows = [
@@ -176,29 +168,30 @@ def table(ranked: dict[str, Ranked]) -> str:
         corrected = np.full(len(p), np.nan)
         corrected[tested] = holm(p[tested])
         for (name, ranks), one, all_in_all in zip(rows, p, corrected, strict=True):
-            if not len(ranks):
-                continue
             told = f"{one:8.3f}{all_in_all:8.3f}" if one == one else "  too few"
             lines.append(f"{name}{len(ranks):5d}{inside(ranks):8.3f}{told}")
         least = np.min(corrected, where=tested, initial=1.0)
         verdict = "not uniform" if least < WRONG else "nothing against uniform"
         lines += [f"smallest of {tested.sum()} tests {least:.3f}: {verdict}", ""]
     for case, r in ranked.items():
-        lines.append(
-            f"{case:24}{np.mean(r.converged):.3f} of the walks reached their "
+        lines += [
+            f"{case:24}weights reliable in {np.mean(r.reliable):.3f} of the logs; "
+            f"effective draws {np.median(r.effective):.0f} (fewest "
+            f"{r.effective.min():.0f})",
+            f"{'':24}{np.mean(r.converged):.3f} of the walks reached their "
             f"precision; steps {np.median(r.steps):.0f} (most {r.steps.max()}), "
-            f"autocorrelation time {np.median(r.tau):.0f} (longest {r.tau.max():.0f})"
-        )
+            f"autocorrelation time {np.median(r.tau):.0f} (longest {r.tau.max():.0f})",
+        ]
     return "\n".join(lines)
 
 
 def keep(ranked: dict[str, Ranked]) -> None:
     """Write every rank to a file."""
-    columns = ("case", "log", "unknown", "emcee", "laplace", "laplace_holds")
+    columns = ("case", "log", "unknown", "weighted", "emcee", "reliable")
     rows = (
-        (case, log, name, r.emcee[log, i], r.laplace[log, i], int(holds))
+        (case, log, name, r.weighted[log, i], r.emcee[log, i], int(reliable))
         for case, r in ranked.items()
-        for log, holds in enumerate(r.holds)
+        for log, reliable in enumerate(r.reliable)
         for i, name in enumerate(r.names)
     )
     write_text(RESULTS / "sbc.csv", comma_separated([columns, *rows]))
@@ -231,23 +224,16 @@ def band(logs: int) -> Float[np.ndarray, " rank"]:
 
 
 def figure(ranked: Mapping[str, Ranked]) -> Figure:
-    """Return the figure, a panel for each case."""
+    """Return the figure, a panel for each case: blue weighted draws, red emcee."""
     drawn = new_figure(9.0, 5.4)
     panels = drawn.subplots(2, 3, sharex=True, sharey=True)
     share = np.arange(1, DRAWS + 1) / (DRAWS + 1)
     for axes, (case, r) in zip(panels.flat, ranked.items(), strict=True):
-        wide = band(len(r.emcee))
+        wide = band(len(r.weighted))
         axes.fill_between(share, -wide, wide, color=INK, alpha=0.12, linewidth=0)
-        for i in range(len(r.names)):
-            axes.plot(share, away(r.emcee[:, i]), color=BLUE, linewidth=1.0)
-        if r.holds.sum() >= FEWEST:
-            wide = band(int(r.holds.sum()))
-            axes.plot(share, wide, ":", color=VERMILLION, linewidth=0.8)
-            axes.plot(share, -wide, ":", color=VERMILLION, linewidth=0.8)
-            for i in range(len(r.names)):
-                axes.plot(
-                    share, away(r.laplace[r.holds, i]), color=VERMILLION, linewidth=1.0
-                )
+        for colour, ranks in ((VERMILLION, r.emcee), (BLUE, r.weighted)):
+            for rank in ranks.T:
+                axes.plot(share, away(rank), color=colour, linewidth=1.0)
         quiet(axes)
         titled(axes, case.replace("_", " "))
     for axes in panels[1]:
@@ -265,47 +251,42 @@ def rank_truths(scene: str, logs: range) -> Ranked:
         logs: Their numbers; each is the seed of all that is random about its log.
     """
     uncertain = read_scene(SCENES / f"{scene}.toml")
-    parameters = parameters_of(uncertain)
-    layout, sigma, _ = planned_layout(uncertain.scene)
+    layout, sigma, sensors = planned_layout(uncertain.scene)
     laws = law_names(resolve_laws(uncertain.scene, layout))
-    free = len(parameters.names)
-    blank = Posterior(
-        parameters, layout, jnp.zeros_like(sigma), sigma, tuple(sorted(laws.items()))
-    )
+    uncertain = with_laws(uncertain, laws)
+    parameters = parameters_of(uncertain)
 
     @eqx.filter_jit
     def simulated(key):
         of_truth, of_errors = jax.random.split(key)
-        z = jax.random.normal(of_truth, (free,))  # every prior is so in its coordinate
+        # every prior is normal in its coordinate
+        z = jax.random.normal(of_truth, (len(parameters.names),))
         read = observe(of_errors, parameters.scene_at(z), layout, laws, sigma)
-        return z, to_error_scale(read, layout.quantity)
+        return jnp.stack([*parameters.values(z).values()]), read
 
     rows = []
-    for log in logs:
-        truth, measured = simulated(jax.random.key(log))
-        posterior = eqx.tree_at(lambda p: p.measured, blank, measured)
-        rows.append(_ranks(posterior, np.asarray(truth), log))
+    for seed in logs:
+        truth, read = map(np.asarray, simulated(jax.random.key(seed)))
+        log = written(uncertain.scene, layout, read, np.asarray(sigma), sensors)
+        rows.append(_ranks(log, uncertain, truth, seed))
     return Ranked(parameters.names, *map(np.array, zip(*rows, strict=True)))
 
 
-def _ranks(posterior: Posterior, truth: Float[np.ndarray, " free"], seed: int):
+def _ranks(
+    log: Observations,
+    uncertain: UncertainScene,
+    truth: Float[np.ndarray, " name"],
+    seed: int,
+):
     """Return one row of `Ranked`."""
-    found = optima(jax.random.key(seed), posterior)
-    z = np.asarray(found.z[0])
-    identified = identifiability(posterior, z)
-    normal = laplace(posterior, z, identified.identified_basis)
-    weighted = importance(posterior, normal, seed=seed)
-    holds = laplace_holds(
-        weighted.k_hat,
-        largest_log_sd(posterior, normal),
-        largest_quantile_error(weighted, normal),
-    )
-    walk = ensemble(posterior, normal, identified, found, seed=seed)
-    by_normal = normal.draws(DRAWS, np.random.default_rng(seed))
+    density, draws = solve(density_of(log, uncertain), seed)
+    walk = ensemble(density, draws, seed=seed)
+    walked = walk.as_draws(draws)
     return (
-        np.sum(walk.draws(DRAWS) < truth, axis=0),
-        np.sum(by_normal < truth, axis=0),
-        holds,
+        np.sum(draws.values[draws.resampled(DRAWS, seed)] < truth, axis=0),
+        np.sum(walked.values[walked.resampled(DRAWS, seed)] < truth, axis=0),
+        draws.reliable,
+        draws.effective,
         walk.converged,
         walk.convergence.steps,
         float(np.max(walk.convergence.tau)),
@@ -313,4 +294,4 @@ def _ranks(posterior: Posterior, truth: Float[np.ndarray, " free"], seed: int):
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    run_part({"ranks": lambda: main(*map(int, sys.argv[1:]))})

@@ -12,7 +12,7 @@ checks. Their success is the one that the solver itself reports.
 """
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,29 +24,19 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from calibration.stability import Mode, boundary_at, crossing, verified
-from jblast.errors import InputError
-from jblast.inference import ManyFits, Posterior, Solution, ensemble, fit_many, solve
-from jblast.inference.fitting.goodness_of_fit import (
-    standardised_residuals,
-    suspected_outliers,
+from jblast.inference import (
+    ManyFits,
+    Posterior,
+    Solution,
+    fit_many,
+    posterior_of,
+    solve,
 )
-from jblast.inference.fitting.uncertainty import uncertainty
-from jblast.inference.fitting.unidentified import AMBIGUITY, other_modes
-from jblast.inference.importance import (
-    MAX_QUANTILE_ERROR,
-    IntervalsOff,
-    check_intervals,
-)
+from jblast.inference.fitting.goodness_of_fit import suspected_outliers
+from jblast.inference.identify import AMBIGUITY, pseudo_covariance
 from jblast.inference.mcmc import Convergence, convergence
-from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.inference.mode.search import SAME_OPTIMUM_SD
-from jblast.inference.whitening import (
-    Density,
-    Whitened,
-    densities,
-    root_of,
-    whitened_density,
-)
+from jblast.inference.posterior.parameters import NORMAL_Q95
+from jblast.inference.sample import NEAR
 from jblast.observations import Observations
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
 from jblast.sensors import simulate
@@ -72,8 +62,8 @@ SPEEDS = {
 }
 SOLVE_LOGS = 5
 """Logs for `solve`, which fits one at a time and is far slower than `fit_many`."""
-MISFIT_LIMIT = 0.5 * SAME_OPTIMUM_SD**2
-"""Loss of log-likelihood of a normal posterior at `SAME_OPTIMUM_SD` from its mode."""
+MISFIT_LIMIT = 0.5 * 0.1**2
+"""Loss of log-likelihood of a normal posterior at 0.1 sd from its mode."""
 SOLVERS = {
     "Gauss-Newton": optx.GaussNewton,
     "BFGS": optx.BFGS,
@@ -92,15 +82,9 @@ WALKERS, DIMENSION = 64, 3
 SEPARATED_SD, MINOR_SHARE = 12.0, 1 / 3
 """Separation of two normals [sd], which hardly any walker crosses; the second's weight,
 unequal so that walkers that stay where they started have a visibly wrong share."""
-TWO_MODE_STEPS, MIRROR_STEPS, SHORT_CHAIN, LONG_CHAIN, ENDLESS_STEPS = (
-    1000,
-    2500,
-    500,
-    4000,
-    1500,
-)
+TWO_MODE_STEPS, MIRROR_STEPS, SHORT_CHAIN, LONG_CHAIN = 1000, 2500, 500, 4000
 """Steps of the walks. The first satisfies emcee's condition of 50 autocorrelation
-times, the second every check of convergence; the last bounds one that cannot."""
+times, the second every check of convergence."""
 Positions = tuple[tuple[float, float], ...]
 """East and north of each sensor [m]."""
 
@@ -194,7 +178,7 @@ def draw(count: int = FITS) -> Logs:
     """Simulate logs of `count` charges, with poor starts."""
     rng = np.random.default_rng(0)
     known = solved_log(ring(), 30.0, 10.0, -5.0)
-    blank = known.solution.posterior
+    blank = rows_of(known.solution)
     # the root makes the density of charges uniform over the disc
     radius, angle = 20 * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
     mass = rng.uniform(np.log(5), np.log(200), count)
@@ -204,6 +188,18 @@ def draw(count: int = FITS) -> Logs:
     place = rng.uniform(-100, 100, (2, count))
     starts = np.column_stack([rng.uniform(0, np.log(1000), count), *place])
     return Logs(known.uncertain, known.log, blank, truth, readings, starts)
+
+
+def rows_of(solution: Solution) -> Posterior:
+    """Return the readings of a log as a function that JAX differentiates."""
+    density = solution.density
+    return posterior_of(
+        density.parameters,
+        density.layout,
+        density.observations,
+        density.laws,
+        density.noise,
+    )
 
 
 def poor_starts() -> np.ndarray:
@@ -301,7 +297,7 @@ def costs(posterior: Posterior, measured, z):
 
 def stock_solutions(solution: Solution, starts: np.ndarray) -> np.ndarray:
     """Fit one log from many starts; return the successful fits of least cost."""
-    posterior = solution.posterior
+    posterior = rows_of(solution)
     measured = np.tile(np.asarray(posterior.measured), (len(starts), 1))
     fits = stock_fits(LM, posterior, measured, starts)
     cost = np.asarray(costs(posterior, jnp.asarray(measured), jnp.asarray(fits.z)))
@@ -321,22 +317,22 @@ def _poor_starts() -> list[Mode]:
 
     def missed(z) -> np.ndarray:
         cost, least = (
-            np.asarray(costs(logs.blank, readings, jnp.asarray(at))) for at in (z, best)
+            np.asarray(costs(logs.blank, readings[: len(z)], jnp.asarray(at)))
+            for at in (z, best[: len(z)])
         )
         return ~(cost - least <= MISFIT_LIMIT)  # negated: a cost of NaN is a miss
 
-    def solve_misses(row: int) -> bool:
+    def solved(row: int) -> np.ndarray:
         log = replace(logs.log, value=logs.readings[row])
-        found = solve(log, logs.uncertain, noise="gaussian")
-        highest = float(found.posterior.log_density(jnp.asarray(best[row])))
-        return not highest - float(found.optima.log_density[0]) <= MISFIT_LIMIT
+        return solve(log, logs.uncertain, noise="gaussian").answer.z
 
     own, poor = ours(logs), ours(logs, logs.starts)
     own_missed, poor_missed = missed(own.z), missed(poor.z)
+    alone = np.array([solved(row) for row in range(SOLVE_LOGS)])
     silent = int((poor_missed & ~np.asarray(poor.doubtful)).sum())
     message = (
         f"own starts, float64: fit_many misses {own_missed.sum()} of these optima, "
-        f"solve {sum(map(solve_misses, range(SOLVE_LOGS)))} of {SOLVE_LOGS}. From the "
+        f"solve {missed(alone).sum()} of {SOLVE_LOGS}. From the "
         f"poor starts fit_many misses {poor_missed.sum()}, and marks all but {silent} "
         "doubtful"
     )
@@ -366,9 +362,13 @@ def _poor_starts() -> list[Mode]:
 def _collinear() -> Mode:
     def excess(bent: float) -> float:
         """Return the excess of -2 ln density at the mirror image of the charge."""
-        z, density = map(np.asarray, solved_log(line(bent), *MIRRORED).solution.optima)
-        other = np.sign(z[:, 2]) != np.sign(z[0, 2])
-        return float(2 * (density[0] - density[other].max()))
+        found = solved_log(line(bent), *MIRRORED).solution
+        modes = found.draws.modes
+        north = np.array([found.density.best(u)[2] for u in modes.u])
+        other = modes.log_density[np.sign(north) != np.sign(north[0])]
+        # a mode farther below the best is not kept
+        fall = modes.log_density[0] - other.max(initial=-np.inf)
+        return 2 * min(float(fall), NEAR)
 
     # at the limit of jblast's own search for ambiguities; 1 % is enough for the table
     boundary = crossing(lambda bent: excess(bent) - AMBIGUITY, 0.0, 5.0, to=0.01)
@@ -376,8 +376,8 @@ def _collinear() -> Mode:
         solved_log(line(bent), *MIRRORED).solution for bent in (0.0, 2 * boundary)
     )
     fits = stock_solutions(at, poor_starts())
-    wrong, north = int(np.sum(fits[:, 2] < 0)), abs(float(at.laplace.z[2]))
-    named = len(other_modes(at, True)) == 1 and not other_modes(resolved, True)
+    wrong, north = int(np.sum(fits[:, 2] < 0)), abs(float(at.answer.z[2]))
+    named = len(at.identified.other_modes) == 1 and resolved.identified.is_identifiable
     return Mode(
         "fits",
         f"{LM}, sensors in a line",
@@ -399,12 +399,12 @@ def _one_place() -> Mode:
     needed = next(
         count
         for count in range(1, SENSORS + 1)
-        if not len(at_positions(count).identifiability.null)
-        and not other_modes(at_positions(count), True)
+        if at_positions(count).identified.is_identifiable
     )
     one = at_positions(1)
     fits = stock_solutions(one, poor_starts())
-    mass, null = np.exp(fits[:, 0]), one.identifiability.null
+    mass, null = np.exp(fits[:, 0]), one.identified.null
+    valued = [x.identified for x in one.identified.estimates.values()]
     apart = np.linalg.norm(fits[:, None, 1:] - fits[None, :, 1:], axis=-1).max()
     return Mode(
         "fits",
@@ -415,7 +415,7 @@ def _one_place() -> Mode:
         f"eight arrivals at one position: {len(fits)} of {FITS} fits report success at "
         f"the same cost, with {mass.min():.2g} to {mass.max():.2g} kg up to "
         f"{apart:.0f} m apart",
-        verified("marks", len(null) == 2, "one sensor"),
+        verified("marks", len(null) == 2 and not any(valued), "one sensor"),
         f"{len(null)} null directions are reported; no value and no interval for any "
         "of the three; exit code 4",
     )
@@ -423,7 +423,7 @@ def _one_place() -> Mode:
 
 def _outlier() -> Mode:
     clean = solved_log(ring(), 30.0, 10.0, -5.0, "student")
-    posterior, z = clean.solution.posterior, clean.solution.laplace.z
+    posterior, z = rows_of(clean.solution), clean.solution.answer.z
     # the nearest sensor, whose reading constrains the fit most
     outlier = SIGMA * (np.arange(SENSORS) == 0)
     fine = np.linspace(0.0, 2 * OUTLIER_SD, FITS)
@@ -442,10 +442,9 @@ def _outlier() -> Mode:
     student, suspected = np.empty(SIZES.size), np.empty(SIZES.size, bool)
     for i, size in enumerate(SIZES):
         log = replace(clean.log, value=clean.log.value + size * outlier)
-        found = solve(log, clean.uncertain)
-        student[i] = found.laplace.z[0]
-        residual = standardised_residuals(found.posterior, found.laplace.z).residual
-        suspects = suspected_outliers(log, residual, found.posterior.noise)
+        answer = solve(log, clean.uncertain).answer
+        student[i] = answer.z[0]
+        suspects = suspected_outliers(log, answer.residual, answer.density.noise)
         suspected[i] = any(o.sensor == log.sensor[0] for o in suspects)
     shift = np.abs(student - student[0]) / sd
     # the size from which every larger one is suspected
@@ -483,7 +482,7 @@ def _null_direction() -> Mode:
     fits = stock_solutions(found, rng.uniform(low, high, (FITS, 3)))
     values = np.exp(fits[np.argsort(fits[:, 0])])
     least, most = values[0], values[-1]
-    (null,) = found.identifiability.null
+    (null,) = found.identified.null
     along = ", ".join(f"{weight:.3g}" for weight in null)
     named = bool(np.allclose(null, WU_HAO_NULL, atol=1e-6))
     return Mode(
@@ -503,7 +502,7 @@ def _null_direction() -> Mode:
 
 def walk_failures() -> list[Mode]:
     """Measure every failure mode of MCMC."""
-    return [_shares(), _mirror(), _null_walk(), _endless(), _bent()]
+    return [_shares(), _mirror(), _null_walk(), _endless()]
 
 
 class BareWalk(NamedTuple):
@@ -523,15 +522,18 @@ class BareWalk(NamedTuple):
     chain: np.ndarray
 
 
-def bare_walk(density: Density, start: np.ndarray, steps: int) -> BareWalk:
+def bare_walk(
+    log_density: Callable[[Array], Array], start: np.ndarray, steps: int
+) -> BareWalk:
     """Run emcee's stretch move from the first position of each walker."""
     import emcee
 
+    density = jax.jit(jax.vmap(log_density))
     # vectorised: one call of the compiled density for half of the walkers
     sampler = emcee.EnsembleSampler(
         start.shape[0],
         start.shape[1],
-        lambda w: np.asarray(densities(density, jnp.asarray(w)), float),
+        lambda w: np.asarray(density(jnp.asarray(w)), float),
         vectorize=True,
     )
     random = np.random.RandomState(0).get_state()
@@ -547,21 +549,34 @@ def unit_normals() -> np.ndarray:
     return np.random.default_rng(0).standard_normal((WALKERS, DIMENSION))
 
 
-class TwoNormals(eqx.Module):
-    """Unit normals apart along the first axis, the second with half the weight."""
+def two_normals(w: Float[Array, " free"]) -> Float[Array, ""]:
+    """Return ln of the density of unit normals apart, the second of half the weight."""
+    other = jnp.log(0.5) - 0.5 * (w[0] - SEPARATED_SD) ** 2
+    return jnp.logaddexp(-0.5 * w[0] ** 2, other) - 0.5 * jnp.sum(w[1:] ** 2)
 
-    apart: Array
 
-    def log_density(self, w: Float[Array, " free"]) -> Float[Array, ""]:
-        """Return ln of the density at a place, up to a constant."""
-        other = jnp.log(0.5) - 0.5 * (w[0] - self.apart) ** 2
-        return jnp.logaddexp(-0.5 * w[0] ** 2, other) - 0.5 * jnp.sum(w[1:] ** 2)
+def bare_likelihood(solution: Solution) -> Callable[[Array], Array]:
+    """Return ln of the likelihood of a log with normal errors, without any prior."""
+    posterior = rows_of(solution)
+
+    def log_density(z):
+        found = -_half_square(z, (posterior, posterior.measured))
+        return jnp.nan_to_num(found, nan=-jnp.inf, neginf=-jnp.inf)  # of an overflow
+
+    return log_density
+
+
+def about(solution: Solution) -> tuple[Callable[[Array], Array], np.ndarray]:
+    """Return the likelihood in standard deviations about an answer, and their axes."""
+    z, root = solution.answer.z, np.linalg.cholesky(pseudo_covariance(solution.answer))
+    likelihood = bare_likelihood(solution)
+    return lambda w: likelihood(jnp.asarray(z) + jnp.asarray(root) @ w), root
 
 
 def _shares() -> Mode:
     start = unit_normals()
     start[::2, 0] += SEPARATED_SD
-    walk = bare_walk(TwoNormals(jnp.asarray(SEPARATED_SD)), start, TWO_MODE_STEPS)
+    walk = bare_walk(two_normals, start, TWO_MODE_STEPS)
     share, tau = np.mean(walk.kept[..., 0] > SEPARATED_SD / 2), walk.judged.tau.max()
     seen = not walk.judged.reached(1.0) and tau > TWO_MODE_STEPS / 50
     return Mode(
@@ -581,13 +596,13 @@ def _shares() -> Mode:
 
 def _mirror() -> Mode:
     found = solved_log(line(), *MIRRORED).solution
-    normal = found.laplace
-    density = whitened_density(found.posterior, normal, found.identifiability)
+    density, root = about(found)
     walk = bare_walk(density, unit_normals(), MIRROR_STEPS)
-    north = normal.z[2] + walk.chain @ np.asarray(density.root)[2]
-    beyond = int((np.sign(north) != np.sign(normal.z[2])).any(axis=0).sum())
-    both = ensemble(found.posterior, normal, found.identifiability, found.optima)
-    share = float(np.mean(np.sign(both.draws()[:, 2]) == np.sign(normal.z[2])))
+    best = found.answer.z[2]
+    north = best + walk.chain @ root[2]
+    beyond = int((np.sign(north) != np.sign(best)).any(axis=0).sum())
+    draws = found.draws
+    share = float(draws.weights @ (np.sign(draws.values[:, 2]) == np.sign(best)))
     return Mode(
         "walks",
         "emcee, stretch move",
@@ -598,23 +613,19 @@ def _mirror() -> Mode:
         f"reach it, and the chain looks converged: R-hat "
         f"{walk.judged.r_hat.max():.3f}, {MIRROR_STEPS / walk.own_tau:.0f} "
         "autocorrelation times",
-        verified("marks", 0.3 < share < 0.7 and both.converged, "a mirror image"),
-        f"walkers start at both optima and keep their shares, {share:.0%} and "
-        f"{1 - share:.0%}; autocorrelation time {both.convergence.tau.max():.0f}",
+        verified("marks", 0.3 < share < 0.7, "a mirror image"),
+        f"weighted draws contain both optima, with shares of {share:.0%} and "
+        f"{1 - share:.0%}",
     )
 
 
 def _null_walk() -> Mode:
     found = wu_hao_solution()
-    z = jnp.asarray(found.laplace.z)
-    about = Whitened(found.posterior, z, jnp.eye(z.size))
-    walk = bare_walk(about, 0.1 * unit_normals(), LONG_CHAIN)
-    mass = found.laplace.z[0] + walk.kept[..., 0]
-    refused = False
-    try:
-        ensemble(found.posterior, found.laplace, found.identifiability)
-    except InputError as error:
-        refused = "improper along charge_mass_kg" in str(error)
+    z, likelihood = jnp.asarray(found.answer.z), bare_likelihood(found)
+    walk = bare_walk(lambda w: likelihood(z + w), 0.1 * unit_normals(), LONG_CHAIN)
+    mass = found.answer.z[0] + walk.kept[..., 0]
+    estimates = found.identified.estimates.values()
+    named = len(found.identified.null) == 1 and not any(x.identified for x in estimates)
     tau = float(walk.judged.tau.max())
     return Mode(
         "walks",
@@ -625,29 +636,26 @@ def _null_walk() -> Mode:
         f"ln mass covers {mass.min():.0f} to {mass.max():.0f}, the range of float64; "
         f"autocorrelation time {tau:.0f}, R-hat {walk.judged.r_hat.max():.3f}: it "
         "looks converged",
-        verified("refuses", refused, "a null direction"),
-        "no walk: improper along charge_mass_kg and the speeds; expected a prior, or a "
-        "fixed value",
+        verified("marks", named, "a null direction"),
+        "the null direction is reported, and no value for any of the three; exit code "
+        "4",
     )
 
 
 def _endless() -> Mode:
     # seen from 300 m, the sensors subtend 4 degrees
     found = solved_log(circle(10.0), 30.0, 300.0, 0.0).solution
-    density = whitened_density(found.posterior, found.laplace, found.identifiability)
+    density, root = about(found)
     walks = [bare_walk(density, unit_normals(), n) for n in (SHORT_CHAIN, LONG_CHAIN)]
-    row = root_of(found.laplace)[0]
     low = [
-        np.quantile(np.exp(found.laplace.z[0] + walk.kept @ row), 0.05)
+        np.quantile(np.exp(found.answer.z[0] + walk.kept @ root[0]), 0.05)
         for walk in walks
     ]
-    both = ensemble(
-        found.posterior,
-        found.laplace,
-        found.identifiability,
-        found.optima,
-        most_steps=ENDLESS_STEPS,
-    )
+    mass = found.identified.estimates["charge_mass_kg"]
+    words = f"no value of the mass; it is below {mass.q95:.3g} kg"
+    if mass.identified:
+        words = "not converged (exit code 4)"
+    marked = not mass.identified or not found.converged
     return Mode(
         "walks",
         "emcee, arrivals from afar",
@@ -657,41 +665,6 @@ def _endless() -> Mode:
         f"the 5 % quantile of the mass is {low[0]:.2g} kg after {SHORT_CHAIN} steps, "
         f"{low[1]:.2g} kg after {LONG_CHAIN}: it depends on the length of the walk, "
         "not on the log",
-        verified("marks", not both.converged, "an endless ridge"),
-        "not converged (exit code 4)",
-    )
-
-
-def _bent() -> Mode:
-    def near(radius: float) -> Solution:
-        return solved_log(circle(radius), 30.0, 60.0, 0.0).solution
-
-    def off(radius: float) -> float:
-        return check_intervals(near(radius).posterior, near(radius).laplace).off
-
-    bent = 6.0  # a tenth of the range, well inside the boundary
-    boundary = crossing(lambda r: off(r) - MAX_QUANTILE_ERROR, bent, 40.0, to=0.01)
-    found = near(bent)
-    name = found.posterior.parameters.names[0]
-    normal, auto = uncertainty(found, "laplace"), uncertainty(found, "auto")
-    intervals = [
-        f"{marginal.q05:.3g} to {marginal.q95:.3g} kg"
-        for marginal in (normal.marginals[name], auto.marginals[name])
-    ]
-    warned = any(
-        isinstance(f, IntervalsOff) and f.parameter == name and not np.isnan(f.off)
-        for f in normal.findings
-    )
-    walked = auto.method == "emcee" and auto.converged
-    return Mode(
-        "walks",
-        "normal approximation (Laplace)",
-        "a curved ridge of mass and range",
-        boundary,
-        "m radius of eight sensors 60 m away",
-        f"bounds of 90 % intervals are off by more than {MAX_QUANTILE_ERROR:g} sd; at "
-        f"{bent:g} m by {off(bent):.1f}: the mass is {intervals[0]} instead of "
-        f"{intervals[1]}",
-        verified("marks", warned and walked, "a curved ridge"),
-        "a warning names the bound with the largest error; --posterior auto runs MCMC",
+        verified("marks", marked, "an endless ridge"),
+        words,
     )

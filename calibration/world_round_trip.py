@@ -1,14 +1,14 @@
 """Do fits of random worlds give the truth back, and which sense buys how much?
 
-    python -m calibration.world_round_trip autos [SECONDS [WORLDS [PROCESSES]]]
+    python -m calibration.world_round_trip fits [SECONDS [WORLDS [PROCESSES]]]
     python -m calibration.world_round_trip weights [SECONDS [WORLDS [PROCESSES]]]
     python -m calibration.world_round_trip > calibration/results/world_round_trip.txt
 
 Worlds of one blast are drawn by `jblast.world`, one a seed, and read with all errors:
 Student-t of the instruments, and what the laws scatter (subsets below).
 Each subset of their readings is fitted with the priors that the world was drawn by, and
-the truth is ranked among draws of the posterior, twice over: as `--posterior auto`
-answers (part `autos`, which has to be run before), and, of a thousand
+the truth is ranked among draws of the posterior, twice over: by the weighted draws of
+`jblast fit` (part `fits`, which has to be run before), and, of a thousand
 worlds, by `fit_many` with importance weights (part `weights`, likewise).
 If intervals are right, ranks are uniform (Kolmogorov and Smirnov, Holm's correction
 over all of a table).
@@ -21,22 +21,16 @@ Subsets. Three stations about the place see the flash, feel the ground, hear the
 and its peak; a vehicle that hovers beside it, in worlds of the same blasts, sees the
 flash and is jolted (when, how much and whereto, by what its IMU leaves of it).
 
-Autos: where the truth ranks, as `--posterior auto` answers. Each world's
-fit goes as `auto` goes: its normal approximation, where importance sampling finds
-nothing against it and all numbers are narrow; else walkers, from every optimum that
-counts, until the quantiles are known to 0.05 sd.
-
-A row a world is added to calibration/results/world_autos.csv, a few worlds of each
+Fits: a row a world is added to calibration/results/world_fits.csv, a few worlds of each
 subset in turn; what the file holds already is not done again, and after so many seconds
-none is begun. `calibration.world_round_trip` makes tables of it.
+none is begun.
 
-Weights: where the truth of a thousand random worlds ranks, by `fit_many`. All logs of a
-part are fitted at once; about the optimum of each 16,000 draws, half of them Student-t,
-are weighted by its posterior (Pareto smoothed), and the truth is ranked among them.
+Weights: all logs of a part are fitted at once by `fit_many`; 4,000 Student-t draws
+about the optimum of each are weighted by its exact posterior (Pareto smoothed), and the
+truth is ranked among them. Rows are added to calibration/results/world_weights.csv in
+the same way.
 
-Rows are added to calibration/results/world_weights.csv, a part of one subset after
-another; what the file holds already is not done again, and after so many seconds no
-part is begun. `calibration.world_round_trip` makes tables of it.
+To measure again, remove the files.
 """
 
 import csv
@@ -48,7 +42,6 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -59,32 +52,18 @@ from scipy.stats import kstest
 from calibration import run_part
 from calibration.sbc import WRONG, holm
 from jblast.cli.jax_start import start_jax
-from jblast.inference import Posterior, batch_of, fit_many
-from jblast.inference.identifiability import Identifiability, identifiability
-from jblast.inference.importance import (
-    Importance,
-    importance,
-    laplace_holds,
-    largest_log_sd,
-    largest_quantile_error,
-    pareto_smoothed,
-    reaching,
-)
-from jblast.inference.mcmc import ensemble
-from jblast.inference.mode.laplace import Laplace, laplace
-from jblast.inference.mode.search import Optima, optima
-from jblast.inference.posterior.fisher_information import information
-from jblast.inference.posterior.parameters import Parameters, parameters_of
-from jblast.inference.whitening import Whitened, densities, root_of
+from jblast.inference import batch_of, fit_many, solve
+from jblast.inference.answer import Answer as AtNumbers
+from jblast.inference.density import Density, density_of
+from jblast.inference.identify import pseudo_covariance
+from jblast.inference.posterior.parameters import Parameters
+from jblast.inference.sample import RELIABLE, Mixture, pareto_smoothed
 from jblast.observations import Observations
 from jblast.observations.grouping import some_rows
 from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
 from jblast.scene import UncertainScene, WorldSpec
 from jblast.scene.reader.scene import world_from_document
-from jblast.scene.uncertain import Belief, value_of
-from jblast.sensors import layout_of, resolve_laws
-from jblast.sensors.law_choice import law_names, settled
-from jblast.sensors.record import to_error_scale
+from jblast.scene.uncertain import value_of
 from jblast.world import arrivals_of, draw_world, readings_of, scene_of_one_blast
 
 RECORDS = {
@@ -138,10 +117,10 @@ class Answer(NamedTuple):
     Attributes:
         subset: Name of it.
         world: Its seed.
-        method: "laplace", "walk" or "weights".
-        reached: Whether the method reached what it should: of a walk, that quantiles
-            are known as well as wanted.
-        k_hat: Of the weights of draws about the optimum.
+        method: "weighted" or "weights".
+        reached: Whether the method reached what it should: of `fit_many`, an optimum;
+            of weighted draws, enough of them about a mode that was met twice.
+        k_hat: Of the weights of draws.
         sd: Of ln(mass).
         least: What data and priors allow at best of it.
         rank: Share of the posterior below the truth: east, north, mass, time.
@@ -157,8 +136,7 @@ class Answer(NamedTuple):
     rank: tuple[float, ...]
 
 
-DRAWS = 16_000
-_information = eqx.filter_jit(information)
+DRAWS = 4000
 
 
 class Told(NamedTuple):
@@ -169,46 +147,30 @@ class Told(NamedTuple):
     truth: dict[str, float]
 
 
-class Solved(NamedTuple):
-    """The posterior of a world's blast by some of its readings, and its optima.
-
-    Attributes:
-        seed: Of the world, and of all that is random about its fit.
-        posterior: Its density.
-        found: Where searches ended.
-        identified: What the readings tell.
-        normal: The normal approximation about the best of them.
-        truth: Where the truth lies, in the same coordinates.
-    """
-
-    seed: int
-    posterior: Posterior
-    found: Optima
-    identified: Identifiability
-    normal: Laplace
-    truth: Float[np.ndarray, " free"]
-
-
 class Fitted(NamedTuple):
     """What some readings of a world say of its blast.
 
     Attributes:
         parameters: What was unknown.
-        drawn: Weighted draws of the posterior.
-        truth: Where the truth lies, in the coordinates of the draws.
+        z: Draws of the posterior, in fitted coordinates.
+        weights: Their weights.
+        truth: Where the truth lies, in the same coordinates.
         covariance: The least that data and priors allow at the truth (Cramer and Rao).
+        reached: Whether the method reached what it should.
+        k_hat: Of the weights.
     """
 
     parameters: Parameters
-    drawn: Importance
+    z: Float[np.ndarray, "draw free"]
+    weights: Float[np.ndarray, " draw"]
     truth: Float[np.ndarray, " free"]
     covariance: Float[np.ndarray, "free free"]
+    reached: bool
+    k_hat: float
 
 
-AUTO_WORLDS = 200
-AUTOS_AT_ONCE = 5
-AUTO_DRAWS = 8000
-AUTOS_KEPT = Path(__file__).parent / "results" / "world_autos.csv"
+WORLDS, AT_ONCE = 200, 5
+FITS_KEPT = Path(__file__).parent / "results" / "world_fits.csv"
 
 
 WEIGHTED_WORLDS, WEIGHTED_AT_ONCE = 1000, 100
@@ -216,8 +178,6 @@ WEIGHTS_KEPT = Path(__file__).parent / "results" / "world_weights.csv"
 
 
 NAMES = ("charge_east_m", "charge_north_m", "charge_mass_kg", "origin_time_s")
-GOOD_K = 0.7
-"""Below this k-hat weights may be believed (Vehtari et al. 2024)."""
 RESULTS = Path(__file__).parent / "results"
 
 
@@ -228,8 +188,8 @@ class RoundTrip(NamedTuple):
         rank: Share of the posterior below the truth.
         sd: Posterior sd of ln(mass).
         least: What data and priors allow at best at the truth.
-        good: Whether the answer is to be believed: the walk is long enough, or the
-            weights' k-hat is below 0.7.
+        good: Whether the answer is to be believed: it reached what it should, with
+            reliable weights.
     """
 
     rank: Float[np.ndarray, "world free"]
@@ -245,7 +205,7 @@ def by_subset(rows: Sequence[Answer]) -> dict[str, RoundTrip]:
         some = sorted((r for r in rows if r.subset == subset), key=lambda r: r.world)
         if not some:
             continue
-        good = [r.reached if r.method == "walk" else r.k_hat < GOOD_K for r in some]
+        good = [r.reached and r.k_hat <= RELIABLE for r in some]
         found[subset] = RoundTrip(
             np.array([r.rank for r in some]),
             np.array([r.sd for r in some]),
@@ -319,38 +279,14 @@ def figure(found: dict[str, RoundTrip]) -> Figure:
 
 def main() -> None:
     """Print both tables, write the figure of the first."""
-    autos, many = (by_subset(kept(file)) for file in (AUTOS_KEPT, WEIGHTS_KEPT))
-    if not (autos and many):
-        raise SystemExit("run the parts autos and weights first")
-    print("As --posterior auto answers: worlds of one blast, all errors\n")
-    print(table(autos))
+    one_by_one, many = (by_subset(kept(file)) for file in (FITS_KEPT, WEIGHTS_KEPT))
+    if not (one_by_one and many):
+        raise SystemExit("run the parts fits and weights first")
+    print("By jblast fit: worlds of one blast, all errors\n")
+    print(table(one_by_one))
     print("\nBy fit_many and importance weights\n")
     print(table(many))
-    figure(autos).savefig(RESULTS / "world_round_trip.png", dpi=150)
-
-
-def log_slope(belief: Belief, z: Float[Array, ""]) -> tuple[Array, Array]:
-    """Return the logarithm of a positive number, and how it goes with z."""
-    return jax.value_and_grad(lambda z: jnp.log(belief.constrain(z)))(z)
-
-
-_log_slopes = jax.jit(jax.vmap(log_slope, (None, 0)))
-
-
-def sharpness(
-    parameters: Parameters,
-    z: Float[np.ndarray, "draw free"],
-    weights: Float[np.ndarray, " draw"],
-    truth: Float[np.ndarray, " free"],
-    least: Float[np.ndarray, "free free"],
-) -> tuple[float, float]:
-    """Return the sd of ln(mass) by weighted draws, and the least by a covariance."""
-    mass = parameters.names.index("charge_mass_kg")
-    places = jnp.asarray([*z[:, mass], truth[mass]])
-    ln, slope = map(np.asarray, _log_slopes(parameters.beliefs[mass], places))
-    ln = ln[:-1]
-    sd = np.sqrt(weights @ np.square(ln - weights @ ln))
-    return float(sd), float(slope[-1] * np.sqrt(least[mass, mass]))
+    figure(one_by_one).savefig(RESULTS / "world_round_trip.png", dpi=150)
 
 
 def kept(path: Path) -> list[Answer]:
@@ -425,82 +361,74 @@ def go_on(
                 waiting.append(pool.apply_async(answers, task))
 
 
-def answer(subset: str, solved: Solved) -> Answer:
-    """Answer one world as `auto` does."""
-    seed, posterior, found, identified, normal, truth = solved
-    if len(identified.null):
-        raise ValueError(f"{subset}, world {seed}: expected all to be identified")
-    weighted = importance(posterior, normal, seed=seed)
-    if laplace_holds(
-        weighted.k_hat,
-        largest_log_sd(posterior, normal),
-        largest_quantile_error(weighted, normal),
-    ):
-        method, reached = "laplace", normal.converged
-        z = normal.draws(AUTO_DRAWS, np.random.default_rng(seed))
-    else:
-        walk = ensemble(posterior, normal, identified, found, seed=seed)
-        method, reached, z = "walk", walk.converged, walk.draws(AUTO_DRAWS)
-    alike = np.full(len(z), 1 / len(z))
-    sd, least = sharpness(
-        posterior.parameters, z, alike, truth, least_at(posterior, truth)
-    )
-    rank = tuple(float(x) for x in np.mean(z < truth, axis=0))
-    return Answer(subset, seed, method, reached, weighted.k_hat, sd, least, rank)
+def answer(subset: str, world: Told, method: str, fitted: Fitted) -> Answer:
+    """Return the row of a fit."""
+    names, beliefs = fitted.parameters.names, fitted.parameters.beliefs
+    at = names.index("charge_mass_kg")
+
+    def ln_mass(z: Array) -> Array:
+        return jnp.log(beliefs[at].constrain(z))
+
+    ln = np.asarray(ln_mass(jnp.asarray(fitted.z[:, at])))
+    sd = float(np.sqrt(fitted.weights @ np.square(ln - fitted.weights @ ln)))
+    slope = float(jax.grad(ln_mass)(jnp.asarray(fitted.truth[at])))
+    least = slope * float(np.sqrt(fitted.covariance[at, at]))
+    rank = tuple(float(x) for x in fitted.weights @ (fitted.z < fitted.truth))
+    about = method, fitted.reached, fitted.k_hat
+    return Answer(subset, world.seed, *about, sd, least, rank)
 
 
-def auto_answers(subset: str, seeds: Sequence[int]) -> list[Answer]:
-    """Draw worlds, read them, and answer them by a subset."""
+def told_and_scene(
+    subset: str, seeds: Sequence[int]
+) -> tuple[list[Told], UncertainScene]:
+    """Draw worlds and read them; return them, and the scene to fit."""
     document = next(document for document, subsets in PARTS if subset in subsets)
     uncertain, spec = world_from_document(document, "world_round_trip")
     one = scene_of_one_blast(uncertain, spec)
-    told = worlds(uncertain, spec, tuple(one.beliefs), seeds)
-    solved = solutions(told, one, SUBSETS[subset])
-    return [answer(subset, world) for world in solved]
+    return worlds(uncertain, spec, tuple(one.beliefs), seeds), one
 
 
-def autos(seconds: int = 540, count: int = AUTO_WORLDS, processes: int = 1) -> None:
+def rows_of(world: Told, quantities: tuple[str, ...]) -> Observations:
+    """Return the readings of some quantities."""
+    return some_rows(world.log, np.flatnonzero(np.isin(world.log.quantity, quantities)))
+
+
+def fit_answers(subset: str, seeds: Sequence[int]) -> list[Answer]:
+    """Draw worlds, read them, and fit them by a subset."""
+    told, one = told_and_scene(subset, seeds)
+    return [
+        answer(subset, world, "weighted", fitted)
+        for world, fitted in zip(told, fits(told, one, SUBSETS[subset]), strict=True)
+    ]
+
+
+def fit_worlds(seconds: int = 540, count: int = WORLDS, processes: int = 1) -> None:
     """Answer world after world until the time is up."""
-    go_on(
-        AUTOS_KEPT,
-        tuple(SUBSETS),
-        count,
-        AUTOS_AT_ONCE,
-        auto_answers,
-        seconds,
-        processes,
-    )
+    go_on(FITS_KEPT, tuple(SUBSETS), count, AT_ONCE, fit_answers, seconds, processes)
 
 
 def weighted_answers(subset: str, seeds: Sequence[int]) -> list[Answer]:
     """Fit worlds at once by a subset, and weight draws about each optimum."""
-    document = next(document for document, subsets in PARTS if subset in subsets)
-    uncertain, spec = world_from_document(document, "world_round_trip")
-    one = scene_of_one_blast(uncertain, spec)
-    told = worlds(uncertain, spec, tuple(one.beliefs), seeds)
-    quantities = SUBSETS[subset]
-    rows = np.flatnonzero(np.isin(told[0].log.quantity, quantities))
-    logs = [some_rows(world.log, rows) for world in told]
-    fitted = fit_many(one, *batch_of(logs, one))
-    places, spread = np.asarray(fitted.z), np.asarray(fitted.covariance)
-    settled = np.asarray(fitted.converged)
-    found, densities = [], posteriors(told, one, quantities)
-    for i, (world, posterior) in enumerate(zip(told, densities, strict=True)):
+    told, one = told_and_scene(subset, seeds)
+    logs = [rows_of(world, SUBSETS[subset]) for world in told]
+    fits_of = fit_many(one, *batch_of(logs, one))
+    places, spread = np.asarray(fits_of.z), np.asarray(fits_of.covariance)
+    settled = np.asarray(fits_of.converged)
+    found = []
+    for i, (world, log) in enumerate(zip(told, logs, strict=True)):
         if not (np.isfinite(spread[i]).all() and np.isfinite(places[i]).all()):
             raise ValueError(f"{subset}, world {world.seed}: expected an optimum")
-        truth = truth_of(posterior.parameters, world.truth)
-        root = np.linalg.cholesky(spread[i])
-        drawn = weighted(posterior, places[i], root, world.seed)
-        sd, least = sharpness(
-            posterior.parameters,
-            drawn.z,
-            drawn.weights,
-            truth,
-            least_at(posterior, truth),
+        density = density_of(log, one)
+        z, weights, k_hat = weighted(density, places[i], spread[i], world.seed)
+        fitted = Fitted(
+            density.parameters,
+            z,
+            weights,
+            *at_truth(density, world.truth),
+            bool(settled[i]),
+            k_hat,
         )
-        rank = tuple(float(x) for x in drawn.weights @ (drawn.z < truth))
-        about = subset, world.seed, "weights", bool(settled[i]), drawn.k_hat
-        found.append(Answer(*about, sd, least, rank))
+        found.append(answer(subset, world, "weights", fitted))
     return found
 
 
@@ -536,97 +464,56 @@ def worlds(
     return found
 
 
-def truth_of(parameters: Parameters, truth: dict[str, float]) -> np.ndarray:
-    """Return where numbers lie, in the coordinates of a fit."""
-    both = zip(parameters.names, parameters.beliefs, strict=True)
-    return np.array([belief.unconstrain(truth[name]) for name, belief in both])
-
-
-def posteriors(
-    told: Sequence[Told], one: UncertainScene, quantities: tuple[str, ...]
-) -> Iterator[Posterior]:
-    """Return the posterior by some quantities of every world, with a scene's priors.
-
-    One program does for all.
-    """
-    rows = np.flatnonzero(np.isin(told[0].log.quantity, quantities))
-    first = some_rows(told[0].log, rows)
-    scene, layout = settled(one.scene, layout_of(first, one.scene))
-    parameters = parameters_of(replace(one, scene=scene))
-    laws = tuple(sorted(law_names(resolve_laws(scene, layout)).items()))
-    for world in told:
-        some = some_rows(world.log, rows)
-        yield Posterior(
-            parameters,
-            layout,
-            to_error_scale(some.value, some.quantity),
-            jnp.asarray(some.error_scale()),
-            laws,
-        )
-
-
-def solutions(
-    told: Sequence[Told], one: UncertainScene, quantities: tuple[str, ...]
-) -> Iterator[Solved]:
-    """Search the posteriors by some quantities of every world."""
-    densities_of = posteriors(told, one, quantities)
-    for world, posterior in zip(told, densities_of, strict=True):
-        found = optima(jax.random.key(world.seed), posterior)
-        z = np.asarray(found.z[0])
-        identified = identifiability(posterior, z)
-        normal = laplace(posterior, z, identified.identified_basis)
-        at = truth_of(posterior.parameters, world.truth)
-        yield Solved(world.seed, posterior, found, identified, normal, at)
-
-
-def least_at(
-    posterior: Posterior, truth: Float[np.ndarray, " free"]
-) -> Float[np.ndarray, "free free"]:
-    """Return the least covariance that data and priors allow at the truth."""
-    return np.linalg.inv(np.asarray(_information(posterior, jnp.asarray(truth))))
+def at_truth(
+    density: Density, truth: dict[str, float]
+) -> tuple[Float[np.ndarray, " free"], Float[np.ndarray, "free free"]]:
+    """Return where the truth lies, and the least covariance there."""
+    values = np.array([truth[name] for name in density.parameters.names])
+    known = AtNumbers(density, values, np.zeros(len(values)))  # sds unknown
+    return known.z, pseudo_covariance(known)
 
 
 def weighted(
-    posterior: Posterior,
+    density: Density,
     z: Float[np.ndarray, " free"],
-    root: Float[np.ndarray, "free free"],
+    covariance: Float[np.ndarray, "free free"],
     seed: int,
-) -> Importance:
-    """Weight draws about an optimum so that they follow the posterior.
+) -> tuple[Float[np.ndarray, "draw free"], Float[np.ndarray, " draw"], float]:
+    """Return draws about an optimum, weights by the exact posterior, and k-hat.
 
-    Half of them are Student-t, which reach as far as one reading's errors do.
-
-    Args:
-        posterior: The posterior.
-        z: The optimum.
-        root: Of the covariance of its normal approximation.
-        seed: Of the draws.
+    Every number has a prior that is not normal: the coordinates of the density are then
+    those of the fit.
     """
-    w, log_drawn, _ = reaching(DRAWS, z.size, np.random.default_rng(seed))
-    density = Whitened(posterior, jnp.asarray(z), jnp.asarray(root))
-    value = np.asarray(densities(density, jnp.asarray(w)))
-    log_weights, k_hat = pareto_smoothed(value - log_drawn)
-    weights = np.exp(log_weights)
-    return Importance(z + w @ root.T, weights, k_hat, float(1 / np.sum(weights**2)))
+    rng = np.random.default_rng(seed)
+    mixture = Mixture(z[None], np.linalg.cholesky(covariance)[None])
+    drawn = mixture.draw(DRAWS, rng)
+    height, gain, _ = density.exact(drawn, rng)
+    log_ratio = height + gain - mixture.log_density(drawn)
+    log_weights, k_hat = pareto_smoothed(log_ratio)
+    return drawn, np.exp(log_weights), k_hat
 
 
 def fits(
     told: Sequence[Told], one: UncertainScene, quantities: tuple[str, ...]
 ) -> Iterator[Fitted]:
-    """Fit some quantities of every world: draws about the optimum, weighted."""
-    for world in solutions(told, one, quantities):
-        drawn = weighted(
-            world.posterior, world.normal.z, root_of(world.normal), world.seed
+    """Fit some quantities of every world."""
+    for world in told:
+        found = solve(rows_of(world, quantities), one, seed=world.seed)
+        yield Fitted(
+            found.density.parameters,
+            found.identified.z,
+            found.draws.weights,
+            *at_truth(found.density, world.truth),
+            found.draws.reliable,
+            found.draws.k_hat,
         )
-        least = least_at(world.posterior, world.truth)
-        yield Fitted(world.posterior.parameters, drawn, world.truth, least)
 
 
 if __name__ == "__main__":
     run_part(
         {
             "table": main,
-            "autos": lambda: autos(*map(int, sys.argv[1:])),
+            "fits": lambda: fit_worlds(*map(int, sys.argv[1:])),
             "weights": lambda: weights(*map(int, sys.argv[1:])),
         }
     )

@@ -5,11 +5,8 @@ the same rows with other values are the same program. So a test takes its log fr
 where it can, and says in it what it wants by values. What is solved is solved once.
 """
 
-import functools
-
 import numpy as np
 
-from jblast.inference import Solution, solve
 from jblast.observations import Observations
 from jblast.scene import Air, Charge, Free, Scene, UncertainScene, freed, with_laws
 from jblast.waves import (
@@ -125,9 +122,3 @@ def disagreeing(apart: float) -> Observations:
     """Three pressures of a mass, and two of one so much larger in ln."""
     masses = 15.0 * np.exp([0.0, 0.0, 0.0, apart, apart])
     return pressures(masses, (10.0, 20.0, 40.0, 15.0, 30.0), sigma=0.3)
-
-
-@functools.cache
-def disagreeing_solved(apart: float) -> Solution:
-    """Solve it for the mass."""
-    return solve(disagreeing(apart), MASS_FREE)

@@ -24,11 +24,11 @@ from jblast.inference.design.cramer_rao import (
 )
 from jblast.inference.fitting.findings import (
     ExchangedSensors,
-    NotAtOptimum,
+    ModeFoundOnce,
     WrongClock,
     WrongSensor,
 )
-from jblast.inference.identifiability import (
+from jblast.inference.identify import (
     Cure,
     EstimableCombination,
     NullDirection,
@@ -168,7 +168,7 @@ def test_the_schema_of_a_bound_takes_every_answer():
         help=(datum, replace(datum, position=None, sensor="a", is_default=False)),
         leans_on=(Sensitivity("charge_mass_kg", "wind_east_m_s", Spread(), None),),
         mass_exponents={"air_arrival_s": (-0.1, -0.2)},
-        warnings=(NotAtOptimum(),),
+        warnings=(ModeFoundOnce(),),
     )
     check(documents.schema("bound"), BoundAnswer(summary).to_dict())
 

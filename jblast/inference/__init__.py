@@ -1,10 +1,9 @@
-"""Inference: one posterior, its optima and their uncertainty.
+"""Inference: one posterior, weighted draws of it, and what they identify.
 
-Functions that compute can be put under `jit` and `vmap`: every method of `Posterior`
-(over points, and over the readings of logs of one layout), `information_of_layout`, and
-the search `mode.search.optima`. `fit`, `solve`, `bound` and `ensemble` take decisions
-in Python between such programs, so they take one log. For several logs there are
-`fit_many`, which compiles its own program, and `fit_each`.
+Functions that compute can be put under `jit` and `vmap`: `Fit.log_density`,
+`Posterior.misfit` and `information_of_layout`. `fit`, `solve`, `bound` and `ensemble`
+take decisions in Python between such programs, so they take one log. For several logs
+there are `fit_many`, which compiles its own program, and `fit_each`.
 """
 
 from jblast.inference.design.covariance import (
@@ -20,9 +19,8 @@ from jblast.inference.fitting.fit import (
     Fit as Fit,
     fit as fit,
     fit_each as fit_each,
-    solve as solve,
 )
-from jblast.inference.fitting.solution import Solution as Solution
+from jblast.inference.fitting.solution import Solution as Solution, solve as solve
 from jblast.inference.many.fit_many import (
     Batch as Batch,
     batch_of as batch_of,

@@ -10,13 +10,11 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import jax.numpy as jnp
 import numpy as np
 
 from jblast.errors import InputError
 from jblast.files import replacing
 from jblast.inference.mcmc import Ensemble
-from jblast.inference.posterior.posterior import Posterior
 from jblast.observations import Observations
 
 if TYPE_CHECKING:
@@ -30,18 +28,16 @@ MAX_EXPORTED_DRAWS = 200_000
 
 def inference_data(
     ensemble: Ensemble,
-    posterior: Posterior,
     observations: Observations,
     notes: Sequence[str] = (),
 ) -> "xarray.DataTree":
     """Return an ensemble in the schema of ArviZ, each walker a chain.
 
     Groups: `posterior` (every number, in the units of its name), `sample_stats` (`lp`,
-    ln of the density per unit of the fitted coordinates), `observed_data`.
+    ln of the density per unit of the sampled coordinates), `observed_data`.
 
     Args:
         ensemble: The draws.
-        posterior: The posterior.
         observations: The log.
         notes: Findings to store with the draws.
 
@@ -50,10 +46,7 @@ def inference_data(
     """
     # rounded up: the limit is never exceeded
     stride = max(-(-ensemble.log_density.size // MAX_EXPORTED_DRAWS), 1)
-    z = ensemble.z[:, ::stride]
-    values = posterior.parameters.values_of_each(
-        jnp.asarray(z.reshape(-1, z.shape[-1]))
-    )
+    values = ensemble.values[:, ::stride]
     rows = [
         f"{sensor} {quantity}"
         for sensor, quantity in zip(
@@ -61,10 +54,7 @@ def inference_data(
         )
     ]
     groups: dict[str, dict[str, Any]] = {
-        "posterior": {
-            name: np.asarray(values[name]).reshape(z.shape[:2])
-            for name in ensemble.names
-        },
+        "posterior": {name: values[:, :, i] for i, name in enumerate(ensemble.names)},
         "sample_stats": {"lp": ensemble.log_density[:, ::stride]},
         "observed_data": {"reading": np.asarray(observations.value)},
     }

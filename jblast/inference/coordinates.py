@@ -5,6 +5,7 @@ r"""Coordinates of the unknown numbers, in which their prior is proper and weak.
   $\ln R$ beyond, to `FAR` widths of the array and at least ten times as far as sound
   travels between the first and the last reading of a clock.
 - A free height: $\mathrm{asinh}((z - z_0)/(R + a))$ about the height of the sensors.
+  Likewise a free east or north alone, over the distance of the other.
 - A free mass: flat in ln from a milligram to 50 Mt.
 - An origin time that is not linear: ln of the time before the first timed row.
 - Other free numbers: flat within six of their typical spreads (`parameters.Spread`).
@@ -16,14 +17,15 @@ Numbers that all rows depend on linearly have no coordinate; they are integrated
 
 import math
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from types import ModuleType
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.special import gammaln
-from scipy.stats import norm, qmc
 
-from jblast.scene.uncertain import Belief
+from jblast.inference.likelihood import spread_points
+from jblast.scene.uncertain import Belief, Free
 
 NEAR = 0.3
 """Radius within which a place is flat in area, in widths of the array."""
@@ -36,26 +38,33 @@ MASS = (math.log(1e-6), math.log(5e10))
 """Range of ln of a free mass [kg]: a milligram, and the largest weapon tested."""
 SOFT = 40.0
 """Widths of a range in a standard deviation of its soft end."""
+LN_2 = math.log(2.0)
 RINGS, BEARINGS = 10, 24
 """Cells of the stratified start in ln R and bearing."""
 
-Kind = Literal["score", "flat", "height", "time"]
+Kind = Literal["score", "flat", "height", "axis", "time"]
 
 
 class Other(NamedTuple):
     """A number with a coordinate of its own.
 
     Attributes:
-        index: Its place among the names.
+        at: Its index among the names.
         kind: Its coordinate.
         low: Smallest coordinate; of a score that of the start.
         high: Largest coordinate.
+        place: Free place of its charge; -1 without one.
+        middle: Value at the coordinate 0.
+        away: Distance of a fixed place from the middle of the sensors [m].
     """
 
-    index: int
+    at: int
     kind: Kind
     low: float
     high: float
+    place: int = -1
+    middle: float = 0.0
+    away: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -72,7 +81,6 @@ class Coordinates:
         others: Other numbers with a coordinate.
         linear: Indices of the linear numbers.
         middle: East and north of the middle of the sensors [m].
-        up: Their mean height [m].
         radius: Radius $a$ [m].
         most: Largest $|v|$.
         first: Time of the first timed row [s].
@@ -85,7 +93,6 @@ class Coordinates:
     others: tuple[Other, ...]
     linear: tuple[int, ...]
     middle: Float[np.ndarray, "2"]
-    up: float
     radius: float
     most: float
     first: float
@@ -106,7 +113,7 @@ class Coordinates:
         own = [
             first + j
             for j, other in enumerate(self.others)
-            if label and self.names[other.index].endswith(label)
+            if label and self.names[other.at].endswith(label)
         ]
         return [2 * place, 2 * place + 1, *own]
 
@@ -129,18 +136,83 @@ class Coordinates:
     ) -> Float[np.ndarray, "draw name"]:
         """Return all numbers in their units."""
         found = np.tile(self.base, (len(u), 1))
-        reach: float | np.ndarray = self.radius
+        reaches = []
         for k, pair in enumerate(self.places):
             reach, _, found[:, pair] = self.at_place(u, k)
+            reaches.append(reach)
         for z, other in zip(u.T[2 * len(self.places) :], self.others, strict=True):
-            i = other.index
+            i = other.at
             if other.kind == "time":
                 found[:, i] = self.first - np.exp(z)
-            elif other.kind == "height":
-                found[:, i] = self.up + (reach + self.radius) * np.sinh(z)
+            elif other.kind in ("height", "axis"):
+                reach = reaches[other.place] if other.place >= 0 else other.away
+                found[:, i] = other.middle + (reach + self.radius) * np.sinh(z)
             else:
-                found[:, i] = np.asarray(self.beliefs[i].constrain(z))
+                with np.errstate(over="ignore"):  # far draws of a wide mixture
+                    found[:, i] = np.asarray(self.beliefs[i].constrain(z))
         return found
+
+    def of_values(
+        self, values: Float[np.ndarray, "draw name"]
+    ) -> Float[np.ndarray, "draw free"]:
+        """Return the coordinates of numbers."""
+        u, reaches = np.zeros((len(values), self.size)), []
+        for k, pair in enumerate(self.places):
+            away = values[:, pair] - self.middle
+            reach = np.maximum(np.linalg.norm(away, axis=1), 1e-12 * self.radius)
+            length = np.arcsinh(reach / self.radius)
+            u[:, 2 * k : 2 * k + 2] = away * (length / reach)[:, None]
+            reaches.append(reach)
+        for j, other in enumerate(self.others, 2 * len(self.places)):
+            x = values[:, other.at]
+            if other.kind == "time":
+                u[:, j] = np.log(np.maximum(self.first - x, 1e-300))
+            elif other.kind in ("height", "axis"):
+                reach = reaches[other.place] if other.place >= 0 else other.away
+                u[:, j] = np.arcsinh((x - other.middle) / (reach + self.radius))
+            else:
+                u[:, j] = np.asarray(self.beliefs[other.at].unconstrain(x))
+        return u
+
+    def log_prior_of(self, xp: ModuleType, values: Any) -> Any:
+        """Return ln of the prior density per unit of each number's fitted coordinate.
+
+        Linear numbers are flat, or have their prior.
+
+        Args:
+            xp: NumPy or JAX.
+            values: All numbers in their units, one place.
+        """
+        total, reaches = xp.zeros(()), []
+        for east, north in self.places:
+            away = values[xp.asarray([east, north])] - self.middle
+            squared = (away**2).sum()
+            beyond = xp.maximum(
+                0.0, 0.5 * xp.log1p(squared / self.radius**2) + LN_2 - self.most
+            )
+            total = total - xp.log(self.radius**2 + squared) - 0.5 * (beyond / 0.1) ** 2
+            reaches.append(xp.sqrt(squared))
+        for other in self.others:
+            i = other.at
+            if other.kind == "score":
+                continue
+            if other.kind in ("height", "axis"):
+                reach = reaches[other.place] if other.place >= 0 else other.away
+                scale = reach + self.radius
+                u = (values[i] - other.middle) / scale
+                total = total - xp.log(scale) - 0.5 * xp.log1p(u**2)
+                u = xp.arcsinh(u)
+            elif other.kind == "time":
+                u = xp.log(self.first - values[i])
+            else:
+                u = self.beliefs[i].unconstrain(values[i])
+            width = other.high - other.low
+            beyond = xp.maximum(0.0, xp.maximum(other.low - u, u - other.high))
+            total = total - 0.5 * (SOFT * beyond / width) ** 2
+        for i, belief in enumerate(self.beliefs):
+            if not isinstance(belief, Free):
+                total = total - 0.5 * belief.unconstrain(values[i]) ** 2
+        return total
 
     def log_prior(
         self, u: Float[np.ndarray, "draw free"]
@@ -154,7 +226,7 @@ class Coordinates:
             total -= math.log(2 * math.pi * self.most)
         for z, other in zip(u.T[2 * len(self.places) :], self.others, strict=True):
             if other.kind == "score":
-                total += norm.logpdf(z)
+                total -= 0.5 * (z**2 + math.log(2 * math.pi))
                 continue
             width = other.high - other.low
             beyond = np.maximum(0.0, np.maximum(other.low - z, z - other.high))
@@ -166,7 +238,7 @@ class Coordinates:
     def start(self, seed: int) -> Float[np.ndarray, "draw free"]:
         """Return stratified draws: one or two in each cell of ln R and bearing.
 
-        Other numbers follow a Sobol' sequence.
+        Other numbers are spread evenly.
         """
         rng = np.random.default_rng(seed)
         cells = RINGS * BEARINGS
@@ -174,8 +246,7 @@ class Coordinates:
         if not self.places:
             count = 64 * 2 ** min(self.size, 3)
         more = max(len(self.places) - 1, 0)
-        wide = max(2 * more + len(self.others), 1)
-        q = qmc.Sobol(wide, seed=seed).random_base2((count - 1).bit_length())[:count]
+        q = spread_points(count, 2 * more + len(self.others), rng.random())
         u = np.empty((count, self.size))
         if self.places:
             cell = np.arange(count) % cells
@@ -213,9 +284,20 @@ class Coordinates:
         length = np.hypot(u[:, 2 * place], u[:, 2 * place + 1])
         return np.minimum((length / self.most * RINGS).astype(int), RINGS - 1)
 
+    def prior_sds(self) -> Float[np.ndarray, " name"]:
+        """Return the prior's standard deviation of the coordinate of each number.
+
+        NaN for a free place and for linear numbers.
+        """
+        found = np.full(len(self.names), np.nan)
+        for other in self.others:
+            width = (other.high - other.low) / math.sqrt(12)
+            found[other.at] = 1.0 if other.kind == "score" else width
+        return found
+
     def longest_steps(self) -> Float[np.ndarray, " free"]:
         """Return the longest step of a climb in each coordinate."""
-        of_kind = {"height": 0.5}
+        of_kind = {"height": 0.5, "axis": 1.5, "score": 10.0}
         others = [of_kind.get(other.kind, 3.0) for other in self.others]
         return np.array([1.5] * 2 * len(self.places) + others)
 

@@ -1,14 +1,18 @@
 r"""The posterior density of a log in the coordinates that no formula integrates out.
 
-One compiled program evaluates the laws at `LANES` places (`seen_at`); everything else
-is NumPy (`likelihood`, `coordinates`). A number is linear if its slope in all rows is
-the same at eight places and two steps; then it is a column of the likelihood and has no
-coordinate. No list of names decides it.
+One compiled program evaluates the laws at a batch of places (`seen_at`); everything
+else is NumPy (`likelihood`, `coordinates`). A number is linear if its slope in all rows
+is the same at eight places and two steps; then it is a column of the likelihood and has
+no coordinate. No list of names decides it.
+
+The program takes more numbers than are fitted: place, time, clocks and wind as well, so
+that questions of the kind "and if this were free" need no other program.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -16,8 +20,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import logsumexp
 
+from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.fidelity.errors import methods_for
 from jblast.inference.coordinates import (
     FAR,
@@ -27,43 +31,59 @@ from jblast.inference.coordinates import (
     Coordinates,
     Other,
 )
-from jblast.inference.fitting.solution import choices_for
+from jblast.inference.laws import Choices, choices_for
 from jblast.inference.likelihood import (
     ROUNDS,
+    Paths,
     Rows,
     Seen,
     chosen,
     exact_gain,
     log_likelihoods,
+    log_sum,
 )
-from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import Posterior, posterior_of
+from jblast.inference.posterior.parameters import Parameters, parameters_of
+from jblast.inference.posterior.posterior import (
+    own_and_shared_errors,
+    refuse_exact,
+    refuse_vast,
+)
 from jblast.kept_programs import kept
 from jblast.observations import Observations
-from jblast.parameters import CHARGE_POSITION
+from jblast.observations.clocks import refuse_unresolved
+from jblast.observations.grouping import some_rows
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import ARRIVALS, CIRCULAR, CLOCK_TIMES
 from jblast.registry import call, law_for
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
-from jblast.scene.uncertain import Normal as NormalPrior, value_of
+from jblast.scene.uncertain import Normal as NormalPrior, names_in, value_of
 from jblast.sensors import Layout, layout_of, record
 from jblast.sensors.law_choice import law_names
-from jblast.sensors.path_scatter import DENSE, KERNELS
+from jblast.sensors.path_scatter import DENSE, KERNELS, MAX_PATHS
 from jblast.sensors.record import path_to, to_error_scale
-from jblast.sensors.simulated_readings import Noise
+from jblast.sensors.simulated_readings import Noise, paths_of
 
-LANES = 512
-"""Places of one call of the compiled program."""
-SOUND = 340.0
-"""Speed by which the range of sensors at one place is bounded [m/s]."""
+LANES, ROWS_OF_ALL = 512, 2**18
+"""Places of one call of the compiled program, and rows of all of them together."""
+NUMBERS = 2**22
+"""Numbers in the matrices of the likelihood that are computed together."""
 NOWHERE = -1e9
 """ln of a density that is not finite."""
 STEP = 1e-4
 """Step of the forward differences of the laws in a coordinate, all of order 1."""
+LOST = 1e3
+"""Standard deviation of times that the log does not determine one by one, in travel
+times of sound over the layout."""
 PROBES = 8
 """Places at which the slope of a linear number must be the same."""
-SCALES = 16
-"""Draws of the scales of own errors for the exact weight of a draw: its ln then varies
-by 0.1 to 0.3."""
+SCALES, SCALES_OF_MANY = 16, 4
+"""Draws of the scales of own errors for the exact weight of a draw, of few rows and of
+many: with 12 rows and 16 draws its ln varies by 0.1 to 0.3."""
+FEW_ROWS = 30
+"""Rows up to which the mean field takes `likelihood.ROUNDS` rounds; of more it takes
+one: the cost grows with their cube, and the weights are exact for any number."""
+WIND = ("wind_east_m_s", "wind_north_m_s")
+"""Numbers that an answer is tested for, besides place, time and clocks."""
 
 
 @kept
@@ -74,23 +94,28 @@ def seen_at(
     names: tuple[str, ...],
     laws: tuple[tuple[str, str], ...],
 ) -> Seen:
-    """Return what laws say of the rows at a batch of places."""
+    """Return the predictions of the rows at a batch of places."""
+    return jax.vmap(
+        lambda at: _seen(scene, layout, dict(laws), dict(zip(names, at, strict=True)))
+    )(values)
 
-    def one(at):
-        there = with_values(scene, dict(zip(names, at, strict=True)))
-        found = record(there, layout, dict(laws))
-        return Seen(
-            to_error_scale(found.value, layout.quantity),
-            found.record_sd,
-            found.shot_loading,
-            found.path_loading,
-            found.arrival_sd,
-            found.place,
-            found.placed,
-            found.valid,
-        )
 
-    return jax.vmap(one)(values)
+def _seen(
+    scene: Scene, layout: Layout, laws: Mapping[str, str], values: Mapping[str, Any]
+) -> Seen:
+    """Return the predictions of the rows at one place."""
+    found = record(with_values(scene, values), layout, dict(laws))
+    return Seen(
+        to_error_scale(found.value, layout.quantity),
+        found.record_sd,
+        found.shot_loading,
+        found.path_loading,
+        found.arrival_sd,
+        found.place,
+        found.placed,
+        found.valid,
+        found.slant_range,
+    )
 
 
 @kept
@@ -141,13 +166,14 @@ class Scored:
             self.log_density[which], self.slope[which], self.information[which]
         )
 
-    def where(self, better: np.ndarray, other: "Scored") -> "Scored":
-        """Return the places of another batch where it is better."""
-        return Scored(
-            np.where(better, other.log_density, self.log_density),
-            np.where(better[:, None], other.slope, self.slope),
-            np.where(better[:, None, None], other.information, self.information),
-        )
+    def replaced(self, which: np.ndarray, others: "Scored") -> "Scored":
+        """Return it with other places instead of some."""
+        parts = (self.log_density, self.slope, self.information)
+        news = (others.log_density, others.slope, others.information)
+        copies = [part.copy() for part in parts]
+        for copy, new in zip(copies, news, strict=True):
+            copy[which] = new
+        return Scored(*copies)
 
 
 @dataclass(frozen=True)
@@ -160,10 +186,11 @@ class Density:
         scene: The scene with its curve sets settled, and numbers as arrays.
         layout: Rows of the log.
         laws: Name of the law of each quantity.
-        posterior: The density as a function that JAX differentiates.
+        names: Names of the numbers that the program takes.
+        held: Values of those that are not fitted.
         coordinates: Coordinates and their prior.
         rows: What the likelihood needs beside the laws.
-        noise: Distribution of the own errors.
+        is_round: True if no row depends on the bearing of the only free place.
     """
 
     observations: Observations
@@ -171,48 +198,125 @@ class Density:
     scene: Scene
     layout: Layout
     laws: Mapping[str, str]
-    posterior: Posterior
+    names: tuple[str, ...]
+    held: Mapping[str, float]
     coordinates: Coordinates
     rows: Rows
-    noise: Noise
+    is_round: bool = False
+
+    @property
+    def noise(self) -> Noise:
+        """Distribution of the own errors."""
+        return self.rows.noise
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """The fitted numbers, with the scene of the curve sets."""
+        return parameters_of(replace(self.uncertain, scene=self.scene))
+
+    def log_density(self, z: Float[Array, " name"]) -> Float[Array, ""]:
+        """Return ln of the density per unit of all fitted coordinates.
+
+        It is known up to a constant. Linear numbers are not integrated out here. JAX
+        can differentiate, compile and vectorise the function.
+        """
+        axes, count = self.coordinates, len(self.rows.measured)
+        pairs = zip(axes.beliefs, axes.names, strict=True)
+        values = {name: b.constrain(z[i]) for i, (b, name) in enumerate(pairs)}
+        seen = _seen(self.scene, self.layout, self.laws, values)
+        rows = replace(self.rows, columns=np.zeros((count, 0)), precision=np.zeros(0))
+        one = jax.tree.map(lambda x: jnp.asarray(x)[None], seen)
+        by_kernel, _ = log_likelihoods(jnp, rows, one)
+        prior = axes.log_prior_of(jnp, jnp.stack(list(values.values())))
+        found = jax.scipy.special.logsumexp(by_kernel[0])
+        return found - math.log(len(rows.kernels)) + prior
+
+    @property
+    def heard(self) -> float:
+        """Distance of sound between the first and last time of a clock [m]."""
+        return _heard(self.layout, self.rows)
+
+    @property
+    def is_small(self) -> bool:
+        """True if matrices of rows are cheap."""
+        return self.rows.block.shape[1] <= FEW_ROWS
+
+    @property
+    def rounds(self) -> int:
+        """Rounds of the mean field."""
+        return ROUNDS if self.is_small else 1
+
+    @property
+    def lanes(self) -> int:
+        """Places of one call of the program."""
+        most = max(ROWS_OF_ALL // max(len(self.rows.measured), 1), 1)
+        return min(LANES, 2 ** int(math.log2(most)))
+
+    def parts(self, values: np.ndarray, work: int = 1) -> Sequence[np.ndarray]:
+        """Return batches of places whose matrices fit into memory."""
+        size = max(NUMBERS // max(self.rows.work * work, 1), 1)
+        size = min(size, LANES)
+        return [values[i : i + size] for i in range(0, len(values), size)]
 
     def __call__(
-        self, u: Float[np.ndarray, "draw free"], rounds: int = ROUNDS
+        self, u: Float[np.ndarray, "draw free"], rounds: int | None = None
     ) -> Float[np.ndarray, " draw"]:
         """Return ln of the density: mean over the kernels, and the prior."""
+        seen = self.seen(u)
+        rounds = self.rounds if rounds is None else rounds
         parts = [
-            log_likelihoods(np, self.rows, self.seen(part), rounds)[0]
-            for part in _parts(u)
+            log_likelihoods(np, self.rows, _some(seen, part), rounds)[0]
+            for part in self.parts(np.arange(len(u)))
         ]
         return self._total(np.concatenate(parts), self.coordinates.log_prior(u))
 
     def _total(self, by_kernel, prior) -> Float[np.ndarray, " draw"]:
-        total = logsumexp(by_kernel, axis=1) - math.log(by_kernel.shape[1]) + prior
+        total = log_sum(by_kernel, axis=1) - math.log(by_kernel.shape[1]) + prior
         return np.where(np.isfinite(total), total, NOWHERE)
 
     def seen(self, u: Float[np.ndarray, "draw free"]) -> Seen:
-        """Return what the laws say of the rows at coordinates."""
+        """Return the predictions of the rows at coordinates."""
         return self.seen_with(self.coordinates.values(u))
 
-    def seen_with(self, values: Float[np.ndarray, "draw name"]) -> Seen:
-        """Return what the laws say of the rows for given numbers."""
-        return self._in_lanes(seen_at, values, tuple(sorted(self.laws.items())))
+    def seen_with(
+        self, values: Float[np.ndarray, "draw name"], **held: np.ndarray
+    ) -> Seen:
+        """Return the predictions of the rows for given numbers.
+
+        Args:
+            values: The fitted numbers.
+            held: Values of other numbers of the program, one each draw.
+        """
+        return self._in_lanes(seen_at, self._all(values, held), self._laws)
 
     def valid_shares(
         self, u: Float[np.ndarray, "draw free"], laws: tuple[tuple[str, str], ...]
     ) -> Float[np.ndarray, "draw law"]:
         """Return the share of its rows for which each law is valid."""
-        return self._in_lanes(valid_at, self.coordinates.values(u), laws)
+        values = self._all(self.coordinates.values(u), {})
+        return self._in_lanes(valid_at, values, laws)
+
+    @property
+    def _laws(self) -> tuple[tuple[str, str], ...]:
+        return tuple(sorted(self.laws.items()))
+
+    def _all(self, values: np.ndarray, held: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the numbers in the order of the program."""
+        of_fitted = dict(zip(self.coordinates.names, values.T, strict=True))
+        known = {**self.held, **of_fitted, **held}
+        columns = [np.broadcast_to(known[name], len(values)) for name in self.names]
+        return np.stack(columns, 1).astype(float)
 
     def _in_lanes(self, program, values, laws):
         found = []
-        for part in _parts(values):
-            padding = np.repeat(part[-1:], LANES - len(part), 0)
+        for first in range(0, len(values), self.lanes):
+            part = values[first : first + self.lanes]
+            padding = np.repeat(part[-1:], self.lanes - len(part), 0)
             answer = program(
                 jnp.asarray(np.concatenate([part, padding])),
                 self.scene,
                 self.layout,
-                self.coordinates.names,
+                self.names,
                 laws,
             )
             count = len(part)
@@ -227,56 +331,99 @@ class Density:
         """
         count, size = u.shape
         steps = STEP * np.eye(size)
-        moved = np.concatenate([u, *(u + step for step in steps)])
-        seen = self.seen(moved)
-        here = jax.tree.map(lambda x: x[:count], seen)
-        by_kernel, field = log_likelihoods(np, self.rows, here)
-        prior = self.coordinates.log_prior(u)
-        total = self._total(by_kernel, prior)
+        seen = self.seen(np.concatenate([u, *(u + step for step in steps)]))
+        here = _some(seen, np.arange(count))
         ends = seen.predicted[count:].reshape(size, count, -1)
-        jacobian = np.moveaxis((ends - seen.predicted[:count]) / STEP, 0, 2)
-        if len(self.rows.bound):
-            satisfied = self.rows.is_bound & (field.residual[:, 0] < 0)
-            readings = replace(self.rows, is_bound=np.zeros_like(self.rows.is_bound))
-            loose = here._replace(record_sd=here.record_sd + 1e3 * satisfied)
-            _, field = log_likelihoods(np, readings, loose)
-        else:
-            jacobian = jacobian[:, self.rows.read]
-        jacobian = np.nan_to_num(jacobian)
-        best = np.arange(count), by_kernel.argmax(1)
+        jacobian = np.nan_to_num(np.moveaxis((ends - here.predicted) / STEP, 0, 2))
+        total, slopes, known = [], [], []
+        for part in self.parts(np.arange(count)):
+            one = self._scored(_some(here, part), jacobian[part])
+            for of, to in zip(one, (total, slopes, known), strict=True):
+                to.append(of)
+        prior = self.coordinates.log_prior(u)
         of_prior = np.stack(
             [(self.coordinates.log_prior(u + s) - prior) / STEP for s in steps], axis=1
         )
-        slope = np.einsum("mnj,mn->mj", jacobian, np.nan_to_num(field.weighted[best]))
-        precision = np.nan_to_num(field.precision[best])
-        information = np.swapaxes(jacobian, 1, 2) @ precision @ jacobian
         return Scored(
-            total,
-            slope + of_prior.clip(-20, 20),
-            information + self.coordinates.information(),
+            self._total(np.concatenate(total), prior),
+            np.concatenate(slopes) + of_prior.clip(-20, 20),
+            np.concatenate(known) + self.coordinates.information(),
+        )
+
+    def _scored(self, here: Seen, jacobian: Float[np.ndarray, "place row free"]):
+        """Return ln likelihood by kernel, slope and information of the best one."""
+        rows = self.rows
+        by_kernel, field = log_likelihoods(np, rows, here, self.rounds)
+        if len(rows.bound):
+            satisfied = rows.is_bound & (field.residual[:, 0] < 0)
+            readings = replace(rows, is_bound=np.zeros_like(rows.is_bound))
+            loose = here._replace(record_sd=here.record_sd + 1e3 * satisfied)
+            _, field = log_likelihoods(np, readings, loose, self.rounds)
+            rows = readings
+        normal = field.normal.at((np.arange(len(by_kernel)), by_kernel.argmax(1)))
+        weights = np.nan_to_num(normal.weights(rows))
+        solved = np.nan_to_num(normal.solved(rows, jacobian))
+        return (
+            by_kernel,
+            np.einsum("mnj,mn->mj", jacobian, weights),
+            np.swapaxes(jacobian, 1, 2) @ solved,
         )
 
     def exact(
         self, u: Float[np.ndarray, "draw free"], rng: np.random.Generator
-    ) -> tuple[Float[np.ndarray, " draw"], Float[np.ndarray, "draw name"]]:
-        """Return ln of the exact over the approximate density, and all numbers.
+    ) -> tuple[
+        Float[np.ndarray, " draw"],
+        Float[np.ndarray, " draw"],
+        Float[np.ndarray, "draw name"],
+    ]:
+        """Return ln of the density, of the exact one over it, and all numbers.
 
         The ratio is an unbiased estimate. Linear numbers are drawn given the others.
         """
-        gains, numbers = [], []
-        for part in _parts(u):
-            values = self.coordinates.values(part)
-            by_kernel, field = log_likelihoods(np, self.rows, self.seen_with(values))
-            total = logsumexp(by_kernel, axis=1)
+        values = self.coordinates.values(u)
+        seen = self.seen_with(values)
+        kernels, gains = [], []
+        scales = SCALES if self.is_small else SCALES_OF_MANY
+        work = scales // len(self.rows.kernels) + 1
+        for part in self.parts(np.arange(len(u)), work):
+            by_kernel, field = log_likelihoods(
+                np, self.rows, _some(seen, part), self.rounds
+            )
+            total = log_sum(by_kernel, axis=1)
             kernel = chosen(np.exp(by_kernel - total[:, None]), rng)
             approximate = by_kernel[np.arange(len(part)), kernel]
             gain, linear = exact_gain(
-                self.rows, field, kernel, approximate, SCALES, rng
+                self.rows, field, kernel, approximate, scales, rng
             )
-            values[:, list(self.coordinates.linear)] += linear
+            values[part[:, None], list(self.coordinates.linear)] += linear
+            kernels.append(by_kernel)
             gains.append(gain)
-            numbers.append(values)
-        return np.concatenate(gains), np.concatenate(numbers)
+        density = self._total(np.concatenate(kernels), self.coordinates.log_prior(u))
+        return density, np.nan_to_num(np.concatenate(gains), nan=0.0), values
+
+    def of_readings(
+        self, values: Float[np.ndarray, "draw name"]
+    ) -> Float[np.ndarray, " draw"]:
+        """Return ln of the likelihood of given numbers, linear ones included."""
+        count = len(self.rows.measured)
+        rows = replace(self.rows, columns=np.zeros((count, 0)), precision=np.zeros(0))
+        seen = self.seen_with(values)
+        by_kernel = np.concatenate(
+            [
+                log_likelihoods(np, rows, _some(seen, part))[0]
+                for part in self.parts(np.arange(len(values)))
+            ]
+        )
+        return log_sum(by_kernel, axis=1) - math.log(by_kernel.shape[1])
+
+    def best(self, u: Float[np.ndarray, " free"]) -> Float[np.ndarray, " name"]:
+        """Return all numbers at coordinates, linear ones at their mean."""
+        values = self.coordinates.values(u[None])
+        by_kernel, field = log_likelihoods(np, self.rows, self.seen_with(values))
+        size = len(self.coordinates.linear)
+        mean = field.middle[0] + field.normal.linear[0, by_kernel[0].argmax(), :size]
+        values[0, list(self.coordinates.linear)] += mean
+        return values[0]
 
     def of_shot(self, shot: int) -> "Density":
         """Return the density by the rows of one charge alone."""
@@ -285,14 +432,49 @@ class Density:
         sigma = np.where(out, 1e6, self.rows.sigma)
         return replace(self, rows=replace(self.rows, sigma=sigma))
 
+    def of_few(self, count: int) -> "Density":
+        """Return the density by some of the rows if there are five times as many."""
+        rows = len(self.rows.measured)
+        if rows <= 5 * count:
+            return self
+        kinds: dict[tuple, list[int]] = {}
+        layout = self.layout
+        keys = zip(layout.quantity, layout.shot, layout.clock, strict=True)
+        for row, kind in enumerate(keys):
+            kinds.setdefault(kind, []).append(row)
+        each = max(count // len(kinds), 2)
+        kept = np.concatenate(
+            [
+                np.array(of)[np.unique(np.linspace(0, len(of) - 1, each).astype(int))]
+                for of in kinds.values()
+            ]
+        )
+        log = some_rows(self.observations, np.sort(kept))
+        return density_of(log, self.uncertain, self.noise).with_laws_of(self)
+
+    def with_laws_of(self, other: "Density") -> "Density":
+        """Return the density by the laws of another one."""
+        if other.laws == self.laws:
+            return self
+        return self.with_laws(self.uncertain.scene, other.laws)
+
     def scene_at(self, values: Float[np.ndarray, " name"]) -> Scene:
         """Return the scene with given numbers."""
         return with_values(
             self.uncertain.scene, dict(zip(self.coordinates.names, values, strict=True))
         )
 
+    def choices_at(self, values: Float[np.ndarray, " name"]) -> Choices:
+        """Return the automatic choices of laws and curve sets at given numbers."""
+        there = replace(self.scene_at(values), law=self.uncertain.scene.law)
+        rows = layout_of(self.observations, there)
+        return choices_for(there, rows, self.observations.error_scale())
+
     def with_laws(self, near: Scene, laws: Mapping[str, str]) -> "Density":
         """Return the density by other laws, with the curve sets of a scene."""
+        by_height = any(c.by_height or c.burst is None for c in self.scene.charges)
+        if laws == self.laws and not by_height:
+            return self
         named = dict(self.uncertain.scene.law)
         parts = _settled(
             self.observations, self.uncertain, near, {**named, **laws}, self.noise
@@ -334,11 +516,7 @@ class Density:
         A law is exchanged only for one that is valid for no less of the draws.
         """
         best = self.coordinates.values(u[[weights.argmax()]])[0]
-        there = self.scene_at(best)
-        asked = replace(there, law=self.uncertain.scene.law)
-        rows = layout_of(self.observations, there)
-        choices = choices_for(asked, rows, self.observations.error_scale())
-        new = law_names(choices.laws)
+        new = law_names(self.choices_at(best).laws)
         pairs = tuple(
             (quantity, name)
             for quantity in new
@@ -357,15 +535,20 @@ class Density:
 def density_of(
     observations: Observations, uncertain: UncertainScene, noise: Noise = "student"
 ) -> Density:
-    """Return the density of a log whose positions are resolved."""
+    """Return the density of a log whose positions are resolved.
+
+    Raises:
+        InputError: A row has no error at all, a sigma disagrees with the covariance of
+            its record, or rows times shared effects are too many.
+    """
     scene = uncertain.scene
     parts = _settled(observations, uncertain, scene, dict(scene.law), noise)
-    posterior: Posterior = parts["posterior"]
-    names, beliefs = posterior.parameters.names, posterior.parameters.beliefs
+    names, beliefs = tuple(uncertain.beliefs), tuple(uncertain.beliefs.values())
+    held = _held(scene, names)
     blank = Coordinates(
         names=names,
         beliefs=beliefs,
-        base=_base(names, beliefs, parts["layout"], parts["rows"]),
+        base=_base(scene, names, beliefs, parts["layout"], parts["rows"]),
         places=_places(names, beliefs),
         others=(),
         linear=(),
@@ -375,10 +558,29 @@ def density_of(
         observations=observations,
         uncertain=uncertain,
         coordinates=blank,
-        noise=noise,
+        names=tuple(sorted({*names, *held})),
+        held=held,
         **parts,
     )
     return _with_linear_numbers(density)
+
+
+def _held(scene: Scene, names: Sequence[str]) -> dict[str, float]:
+    """Return numbers of the program that are not fitted."""
+    bases = (*CHARGE_POSITION[:2], "origin_time_s", CLOCK_OFFSET, *WIND)
+    found = {}
+    for name in names_in(scene):
+        if name.partition(".")[0] in bases and name not in names:
+            value = value_of(scene, name)
+            if value is not None:
+                found[name] = float(value)
+    ranged = {
+        base + scene.label(charge)
+        for charge in scene.charges
+        if charge.range_m is not None
+        for base in CHARGE_POSITION[:2]
+    }
+    return {name: value for name, value in found.items() if name not in ranged}
 
 
 def _settled(
@@ -388,70 +590,86 @@ def _settled(
     laws: Mapping[str, str],
     noise: Noise,
 ) -> dict[str, Any]:
-    """Return scene, layout, laws, posterior and rows for a choice of laws."""
-    rows = layout_of(observations, near)
+    """Return scene, layout, laws and rows for a choice of laws."""
     named = replace(near, law=tuple(laws.items()))
-    choices = choices_for(named, rows, observations.error_scale())
-    taken = law_names(choices.laws)
-    posterior = posterior_of(
-        parameters_of(replace(uncertain, scene=choices.scene)),
-        choices.layout,
-        observations,
-        taken,
-        noise,
+    choices = choices_for(
+        named, layout_of(observations, near), observations.error_scale()
     )
-    opened = jax.tree.map(
+    taken = law_names(choices.laws)
+    scene, layout = jax.tree.map(
         lambda x: jnp.asarray(x) if isinstance(x, float) else x,
         (choices.scene, choices.layout),
     )
-    scene, layout = opened
-    return {
-        "scene": scene,
-        "layout": layout,
-        "laws": taken,
-        "posterior": posterior,
-        "rows": _rows(posterior, scene, layout),
-    }
+    refuse_exact(observations, scene.scatter, taken)
+    refuse_unresolved(observations)
+    names = tuple(uncertain.beliefs)
+    rows = _rows(observations, scene, layout, taken, names, noise)
+    return {"scene": scene, "layout": layout, "laws": taken, "rows": rows}
 
 
-def _rows(posterior: Posterior, scene: Scene, layout: Layout) -> Rows:
-    count = len(layout.quantity)
-    group = np.array(layout.group)
-    low = np.zeros(count, bool)
-    if posterior.lower_bound is not None:
-        low = np.asarray(posterior.lower_bound)
-    shared = np.zeros((count, 0))
-    if posterior.shared_error is not None:
-        shared = np.asarray(posterior.shared_error)
-    bases = {name.partition(".")[0] for name in posterior.parameters.names}
-    # only the range of an array depends on the kernel
-    weighted = (
-        posterior.neighbours
-        and 2 <= len(set(layout.group)) <= DENSE
-        and bool(bases & {*CHARGE_POSITION})
-    )
+def _rows(
+    observations: Observations,
+    scene: Scene,
+    layout: Layout,
+    laws: Mapping[str, str],
+    names: Sequence[str],
+    noise: Noise,
+) -> Rows:
+    sigma, shared = own_and_shared_errors(observations)
+    refuse_vast(observations, scene, layout, laws, shared.shape[1])
+    count, group = len(layout.quantity), np.array(layout.group)
     paths = {}
     for quantity, (shot, charge) in product(
         layout.quantities(), enumerate(scene.charges)
     ):
-        of_shot, _ = layout.rows(quantity, shot)
-        _, first, of = np.unique(group[of_shot], return_index=True, return_inverse=True)
-        of_row = np.zeros(count, int)
-        of_row[of_shot] = of
-        paths[quantity + scene.label(charge)] = of_shot[first], of_row
+        of_shot, first, of = paths_of(layout, quantity, shot)
+        if not len(of_shot):
+            continue
+        path, recorded = np.zeros(count, int), np.zeros(count, bool)
+        path[of_shot], recorded[of_shot] = of, True
+        paths[quantity + scene.label(charge)] = Paths(of_shot[first], path, recorded)
+    most = max((len(one.first) for one in paths.values()), default=0)
+    directed = ~(np.asarray(layout.slant_range) > 0)
+    has_neighbours = len(set(group[directed])) > 1 and most > 1
+    correlated = has_neighbours and most <= DENSE
+    bases = {name.partition(".")[0] for name in names}
+    # only the range of an array depends on the kernel
+    weighted = correlated and bool(bases & {*CHARGE_POSITION})
+    block = _blocks(group, shared, whole=correlated)
+    members = np.maximum(block, 0)
+    both = (block[:, :, None] >= 0) & (block[:, None] >= 0)
     return Rows(
-        measured=np.asarray(posterior.measured),
-        sigma=np.asarray(posterior.sigma),
+        measured=np.asarray(to_error_scale(observations.value, layout.quantity)),
+        sigma=sigma,
         circular=np.isin(layout.quantity, CIRCULAR),
-        is_bound=low,
-        same_path=group[:, None] == group,
-        shared=shared @ shared.T,
+        is_bound=observations.bounds(),
+        group=group,
+        block=block,
+        shared=np.einsum("bme,bne->bmn", shared[members], shared[members]) * both,
         columns=np.zeros((count, 0)),
         precision=np.zeros(0),
         kernels=KERNELS if weighted else KERNELS[2:3],
         paths=paths,
-        noise=posterior.noise,
+        correlated=correlated,
+        anchored=has_neighbours and DENSE < most <= MAX_PATHS,
+        noise=noise,
     )
+
+
+def _blocks(group: np.ndarray, shared: np.ndarray, *, whole: bool) -> np.ndarray:
+    """Return the rows of each block: all, or those of a path and of its records."""
+    if whole:
+        return np.arange(len(group))[None]
+    label = np.unique(group, return_inverse=True)[1]
+    for column in (shared != 0).T:  # a record of several paths joins them
+        joined = np.unique(label[column])
+        label[np.isin(label, joined)] = joined[0]
+    _, label, size = np.unique(label, return_inverse=True, return_counts=True)
+    block = np.full((len(size), size.max()), -1)
+    order = np.argsort(label, kind="stable")
+    member = np.arange(len(group)) - np.repeat(np.cumsum(size) - size, size)
+    block[label[order], member] = order
+    return block
 
 
 def _places(names, beliefs) -> tuple[tuple[int, int], ...]:
@@ -472,45 +690,61 @@ def _places(names, beliefs) -> tuple[tuple[int, int], ...]:
 
 def _array(layout: Layout, rows: Rows) -> dict[str, Any]:
     """Return middle, size and bounds of the sensors."""
-    at = np.asarray(layout.places())
-    at = at if len(at) else np.zeros((1, 3))
-    level = at[:, :2]
-    width = float(np.linalg.norm(level[:, None] - level[None], axis=-1).max())
-    clock, quantity = np.array(layout.clock), np.array(layout.quantity)
-    timed = np.asarray(layout.time)
-    timed = np.where(np.isin(quantity, CLOCK_TIMES), rows.measured, timed)
-    heard = 0.0
-    for name in set(clock):
-        of_clock = (clock == name) & np.isfinite(timed)
-        bangs = np.isin(quantity, ARRIVALS) & of_clock
-        if bangs.any():
-            took = timed[bangs].max() - timed[of_clock].min()
-            heard = max(heard, SOUND * float(took))
+    level = _sensors(layout)[:, :2]
+    # the diagonal of the bounding box is at most the root of 2 times the width
+    width = float(np.linalg.norm(np.ptp(level, axis=0)))
+    if len(level) <= LANES:
+        width = float(np.linalg.norm(level[:, None] - level[None], axis=-1).max())
+    heard = _heard(layout, rows)
     radius = NEAR * (width or heard) or 1.0
     far = max(FAR * width, 10 * heard) or 1e5
     given = np.asarray(layout.time)
-    finite = given[np.isfinite(given)]
+    # radii begin after the explosion; a clock reading has an error of its own
+    timed = given[np.isfinite(given)]
+    if not timed.size:
+        timed = rows.measured[np.isin(layout.quantity, CLOCK_TIMES)]
     return {
         "middle": level.mean(0),
-        "up": float(at[:, 2].mean()),
         "radius": radius,
         "most": math.asinh(far / radius),
-        "first": float(finite.min()) if finite.size else math.nan,
+        "first": float(timed.min()) if timed.size else math.nan,
     }
 
 
-def _base(names, beliefs, layout: Layout, rows: Rows) -> Float[np.ndarray, " name"]:
+def _sensors(layout: Layout) -> Float[np.ndarray, "place 3"]:
+    at = np.asarray(layout.places())
+    return at if len(at) else np.zeros((1, 3))
+
+
+def _heard(layout: Layout, rows: Rows) -> float:
+    """Return how far sound travels between the times of a clock with an arrival [m]."""
+    clock, quantity = np.array(layout.clock), np.array(layout.quantity)
+    timed = np.asarray(layout.time)
+    timed = np.where(np.isin(quantity, CLOCK_TIMES), rows.measured, timed)
+    took = 0.0
+    for name in set(layout.clock):
+        of_clock = (clock == name) & np.isfinite(timed)
+        bangs = np.isin(quantity, ARRIVALS) & of_clock
+        if bangs.any():
+            took = max(took, float(timed[bangs].max() - timed[of_clock].min()))
+    return STANDARD_SOUND_SPEED * took
+
+
+def _base(
+    scene: Scene, names, beliefs, layout: Layout, rows: Rows
+) -> Float[np.ndarray, " name"]:
     """Return the values at which numbers are held where they are linear."""
     clocks = np.isin(layout.quantity, CLOCK_TIMES)
     begin = float(rows.measured[clocks].min()) if clocks.any() else 0.0
-    return np.array(
-        [
-            float(belief.constrain(0.0))
-            if not isinstance(belief, Free)
-            else begin * name.startswith("origin_time_s")
-            for name, belief in zip(names, beliefs, strict=True)
-        ]
-    )
+    found = []
+    for name, belief in zip(names, beliefs, strict=True):
+        if not isinstance(belief, Free):
+            found.append(float(belief.constrain(0.0)))
+        elif name.startswith("origin_time_s"):
+            found.append(begin)
+        else:
+            found.append(float(value_of(scene, name)))
+    return np.array(found)
 
 
 def _with_linear_numbers(density: Density) -> Density:
@@ -523,38 +757,46 @@ def _with_linear_numbers(density: Density) -> Density:
     for i in left:
         belief = blank.beliefs[i]
         if isinstance(belief, Free) and belief.positive:
-            start = float(np.asarray(belief.constrain(_start(density, i))))
-            probe[:, i] = start * np.exp(rng.normal(0, 1, PROBES))
+            probe[:, i] = blank.base[i] * np.exp(rng.normal(0, 1, PROBES))
     for pair in blank.places:
         away = rng.normal(0, blank.radius / NEAR, (PROBES, 2))
         probe[:, pair] = blank.middle + away
-    here = density.seen_with(probe).predicted
+    turned = probe.copy()
+    for pair in blank.places[:1]:
+        away = (turned[:, pair] - blank.middle) @ np.array([[0.6, -0.8], [0.8, 0.6]])
+        turned[:, pair] = blank.middle + away
+    # one call: the places, the same in another bearing, each number moved by two steps
+    sizes = (0.01, 2.0)
+    moved = [
+        probe - h * (np.arange(len(blank.names)) == i) for i in left for h in sizes
+    ]
+    seen = density.seen_with(np.concatenate([probe, turned, *moved])).predicted
+    here, there, *ends = np.split(seen, 2 + len(moved))
     linear, columns, precision, others = [], [], [], []
-    for i in left:
+    for k, i in enumerate(left):
         belief = blank.beliefs[i]
-        unit = np.arange(len(blank.names)) == i
         slopes = np.concatenate(
-            [
-                (here - density.seen_with(probe - h * unit).predicted) / h
-                for h in (0.01, 2)
-            ]
+            [(here - ends[2 * k + j]) / h for j, h in enumerate(sizes)]
         )
         if _is_linear(belief, slopes):
             linear.append(i)
-            columns.append(slopes.mean(0).round(9))
+            columns.append(slopes.mean(0).round(6))
             sd = math.inf
             if not isinstance(belief, Free):
                 sd = float(belief.constrain(1.0) - belief.constrain(0.0))
             precision.append(sd**-2)
         else:
             others.append(_axis(density, i))
-    rows = replace(
-        density.rows,
-        columns=np.stack(columns, 1) if columns else density.rows.columns,
-        precision=np.array(precision),
-    )
+    found = np.stack(columns, 1) if columns else density.rows.columns
+    flat = np.array(precision) == 0
+    if np.linalg.matrix_rank(found[:, flat]) < flat.sum():
+        # clocks of which the log has only differences: a wide normal keeps them finite
+        wide = LOST * (reach_of(density) / STANDARD_SOUND_SPEED)
+        precision = np.where(flat, wide**-2, precision).tolist()
+    rows = replace(density.rows, columns=found, precision=np.array(precision))
     coordinates = replace(blank, linear=tuple(linear), others=tuple(others))
-    return replace(density, coordinates=coordinates, rows=rows)
+    is_round = len(blank.places) == 1 and np.allclose(here, there, rtol=1e-9, atol=0)
+    return replace(density, coordinates=coordinates, rows=rows, is_round=is_round)
 
 
 def _is_linear(belief, slopes: Float[np.ndarray, "probe row"]) -> bool:
@@ -569,28 +811,45 @@ def _is_linear(belief, slopes: Float[np.ndarray, "probe row"]) -> bool:
     )
 
 
-def _start(density: Density, i: int) -> float:
-    """Return the fitted coordinate of a number of the scene."""
-    name, belief = density.coordinates.names[i], density.coordinates.beliefs[i]
-    return float(belief.unconstrain(np.asarray(value_of(density.scene, name))))
-
-
 def _axis(density: Density, i: int) -> Other:
     """Return the coordinate of a number that is not linear."""
-    name, belief = density.coordinates.names[i], density.coordinates.beliefs[i]
+    axes, layout = density.coordinates, density.layout
+    name, belief = axes.names[i], axes.beliefs[i]
+    base, _, label = name.partition(".")
     if not isinstance(belief, Free):
         return Other(i, "score", -3.5, 3.5)
-    if name.startswith("charge_mass_kg"):
+    if base == "charge_mass_kg":
         return Other(i, "flat", *MASS)
-    if name.startswith("origin_time_s"):
+    if base == "origin_time_s":
         return Other(i, "time", math.log(1e-6), math.log(1e3))
-    if name.startswith("charge_up_m"):
-        return Other(i, "height", -1.5, 1.5)
-    amount = parameter_named(name).spread.amount
+    if base in CHARGE_POSITION:
+        k = CHARGE_POSITION.index(base)
+        labels = [axes.labels(place) for place in range(len(axes.places))]
+        suffix = f".{label}" if label else ""
+        place = labels.index(suffix) if suffix in labels else -1
+        middle = float(np.append(axes.middle, _sensors(layout)[:, 2].mean())[k])
+        fixed = [
+            float(value_of(density.scene, other + suffix)) - axes.middle[j]
+            for j, other in enumerate(CHARGE_POSITION[:2])
+            if j != k
+        ]
+        most = 1.5 if k == 2 else axes.most
+        kind = "height" if k == 2 else "axis"
+        return Other(i, kind, -most, most, place, middle, float(np.linalg.norm(fixed)))
+    amount, of = parameter_named(name).spread
+    reach = reach_of(density)
+    units = {"layout": reach, "travel": reach / STANDARD_SOUND_SPEED}
     half = SPREADS * (math.log(amount) if belief.positive else amount)
-    middle = _start(density, i)
+    half *= 1.0 if belief.positive else units.get(of, 1.0)
+    middle = float(np.asarray(belief.unconstrain(axes.base[i])))
     return Other(i, "flat", middle - half, middle + half)
 
 
-def _parts(u: np.ndarray) -> Sequence[np.ndarray]:
-    return [u[first : first + LANES] for first in range(0, len(u), LANES)]
+def reach_of(density: Density) -> float:
+    """Return the width of the sensors, or the largest given slant range [m]."""
+    given = np.nan_to_num(np.asarray(density.layout.slant_range)).max(initial=0.0)
+    return max(float(given), density.coordinates.radius / NEAR)
+
+
+def _some(seen: Seen, places: np.ndarray) -> Seen:
+    return jax.tree.map(lambda x: x[places], seen)

@@ -1,7 +1,7 @@
 r"""The posterior by an ensemble of walkers, until its quantiles are precise enough.
 
-Walkers start from the normal approximation at every optimum of enough weight. emcee
-moves them in whitened coordinates, each step by one of the kinds in `SHARES`.
+Walkers start from weighted draws. emcee moves them in the coordinates of the density,
+each step by one of the kinds in `SHARES`; linear numbers are drawn at each place.
 Convergence is judged after the first `FIRST_JUDGED` steps, and then each time their
 number has grown by `JUDGED_AGAIN`.
 
@@ -15,31 +15,20 @@ the steps.
 """
 
 import itertools
+import math
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import logsumexp, ndtri
+from scipy.special import ndtri
 
 from jblast.errors import InputError
-from jblast.inference.identifiability import Identifiability
-from jblast.inference.mode.laplace import Laplace, laplace
-from jblast.inference.mode.search import SEPARATE, Optima
+from jblast.inference.density import Density
 from jblast.inference.posterior.parameters import Finding
-from jblast.inference.posterior.posterior import Posterior
-from jblast.inference.whitening import (
-    Density,
-    Whitened,
-    densities,
-    non_finite_rows,
-    root_of,
-    whitened_density,
-)
+from jblast.inference.sample import CENTRES_OF_FINAL, Draws, components
 from jblast.progress import Level, Task
 
 SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "independence": 0.1}
@@ -48,11 +37,7 @@ r"""Share of the moves of each kind.
 near: $2.38/\sqrt{2 d}$ of the difference of two other walkers (ter Braak 2006, Stat.
 Comput. 16:239). jump: the whole difference, which leads from mode to mode. stretch:
 towards or away from another walker (Goodman & Weare 2010), for long tails.
-independence: to a draw from the normals about the known optima, wherever the walker is.
-Five microphones, four unknowns, 64 walkers: the autocorrelation time is 11 steps,
-without the independence move 17, with the stretch move alone 59. For a charge beside a
-line of microphones and its mirror image it is 36, without the independence move some
-460.
+independence: to a draw from the mixture about the weighted draws.
 """
 WALKERS = 64
 """Fewest walkers. A fit has at least 4 per unknown: half of them move by differences of
@@ -71,12 +56,8 @@ JUDGED_AGAIN = 1.15
 steps are superfluous, and the checks take a constant share of the time."""
 REPORTED = 50
 """Steps between reports of progress."""
-UNLIKELY = 1e-3
-"""Smallest share of the posterior of an optimum, relative to the best, for walkers: a
-smaller one hardly moves a 90 % interval."""
-TRIES = 40
-"""Halvings of the distance from the optimum of a walker whose density is zero: 0.5^40
-is 1e-12, so that it starts at the optimum itself."""
+MAX_DRAWS = 8000
+"""Largest number of draws that an answer is read from."""
 WINDOW = 5.0
 """Sokal's window in autocorrelation times, the value of emcee: shorter ones are biased,
 in longer ones the noise of the tail is summed."""
@@ -92,20 +73,6 @@ RANKED = 100_000
 """Draws to which R-hat thins: every check sorts them."""
 TAILS = (0.05, 0.95)
 """Bounds of the 90 % intervals that a fit reports."""
-
-
-class Start(NamedTuple):
-    """A normal from which a share of the walkers starts, and of the independence moves.
-
-    Attributes:
-        center: Mean.
-        root: One standard deviation along each axis, one column each.
-        share: Share of the walkers.
-    """
-
-    center: Float[np.ndarray, " free"]
-    root: Float[np.ndarray, "free free"]
-    share: float
 
 
 @dataclass(frozen=True)
@@ -147,18 +114,20 @@ class Ensemble:
     """Draws of a posterior, and their convergence.
 
     Attributes:
-        names: Names of the coordinates.
-        z: Draws in the fitted coordinates, without the warm-up.
+        names: Names of the numbers.
+        u: Draws of the coordinates that were sampled, without the warm-up.
+        values: All numbers in their units.
         log_density: ln of the posterior density at each, up to a constant.
         convergence: Autocorrelation times, effective sample sizes, R-hat, error of the
-            quantiles.
+            quantiles, by coordinate.
         acceptance: Share of accepted moves.
         findings: Shortfalls of convergence.
         seconds: Duration.
     """
 
     names: tuple[str, ...]
-    z: Float[np.ndarray, "walker step free"]
+    u: Float[np.ndarray, "walker step free"]
+    values: Float[np.ndarray, "walker step name"]
     log_density: Float[np.ndarray, "walker step"]
     convergence: Convergence
     acceptance: float
@@ -170,70 +139,69 @@ class Ensemble:
         """True if the requested precision was reached."""
         return not self.findings
 
-    def draws(self, most: int | None = None) -> Float[np.ndarray, "draw free"]:
-        """Return all draws as one array, or at most `most`, evenly spaced."""
-        flat = self.z.transpose(1, 0, 2).reshape(-1, len(self.names))
-        if most is None or most >= len(flat):
-            return flat
-        return flat[np.linspace(0, len(flat) - 1, most).astype(int)]
+    def as_draws(self, before: Draws) -> Draws:
+        """Return the steps as draws of equal weight, at most `MAX_DRAWS`.
+
+        Args:
+            before: Weighted draws; their modes and laws stay.
+        """
+        flat = self.log_density.size
+        some = np.unique(np.linspace(0, flat - 1, MAX_DRAWS).astype(int))
+
+        def kept(x: np.ndarray) -> np.ndarray:
+            return np.swapaxes(x, 0, 1).reshape(flat, *x.shape[2:])[some]
+
+        return replace(
+            before,
+            u=kept(self.u),
+            values=kept(self.values),
+            log_density=kept(self.log_density),
+            weights=np.full(len(some), 1 / len(some)),
+            k_hat=-math.inf,
+        )
 
 
 def ensemble(
-    posterior: Posterior,
-    normal: Laplace,
-    identifiability: Identifiability,
-    optima: Optima | None = None,
+    density: Density,
+    draws: Draws,
     *,
     seed: int = 0,
     walkers: int = WALKERS,
     precision: float = PRECISION,
     most_steps: int = MAX_STEPS,
-    rows: Sequence[str] = (),
 ) -> Ensemble:
-    """Draw from a posterior until its quantiles are precise enough.
+    """Walk through a posterior until its quantiles are precise enough.
 
     Args:
-        posterior: The posterior.
-        normal: Its normal approximation.
-        identifiability: Null directions of the log.
-        optima: Optima of the search. Walkers start at those of enough weight; without
-            optima all start from the normal approximation.
+        density: The density.
+        draws: Weighted draws of it, from which the walkers start.
         seed: Seed of all random numbers.
-        walkers: Number of walkers; even, and at least twice the unknowns.
+        walkers: Fewest walkers; even.
         precision: Largest Monte Carlo error of the 5 and 95 % quantile of any
             coordinate, in its standard deviations.
         most_steps: Largest number of steps.
-        rows: Name of each row of the log in messages.
 
     Raises:
-        InputError: The posterior is improper or not finite at its optimum, or an
-            argument is out of range.
+        InputError: An argument is out of range.
     """
-    if walkers < 2 * normal.z.size or walkers % 2:
-        raise InputError(
-            f"walkers: expected an even number, at least twice the {normal.z.size} "
-            f"unknowns, got {walkers}"
-        )
+    size = density.coordinates.size
+    if walkers < 2 or walkers % 2:
+        raise InputError(f"walkers: expected an even number, got {walkers}")
     if not (precision > 0 and most_steps > 0):
         raise InputError(
             "expected a positive precision and number of steps, got "
             f"{precision} and {most_steps}"
         )
     begun = time.monotonic()
-    density = whitened_density(posterior, normal, identifiability)
-    _refuse_non_finite(posterior, normal.z, rows)
-    # in whitened coordinates the optimum is the origin
-    starts = [Start(np.zeros(normal.z.size), np.eye(normal.z.size), 1.0)]
-    if optima is not None:
-        starts += _others(density, normal, identifiability, optima)
-    axes = np.asarray(density.root)
+    # at least twice the unknowns; four times lets half of the walkers span them
+    walkers = max(walkers, 4 * size)
     report, wanted, check = Task(), float(most_steps), FIRST_JUDGED
-    steps: list[tuple[np.ndarray, np.ndarray]] = []
+    steps: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def judged() -> Convergence:
-        return convergence(np.array([w for w, _ in steps]) @ axes.T)
+        return convergence(np.array([u for u, *_ in steps]))
 
-    for state in walk(density, starts, seed=seed, walkers=walkers):
+    for state in walk(density, draws, seed=seed, walkers=walkers):
         steps.append(state)
         done = len(steps)
         if done % REPORTED == 0:
@@ -247,30 +215,38 @@ def ensemble(
             wanted = min(found.warm_up + found.steps_wanted(precision), most_steps)
             check = int(check * JUDGED_AGAIN)
     found = judged()
-    chain = np.array([w for w, _ in steps])
-    names = posterior.parameters.names
+    chain, height, values = (np.array(part) for part in zip(*steps, strict=True))
+    axes = density.coordinates
+    others = [axes.names[other.at] for other in axes.others]
+    sampled = [axes.names[i] for pair in axes.places for i in pair] + others
+    late = slice(found.warm_up, None)
     return Ensemble(
-        names=names,
-        z=(normal.z + chain[found.warm_up :] @ axes.T).transpose(1, 0, 2),
-        log_density=np.array([value for _, value in steps[found.warm_up :]]).T,
+        names=axes.names,
+        u=np.swapaxes(chain[late], 0, 1),
+        values=np.swapaxes(values[late], 0, 1),
+        log_density=height[late].T,
         convergence=found,
         # a walker that did not move in a step has rejected its proposal
         acceptance=float(np.mean((np.diff(chain, axis=0) != 0).any(axis=2)))
         if len(chain) > 1
         else 0.0,
-        findings=tuple(shortfalls(found, names, precision)),
+        findings=tuple(shortfalls(found, sampled, precision)),
         seconds=time.monotonic() - begun,
     )
 
 
 def walk(
-    density: Density, starts: Sequence[Start], *, seed: int = 0, walkers: int = WALKERS
-) -> Iterator[tuple[Float[np.ndarray, "walker free"], Float[np.ndarray, " walker"]]]:
-    """Yield the places of the walkers and ln of the densities there, without end.
+    density: Density, draws: Draws, *, seed: int = 0, walkers: int = WALKERS
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield coordinates, ln of the density and all numbers of the walkers, without end.
+
+    The density of a place is an unbiased estimate, which a walker keeps while it stays
+    there: the chain then has the exact density (Andrieu & Roberts 2009, Ann. Statist.
+    37:697).
 
     Args:
         density: Density to sample.
-        starts: Normals from which the walkers start.
+        draws: Weighted draws of it, from which the walkers start.
         seed: Seed of all random numbers.
         walkers: Number of walkers; even.
     """
@@ -278,127 +254,41 @@ def walk(
     import emcee
     from emcee.moves import DEMove, MHMove, StretchMove
 
-    def value(w):
-        # most moves are of half of the walkers: one program serves all
-        halves = np.split(w, len(w) // (walkers // 2))
-        return np.concatenate(
-            [np.asarray(densities(density, jnp.asarray(half))) for half in halves]
-        )
+    rng = np.random.default_rng(seed)
+
+    def value(u):
+        height, gain, values = density.exact(u, rng)
+        return np.concatenate([(height + gain)[:, None], values], axis=1)
+
+    mixture = components(draws.u, draws.weights, rng, CENTRES_OF_FINAL)
+
+    def independent(u, random):
+        there = mixture.draw(len(u), rng)
+        return there, mixture.log_density(u) - mixture.log_density(there)
 
     sampler = emcee.EnsembleSampler(
         walkers,
-        len(starts[0].center),
+        density.coordinates.size,
         value,
         moves=[
             (DEMove(), SHARES["near"]),
             (DEMove(gamma0=1.0), SHARES["jump"]),
             (StretchMove(), SHARES["stretch"]),
-            (MHMove(independence_move(starts)), SHARES["independence"]),
+            (MHMove(independent), SHARES["independence"]),
         ],
         vectorize=True,
     )
     start = emcee.State(
-        first_places(value, starts, seed, walkers),
+        draws.u[draws.resampled(walkers, seed)],
         random_state=np.random.RandomState(seed).get_state(),
     )
     steps = sampler.sample(
         start, iterations=sys.maxsize, store=False, skip_initial_state_check=True
     )
     for now in steps:
-        yield now.coords.copy(), np.array(now.log_prob)
-
-
-def independence_move(starts: Sequence[Start]):
-    r"""Return a move from any place $w$ to a draw $w'$ of the mixture of starts.
-
-    It returns $w'$ and $\ln q(w) - \ln q(w')$, which is added to ln of the ratio of
-    densities (Hastings 1970, Biometrika 57:97).
-    """
-    center, root, share = map(np.array, zip(*starts, strict=True))
-    share = share / share.sum()
-    inverse = np.linalg.inv(root)
-    log_height = np.log(share) - np.linalg.slogdet(root)[1]
-
-    def log_mixture(w) -> np.ndarray:
-        u = np.einsum("kij,nkj->nki", inverse, w[:, None] - center)
-        return np.asarray(logsumexp(log_height - 0.5 * np.sum(u**2, axis=2), axis=1))
-
-    def move(w, random):
-        of = random.choice(len(share), size=len(w), p=share)
-        unit = random.standard_normal(w.shape)
-        there = center[of] + np.einsum("nij,nj->ni", root[of], unit)
-        return there, log_mixture(w) - log_mixture(there)
-
-    return move
-
-
-def first_places(
-    value, starts: Sequence[Start], seed: int, walkers: int
-) -> Float[np.ndarray, "walker free"]:
-    """Draw the starting points of the walkers, each with a finite density."""
-    shares = np.cumsum([start.share for start in starts])
-    # systematic sampling: each start gets its share of the walkers, rounded
-    of = np.searchsorted(shares / shares[-1], (np.arange(walkers) + 0.5) / walkers)
-    center = np.array([start.center for start in starts])[of]
-    root = np.array([start.root for start in starts])[of]
-    unit = np.random.default_rng(seed).standard_normal(center.shape)
-    away = np.einsum("nij,nj->ni", root, unit)
-    for _ in range(TRIES):
-        finite = np.isfinite(value(center + away))
-        if finite.all():
-            return center + away
-        away = np.where(finite[:, None], away, 0.5 * away)
-    raise InputError(
-        "the posterior density is zero or NaN at the optimum from which the walkers "
-        "start; expected a finite density"
-    )
-
-
-def _refuse_non_finite(posterior: Posterior, z, rows: Sequence[str]) -> None:
-    """Reject a posterior that is not finite at the optimum, and name the rows."""
-    if np.isfinite(float(posterior.log_density(jnp.asarray(z)))):
-        return
-    wrong = non_finite_rows(posterior, z)
-    layout = posterior.layout
-    named = [
-        rows[row] if row < len(rows) else f"row {row + 1} ({layout.quantity[row]})"
-        for row in wrong
-    ]
-    at = posterior.parameters.values(jnp.asarray(z))
-    raise InputError(
-        "the posterior density is not finite where the walkers start ("
-        + ", ".join(f"{name} {float(value):.4g}" for name, value in at.items())
-        + "): expected finite predictions and errors, got NaN for "
-        + (", ".join(named) or "the priors")
-    )
-
-
-def _others(density: Whitened, normal, identifiability, optima: Optima) -> list[Start]:
-    """Return starts at the other optima that contain a share of the posterior.
-
-    The share of each is its density times its volume, relative to the best.
-    """
-    root = np.asarray(density.root)
-    kept = [(normal.z, root)]
-    starts = []
-    best = float(density.posterior.log_density(jnp.asarray(normal.z)))
-    for z, value in zip(*map(np.asarray, optima), strict=True):
-        if not np.isfinite(value):
-            continue
-        if any(np.linalg.norm(np.linalg.solve(r, z - y)) < SEPARATE for y, r in kept):
-            continue
-        other = laplace(density.posterior, z, identifiability.identified_basis)
-        if not other.converged:
-            continue
-        there = root_of(other)
-        away = np.linalg.solve(root, np.column_stack([z - normal.z, there]))
-        _, volume = np.linalg.slogdet(away[:, 1:])
-        # clipped to the range of doubles: an optimum may have a far larger volume
-        share = float(np.exp(np.clip(value - best + volume, -700, 700)))
-        kept.append((z, there))
-        if share > UNLIKELY:
-            starts.append(Start(away[:, 0], away[:, 1:], share))
-    return starts
+        # emcee squeezes the only number of a log
+        values = np.reshape(np.array(now.blobs), (walkers, -1))
+        yield now.coords.copy(), np.array(now.log_prob), values
 
 
 def convergence(chain: Float[np.ndarray, "step walker free"]) -> Convergence:

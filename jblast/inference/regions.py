@@ -1,7 +1,7 @@
-"""What weighted draws say: intervals, arcs of a bearing, regions of a place."""
+"""Intervals, arcs of a bearing and regions of a place from weighted draws."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -11,8 +11,16 @@ ENDS = (0.05, 0.5, 0.95)
 """Quantiles of an estimate."""
 LEVEL = 0.9
 """Share of the draws in the arcs and in the regions."""
+MANY = 1000.0
+"""Effective draws from which on a region is smoothed by 1.5 of its cells."""
 ARC_BINS, REGION_BINS = 1440, 80
 """Cells of a turn, and along each axis of a region."""
+BESIDE = 6.0
+"""Standard deviations of a core within which draws belong to it: the tail of a
+Student-t included."""
+COMPACT = math.log(3.0)
+"""Length of the longest axis of a place, in asinh of the range: far away its range is
+then known within a factor of 3."""
 SMALLEST_ARC, SMALLEST_REGION = 0.01, 0.03
 """Smallest shares that are reported: fewer than ten of a thousand draws."""
 
@@ -74,7 +82,7 @@ def arcs(
     if inside.all():
         return (Arc(0.0, 360.0, 1.0),)
     turn = int(np.flatnonzero(~inside)[0])
-    label, count = ndimage.label(np.roll(inside, -turn))
+    label, count = _labelled(np.roll(inside, -turn))
     smooth = np.roll(smooth, -turn)
     found = []
     for j in range(1, count + 1):
@@ -98,36 +106,64 @@ def arcs(
 
 
 class Region(NamedTuple):
-    """A connected part of the region of highest density.
+    """A connected part of the region of highest density, and the draws about it.
 
     Attributes:
         share: Share of the draws.
         inside: True for its draws.
+        is_place: True if it is compact.
     """
 
     share: float
     inside: Bool[np.ndarray, " draw"]
+    is_place: bool
 
 
 def regions(
     v: Float[np.ndarray, "draw 2"], weights: Float[np.ndarray, " draw"]
 ) -> tuple[Region, ...]:
-    """Return the parts of the region of highest density, the largest share first."""
+    """Return the parts of a place, the largest share first; the last is elsewhere.
+
+    The cores are the connected parts of the region of highest density. A draw belongs
+    to the core from which it is the fewest standard deviations away, if these are fewer
+    than `BESIDE`; the others are elsewhere.
+    """
     ends = np.array([quantiles(x, weights, (0.002, 0.998)) for x in v.T])
     margin = 0.1 * np.ptp(ends, axis=1) + 1e-9
     low, high = ends[:, 0] - margin, ends[:, 1] + margin
-    counts = np.histogram2d(
-        *v.T, REGION_BINS, list(zip(low, high, strict=True)), weights=weights
-    )[0]
-    inside = _highest(ndimage.gaussian_filter(counts, 1.5))
-    label, count = ndimage.label(inside, np.ones((3, 3)))
+    span = np.stack([low, high], 1).tolist()
+    counts = np.histogram2d(*v.T, bins=REGION_BINS, range=span, weights=weights)[0]
+    # few draws would leave a ridge in pieces
+    effective = 1 / np.sum(weights**2)
+    smooth = ndimage.gaussian_filter(counts, 1.5 * max(MANY / effective, 1) ** 0.25)
+    label, count = _labelled(_highest(smooth), np.ones((3, 3)))
+    held = ndimage.sum_labels(smooth, label, np.arange(1, count + 1)) / smooth.sum()
     cell = ((v - low) / (high - low) * REGION_BINS).astype(int)
-    of = label[tuple(cell.clip(0, REGION_BINS - 1).T)]
-    found = [
-        Region(float(weights[of == j].sum()), of == j) for j in range(1, count + 1)
-    ]
-    found = [one for one in found if one.share > SMALLEST_REGION]
+    core = label[tuple(cell.clip(0, REGION_BINS - 1).T)]
+    large = [j + 1 for j in np.flatnonzero(held > SMALLEST_REGION)]
+    apart = np.stack([_distance(v, weights, core == j) for j in large])
+    nearest = np.where(apart.min(0) < BESIDE**2, apart.argmin(0), len(large))
+    parts = [(nearest == k, k < len(large)) for k in range(len(large) + 1)]
+    found = []
+    for inside, has_core in parts:
+        share = float(weights[inside].sum())
+        if share > SMALLEST_REGION:
+            size = extent(v[inside], weights[inside] / share)
+            found.append(Region(share, inside, has_core and size < COMPACT))
     return tuple(sorted(found, key=lambda one: -one.share))
+
+
+def _distance(v, weights, core) -> Float[np.ndarray, " draw"]:
+    """Return the squared distance of each draw from a core [variances]."""
+    if not core.any():
+        return np.full(len(v), np.inf)
+    own = weights[core] / weights[core].sum()
+    middle = own @ v[core]
+    away = v[core] - middle
+    covariance = (away * own[:, None]).T @ away
+    # a core of few draws is at least as wide as the cells
+    covariance += 1e-6 * (np.trace(covariance) + 1e-12) * np.eye(2)
+    return np.einsum("ij,jk,ik->i", v - middle, np.linalg.inv(covariance), v - middle)
 
 
 def extent(
@@ -138,6 +174,12 @@ def extent(
     axes = np.linalg.eigh((away * weights[:, None]).T @ away)[1]
     along = [np.ptp(quantiles(x, weights, (0.05, 0.95))) for x in (away @ axes).T]
     return float(max(along))
+
+
+def _labelled(inside: np.ndarray, structure: Any = None) -> tuple[np.ndarray, int]:
+    """Return the connected parts of a mask by number, and how many there are."""
+    found: Any = ndimage.label(inside, structure)
+    return found
 
 
 def _highest(density: np.ndarray) -> Bool[np.ndarray, "..."]:

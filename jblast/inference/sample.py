@@ -11,6 +11,9 @@ r"""Weighted draws of a posterior, by one method for every log.
    again with more.
 5. Laws are chosen over the prior, and again at the answer, until they stay.
 
+A long log is searched by some of its rows, spread over quantities, charges and clocks:
+the modes of all rows lie near those of the subset, and climbs by all rows begin there.
+
 The reliability of the weights is the shape $\hat k$ of the tail of their distribution
 (Vehtari, Simpson, Gelman, Yao & Gabry 2024, JMLR 25(72); fit of Zhang & Stephens 2009,
 Technometrics 51:316).
@@ -22,11 +25,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
-from scipy.special import logsumexp
+from jaxtyping import Float, Int
 
+from jblast.errors import InputError
 from jblast.inference.coordinates import log_student
-from jblast.inference.density import Density, Scored
+from jblast.inference.density import FEW_ROWS, NOWHERE, Density, Scored
+from jblast.inference.likelihood import log_sum
 
 FREEDOM = 5.0
 """Degrees of freedom of a component: tails heavier than those of most posteriors."""
@@ -45,18 +49,28 @@ RELIABLE = 0.7
 """Largest shape of reliable weights (Vehtari et al. 2024)."""
 NEAR = 30.0
 """Fall of ln of the density from the best beyond which a climb is dropped."""
-STEPS = 10
-"""Steps of a climb."""
+STEPS, GAIN = 40, 1e-3
+"""Largest number of steps of a climb, and the gain in ln of the density of its last."""
+MOST_DAMPING = 100.0
+"""Damping of a climb beyond which a step is a hundredth of a Newton step."""
 SCAN = 12
 """Values of each flat number tried at a start: one may be wrong by 20 e-folds."""
 SAME = 4.0
 """Squared distance within which two climbs end at one mode [variances]."""
+SMOOTH_REACH = 3.0
+"""Standard deviations beyond which the exact gain of a long log is constant."""
+BEARINGS_OF_ROUND = 8
+"""Bearings in which each draw is repeated if no row depends on it."""
+WEIGHTLESS = 15.0
+"""Fall of ln of a weight from the largest beyond which a draw is dropped."""
+POLISHES, POLISH_STEP = 3, 0.1
+"""Newton steps to the top of each mode, and the differences of its slope [sd]."""
 MODES = 12
 """Largest number of modes in the final mixture."""
 
 
 class Effort(NamedTuple):
-    """How much is done.
+    """Number of climbs and draws.
 
     Attributes:
         starts: Climbs.
@@ -69,10 +83,12 @@ class Effort(NamedTuple):
     final: int
 
 
-ORDINARY = Effort(starts=30, wanted=300.0, final=1000)
-LARGE = Effort(starts=40, wanted=600.0, final=1500)
+ORDINARY = Effort(starts=30, wanted=300.0, final=2000)
+LARGE = Effort(starts=40, wanted=600.0, final=3000)
 FEW = 200.0
 """Effective draws below which the larger run follows."""
+SEARCHED = 200
+"""Rows with which a long log is searched: it has more than five times as many."""
 ROUNDS_OF_LAWS = 3
 """Largest number of times that laws are chosen."""
 
@@ -126,9 +142,21 @@ class Draws:
         return float(1 / np.sum(self.weights**2))
 
     @property
+    def enough(self) -> bool:
+        """True if there are enough effective draws for quantiles."""
+        return self.effective >= FEW
+
+    @property
     def reliable(self) -> bool:
         """True if averages over the draws can be believed."""
-        return self.k_hat <= RELIABLE and self.effective >= FEW and self.modes.met > 1
+        return self.k_hat <= RELIABLE and self.enough and self.modes.met > 1
+
+    def resampled(self, count: int, seed: int = 0) -> Int[np.ndarray, " draw"]:
+        """Return indices of draws of equal weight, systematically resampled."""
+        shift = np.random.default_rng(seed).random()
+        at = (np.arange(count) + shift) / count
+        found = np.searchsorted(np.cumsum(self.weights), at)
+        return np.random.default_rng(seed).permutation(found.clip(0, len(self.u) - 1))
 
 
 class Mixture(NamedTuple):
@@ -147,7 +175,7 @@ class Mixture(NamedTuple):
     def log_density(self, u: np.ndarray) -> np.ndarray:
         """Return ln of its density."""
         each = [log_student(u, *of, FREEDOM) for of in zip(*self, strict=True)]
-        return logsumexp(np.stack(each), axis=0) - math.log(len(self.mean))
+        return log_sum(np.stack(each), axis=0) - math.log(len(self.mean))
 
     def joined(self, other: "Mixture") -> "Mixture":
         """Return the components of both."""
@@ -158,7 +186,8 @@ class Mixture(NamedTuple):
 
 def solve(density: Density, seed: int = 0) -> tuple[Density, Draws]:
     """Return weighted draws, and the density by the laws that were chosen for them."""
-    density = density.chosen_over(density.coordinates.start(seed))
+    few = density.of_few(SEARCHED)
+    density = density.with_laws_of(few.chosen_over(few.coordinates.start(seed)))
     best: tuple[Density, Draws] | None = None
     tried: list[Mapping[str, str]] = []
     while density.laws not in tried and len(tried) < ROUNDS_OF_LAWS:
@@ -191,10 +220,23 @@ def sample(
     """
     rng = np.random.default_rng(seed)
     axes = density.coordinates
-    u = axes.start(seed)
+    if not axes.size:
+        return _of_linear(density, effort.final, rng)
+    few = density.of_few(SEARCHED)
+    is_long = few is not density
+    u = axes.start(seed)[: 0 if is_long else None]
     started = len(u)
-    value = density(u)
-    modes = known.modes if known else modes_of(density, u, value, effort.starts)
+    value = density(u) if started else np.zeros(0)
+    if known:  # by other laws
+        ends, score = climb(density, known.modes.u, scan=0)
+        modes = _distinct(density, ends, score, known.modes.met)
+    elif is_long:
+        start = few.coordinates.start(seed)
+        of_few = modes_of(few, start, few(start), effort.starts)
+        modes = _of_all(density, few, of_few)
+    else:
+        modes = modes_of(density, u, value, effort.starts)
+    refuse_without_density(density, modes)
     about = Mixture(modes.u, modes.root)
     mixture, count, beta = about, FIRST_ROUND, 0.0
     if known:
@@ -212,41 +254,173 @@ def sample(
         if beta >= 1 and enough:
             break
         beta = temperature(log_ratio)
-        tempered = np.exp(beta * log_ratio - logsumexp(beta * log_ratio))
+        tempered = np.exp(beta * log_ratio - log_sum(beta * log_ratio))
         tempered = np.minimum(tempered, 5 / TEMPERED)
         mixture = components(u, tempered / tempered.sum(), rng)
         count = ROUND if beta >= 1 else FIRST_ROUND
     frozen = components(u, weights, rng, CENTRES_OF_FINAL).joined(about)
-    new = frozen.draw(effort.final, rng)
-    u = np.concatenate([u[:started], new])
-    value = np.concatenate([value[:started], density(new)])
-    both = [proposals[0], (effort.final, frozen.log_density)]
+    count = effort.final if density.is_small else effort.final // 2
+    return _weighed(density, frozen, modes, count, rng, (u[:started], value[:started]))
+
+
+def refuse_without_density(density: Density, modes: Modes) -> None:
+    """Reject a log to which no place gives a probability.
+
+    Raises:
+        InputError: The density is zero or NaN everywhere; the message names the rows.
+    """
+    if modes.log_density.max() > 0.1 * NOWHERE:
+        return
+    log = density.observations
+    seen, rows = density.seen(density.coordinates.start(0)), density.rows
+    with np.errstate(invalid="ignore"):
+        missed = rows.measured - seen.predicted + rows.sigma + seen.record_sd
+    wrong = np.flatnonzero(~np.isfinite(missed).any(axis=0))
+    where = [log.where(int(row)) for row in wrong]
+    more = f" and {len(where) - 5} more" if len(where) > 5 else ""
+    raise InputError(
+        f"{log.source or 'observations'}: no value of "
+        f"{', '.join(density.coordinates.names)} gives the log a probability; "
+        "expected readings, sigmas and a scene that one charge could explain"
+        + (f", got NaN for {', '.join(where[:5])}{more}" if where else "")
+    )
+
+
+def _weighed(
+    density: Density,
+    frozen: Mixture,
+    modes: Modes,
+    count: int,
+    rng: np.random.Generator,
+    start: tuple[np.ndarray, np.ndarray],
+    more: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Draws:
+    """Return draws of a frozen mixture and of the start, by the exact likelihood.
+
+    Args:
+        density: The density.
+        frozen: The mixture.
+        modes: Modes of the density.
+        count: Number of draws of the mixture.
+        rng: Random numbers.
+        start: Draws of the start, and ln of the density there.
+        more: A term of ln of the density, by all numbers in their units.
+    """
+    axes, started = density.coordinates, len(start[0])
+    new = frozen.draw(count, rng)
+    u = np.concatenate([start[0], new])
+    value = np.concatenate([start[1], density(new)])
+    both = [(started, axes.log_start), (count, frozen.log_density)]
     log_ratio = value - _balance(both, u)
-    values = axes.values(u)
-    some = log_ratio > log_ratio.max() - 15  # the others have no weight
-    gain, values[some] = density.exact(u[some], rng)
-    log_ratio[some] += gain
+    some = log_ratio > log_ratio.max() - WEIGHTLESS
+    u, value, log_ratio = u[some], value[some], log_ratio[some]
+    _, gain, values = density.exact(u, rng)
+    if len(density.rows.measured) > FEW_ROWS:
+        # by chance the mean of few scales varies the more, the more rows there are
+        gain = smoothed(u, gain, np.exp(log_ratio - log_sum(log_ratio)))
+    # a further term is the difference of another density from the approximate one
+    term = gain if more is None else more(values)
+    log_ratio = log_ratio + term
+    value = value if more is None else value + term
     log_weights, k_hat = pareto_smoothed(log_ratio)
     weights = np.exp(log_weights)
-    valid = density.seen_with(values).valid.mean(axis=1)
+    valid = density.seen(u).valid.mean(axis=1)
+    if density.is_round:  # each draw is as probable in any bearing
+        u, values = (np.repeat(x, BEARINGS_OF_ROUND, axis=0) for x in (u, values))
+        value, valid = (np.repeat(x, BEARINGS_OF_ROUND) for x in (value, valid))
+        weights = np.repeat(weights, BEARINGS_OF_ROUND) / BEARINGS_OF_ROUND
+        angle = rng.uniform(0, 2 * math.pi, len(u))
+        length = np.hypot(u[:, 0], u[:, 1])
+        u[:, :2] = length[:, None] * np.stack([np.sin(angle), np.cos(angle)], 1)
+        values[:, list(axes.places[0])] = axes.at_place(u)[2]
     return Draws(
         u=u,
         values=values,
         weights=weights,
         log_density=value,
         k_hat=k_hat,
-        log_evidence=float(logsumexp(log_ratio)) - math.log(len(log_ratio)),
+        log_evidence=float(log_sum(log_ratio)) - math.log(started + count),
         modes=modes,
         laws=density.laws,
         valid=float(weights @ valid),
     )
 
 
+def smoothed(
+    u: Float[np.ndarray, "draw free"],
+    x: Float[np.ndarray, " draw"],
+    weights: Float[np.ndarray, " draw"],
+) -> Float[np.ndarray, " draw"]:
+    """Return a quadratic in the coordinates through noisy values, by least squares.
+
+    Beyond the values of most weight it is constant.
+    """
+    middle = weights @ u
+    away = (u - middle) / np.sqrt(weights @ (u - middle) ** 2 + 1e-300)
+    away = np.clip(away, -SMOOTH_REACH, SMOOTH_REACH)
+    first, second = np.triu_indices(u.shape[1])
+    terms = np.concatenate(
+        [np.ones((len(u), 1)), away, away[:, first] * away[:, second]], axis=1
+    )
+    root = np.sqrt(weights)[:, None]
+    found = np.linalg.lstsq(root * terms, root[:, 0] * x, rcond=1e-10)[0]
+    return terms @ found
+
+
+def redrawn(
+    density: Density,
+    draws: Draws,
+    seed: int,
+    more: Callable[[np.ndarray], np.ndarray],
+) -> Draws:
+    """Return draws of a density with one more term, from those without it.
+
+    Args:
+        density: The density.
+        draws: Its draws.
+        seed: Seed of all random numbers.
+        more: The term of ln of the density, by all numbers in their units.
+    """
+    rng = np.random.default_rng(seed)
+    log_weights, _ = pareto_smoothed(np.log(draws.weights) + more(draws.values))
+    mixture = components(draws.u, np.exp(log_weights), rng, CENTRES_OF_FINAL)
+    nothing = np.zeros((0, draws.u.shape[1])), np.zeros(0)
+    return _weighed(density, mixture, draws.modes, ORDINARY.final, rng, nothing, more)
+
+
+def _of_linear(density: Density, count: int, rng: np.random.Generator) -> Draws:
+    """Return draws of a density all of whose numbers are linear."""
+    u = np.zeros((count, 0))
+    height, gain, values = density.exact(u, rng)
+    modes = Modes(u[:1], np.zeros((1, 0, 0)), height[:1], met=2)
+    refuse_without_density(density, modes)
+    log_weights, k_hat = pareto_smoothed(gain)
+    weights = np.exp(log_weights)
+    return Draws(
+        u=u,
+        values=values,
+        weights=weights,
+        log_density=height,
+        k_hat=k_hat,
+        log_evidence=float(height[0] + log_sum(gain)) - math.log(count),
+        modes=modes,
+        laws=density.laws,
+        valid=float(density.seen(u[:1]).valid.mean()),
+    )
+
+
+def _of_all(density: Density, few: Density, modes: Modes) -> Modes:
+    """Return the modes by all rows, climbed from those by some of them."""
+    values = np.stack([few.best(u) for u in modes.u])
+    u, score = climb(density, density.coordinates.of_values(values), scan=0)
+    return _distinct(density, u, score, modes.met)
+
+
 def _balance(proposals: list[tuple[int, Callable]], u: np.ndarray) -> np.ndarray:
     """Return ln of the density of all proposals together (Veach's balance)."""
     whole = sum(count for count, _ in proposals)
-    parts = [of(u) + math.log(count / whole) for count, of in proposals]
-    return logsumexp(np.stack(parts), axis=0)
+    parts = [of(u) + math.log(count / whole) for count, of in proposals if count]
+    return log_sum(np.stack(parts), axis=0)
 
 
 def temperature(log_ratio: Float[np.ndarray, " draw"]) -> float:
@@ -254,7 +428,7 @@ def temperature(log_ratio: Float[np.ndarray, " draw"]) -> float:
 
     def effective(beta: float) -> float:
         scaled = beta * log_ratio
-        return float(1 / np.sum(np.exp(2 * (scaled - logsumexp(scaled)))))
+        return float(1 / np.sum(np.exp(2 * (scaled - log_sum(scaled)))))
 
     if effective(1.0) >= TEMPERED:
         return 1.0
@@ -341,14 +515,36 @@ def modes_of(
         met = int((same & (height > height[top] - 2)).sum())
         if met >= 2:
             break
+    score = Scored(height, np.concatenate([one.slope for one in scores]), known)
+    return _distinct(density, z, score, met)
+
+
+def _distinct(
+    density: Density, z: Float[np.ndarray, "end free"], score: Scored, met: int
+) -> Modes:
+    """Return the distinct ends of climbs, each at the top of the density."""
+    height, known = score.log_density, score.information
     kept: list[int] = []
     for i in np.argsort(-height):
         apart = [(z[i] - z[j]) @ known[j] @ (z[i] - z[j]) for j in kept]
-        if height[i] > height[top] - NEAR and min(apart, default=math.inf) > SAME:
+        if height[i] > height.max() - NEAR and min(apart, default=math.inf) > SAME:
             kept.append(int(i))
     kept = kept[:MODES]
-    root = np.linalg.cholesky(np.linalg.inv(known[kept]))
-    return Modes(z[kept], root, height[kept], met)
+    z, height, known = z[kept], height[kept], known[kept]
+    # the slope of the whole density, its covariances included, by differences
+    size = z.shape[1]
+    step = POLISH_STEP / np.sqrt(np.diagonal(known, axis1=1, axis2=2))
+    for _ in range(POLISHES):
+        moved = step[:, None] * np.concatenate([np.eye(size), -np.eye(size)])
+        ends = density((z[:, None] + moved).reshape(-1, size)).reshape(len(z), 2, size)
+        slope = (ends[:, 0] - ends[:, 1]) / (2 * step)
+        there = z + np.linalg.solve(known, slope[..., None])[..., 0]
+        better = (top := density(there)) > height
+        z = np.where(better[:, None], there, z)
+        height = np.where(better, top, height)
+    order = np.argsort(-height)
+    root = np.linalg.cholesky(np.linalg.inv(known[order]))
+    return Modes(z[order], root, height[order], met)
 
 
 def _by_charges(density: Density, best, u: np.ndarray) -> np.ndarray:
@@ -376,7 +572,7 @@ def climb(
 
     Each flat number is scanned first. Places far below the best are dropped.
     """
-    axes = density.coordinates
+    axes, z = density.coordinates, z.copy()
     first = 2 * len(axes.places)
     for j, other in enumerate(axes.others):
         if other.kind == "score" or not scan:
@@ -385,27 +581,43 @@ def climb(
         share = (np.arange(scan) + 0.5) / scan
         tried[:, :scan, first + j] = other.low + (other.high - other.low) * share
         value = density(tried.reshape(-1, axes.size), rounds=1)
-        pick = value.reshape(len(z), scan + 1).argmax(1)
-        z = tried[np.arange(len(z)), pick]
+        value = value.reshape(len(z), scan + 1)
+        place = np.arange(len(z))
+        best = tried[place, value.argmax(1)]
+        # another mode in this number alone: the best of its other peaks
+        inner = value[:, :scan]
+        beside = np.pad(inner, ((0, 0), (1, 1)), constant_values=-np.inf)
+        is_peak = (inner > beside[:, :-2]) & (inner >= beside[:, 2:])
+        is_peak[place, inner.argmax(1)] = False
+        other = np.where(is_peak, inner, -np.inf)
+        some = other.max(1) > value.max() - NEAR
+        z = np.concatenate([best, tried[place, other.argmax(1)][some]])
     here = density.scored(z)
     damping = np.full(len(z), 0.1)
     longest = axes.longest_steps()
     diagonal = np.arange(axes.size)
+    going = np.ones(len(z), bool)
     for turn in range(STEPS):
-        matrix = here.information.copy()
-        matrix[:, diagonal, diagonal] *= 1 + damping[:, None]
-        step = np.linalg.solve(matrix, here.slope[..., None])[..., 0]
+        at = np.flatnonzero(going)
+        matrix = here.information[at]
+        matrix[:, diagonal, diagonal] *= 1 + damping[at, None]
+        step = np.linalg.solve(matrix, here.slope[at, :, None])[..., 0]
         step /= np.maximum(1, np.abs(step / longest).max(1))[:, None]
-        there = density.scored(z + step)
-        better = there.log_density > here.log_density
-        z = np.where(better[:, None], z + step, z)
-        here = here.where(better, there)
-        damping = np.where(better, damping / 5, damping * 4)
-        if turn >= 3:
-            fall = NEAR * (4 if turn < 5 else 1)
-            live = here.log_density > here.log_density.max() - fall
-            z, damping, here = z[live], damping[live], here.only(live)
-    return z, here
+        there = density.scored(z[at] + step)
+        gain = there.log_density - here.log_density[at]
+        better = gain > 0
+        z[at[better]] += step[better]
+        here = here.replaced(at[better], there.only(better))
+        damping[at] = np.where(better, damping[at] / 5, damping[at] * 4)
+        # a step that fails with much damping is rounding
+        ended = np.where(better, gain < GAIN, damping[at] > MOST_DAMPING)
+        top = here.log_density.max()
+        fall = NEAR if turn >= 5 else 4 * NEAR if turn >= 3 else math.inf
+        going[at] = ~ended & (here.log_density[at] > top - fall)
+        if not going.any():
+            break
+    kept = here.log_density > here.log_density.max() - NEAR
+    return z[kept], here.only(kept)
 
 
 def pareto_smoothed(
@@ -420,13 +632,13 @@ def pareto_smoothed(
     cut = math.exp(log_ratio[order[-tail - 1]])
     excess = np.exp(log_ratio[largest]) - cut
     if tail < 5 or excess[-1] <= 1e-300:
-        return log_ratio - logsumexp(log_ratio), -math.inf
+        return log_ratio - log_sum(log_ratio), -math.inf
     k, sigma = generalised_pareto(np.maximum(excess, 1e-300))
     share = (np.arange(tail) + 0.5) / tail
     smooth = cut + sigma * np.expm1(-k * np.log1p(-share)) / k
     smoothed = log_ratio.copy()
     smoothed[largest] = np.log(np.minimum(smooth, 1.0))
-    return smoothed - logsumexp(smoothed), k
+    return smoothed - log_sum(smoothed), k
 
 
 def generalised_pareto(x: Float[np.ndarray, " excess"]) -> tuple[float, float]:
@@ -437,7 +649,7 @@ def generalised_pareto(x: Float[np.ndarray, " excess"]) -> tuple[float, float]:
     b = 1 / x[-1] + (1 - np.sqrt(grid / (np.arange(1, grid + 1) - 0.5))) / (3 * quarter)
     k = np.log1p(-b[:, None] * x).mean(1)
     log_profile = count * (np.log(np.maximum(-b / k, 1e-300)) - k - 1)
-    mean = float(np.exp(log_profile - logsumexp(log_profile)) @ b)
+    mean = float(np.exp(log_profile - log_sum(log_profile)) @ b)
     shape = float(np.log1p(-mean * x).mean())
     # towards 0.5 with the weight of ten excesses (Vehtari et al. 2024)
     return (shape * count + 5) / (count + 10), -shape / mean

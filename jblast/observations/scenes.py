@@ -36,6 +36,9 @@ from jblast.waves.propagation import standard_atmosphere
 
 PLACE = CHARGE_POSITION[:2]
 """Free without a position of the charge; its height is the ground's unless stated."""
+MAP_FACTOR = 100.0
+"""Distance of the sensors from the origin, in their extents, from which on positions
+are map coordinates."""
 ONE_CLOCK_SD = 5.0
 """Difference of flash times from which on they are of different clocks [standard
 deviations]: errors alone exceed it in one of a million pairs."""
@@ -67,7 +70,8 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
     A charge at the origin at time 0 is a convention of logs with ranges. In other logs
     the position, the origin time and clocks are free if the log can identify them
     (`names_to_free`). In a log in degrees the air is the standard atmosphere at the
-    height of the sensors.
+    height of the sensors. In one of map coordinates the charge is at the height of the
+    lowest sensor.
 
     Args:
         uncertain: A scene; only the default scene is changed.
@@ -83,6 +87,11 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
         known |= set(PLACE)
     names = [n for n in names_to_free(observations) if n not in known]
     uncertain = freed(uncertain, names)
+    if _far_from_origin(observations.position):
+        ground = float(observations.position[:, 2].min())
+        uncertain = replace(
+            uncertain, scene=with_values(uncertain.scene, {CHARGE_POSITION[2]: ground})
+        )
     if frame is None or not frame.alt_m or not ALTITUDES.allows(frame.alt_m):
         return uncertain
     temperature, pressure = standard_atmosphere(frame.alt_m)
@@ -111,13 +120,22 @@ def names_to_free(observations: Observations) -> list[str]:
     # mass, two coordinates and a time are four unknowns
     free = len(quantities) >= 4 and _in_no_line(places)
     seen = set(quantities) >= _SEEN_AND_HEARD
-    on_earth = observations.frame is not None
+    on_earth = observations.frame is not None or _far_from_origin(at)
     names: list[str] = list(PLACE) if places and (free or seen or on_earth) else []
     clocks = np.isin(quantities, CLOCK_TIMES).sum()
     dated = clocks > 0 and (on_earth or observations.epoch is not None)
     if (free and clocks >= 3) or "flash_time_s" in quantities or dated:
         names.append("origin_time_s")
     return names + [f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations)]
+
+
+def _far_from_origin(position: np.ndarray) -> bool:
+    """Return True for map coordinates, such as UTM: no charge is at their origin."""
+    at = position[~np.isnan(position).any(axis=1), :2]
+    if not len(at):
+        return False
+    extent = np.linalg.norm(np.ptp(at, axis=0))
+    return bool(np.linalg.norm(at.mean(axis=0)) > MAP_FACTOR * max(extent, 1.0))
 
 
 def clocks_to_free(observations: Observations) -> list[str]:

@@ -14,8 +14,7 @@ from jblast.inference.design.cramer_rao import (
     Bound,
     BoundSummary,
 )
-from jblast.inference.mode.laplace import NORMAL_Q95
-from jblast.inference.posterior.parameters import Estimate, Spread
+from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Spread
 from jblast.quantities import ADDITIVE
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import WORDED, determined_lines

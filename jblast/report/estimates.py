@@ -55,6 +55,8 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
         # an interval without a value is printed in the unit of its geometric mean
         # roots first: the product of the two ends can overflow
         ends, by_factors = (math.sqrt(low) * math.sqrt(high),), True
+    elif (one := high if low is None else low) is not None:
+        ends = (one,)
     unit = unit_for(name, *ends)
     if sd is None and low is not None and high is not None:
         sd = (high - low) / 3.29  # the 90 % interval of a normal: 2 * 1.645 sd
@@ -65,11 +67,16 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
         return rounded(number / unit.size, sd / unit.size)
 
     bare = f" {unit.symbol}" if unit.symbol else ""
+    interval = "-"
+    if low is not None and high is not None:
+        interval = f"{show(low)} to {show(high)}{bare}"
+    elif high is not None:
+        interval = f"at most {significant(high / unit.size, 2)}{bare}"
+    elif low is not None:
+        interval = f"at least {significant(low / unit.size, 2)}{bare}"
     return Printed(
         value="not identified" if value is None else show(value) + bare,
-        interval="-"
-        if low is None or high is None
-        else f"{show(low)} to {show(high)}{bare}",
+        interval=interval,
         beside="" if value is None else _beside(name, value),
     )
 

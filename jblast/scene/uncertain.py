@@ -6,17 +6,21 @@ its $z$, so the log-determinant of the transform is included. A free number is f
 its $z$, which is its logarithm for positive numbers.
 """
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
+from statistics import NormalDist
 from types import SimpleNamespace
 from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.scipy.special import ndtr, ndtri
+import jax.scipy.special
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
 
 from jblast.errors import InputError, argument, nearest
@@ -31,6 +35,7 @@ from jblast.scene.scene import Scene
 from jblast.scene.sensor import Clock
 from jblast.types import as_float_array
 
+SQRT_2 = math.sqrt(2.0)
 NO_SCENE = "the default scene"
 """Source of the scene that is used if none is given."""
 
@@ -40,12 +45,12 @@ class Belief(Protocol):
     """Interface of `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform`."""
 
     @abstractmethod
-    def constrain(self, z: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    def constrain(self, z: Float[ArrayLike, "..."]) -> Any:
         """Return the number at a fitted coordinate."""
         ...
 
     @abstractmethod
-    def unconstrain(self, value: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    def unconstrain(self, value: Float[ArrayLike, "..."]) -> Any:
         """Return the fitted coordinate of a number."""
         ...
 
@@ -238,7 +243,9 @@ def _each(nodes: Any) -> tuple[Any, ...]:
 
 
 class Free(eqx.Module):
-    """No prior: flat in ln of a positive number, flat otherwise.
+    """Free: flat in ln of a positive number, flat otherwise.
+
+    A fit limits it by the weak prior of `inference.coordinates`.
 
     Attributes:
         positive: Whether the number is positive.
@@ -249,11 +256,13 @@ class Free(eqx.Module):
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
         # In ln a step of the search is a factor, for masses from grams to kilotonnes.
-        return jnp.exp(z) if self.positive else jnp.asarray(z)
+        xp, (z,) = _by(z)
+        return xp.exp(z) if self.positive else xp.asarray(z)
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        return jnp.log(value) if self.positive else jnp.asarray(value)
+        xp, (value,) = _by(value)
+        return xp.log(value) if self.positive else xp.asarray(value)
 
     def log_density(self, z):
         """Return zero: the density is improper."""
@@ -268,11 +277,13 @@ class Normal(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
-        return self.mean + self.sd * z
+        _, (z, mean, sd) = _by(z, self.mean, self.sd)
+        return mean + sd * z
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        return (value - self.mean) / self.sd
+        _, (value, mean, sd) = _by(value, self.mean, self.sd)
+        return (value - mean) / sd
 
     def log_density(self, z):
         """Return ln of the prior density per unit of $z$."""
@@ -288,11 +299,13 @@ class LogNormal(eqx.Module):
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
         # exp(z ln f), because XLA does not vectorize powers on a CPU.
-        return self.median * jnp.exp(z * jnp.log(self.factor))
+        xp, (z, median, factor) = _by(z, self.median, self.factor)
+        return median * xp.exp(z * xp.log(factor))
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        return jnp.log(value / self.median) / jnp.log(self.factor)
+        xp, (value, median, factor) = _by(value, self.median, self.factor)
+        return xp.log(value / median) / xp.log(factor)
 
     def log_density(self, z):
         """Return ln of the prior density per unit of $z$."""
@@ -308,11 +321,13 @@ class Uniform(eqx.Module):
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
         # Near a bound the score goes to infinity, so that no step leaves the interval.
-        return self.lo + (self.hi - self.lo) * ndtr(jnp.asarray(z))
+        xp, (z, lo, hi) = _by(z, self.lo, self.hi)
+        return lo + (hi - lo) * _ndtr(xp, z)
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        return ndtri((value - self.lo) / (self.hi - self.lo))
+        xp, (value, lo, hi) = _by(value, self.lo, self.hi)
+        return _ndtri(xp, (value - lo) / (hi - lo))
 
     def log_density(self, z):
         """Return ln of the prior density per unit of $z$."""
@@ -327,11 +342,13 @@ class LogUniform(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
-        return self.lo * (self.hi / self.lo) ** ndtr(jnp.asarray(z))
+        xp, (z, lo, hi) = _by(z, self.lo, self.hi)
+        return lo * (hi / lo) ** _ndtr(xp, z)
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        return ndtri(jnp.log(value / self.lo) / jnp.log(self.hi / self.lo))
+        xp, (value, lo, hi) = _by(value, self.lo, self.hi)
+        return _ndtri(xp, xp.log(value / lo) / xp.log(hi / lo))
 
     def log_density(self, z):
         """Return ln of the prior density per unit of $z$."""
@@ -341,6 +358,37 @@ class LogUniform(eqx.Module):
 Prior = Normal | LogNormal | Uniform | LogUniform
 
 
+def _by(first, *others) -> tuple[Any, tuple[Any, ...]]:
+    """Return the module of an argument, NumPy or JAX, and all as its arrays.
+
+    In NumPy nothing is compiled, which JAX would do for each shape.
+    """
+    every = (first, *others)
+    traced = any(isinstance(one, Tracer) for one in every)
+    xp = jnp if traced or isinstance(first, jax.Array) else np
+    return xp, tuple(xp.asarray(one) for one in every)
+
+
+def _ndtr(xp, z):
+    """Return the standard normal distribution function."""
+    if xp is jnp:
+        return jax.scipy.special.ndtr(z)
+    return np.vectorize(lambda x: 0.5 * math.erfc(-x / SQRT_2), otypes=[float])(z)
+
+
+def _ndtri(xp, p):
+    """Return its inverse; infinite at 0 and 1, NaN beyond."""
+    if xp is jnp:
+        return jax.scipy.special.ndtri(p)
+
+    def one(x):
+        if 0 < x < 1:
+            return NormalDist().inv_cdf(x)
+        return {0.0: -math.inf, 1.0: math.inf}.get(x, math.nan)
+
+    return np.vectorize(one, otypes=[float])(p)
+
+
 def _standard_normal(z):
     return -0.5 * jnp.square(z) - 0.5 * jnp.log(2 * jnp.pi)
 
@@ -348,4 +396,4 @@ def _standard_normal(z):
 def draw(key: PRNGKeyArray, prior: Prior) -> Float[Array, ""]:
     """Sample one number from a prior."""
     # Every prior is a standard normal in its coordinate.
-    return prior.constrain(jax.random.normal(key))
+    return jnp.asarray(prior.constrain(jax.random.normal(key)))

@@ -9,11 +9,13 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import t as student
 
+from jblast.inference.answer import unconstrained
 from jblast.inference.density import density_of
 from jblast.inference.likelihood import exact_gain, log_likelihoods
 from jblast.inference.sample import pareto_smoothed, solve
 from jblast.scene import Scene, UncertainScene, freed
 from jblast.sensors import layout_of, record
+from jblast.sensors.simulated_readings import Noise
 from tests.catalogue import AROUND
 from tests.inference.logs import log
 
@@ -40,7 +42,7 @@ def made(scatter=True):
 
 
 @functools.cache
-def density(free, noise="student", scatter=True):
+def density(free, noise: Noise = "student", scatter=True):
     observations, scene = made(scatter)
     return density_of(observations, freed(UncertainScene(scene), list(free)), noise)
 
@@ -50,35 +52,60 @@ TIMED = ("charge_mass_kg", "origin_time_s")
 PLACED = ("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s")
 
 
-def test_normal_errors_have_the_density_of_their_effects():
+def test_the_density_of_all_numbers_has_that_of_the_coordinates():
     found = density(MASS, "gaussian")
     assert found.coordinates.linear == ()
     ln_mass = np.log([8.0, 15.0, 30.0])[:, None]
-    expected = [float(found.posterior.log_density(jnp.asarray(z))) for z in ln_mass]
-    # the prior of a free mass is flat: in one a constant, in the other none
+    expected = [float(found.log_density(jnp.asarray(z))) for z in ln_mass]
+    # the flat prior of a mass has a density in one, up to a constant in the other
     prior = found.coordinates.log_prior(ln_mass)
-    # the two guard coinciding paths in other ways, by 1e-8 of a variance
-    np.testing.assert_allclose(found(ln_mass) - prior, expected, rtol=1e-7)
+    np.testing.assert_allclose(found(ln_mass) - prior, expected, rtol=1e-8)
 
 
 def test_a_linear_time_is_integrated_out():
     found = density(TIMED, "gaussian")
-    assert [found.coordinates.names[i] for i in found.coordinates.linear] == [
-        "origin_time_s"
-    ]
+    names = found.coordinates.names
+    assert [names[i] for i in found.coordinates.linear] == ["origin_time_s"]
     ln_mass = np.log([12.0, 15.0])[:, None]
     times = np.linspace(-0.03, 0.03, 2001)
-    names = found.posterior.parameters.names
     order = [names.index(name) for name in TIMED]
+    each = jax.jit(jax.vmap(found.log_density))
     for z, own in zip(
         ln_mass, found(ln_mass) - found.coordinates.log_prior(ln_mass), strict=True
     ):
         at = np.empty((len(times), 2))
         at[:, order[0]], at[:, order[1]] = z[0], times
-        each = jax.vmap(found.posterior.log_density)(jnp.asarray(at))
         # the trapezoidal rule is exact for a normal far inside its ends
-        whole = logsumexp(np.asarray(each)) + np.log(times[1] - times[0])
+        whole = logsumexp(np.asarray(each(at))) + np.log(times[1] - times[0])
         assert own == pytest.approx(whole, abs=1e-6)
+
+
+@pytest.mark.parametrize("free", [MASS, PLACED])
+def test_the_prior_of_all_numbers_is_that_of_the_coordinates(free):
+    found = density(free)
+    axes = found.coordinates
+    u = axes.start(3)[:5]
+    values = axes.values(u)
+    # the Jacobian of the coordinates, by differences
+    z = unconstrained(found, values)
+    kept = [i for i in range(len(axes.names)) if i not in axes.linear]
+    log_size = []
+    for at in u:
+        step = 1e-5 * np.eye(axes.size)
+        ends = [unconstrained(found, axes.values(at + s[:, None].T)) for s in step]
+        back = [unconstrained(found, axes.values(at - s[:, None].T)) for s in step]
+        slopes = (np.concatenate(ends) - np.concatenate(back))[:, kept] / 2e-5
+        log_size.append(np.linalg.slogdet(slopes)[1])
+    by_values = np.array([float(axes.log_prior_of(np, one)) for one in values])
+    off = axes.log_prior(u) - np.array(log_size) - by_values
+    assert z.shape == values.shape
+    np.testing.assert_allclose(off, off[0], atol=1e-4)
+
+
+def test_coordinates_lead_back_to_themselves():
+    axes = density(PLACED).coordinates
+    u = axes.start(2)[:50]
+    np.testing.assert_allclose(axes.of_values(axes.values(u)), u, atol=1e-9)
 
 
 def test_student_errors_that_nobody_shares_are_those_of_their_formula():

@@ -9,7 +9,7 @@ import numpy as np
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.findings import PoorFit, SuspectedOutlier
 from jblast.inference.fitting.fit import Fit
-from jblast.inference.identifiability import (
+from jblast.inference.identify import (
     Cure,
     EstimableCombination,
     NullDirection,
@@ -18,7 +18,16 @@ from jblast.inference.identifiability import (
 )
 from jblast.inference.posterior.parameters import Estimate
 from jblast.scene import Charge, Scene, Sensor
-from tests.report.made_up import PLAIN, SOUND, band, estimate, fit_of, log, taken
+from tests.report.made_up import (
+    PLAIN,
+    SOUND,
+    band,
+    changed,
+    estimate,
+    fit_of,
+    log,
+    taken,
+)
 
 REASONS = {
     quantity: taken(quantity, "kingery_bulmash")
@@ -186,6 +195,7 @@ def with_outliers() -> Fit:
     residual[row] += np.log(2.4) / fit.sd[row]
     outlier = SuspectedOutlier(NASTY, "peak_overpressure_pa", float(residual[row]))
     other = {"charge_mass_kg": 340.0, "origin_time_s": 0.4101}
+    fit = changed(fit, residual=residual)
     return replace(
         fit,
         summary=replace(
@@ -202,7 +212,6 @@ def with_outliers() -> Fit:
             identifiable=False,
         ),
         observations=replace(table, sensor=tuple(names), value=value),
-        residual=residual,
     )
 
 
@@ -211,7 +220,8 @@ NASTY = "<script>alert('$x')</script>"
 
 def no_draws() -> Fit:
     """A fit that did not converge: no draws, no bands, NaN where numbers should be."""
-    fit = one_parameter()
+    nothing = np.full(5, np.nan)
+    fit = changed(one_parameter(), bands=(), predicted=nothing, residual=nothing)
     return replace(
         fit,
         summary=replace(
@@ -222,9 +232,6 @@ def no_draws() -> Fit:
             dof=0,
         ),
         draws={},
-        bands=(),
-        predicted=np.full(5, np.nan),
-        residual=np.full(5, np.nan),
     )
 
 

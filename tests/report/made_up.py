@@ -1,6 +1,9 @@
 """Parts of made-up fits: logs by simple laws, answers, bands."""
 
 import math
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -57,7 +60,7 @@ PLAIN = Summary(
     null_directions=(),
     ambiguities=(),
     determined=(),
-    posterior="laplace",
+    posterior="weighted",
     converged=True,
     chi2=9.1,
     dof=9,
@@ -125,16 +128,38 @@ def band(quantity, x, mass, log_sd, t0=0.0, axis="range_m", valid=None) -> Band:
     )
 
 
-def fit_of(made, **parts) -> Fit:
+@dataclass(frozen=True)
+class MadeFit(Fit):
+    """A fit whose bands are made up as well."""
+
+    made_bands: tuple[Band, ...] = ()
+
+    @property
+    def bands(self):  # pyright: ignore[reportIncompatibleVariableOverride]  no cache
+        """The made bands."""
+        return self.made_bands
+
+
+def fit_of(made, *, scene=None, shared=None, bands=(), **parts) -> Fit:
     """A fit of a made log."""
     table, predicted, distance, residual, sd = made
-    fields = {"scene": Scene(), "shared": np.zeros(len(table)), **parts}
-    return Fit(
-        observations=table,
+    answer = SimpleNamespace(
+        scene=scene or Scene(),
         predicted=predicted,
-        distance=distance,
+        slant_range=distance,
         residual=residual,
         sd=sd,
-        shot=(0,) * len(table),
-        **fields,
+        shared=np.zeros(len(table)) if shared is None else shared,
     )
+    density = SimpleNamespace(layout=SimpleNamespace(shot=(0,) * len(table)))
+    solution: Any = SimpleNamespace(answer=answer, density=density)
+    return MadeFit(observations=table, solution=solution, made_bands=bands, **parts)
+
+
+def changed(fit: Fit, *, bands=None, **of_answer) -> Fit:
+    """The same fit with other parts of its answer, or other bands."""
+    answer = SimpleNamespace(**{**vars(fit.answer), **of_answer})
+    solution: Any = SimpleNamespace(**{**vars(fit.solution), "answer": answer})
+    made = fit.bands if bands is None else bands
+    changes: dict[str, Any] = {"solution": solution, "made_bands": made}
+    return replace(fit, **changes)

@@ -112,7 +112,7 @@ def fitted() -> dict[str, Any]:
     )
     exact = dataclasses.replace(Scene(), scatter=False)
     uncertain = UncertainScene(exact, {"charge_mass_kg": Free(positive=True)})
-    answer = fit(log, uncertain, posterior="laplace")
+    answer = fit(log, uncertain)
     return answer.to_dict()
 
 

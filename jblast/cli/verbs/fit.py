@@ -72,18 +72,17 @@ def add_arguments(verb: VerbParser) -> None:
     add_noise(verb)
     verb.advanced.add_argument(
         "--posterior",
-        choices=("weighted", "laplace", "emcee", "auto"),
+        choices=("weighted", "emcee"),
         default="weighted",
-        help="method for the intervals: a normal approximation weighted by the "
-        "posterior (weighted), that approximation alone (laplace), MCMC (emcee), or "
-        "MCMC if the approximation fails its check (auto) (default: weighted)",
+        help="method for the intervals: draws weighted by the posterior (weighted) or "
+        "MCMC (emcee) (default: weighted)",
     )
     verb.outputs.add_argument(
         "--out",
         metavar="DIR",
         type=path,
         help="folder for fit.json, figures and report.html; for several logs fits.json "
-        "and answers.csv. An interrupted MCMC run in it is continued",
+        "and answers.csv",
     )
     verb.outputs.add_argument(
         "--verbose",
@@ -111,9 +110,7 @@ def run(options: argparse.Namespace) -> int:
     begin("starting")
     # A missing file counts as 0, and is reported by the reader.
     size = sum(os.path.getsize(f) for f in options.observations if os.path.isfile(f))
-    start_jax(
-        quick=options.posterior in ("weighted", "laplace") and size < SMALL_LOGS_BYTES
-    )
+    start_jax(quick=size < SMALL_LOGS_BYTES)
     from pathlib import Path
 
     from jblast.inference import fit, fit_each

@@ -2,27 +2,28 @@ r"""Covariances from Fisher information: the Cramer-Rao bound and its parts.
 
 The bound is $B (B^T F B)^{-1} B^T$, with $F$ the information of layout and priors (see
 `fisher_information`) and $B$ a basis of the identified directions. It is local: where
-$F$ vanishes by symmetry along an identified direction, the width is measured on the
-density instead. The same inverse with a number fixed, or without a prior, gives the
-sensitivity of a width.
+$F$ vanishes by symmetry along an identified direction, the width is that of draws. The
+same inverse with a number fixed, or without a prior, gives the sensitivity of a width.
 """
 
+import math
 from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.mode.laplace import FALLS, Laplace, half_width, marginals
-from jblast.inference.mode.starts import typical_step
+from jblast.inference.answer import NULL, unit_diagonal
+from jblast.inference.identify import Identified
 from jblast.inference.posterior.fisher_information import (
-    NULL,
     information,
     known_covariance,
 )
 from jblast.inference.posterior.parameters import Parameters, Spread
 from jblast.inference.posterior.posterior import Posterior
+from jblast.inference.posterior.starts import typical_step
 from jblast.kept_programs import kept
+from jblast.scene import parameter_named
 from jblast.sensors import Layout
 from jblast.sensors.simulated_readings import Noise
 
@@ -53,35 +54,57 @@ def information_of_layout(
 
 
 def cramer_rao(
-    posterior: Posterior,
-    z: Float[np.ndarray, " free"],
-    basis: Float[np.ndarray, "free basis"],
     known: Float[np.ndarray, "free free"],
-) -> Laplace:
+    found: Identified,
+) -> Float[np.ndarray, "free free"]:
     """Invert the information along the identified directions.
 
     Along a direction whose slopes vanish by symmetry alone (the height of a charge
-    among sensors at its own height) the information is zero. There the width is
-    measured on the density.
+    among sensors at its own height) the information is zero. There the width is that of
+    the draws.
 
     Args:
-        posterior: Posterior of a log without errors.
-        z: Fitted coordinates.
-        basis: Basis of the identified directions, one column each.
         known: Information.
+        found: What the planned log identifies.
     """
-    values, vectors = np.linalg.eigh(basis.T @ known @ basis)
-    axes = basis @ vectors / np.sqrt(np.maximum(values, NULL))
-    top = float(posterior.log_density(jnp.asarray(z)))
-    for value, axis in zip(values, axes.T, strict=True):
-        ends = [
-            float(posterior.log_density(jnp.asarray(z + s * axis))) for s in (-1, 1)
-        ]
-        # measured only where the density contradicts the information: elsewhere the
-        # bound is the inverse of the information by definition
-        if value < NULL and not FALLS[0] < top - max(ends) < FALLS[1]:
-            axis *= half_width(posterior, z, axis, top)
-    return Laplace(z, axes @ axes.T, 0.0, True)
+    size, values, vectors = unit_diagonal(known, found.answer.steps)
+    covariance = np.zeros_like(known)
+    for value, vector in zip(values, vectors.T, strict=True):
+        axis = vector / size
+        if value >= NULL:
+            covariance += np.outer(axis, axis) / value
+        elif not found.is_left_open(vector):
+            along = vector * size
+            covariance += np.outer(axis, axis) * (along @ found.covariance @ along)
+    return covariance
+
+
+def spreads(
+    parameters: Parameters,
+    z: Float[np.ndarray, " free"],
+    covariance: Float[np.ndarray, "free free"],
+) -> dict[str, Spread]:
+    """Return the standard deviations of each number by a normal of its coordinates."""
+    # 40 Gauss-Hermite nodes reach 11 sd: the standard deviation of a lognormal number
+    # is exact to rounding up to an sd of 3 in ln
+    nodes, weights = np.polynomial.hermite_e.hermegauss(40)
+    weights = weights / weights.sum()
+    sds = np.sqrt(np.diag(covariance))
+    at = parameters.values_of_each(jnp.asarray(z + nodes[:, None] * sds))
+    found = {}
+    for name in parameters.names:
+        x, log_sd = np.asarray(at[name]), math.nan
+        if parameter_named(name).positive:
+            # a normal prior reaches below zero at the outer nodes
+            some = x > 0
+            log_sd = _sd(np.log(x[some]), weights[some] / weights[some].sum())
+        found[name] = Spread(_sd(x, weights), log_sd)
+    return found
+
+
+def _sd(x, weights) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):  # e.g. a mass nothing bounds
+        return float(np.sqrt(weights @ np.square(x - weights @ x)))
 
 
 def spread_left(
@@ -121,8 +144,8 @@ def spread_left(
         return Spread()
     covariance = np.zeros((n, n))
     covariance[np.ix_(kept, kept)] = part
-    marginal = marginals(posterior.parameters, Laplace(z, covariance, 0.0, True))
-    return marginal[posterior.parameters.names[target]].spread
+    found = spreads(posterior.parameters, z, covariance)
+    return found[posterior.parameters.names[target]]
 
 
 def worst(posterior: Posterior, z: Float[np.ndarray, " free"]) -> int:

@@ -23,32 +23,27 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
-from jblast.inference.design.covariance import cramer_rao, spread_left, worst
-from jblast.inference.design.planned_log import Planned, planned
-from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.unidentified import (
-    estimable_combinations,
-    null_directions,
-    other_modes,
+from jblast.inference.answer import Answer, constrained, unconstrained
+from jblast.inference.design.covariance import (
+    cramer_rao,
+    spread_left,
+    spreads,
+    worst,
 )
+from jblast.inference.design.planned_log import Planned, planned
 from jblast.inference.fitting.warnings import height_beside_the_curves, outside
-from jblast.inference.identifiability import (
+from jblast.inference.identify import (
     EstimableCombination,
+    Identified,
     NullDirection,
     OtherMode,
     aside,
-    identifiability,
     laws_beside,
 )
-from jblast.inference.mode.laplace import Laplace, density_and_slope, marginals
-from jblast.inference.mode.search import optima
-from jblast.inference.posterior.fisher_information import (
-    information,
-    information_of_row,
-    whitened_rows,
-)
+from jblast.inference.posterior.fisher_information import information, whitened_rows
 from jblast.inference.posterior.parameters import Finding, Spread
 from jblast.inference.posterior.posterior import Posterior
+from jblast.inference.sample import solve as drawn
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations
 from jblast.progress import stages
@@ -60,7 +55,7 @@ from jblast.sensors import Layout
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.layout import check_scene
 from jblast.sensors.record import clock_offsets
-from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise
+from jblast.sensors.simulated_readings import Noise
 
 STAGES = {
     "computing the bound": 2.0,
@@ -68,8 +63,6 @@ STAGES = {
     "ranking further data": 2.0,
 }
 """Stages of a bound with their approximate duration [s], most of it compilation."""
-STEPS = 12
-"""Steps to the optimum. It is near, and each step covers most of the distance."""
 DEFAULT_SIGMA = {"time": 1e-3, "relative": 0.05}
 """Assumed error of a quantity that the layout does not record: 1 ms of an arrival, or
 the 5 % of a calibrated gauge."""
@@ -262,95 +255,76 @@ def bound(
             f"{', '.join(f'{n} = {v:g}' for n, v in plan.values.items())}; expected "
             "values within reach of the laws"
         )
-    identified = identifiability(posterior, z)
-    normal = cramer_rao(posterior, z, identified.identified_basis, known)
     begin("searching for a second optimum")
-    found = optima(jax.random.key(seed), posterior)
-    # the assumed values are the optimum by construction; the search only looks for
-    # another one
-    solution = Solution(posterior, plan.laws, {}, found, identified, normal)
+    # the assumed values are the answer by construction; draws show where else the log
+    # could come from
+    density, draws = drawn(plan.density, seed)
+    spread = unconstrained(density, draws.values)
+    sds = np.sqrt(draws.weights @ (spread - draws.weights @ spread) ** 2)
+    values = constrained(density, z[None])[0]
+    found = Identified(Answer(density, values, sds), draws)
+    covariance = cramer_rao(known, found)
     begin("ranking further data")
     return Bound(
-        summary=_summary(plan, solution),
+        summary=_summary(plan, found, covariance),
         log=plan.log,
         posterior=posterior,
         z=z,
         information=known,
-        covariance=normal.covariance,
+        covariance=covariance,
     )
 
 
-def _summary(plan: Planned, solution: Solution) -> BoundSummary:
+def _summary(
+    plan: Planned, found: Identified, covariance: Float[np.ndarray, "free free"]
+) -> BoundSummary:
     """Return the results of the bound."""
-    posterior, normal = solution.posterior, solution.laplace
+    posterior = plan.posterior
     valid = np.asarray(posterior.misfit(jnp.asarray(plan.z)).valid)
-    null = null_directions(solution)
-    # The optimum is not exactly at the assumed values: the scatter of a law in seconds
-    # grows with the travel time, so a shorter one is slightly more probable.
-    home = _climbed(posterior, plan.z, normal)
-    doubles = other_modes(solution._replace(laplace=home), bool(valid.all()))
-    help_, target = added_data(plan)
+    help_, target = added_data(plan, found)
     return BoundSummary(
         at=dict(plan.values),
         law=law_names(plan.laws),
         law_reason=plan.laws,
         law_valid=bool(valid.all()),
-        parameters=_parameters(solution),
+        parameters=_parameters(plan, found, covariance),
         free=posterior.parameters.names,
-        identifiable=not null and not doubles,
-        null_directions=null,
-        ambiguities=doubles,
-        determined=estimable_combinations(solution),
+        identifiable=not found.null_directions and not found.other_modes,
+        null_directions=found.null_directions,
+        ambiguities=found.other_modes,
+        determined=found.combinations,
         noise=posterior.noise,
         n_observations=len(plan.log),
         help=help_,
         leans_on=leans_on(plan, target),
         mass_exponents=mass_exponents(plan),
-        warnings=tuple(_warnings(plan, solution, valid)),
+        warnings=tuple(_warnings(plan, found, valid)),
     )
 
 
-def _climbed(posterior: Posterior, z, normal: Laplace) -> Laplace:
-    """Climb to the optimum near a place; steps are scaled by the information."""
-    # At zero residual a Student-t density curves more than on average: full steps by
-    # the expected information would overshoot.
-    nu = STUDENT_FREEDOM
-    bend = 1.0 if posterior.noise == "gaussian" else (nu + 1) / nu
-    length = information_of_row(posterior.noise) / bend
-    there = z
-    for _ in range(STEPS):
-        _, slope = density_and_slope(posterior, jnp.asarray(there))
-        there = there + length * normal.covariance @ np.asarray(slope)
-    top, _ = density_and_slope(posterior, jnp.asarray(there))
-    start, _ = density_and_slope(posterior, jnp.asarray(z))
-    return replace(normal, z=there) if float(top) > float(start) else normal
-
-
-def _parameters(solution: Solution) -> dict[str, Spread]:
+def _parameters(
+    plan: Planned, found: Identified, covariance: Float[np.ndarray, "free free"]
+) -> dict[str, Spread]:
     """Return the standard deviations; a number in a null direction has none."""
-    parameters, normal = solution.posterior.parameters, solution.laplace
-    bounds = marginals(parameters, normal)
+    parameters = plan.posterior.parameters
+    bounds = spreads(parameters, plan.z, covariance)
     answer = {}
-    for i, (name, determined_) in enumerate(
-        zip(parameters.names, solution.identifiability.determined, strict=True)
-    ):
-        spread = bounds[name].spread
+    for i, name in enumerate(parameters.names):
+        spread = bounds[name]
         # a free positive number is ln-normal: its sd in ln is that of the coordinate,
         # which needs no quadrature
         if not np.isnan(spread.log_sd) and isinstance(parameters.beliefs[i], Free):
-            log_sd = float(np.sqrt(normal.covariance[i, i]))
-            spread = replace(spread, log_sd=log_sd)
-        answer[name] = spread if determined_ else Spread()
+            spread = replace(spread, log_sd=float(np.sqrt(covariance[i, i])))
+        answer[name] = spread if found.determined[i] else Spread()
     return answer
 
 
-def _warnings(plan: Planned, solution: Solution, valid) -> list[Finding]:
+def _warnings(plan: Planned, found: Identified, valid) -> list[Finding]:
     findings: list[Finding] = (
-        [] if valid.all() else [outside(plan.log, solution, valid)]
+        [] if valid.all() else [outside(plan.log, plan.laws, valid, valid)]
     )
-    scene = solution.posterior.parameters.scene_at(jnp.asarray(plan.z))
-    for charge in scene.charges:
-        findings += height_beside_the_curves(solution, charge)
+    for charge in found.answer.scene.charges:
+        findings += height_beside_the_curves(found.answer, plan.laws, charge)
     return findings
 
 
@@ -367,7 +341,7 @@ class Datum(NamedTuple):
     is_default: bool
 
 
-def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
+def added_data(plan: Planned, found: Identified) -> tuple[tuple[AddedDatum, ...], int]:
     """Rank rows that could be added by the resulting standard deviation.
 
     It is that of the charge mass; if no mass is fitted, of the number that is least
@@ -379,7 +353,7 @@ def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
     """
     posterior, z = plan.posterior, plan.z
     target = worst(posterior, z)
-    data = candidates(plan)
+    data = candidates(plan, found)
     more = Layout(
         quantity=tuple(d.quantity for d in data),
         position=jnp.asarray(np.array([d.position for d in data])),
@@ -390,7 +364,7 @@ def added_data(plan: Planned) -> tuple[tuple[AddedDatum, ...], int]:
         clock=tuple(d.clock for d in data),
     )
     scene = posterior.parameters.scene_at(jnp.asarray(z))
-    laws = dict(posterior.laws) | laws_beside(posterior, scene, more)
+    laws = dict(posterior.laws) | laws_beside(dict(posterior.laws), scene, more)
     # planned and additional rows in one layout, so that all share one program
     both = Posterior(
         posterior.parameters,
@@ -426,7 +400,7 @@ def _entry(datum: Datum, plan: Planned, laws, holds, target, left) -> AddedDatum
     )
 
 
-def candidates(plan: Planned) -> list[Datum]:
+def candidates(plan: Planned, found: Identified) -> list[Datum]:
     """Return the rows to try: each quantity at each sensor and at a new position."""
     posterior, log = plan.posterior, plan.log
     layout = posterior.layout
@@ -451,7 +425,7 @@ def candidates(plan: Planned) -> list[Datum]:
         if charge.range_m is None:
             reach = float(np.median(distance))
             places.append(
-                (aside(posterior, reach), "", max(layout.group) + 1 + shot, "")
+                (aside(found.density, reach), "", max(layout.group) + 1 + shot, "")
             )
         for quantity in ADDABLE:
             timed = "time" if quantity in TIMES else "relative"

@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
 from jblast.fidelity import TakenLaw
+from jblast.inference.density import Density, density_of
 from jblast.inference.posterior.parameters import (
     GROWTH,
     as_seen,
@@ -74,7 +75,8 @@ class Planned(NamedTuple):
     Attributes:
         values: Assumed values by name of `scene.PARAMETERS`.
         z: The same in the fitted coordinates.
-        posterior: Posterior of the log.
+        posterior: Readings of the log.
+        density: Posterior density of the log.
         laws: The law of each quantity, with the reason for its choice.
         log: Readings without error.
     """
@@ -82,6 +84,7 @@ class Planned(NamedTuple):
     values: Mapping[str, float]
     z: Float[np.ndarray, " free"]
     posterior: Posterior
+    density: Density
     laws: Mapping[str, TakenLaw]
     log: Observations
 
@@ -142,7 +145,9 @@ def planned(
     # the curve sets of the planned layout, not those that the log would choose
     layout = replace(layout_of(log, scene), free_air=drawn.free_air)
     posterior = posterior_of(parameters, layout, log, law_names(laws), noise)
-    return Planned(values, np.asarray(z), posterior, laws, log)
+    named = replace(scene, law=tuple(law_names(laws).items()))
+    density = density_of(log, UncertainScene(named, beliefs), noise)
+    return Planned(values, np.asarray(z), posterior, density, laws, log)
 
 
 def _as_seen(uncertain: UncertainScene) -> UncertainScene:

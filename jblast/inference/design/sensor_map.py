@@ -16,9 +16,9 @@ from jaxtyping import Array, Bool, Float
 from jblast.errors import InputError
 from jblast.inference.design.covariance import information_of_layout, worst
 from jblast.inference.design.cramer_rao import Bound
-from jblast.inference.mode.starts import typical_step
 from jblast.inference.posterior.fisher_information import known_covariance
 from jblast.inference.posterior.posterior import Posterior
+from jblast.inference.posterior.starts import typical_step
 from jblast.kept_programs import kept
 from jblast.sensors import Layout, record
 

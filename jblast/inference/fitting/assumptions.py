@@ -35,11 +35,8 @@ import inspect
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
 from jblast.constants import (
@@ -47,7 +44,9 @@ from jblast.constants import (
     DRY_AIR_GAS_CONSTANT,
     STANDARD_SOUND_SPEED,
 )
+from jblast.inference.answer import NULL, STEP, unit_diagonal
 from jblast.inference.consensus import STRATOSPHERE_RANGE
+from jblast.inference.density import WIND as WINDS
 from jblast.inference.fitting.findings import (
     FlatGround,
     PathsTakenAsIndependent,
@@ -55,16 +54,8 @@ from jblast.inference.fitting.findings import (
 )
 from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.fitting.unidentified import requested
-from jblast.inference.mode.starts import typical_step
-from jblast.inference.posterior.fisher_information import (
-    NULL,
-    information_of_rows,
-    unit_diagonal,
-    whitened_rows,
-)
+from jblast.inference.identify import pseudo_covariance, requested
 from jblast.inference.posterior.parameters import Finding
-from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.inference.sanity import COLDEST
 from jblast.observations import Observations
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
@@ -73,15 +64,11 @@ from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout, components
 from jblast.sensors.path_scatter import MAX_PATHS
-from jblast.sensors.record import clock_offsets, record
-from jblast.sensors.simulated_readings import paths_of
+from jblast.sensors.record import clock_offsets
 from jblast.waves.propagation import sound_speed_of
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount
 """Standard deviation of an unmeasured wind, each component [m/s]."""
-STEP = 1e-3
-"""Step of central differences, relative to a standard deviation or a typical step. The
-term of third order is then 1e-6; rounding stays far below the change."""
 WIDER = 1.05
 """Smallest factor by which a wider interval is reported: 5 % is within the error of an
 interval."""
@@ -141,16 +128,16 @@ class StillAir(Finding):
 
 def still_air(solution: Solution) -> Finding | None:
     """Return the effect of still air; None if not assumed, or without effect."""
-    posterior = solution.posterior
-    air = posterior.parameters.scene.air
-    known_wind = any(name.startswith("wind_") for name in posterior.parameters.names)
+    density = solution.density
+    air, names = density.scene.air, density.coordinates.names
+    known_wind = any(name.startswith("wind_") for name in names)
     if known_wind or float(air.wind_east) or float(air.wind_north):
         return None
-    arrivals = bool(set(BY_AIR) & set(posterior.layout.quantities()))
+    arrivals = bool(set(BY_AIR) & set(density.layout.quantities()))
     factors = wider_with_wind(solution)
     if factors is None:
         decides = SPEEDS if air.sound_speed is None else SPEEDS[:1]
-        fitted = [name for name in decides if name in posterior.parameters.names]
+        fitted = [name for name in decides if name in names]
         if not arrivals:
             return None
         return WindPassesForSoundSpeed((fitted or SPEEDS)[0], bool(fitted))
@@ -174,68 +161,25 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
         solution: Solution in still air.
         sd: Standard deviation of each wind component [m/s].
     """
-    posterior, normal = solution.posterior, solution.laplace
-    here = posterior.misfit(jnp.asarray(normal.z))
-    to_wind = _slopes_to_wind(posterior, normal.z)
+    answer = solution.answer
+    to_wind = answer.slopes_by(dict.fromkeys(WINDS, STEP * WIND))
     if not to_wind.any():
         return None
-    sds = np.sqrt(np.diag(normal.covariance))
-    typical = np.asarray(typical_step(posterior))
-    steps = STEP * np.where(sds > 0, np.minimum(sds, typical), typical)
-    to_fitted = np.stack(
-        [
-            _slope(*(posterior.misfit(jnp.asarray(normal.z + s)) for s in (-d, d)))
-            / step
-            for step, d in zip(steps, np.diag(steps), strict=True)
-        ],
-        axis=1,
-    )
-    weighted = _weighted(here, information_of_rows(posterior, here), to_wind)
-    gain = normal.covariance @ to_fitted.T @ weighted
-    left = to_wind.T @ weighted + np.eye(2) / sd**2 - weighted.T @ to_fitted @ gain
+    covariance = pseudo_covariance(answer)
+    sds = np.sqrt(np.diag(covariance))
+    weighted = answer.weigh(to_wind)
+    gain = covariance @ answer.slopes.T @ weighted
+    left = to_wind.T @ weighted + np.eye(2) / sd**2
+    left = left - weighted.T @ answer.slopes @ gain
     if np.isfinite(left).all():
         # singular if rows depend on one component only: the other gets no variance
         left = np.linalg.pinv(left, hermitian=True)
     added = np.diag(gain @ left @ gain.T)
     return {
         name: float(np.sqrt(1 + max(more, 0.0) / one**2))
-        for name, one, more in zip(posterior.parameters.names, sds, added, strict=True)
+        for name, one, more in zip(answer.names, sds, added, strict=True)
         if one > 0
     }
-
-
-def _slopes_to_wind(posterior: Posterior, z) -> Float[np.ndarray, "row 2"]:
-    """Return the derivative of the predictions by the wind towards east and north."""
-    where = (
-        lambda p: p.parameters.scene.air.wind_east,
-        lambda p: p.parameters.scene.air.wind_north,
-    )
-    step = STEP * WIND
-    columns = []
-    for component in where:
-        ends = (
-            eqx.tree_at(component, posterior, component(posterior) + side * step)
-            for side in (-1, 1)
-        )
-        columns.append(_slope(*(end.misfit(jnp.asarray(z)) for end in ends)) / step)
-    return np.stack(columns, axis=1)
-
-
-def _slope(before: Misfit, after: Misfit) -> Float[np.ndarray, " row"]:
-    """Return half of the change of the predictions from one place to another."""
-    return 0.5 * (np.asarray(before.residual) - np.asarray(after.residual))
-
-
-def _weighted(here: Misfit, of_rows, columns: Float[np.ndarray, "row column"]):
-    """Return columns times the inverse covariance of the rows, with shared effects.
-
-    The Woodbury identity avoids a matrix of rows by rows.
-    """
-    weight = np.reshape(of_rows, (-1, 1)) / np.asarray(here.sd)[:, None] ** 2
-    loading = np.asarray(here.loading)
-    known = np.eye(loading.shape[1]) + loading.T @ (weight * loading)
-    shared = np.linalg.solve(known, loading.T @ (weight * columns))
-    return weight * (columns - loading @ shared)
 
 
 def slower_than_sound(
@@ -247,19 +191,17 @@ def slower_than_sound(
     coldest air. Arrivals from beyond `consensus.STRATOSPHERE_RANGE` may come through
     the thermosphere, which is slower. Lower bounds are no arrivals. Both are left out.
     """
-    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
-    misfit = posterior.misfit(z)
-    distance = np.asarray(misfit.slant_range)
+    answer = solution.answer
+    distance = answer.slant_range
     quantity = np.array(observations.quantity)
     used = (
         (quantity == "air_arrival_s")
         & (distance > 0.0)
         & (distance <= STRATOSPHERE_RANGE)
     )
-    if posterior.lower_bound is not None:
-        used &= ~np.asarray(posterior.lower_bound)
-    scene, layout = posterior.parameters.scene_at(z), posterior.layout
-    shot, names = np.array(layout.shot), posterior.parameters.names
+    used &= ~answer.rows.is_bound
+    scene, layout = answer.scene, answer.density.layout
+    shot, names = np.array(layout.shot), answer.names
     # a free origin time or clock offset shifts all of its arrivals alike: each is
     # fitted with a constant
     constants = [
@@ -281,19 +223,20 @@ def slower_than_sound(
     took = observations.value - origin - np.asarray(clock_offsets(scene, layout))
     tau = np.where(used, distance / sound, 0.0)
     excess = np.where(used, took - tau, 0.0)
-    columns = jnp.asarray(np.stack([*constants, tau, excess], axis=1))
-    *known, late = np.asarray(whitened_rows(posterior, misfit, columns)).T
-    design = np.stack(known, axis=1)
-    found, _, rank, _ = np.linalg.lstsq(design, late)
-    if rank < design.shape[1] or not np.isfinite(found).all():
+    design = np.stack([*constants, tau], axis=1).astype(float)
+    # generalised least squares
+    weighted = answer.weigh(design)
+    known = design.T @ weighted
+    if not np.isfinite(known).all() or np.linalg.matrix_rank(known) < len(known):
         return None
-    sd = float(np.sqrt(np.linalg.inv(design.T @ design)[-1, -1]))
+    found = np.linalg.solve(known, weighted.T @ excess)
+    sd = float(np.sqrt(np.linalg.inv(known)[-1, -1]))
     if not found[-1] > -ndtri(POOR) * sd:
         return None
     # named are arrivals that are late by more than their scatter, or by half of the
     # latest
     own = excess - sum(b * c for b, c in zip(found[:-1], constants, strict=True))
-    scatter = np.hypot(misfit.sd, np.linalg.norm(np.asarray(misfit.loading), axis=1))
+    scatter = answer.scatter
     slowness = np.where(used, 1.0 + own / np.where(used, tau, 1.0), -np.inf)
     slowest = int(np.argmax(slowness))
     late_rows = np.flatnonzero(used & (own > np.minimum(scatter, own[slowest] / 2)))
@@ -363,27 +306,21 @@ def flat_ground(
 
 def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | None:
     """Return the number of paths taken as independent; None without any."""
-    posterior, parameters = solution.posterior, solution.posterior.parameters
-    layout = posterior.layout
-    if len(layout.quantity) <= MAX_PATHS:
-        return None
-    scene = parameters.scene_at(jnp.asarray(solution.laplace.z))
-    # traced without evaluation: only the names of quantities with path scatter are used
-    recording = eqx.filter_eval_shape(record, scene, layout, dict(posterior.laws))
+    answer, layout = solution.answer, solution.density.layout
     position, given = np.asarray(layout.position), np.asarray(layout.slant_range) > 0
     most, beyond = 0, False
-    for _, quantity, shot in recording.fields:
-        rows, first, _ = paths_of(layout, quantity, shot)
-        one_each = rows[first]
+    for name in {*answer.seen.path, *answer.seen.arrival}:
+        first = answer.rows.paths[name].first
         # paths without a direction are independent of all others
-        near = one_each[~given[one_each]]
-        is_ranged = scene.charges[shot].range_m is not None
-        if is_ranged or len(one_each) <= MAX_PATHS or len(near) < 2:
+        near = first[~given[first]]
+        if len(first) <= MAX_PATHS or len(near) < 2:
+            continue
+        charge = answer.scene.charges[layout.shot[first[0]]]
+        if charge.range_m is not None:
             continue
         most = max(most, len(near))
-        charge = scene.charges[shot]
-        place = {f"{name}{scene.label(charge)}" for name in CHARGE_POSITION[:2]}
-        if place & {*parameters.names}:
+        place = {f"{n}{answer.scene.label(charge)}" for n in CHARGE_POSITION[:2]}
+        if place & {*answer.names}:
             level = position[near, :2]
             away = np.asarray(charge.position_m)[:2] - level.mean(axis=0)
             # the diagonal of the bounding box: pairs of a million sensors are too many
@@ -391,49 +328,45 @@ def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | 
     return PathsTakenAsIndependent(most, MAX_PATHS, beyond) if most else None
 
 
-def valid_at_depth(
-    solution: Solution, draws: Float[np.ndarray, "draw free"]
-) -> Bool[np.ndarray, " row"]:
+def valid_at_depth(solution: Solution) -> Bool[np.ndarray, " row"]:
     """Return the validity of depth-dependent laws at a depth that few draws exceed.
 
     Depths are scaled by the cube root of the mass, so an overestimated mass moves a
     buried charge towards the surface. The answer may lie within the range of a law that
     its 90 % interval leaves. Only depth and mass are changed from the answer. Charges
     that are not buried, and laws without a depth, count as valid.
-
-    Args:
-        solution: Result of the inference.
-        draws: Coordinates drawn from the posterior.
     """
-    posterior, parameters = solution.posterior, solution.posterior.parameters
-    at = parameters.scene_at(jnp.asarray(solution.laplace.z))
-    drawn = parameters.values_of_each(jnp.asarray(draws))
-    valid = np.ones(len(posterior.measured), bool)
+    answer, draws = solution.answer, solution.draws
+    names, layout = answer.names, solution.density.layout
+    drawn = dict(zip(names, draws.values.T, strict=True))
+    valid = np.ones(len(layout.quantity), bool)
     by_depth = [
         any(
             "height_of_burst" in inspect.signature(law.valid).parameters
             for part, _ in components(quantity)
             for law in [law_for(part, solution.laws[part].name)]
         )
-        for quantity in posterior.layout.quantity
+        for quantity in layout.quantity
     ]
-    for shot, charge in enumerate(at.charges):
+    for shot, charge in enumerate(answer.scene.charges):
         if not float(charge.up) < 0:
             continue
-        label = at.label(charge)
+        label = answer.scene.label(charge)
         known = {
-            f"charge_up_m{label}": charge.up,
-            f"charge_mass_kg{label}": charge.mass_kg,
+            f"charge_up_m{label}": float(charge.up),
+            f"charge_mass_kg{label}": float(charge.mass_kg),
         }
         up, mass = (
-            np.asarray(drawn.get(name, np.full(len(draws), float(fixed))))
+            np.broadcast_to(drawn.get(name, np.array(fixed)), len(draws.u))
             for name, fixed in known.items()
         )
-        deepest = np.argsort(up / np.cbrt(mass))[int(DEEPER_SHARE * len(draws))]
-        moved = [name in known for name in parameters.names]
-        deep = np.where(moved, draws[deepest], solution.laplace.z)
-        holds = np.asarray(posterior.misfit(jnp.asarray(deep)).valid)
-        judged = by_depth & (np.array(posterior.layout.shot) == shot)
+        order = np.argsort(depth := up / np.cbrt(mass))
+        at = np.searchsorted(np.cumsum(draws.weights[order]), DEEPER_SHARE)
+        deepest = draws.values[order[min(at, len(depth) - 1)]]
+        moved = np.array([name in known for name in names])
+        deep = np.where(moved, deepest, answer.values)
+        holds = solution.density.seen_with(deep[None]).valid[0]
+        judged = by_depth & (np.array(layout.shot) == shot)
         valid &= holds | ~judged
     return valid
 
@@ -453,39 +386,28 @@ def extrapolated(
     """
     if valid.all():
         return ()
-    everything = _information(solution, jnp.ones(len(valid), bool))
-    inside = _information(solution, jnp.asarray(valid))
-    names = solution.posterior.parameters.names
+    everything = _information(solution, np.ones(len(valid), bool))
+    inside = _information(solution, valid)
+    names = solution.identified.names
     wanted = requested(names)
     return tuple(
         name
         for name, is_determined, all_rows, some in zip(
-            names,
-            solution.identifiability.determined,
-            everything,
-            inside,
-            strict=True,
+            names, solution.identified.determined, everything, inside, strict=True
         )
         if name in wanted and is_determined and some < (1 - MAX_OUTSIDE) * all_rows
     )
 
 
 def _information(
-    solution: Solution, used: Bool[Array, " row"]
-) -> Float[np.ndarray, " free"]:
+    solution: Solution, used: Bool[np.ndarray, " row"]
+) -> Float[np.ndarray, " name"]:
     """Return one over the variance of each number by the `used` rows and the priors."""
-    posterior, z = solution.posterior, jnp.asarray(solution.laplace.z)
-    misfit = posterior.misfit(z)
-    # infinite errors instead of fewer rows: the compiled programs keep their shapes
-    misfit = eqx.tree_at(lambda m: m.sd, misfit, jnp.where(used, misfit.sd, jnp.inf))
-    slopes = -jax.jacfwd(lambda z: posterior.misfit(z).residual)(z)
-    rows = whitened_rows(posterior, misfit, slopes)
-    rows = jnp.concatenate([rows, jnp.diag(posterior.parameters.has_prior())])
-    matrix = rows.T @ rows
-    if not bool(jnp.isfinite(matrix).all()):
-        return np.full(len(z), np.nan)
-    size, values, vectors = map(
-        np.asarray, unit_diagonal(matrix, jnp.asarray(typical_step(posterior)))
-    )
+    answer = solution.answer
+    matrix = answer.slopes.T @ answer.weigh(answer.slopes, used)
+    matrix = matrix + np.diag(answer.has_prior)
+    if not np.isfinite(matrix).all():
+        return np.full(len(matrix), np.nan)
+    size, values, vectors = unit_diagonal(matrix, answer.steps)
     variance = (vectors**2 / np.maximum(values, NULL)).sum(axis=1) / size**2
     return 1 / variance

@@ -82,18 +82,31 @@ class SeveralExplanations(Finding):
 
 
 @dataclass(frozen=True)
-class AsAsked(Finding):
-    """The method was requested by the user."""
+class DrawsWeighted(Finding):
+    """Draws of a mixture, weighted by the posterior.
+
+    Attributes:
+        k_hat: Shape of the tail of the weights.
+        effective: Effective sample size.
+    """
+
+    k_hat: float
+    effective: float
 
 
 @dataclass(frozen=True)
-class DirectionUnidentified(Finding):
-    """Only the normal approximation is available: a direction is not identified."""
+class Walked(Finding):
+    """Draws of walkers, as requested by the user."""
 
 
 @dataclass(frozen=True)
-class NotAtOptimum(Finding):
-    """The search did not converge to an optimum: the answer is its last position."""
+class ModeFoundOnce(Finding):
+    """Fewer than two climbs ended at the best mode: there may be a better one."""
+
+
+@dataclass(frozen=True)
+class WeightsUnreliable(DrawsWeighted):
+    """Too few draws have most of the weight: intervals are rough."""
 
 
 @dataclass(frozen=True)

@@ -1,67 +1,38 @@
 """Fit a blast to one log, or to several logs one after another.
 
-A fit reads the log, chooses the laws, searches the optima, computes the uncertainty and
-collects the warnings. `solve` ends after the optimum and its normal approximation.
-`fit_each` fits several logs independently; a log that fails is reported, and the others
-are fitted all the same. Predictive bands for figures are quantiles of posterior draws
-along a line away from the charge.
+A fit reads the log, chooses the laws, draws from the posterior and collects what the
+draws identify, with warnings. `fit_each` fits several logs independently; a log that
+fails is reported, and the others are fitted all the same. Predictive bands for figures
+are quantiles of posterior draws along a line away from the charge.
 
-One program per layout is compiled, and decisions between programs are made in Python,
-so a fit cannot be put under `jit`; `many.fit_many` can.
+One program per layout is compiled, and decisions are made in Python, so a fit cannot be
+put under `jit`; `many.fit_many` can.
 """
 
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.errors import InputError, argument
-from jblast.fidelity import TakenLaw
-from jblast.inference.fitting.assumptions import valid_at_depth
-from jblast.inference.fitting.findings import FlashesSetAside
+from jblast.errors import InputError
+from jblast.inference.answer import Answer, joint_mode
+from jblast.inference.density import Density
+from jblast.inference.fitting.findings import DrawsWeighted, FlashesSetAside, Walked
 from jblast.inference.fitting.fit_input import Laws, fit_input
-from jblast.inference.fitting.goodness_of_fit import (
-    POOR,
-    p_value,
-    standardised_residuals,
-)
-from jblast.inference.fitting.solution import (
-    Choices,
-    Solution,
-    choices_for,
-    room_for,
-    settle_laws,
-    with_sample_density,
-)
+from jblast.inference.fitting.goodness_of_fit import POOR, p_value
+from jblast.inference.fitting.solution import Solution, solution_of, solve
 from jblast.inference.fitting.summary import Summary, summary_of
-from jblast.inference.fitting.uncertainty import Method, uncertainty
-from jblast.inference.identifiability import identifiability
-from jblast.inference.mode.laplace import laplace
-from jblast.inference.mode.range_profile import range_profile, with_best_range
-from jblast.inference.mode.search import (
-    Optima,
-    likeliest_start,
-    optima,
-    with_mirror_images,
-)
-from jblast.inference.posterior.parameters import (
-    Finding,
-    Parameters,
-    as_seen,
-    parameters_of,
-)
-from jblast.inference.posterior.posterior import Posterior, posterior_of
-from jblast.inference.posterior.record_likelihood import SampledRecords
-from jblast.inference.whitening import refuse_without_density
+from jblast.inference.mcmc import Ensemble, ensemble
+from jblast.inference.posterior.parameters import Finding, Parameters, as_seen
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations, resolve_positions
-from jblast.observations.clocks import refuse_unsolvable_clocks, untied_flashes
+from jblast.observations.clocks import untied_flashes
 from jblast.observations.grouping import located, some_rows
 from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import for_log
@@ -71,23 +42,24 @@ from jblast.progress_line import Progress, reported
 from jblast.quantities import DIRECTIONS, TIMED
 from jblast.scene import Scene, UncertainScene, freed as with_free
 from jblast.scene.uncertain import NO_SCENE
-from jblast.sensors import Layout, layout_of, record
-from jblast.sensors.law_choice import law_names
+from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 from jblast.sensors.record import path_to
 from jblast.sensors.simulated_readings import Noise
 
+Method = Literal["weighted", "emcee"]
+DRAWS = 4000
+"""Draws of equal weight for figures and files."""
 # The bounds of a band are then precise to 5 % of its width, which a figure does not
 # resolve. Each draw costs one evaluation at every point of a line.
 DRAWS_IN_BANDS = 200
 STAGES = {
     "reading samples": 14.0,
-    "choosing laws": 1.5,
-    "searching": 4.0,
-    "identifying parameters": 0.5,
+    "choosing laws": 0.7,
+    "searching": 1.0,
     "counting samples": 8.0,
-    "computing the uncertainty": 2.0,
-    "collecting results": 1.0,
+    "walking": 10.0,
+    "collecting results": 0.3,
 }
 """Stages of a fit with their approximate duration [s], most of it compilation."""
 OF_SAMPLES = ("reading samples", "counting samples")
@@ -129,50 +101,82 @@ class Fit:
     Attributes:
         summary: Estimates, warnings and further results.
         observations: The log.
-        scene: The scene at the maximum of the posterior.
-        predicted: The law's value at each row, in the row's unit.
-        distance: Slant range of each row at the answer [m].
-        residual: (measured - predicted - shared effects) / sd of each row. For a lower
-            bound it is the smallest error that satisfies it: 0 where the law predicts
-            more.
-        sd: Independent standard deviation of each row: seconds for times, else in ln.
-        shared: The shared effects at each row, same unit as `sd`.
-        draws: Posterior draws of every identified parameter.
-        shot: Index of the charge of each row.
-        bands: Predictive band of each observed quantity and charge.
-        weighted: True if draws of the normal approximation were weighted.
-        posterior_reason: Reason for the method of the intervals.
+        solution: Density, draws, and what these identify.
+        draws: Draws of equal weight of every identified parameter.
+        posterior_reason: Method of the intervals.
         ensemble: The walkers' chain, if they ran.
-        density: The posterior.
-        start: Optimum in the coordinates of `log_density`.
         exit_code: 0 answered, 4 answered with a warning: not converged, not
             identifiable, no requested number identified, a poor fit, a law that is
             within its range for no row or not for those on which a requested number
-            depends, intervals that importance sampling cannot check, or a log that one
-            wrong clock or sensor explains.
+            depends, weights that are unreliable, or a log that one wrong clock or
+            sensor explains.
     """
 
     summary: Summary
     observations: Observations
-    scene: Scene
-    predicted: Float[np.ndarray, " row"]
-    distance: Float[np.ndarray, " row"]
-    residual: Float[np.ndarray, " row"]
-    sd: Float[np.ndarray, " row"]
-    shared: Float[np.ndarray, " row"]
-    shot: tuple[int, ...]
+    solution: Solution
     draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
-    bands: tuple[Band, ...] = ()
     posterior_reason: Finding | None = None
-    weighted: bool = False
-    ensemble: Any = None
-    density: Any = None
-    start: Float[np.ndarray, " free"] = field(default_factory=lambda: np.zeros(0))
+    ensemble: Ensemble | None = None
+
+    @property
+    def answer(self) -> Answer:
+        """The log at the most probable numbers."""
+        return self.solution.answer
+
+    @property
+    def density(self) -> Density:
+        """The posterior density."""
+        return self.solution.density
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with the most probable numbers."""
+        return self.answer.scene
+
+    @property
+    def predicted(self) -> Float[np.ndarray, " row"]:
+        """The law's value at each row, in the row's unit."""
+        return self.answer.predicted
+
+    @property
+    def distance(self) -> Float[np.ndarray, " row"]:
+        """Slant range of each row at the answer [m]."""
+        return self.answer.slant_range
+
+    @property
+    def residual(self) -> Float[np.ndarray, " row"]:
+        """(Measured - predicted - shared effects) / sd of each row.
+
+        For a lower bound it is the smallest error that satisfies it: 0 where the law
+        predicts more.
+        """
+        return self.answer.residual
+
+    @property
+    def sd(self) -> Float[np.ndarray, " row"]:
+        """Independent sd of each row: seconds for times, else in ln."""
+        return self.answer.sd
+
+    @property
+    def shared(self) -> Float[np.ndarray, " row"]:
+        """The shared effects at each row, same unit as `sd`."""
+        return self.answer.shared
+
+    @property
+    def shot(self) -> tuple[int, ...]:
+        """Index of the charge of each row."""
+        return self.density.layout.shot
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return the names of the fitted parameters, in the order of `start`."""
-        return self.density.parameters.names
+        """Names of the fitted parameters, in the order of `start`."""
+        return self.answer.names
+
+    @cached_property
+    def start(self) -> Float[np.ndarray, " free"]:
+        """The optimum of `log_density`, in its coordinates."""
+        return joint_mode(self.answer)
 
     @property
     def log_density(self) -> Callable[[Float[Array, " free"]], Float[Array, ""]]:
@@ -183,7 +187,8 @@ class Fit:
         of a number with a prior; all are unbounded. JAX can differentiate, compile and
         vectorise the function.
         """
-        return self.density.log_density
+        # a plain function: `jax.jit` needs a hash
+        return partial(_log_density, self.density)
 
     def values(self, z: Float[ArrayLike, "*draw free"]) -> dict[str, Array]:
         """Return the parameters in their units at coordinates of `log_density`."""
@@ -193,6 +198,21 @@ class Fit:
             name: belief.constrain(jnp.asarray(z)[..., i])
             for i, (name, belief) in enumerate(each_of)
         }
+
+    @cached_property
+    def bands(self) -> tuple[Band, ...]:
+        """Predictive band of each observed quantity and charge."""
+        solution = self.solution
+        there = solution.draws.resampled(DRAWS_IN_BANDS)
+        return bands(
+            self.density.parameters,
+            self.answer.z,
+            solution.identified.z[there],
+            self.observations,
+            self.density.layout,
+            self.distance,
+            self.density.laws,
+        )
 
     @property
     def origin_time(self) -> Float[np.ndarray, " row"]:
@@ -223,6 +243,10 @@ class Fit:
     def to_dict(self) -> dict[str, Any]:
         """Return the summary with values that JSON can represent."""
         return self.summary.to_dict()
+
+
+def _log_density(density: Density, z: Float[Array, " free"]) -> Float[Array, ""]:
+    return density.log_density(z)
 
 
 @kept_between_runs()
@@ -261,10 +285,9 @@ def fit(
         freed: Further free parameters, for example "charge_east_m".
         laws: Laws by quantity; or words NAME, QUANTITY=NAME or "auto".
         noise: Distribution of the independent errors.
-        posterior: Method of the intervals: "weighted" (draws of a normal approximation,
-            weighted by the posterior), "laplace" (the approximation alone), "emcee"
-            (walkers), or "auto": walkers if the approximation fails its check.
-        seed: Seed of the starts of the search and the draws of the posterior.
+        posterior: Method of the intervals: "weighted" (draws of a mixture, weighted by
+            the posterior) or "emcee" (walkers).
+        seed: Seed of all random numbers.
         scaling: Scale of the records, where files do not state it.
         high_pass_hz: Corner of their recorders' first-order high-pass [Hz].
         progress: True prints progress on stderr; a function is called at each report
@@ -316,6 +339,11 @@ def _fit(
     begin = _stages(of_samples=SAMPLES in observations.quantity)
     sampled = None
     if SAMPLES in observations.quantity:
+        if posterior == "emcee":
+            raise InputError(
+                f"{observations.source or 'observations'}: expected the posterior "
+                "'weighted' for a log that names records of samples, got 'emcee'"
+            )
         begin("reading samples")
         # importing picks takes a second, which logs without samples do not need
         from jblast.inference.sampled_records import sampled_records
@@ -344,166 +372,41 @@ def _fit(
     solution = solve(
         observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
     )
-    begin("computing the uncertainty")
-    density, z = solution.posterior, solution.laplace.z
-    misfit = density.misfit(jax.device_put(z))
-    # once, for goodness of fit, outliers and figures
-    left = standardised_residuals(density, z)
-    parameters = density.parameters
-    names = [
-        f"{sensor}, {quantity}"
-        for sensor, quantity in zip(
-            observations.sensor, observations.quantity, strict=True
-        )
-    ]
-    sure = uncertainty(solution, posterior, seed=seed, rows=names)
+    reason: Finding = DrawsWeighted(solution.draws.k_hat, solution.draws.effective)
+    walkers = None
+    if posterior == "emcee":
+        begin("walking")
+        walkers = ensemble(solution.density, solution.draws, seed=seed)
+        solution = solution_of(solution.density, walkers.as_draws(solution.draws))
+        reason = Walked()
     begin("collecting results")
-    draws = sure.z
-    values = parameters.values_of_each(jax.device_put(draws))
-    distance = np.asarray(misfit.slant_range)
+
+    def refit(log: Observations, names: Sequence[str]) -> Solution:
+        return solve(log, with_free(uncertain, names), noise=noise, seed=seed)
+
+    found = solution.identified
+    there = solution.draws.resampled(DRAWS, seed)
     return Fit(
         summary=summary_of(
             observations,
             uncertain,
             solution,
-            sure,
-            np.asarray(misfit.valid),
-            valid_at_depth(solution, draws),
-            left,
-            lambda log, names, *, follow_range: solve(
-                log,
-                with_free(uncertain, names),
-                noise=noise,
-                seed=seed,
-                follow_range=follow_range,
-            ),
-            (FlashesSetAside(set_aside),) if set_aside else (),
+            refit,
+            method=posterior,
+            of_sampler=walkers.findings if walkers else (),
+            found_before=(FlashesSetAside(set_aside),) if set_aside else (),
         ),
         observations=observations,
-        scene=parameters.scene_at(jnp.asarray(z)),
-        predicted=np.asarray(misfit.predicted),
-        distance=distance,
-        residual=left.residual,
-        sd=left.sd,
-        shared=left.shared,
-        shot=density.layout.shot,
+        solution=solution,
         # numbers in a null direction have draws without meaning
         draws={
-            name: np.asarray(values[name])
-            for name, identified in zip(
-                parameters.names, solution.identifiability.determined, strict=True
-            )
-            if identified
+            name: solution.draws.values[there, i]
+            for i, name in enumerate(found.names)
+            if found.determined[i]
         },
-        posterior_reason=sure.reason,
-        weighted=sure.weighted,
-        ensemble=sure.ensemble,
-        density=density,
-        start=np.asarray(z),
-        bands=bands(
-            parameters,
-            z,
-            draws[:: max(len(draws) // DRAWS_IN_BANDS, 1)],
-            observations,
-            density.layout,
-            distance,
-            law_names(solution.laws),
-        ),
+        posterior_reason=reason,
+        ensemble=walkers,
     )
-
-
-def solve(
-    observations: Observations,
-    uncertain: UncertainScene,
-    *,
-    noise: Noise = "student",
-    seed: int = 0,
-    records: SampledRecords | None = None,
-    begin: Callable[[str], None] | None = None,
-    follow_range: bool = True,
-) -> Solution:
-    """Find the optima of the posterior, identifiability and the normal approximation.
-
-    Automatic laws are chosen at the likeliest start, and again at the answer until they
-    settle (`settle_laws`). So are the curve sets of charges whose `burst` follows from
-    their height. Samples of records are used once the log of their picks is solved.
-
-    Args:
-        observations: The log.
-        uncertain: The scene and its uncertain parameters.
-        noise: Distribution of the independent errors.
-        seed: Seed of the starts of the search.
-        records: Samples of records, if there are any.
-        begin: Function that is called with the name of each stage.
-        follow_range: Compute the `range_profile` of a charge outside a small array.
-    """
-    if not parameters_of(uncertain).names:
-        raise InputError(
-            "nothing to fit: every number of the scene is fixed; expected at least one "
-            'that is "free", has a prior, or is named by ' + argument("freed")
-        )
-    refuse_unsolvable_clocks(observations, uncertain)
-    begin = begin or _stages(of_samples=records is not None)
-    begin("choosing laws")
-    rows = layout_of(observations, uncertain.scene)
-    sigma = observations.error_scale()
-    # one key for all searches: the starts are the same whatever laws are chosen
-    key = jax.random.key(seed)
-
-    def posterior_by(choices: Choices) -> Posterior:
-        parameters = parameters_of(replace(uncertain, scene=choices.scene))
-        names = law_names(choices.laws)
-        density = posterior_of(parameters, choices.layout, observations, names, noise)
-        # the correction of samples comes later, but its shape is part of every program
-        room = room_for(len(parameters.names)) if records is not None else None
-        return replace(density, correction=room)
-
-    def search(choices: Choices) -> tuple[Posterior, Optima, Choices]:
-        posterior = posterior_by(choices)
-        begin("searching")
-        found = optima(key, posterior)
-        refuse_without_density(key, posterior, found, observations)
-        answer = posterior.parameters.scene_at(jax.device_put(np.asarray(found.z)[0]))
-        return posterior, found, choices_for(answer, rows, sigma)
-
-    choices = choices_for(uncertain.scene, rows, sigma)
-    stated = dict(uncertain.scene.law)
-    charges, quantities = choices.scene.charges, choices.layout.quantities()
-    lifted = any(charge.by_height and charge.up > 0.0 for charge in charges)
-    # The scene's own numbers may be far from the answer, where other laws are chosen. A
-    # likely start saves a search: each search with other laws compiles a program.
-    if lifted or any(stated.get(q, "auto") == "auto" for q in quantities):
-        first = posterior_by(choices)
-        near = first.parameters.scene_at(likeliest_start(key, first))
-        choices = choices.as_for(choices_for(near, rows, sigma))
-    (posterior, found, there), choices = settle_laws(choices, search)
-    sight = range_profile(posterior, found) if follow_range else None
-    if sight is not None:
-        found = with_best_range(posterior, found, sight)
-    # after the range: an image of the most probable place, not of an improbable optimum
-    found = with_mirror_images(posterior, found)
-    z = np.asarray(found.z)[0]
-    begin("identifying parameters")
-    # residuals and information need one correlation of paths: the mean by the data here
-    posterior = posterior.weighed(jax.device_put(z))
-    identified = identifiability(posterior, z)
-    solution = Solution(
-        posterior=posterior,
-        laws={
-            quantity: TakenLaw(law.name, there.laws[quantity].choice)
-            for quantity, law in choices.laws.items()
-        },
-        other_laws=choices.other_laws(there),
-        optima=found,
-        identifiability=identified,
-        laplace=laplace(posterior, z, identified.identified_basis),
-        bursts_settled=choices.has_bursts_of(there),
-        sight=sight,
-    )
-    if records is None:
-        return solution
-    begin("counting samples")
-    return with_sample_density(solution, records, partial(optima, key), seed=seed)
 
 
 def _stages(*, of_samples: bool) -> Callable[[str], None]:

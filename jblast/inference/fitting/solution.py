@@ -1,53 +1,42 @@
-"""The solution of one log: optimum, normal approximation, laws and samples.
-
-Laws depend on the answer where the automatic choice selects them by range: they are
-chosen again at each optimum until the choice settles, at most `ROUNDS` times.
+"""The solution of one log: draws of its posterior, and what they identify.
 
 The density of the samples of pressure records takes tens of milliseconds, that of the
-values picked from them some microseconds, and a fit needs thousands, and slopes. The
-two differ by little and smoothly: both are computed at nodes about the optimum, and a
-spline through their difference corrects the cheap one
-(`posterior.DensityCorrection`). Where that moves the optimum or changes its width, more
-nodes are placed about the new one, and where the farthest nodes still matter, farther
-out.
+values picked from them some microseconds, and a fit needs thousands. The two differ by
+little and smoothly: both are computed at nodes about the draws by the picks, and a
+spline through their difference corrects the weights of the draws. Where that moves or
+widens the posterior, more nodes are placed about the new one, and where the farthest
+nodes still matter, farther out.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
-from jblast.inference.identifiability import Identifiability, identifiability
-from jblast.inference.mode.laplace import Laplace, laplace
-from jblast.inference.mode.range_profile import RangeProfile
-from jblast.inference.mode.search import Optima
+from jblast.inference.answer import Answer, constrained, unconstrained
+from jblast.inference.density import Density, density_of
+from jblast.inference.identify import Identified
 from jblast.inference.posterior.parameters import Finding
-from jblast.inference.posterior.posterior import (
-    DensityCorrection,
-    Posterior,
-    correction_by,
-    no_correction,
+from jblast.inference.posterior.posterior import posterior_of
+from jblast.inference.posterior.record_likelihood import (
+    SampledRecords,
+    densities_of_samples,
 )
-from jblast.inference.posterior.record_likelihood import SampledRecords
-from jblast.kept_programs import kept
+from jblast.inference.sample import Draws, redrawn, solve as drawn
+from jblast.observations import Observations
+from jblast.observations.clocks import refuse_unsolvable_clocks
 from jblast.progress import each
-from jblast.scene import Scene
-from jblast.sensors import Layout, resolve_laws
-from jblast.sensors.law_choice import law_names, settled, with_bursts
+from jblast.scene import UncertainScene
+from jblast.sensors.simulated_readings import Noise
 
-ROUNDS = 3
-"""Largest number of times that laws are chosen again at an answer. A choice that has
-not settled by then alternates between two laws near the border of their ranges."""
-# The first round is about the optimum of the picks; a later one follows an optimum that
-# moved or widened.
 NODE_ROUNDS = 3
-# Nodes come in multiples of this: the compiled loop over places has few sizes.
+"""Rounds of nodes. The first is about the draws by the picks; a later one follows a
+posterior that moved or widened."""
 MIN_NODES = 16
 SPARE = 2.5
 """Nodes per coefficient of a quadratic. The nodes beyond 1 determine the cubic terms of
@@ -61,8 +50,7 @@ negligible."""
 OUTER_SHARE = 0.75
 """Share of the farthest node's distance beyond which nodes count as the farthest."""
 MAX_SHIFT_SD = 0.7
-"""Largest shift of the optimum, in standard deviations, that leaves it among its
-nodes."""
+"""Largest shift of the mean, in standard deviations, that leaves it among its nodes."""
 MAX_WIDENING = 1.5
 """Largest factor on a standard deviation with which the nodes still cover it."""
 KNOWN = 0.02
@@ -73,107 +61,118 @@ WITHIN = 4.5
 fall are used for the error of the density."""
 
 
-class Solution(NamedTuple):
+@dataclass(frozen=True)
+class Solution:
     """Result of the inference for one log.
 
     Attributes:
-        posterior: The posterior.
+        density: The posterior density.
+        draws: Weighted draws of it.
+        identified: What they identify.
         laws: The law of each quantity, with the reason for its choice.
         other_laws: Automatic choice at the answer, of quantities for which it is not
             the law of the fit.
-        optima: Optima of the searches, the best first.
-        identifiability: Identified and null directions.
-        laplace: Normal approximation about the best optimum.
         bursts_settled: True if the curve sets by height at the answer are those of the
             fit.
         samples_known: Error of the log-density of samples between its nodes; None
             without samples.
-        sight: Range profile of a charge outside a small array; None if the array is not
-            small, or the position not free.
     """
 
-    posterior: Posterior
+    density: Density
+    draws: Draws
+    identified: Identified
     laws: Mapping[str, TakenLaw]
     other_laws: Mapping[str, str]
-    optima: Optima
-    identifiability: Identifiability
-    laplace: Laplace
     bursts_settled: bool = True
     samples_known: float | None = None
-    sight: RangeProfile | None = None
+
+    @property
+    def answer(self) -> Answer:
+        """The log at the most probable numbers."""
+        return self.identified.answer
+
+    @property
+    def converged(self) -> bool:
+        """True if the best mode was found more than once."""
+        return self.draws.modes.met > 1
+
+    @property
+    def is_answer(self) -> bool:
+        """True if it converged, its weights can be believed, and it is identified."""
+        found = self.identified
+        return self.converged and found.is_reliable and found.is_identifiable
 
 
-class Choices(NamedTuple):
-    """Automatic choices before a search, which depend on the answer.
+def solve(
+    observations: Observations,
+    uncertain: UncertainScene,
+    *,
+    noise: Noise = "student",
+    seed: int = 0,
+    records: SampledRecords | None = None,
+    begin: Callable[[str], None] = lambda _: None,
+) -> Solution:
+    """Draw from the posterior of a log, and find what the draws identify.
 
-    Attributes:
-        scene: Scene whose charges have the curve sets of their heights.
-        layout: Layout with the curve set of each row, if a charge has both.
-        laws: The law of each quantity, with the reason for its choice.
+    Args:
+        observations: The log.
+        uncertain: The scene and its uncertain parameters.
+        noise: Distribution of the independent errors.
+        seed: Seed of all random numbers.
+        records: Samples of records, if there are any.
+        begin: Function that is called with the name of each stage.
     """
-
-    scene: Scene
-    layout: Layout
-    laws: Mapping[str, TakenLaw]
-
-    def as_for(self, there: "Choices") -> "Choices":
-        """Return the choices of another scene, with the numbers of this one."""
-        return there._replace(scene=with_bursts(self.scene, there.scene))
-
-    def other_laws(self, there: "Choices") -> dict[str, str]:
-        """Return the laws there of quantities whose law here is another."""
-        mine = law_names(self.laws)
-        return {k: name for k, name in law_names(there.laws).items() if mine[k] != name}
-
-    def agrees_with(self, there: "Choices") -> bool:
-        """Return True if laws and curve sets are the same."""
-        return not self.other_laws(there) and self.has_bursts_of(there)
-
-    def has_bursts_of(self, there: "Choices") -> bool:
-        """Return True if the curve sets are the same."""
-        mine, others = (
-            [charge.burst for charge in of.scene.charges] for of in (self, there)
+    if not uncertain.beliefs:
+        raise InputError(
+            "nothing to fit: every number of the scene is fixed; expected at least one "
+            'that is "free", has a prior, or is named by ' + argument("freed")
         )
-        return mine == others and self.layout.free_air == there.layout.free_air
+    refuse_unsolvable_clocks(observations, uncertain)
+    begin("choosing laws")
+    density = density_of(observations, uncertain, noise)
+    begin("searching")
+    density, draws = drawn(density, seed)
+    known = None
+    if records is not None:
+        begin("counting samples")
+        draws, known = with_samples(density, draws, records, seed)
+    return solution_of(density, draws, known)
 
 
-def choices_for(
-    scene: Scene, rows: Layout, sigma: Float[np.ndarray, " row"]
-) -> Choices:
-    """Return the choices for a scene and the rows and errors of a log."""
-    scene, layout = settled(scene, rows)
-    return Choices(scene, layout, resolve_laws(scene, layout, sigma))
+def solution_of(
+    density: Density, draws: Draws, samples_known: float | None = None
+) -> Solution:
+    """Return the solution by given draws."""
+    best = density.best(_mode_of(density, draws))
+    if samples_known is not None:  # the modes are those of the picks
+        z = unconstrained(density, draws.values)
+        best = constrained(density, (draws.weights @ z)[None])[0]
+    z = unconstrained(density, draws.values)
+    sds = np.sqrt(draws.weights @ (z - draws.weights @ z) ** 2)
+    answer = Answer(density, best, sds)
+    there = density.choices_at(best)
+    return Solution(
+        density=density,
+        draws=draws,
+        identified=Identified(answer, draws),
+        laws={
+            quantity: TakenLaw(name, there.laws[quantity].choice)
+            for quantity, name in density.laws.items()
+        },
+        other_laws=there.other_laws(density.laws),
+        bursts_settled=there.has_bursts_of(density.scene, density.layout),
+        samples_known=samples_known,
+    )
 
 
-def settle_laws(
-    choices: Choices,
-    search: Callable[[Choices], tuple[Posterior, Optima, Choices]],
-) -> tuple[tuple[Posterior, Optima, Choices], Choices]:
-    """Search with choices, and choose again at the answer until they settle.
-
-    If they do not settle, the answer with the most rows within its own laws is used; of
-    several, the most probable one.
-
-    Returns:
-        Result of one of the searches, and its choices.
-    """
-    tried: list[tuple[tuple[Posterior, Optima, Choices], Choices]] = []
-    for _ in range(1 + ROUNDS):
-        *_, there = found = search(choices)
-        tried.append((found, choices))
-        if choices.agrees_with(there):
-            return tried[-1]
-        choices = choices.as_for(there)
-        # a cycle: further searches would repeat earlier ones
-        if any(choices.agrees_with(before) for _, before in tried):
-            break
-
-    def valid_rows_and_density(one) -> tuple[int, float]:
-        posterior, optima, _ = one[0]
-        valid = posterior.misfit(jnp.asarray(np.asarray(optima.z)[0])).valid
-        return int(np.sum(np.asarray(valid))), float(optima.log_density[0])
-
-    return max(tried, key=valid_rows_and_density)
+def _mode_of(density: Density, draws: Draws) -> Float[np.ndarray, " free"]:
+    """Return the highest mode of the most probable region."""
+    modes = draws.modes
+    first = Answer(density, density.best(modes.u[0]), np.ones(draws.values.shape[1]))
+    inside = Identified(first, draws).chosen
+    top = draws.u[inside][draws.log_density[inside].argmax()]
+    away = np.linalg.solve(modes.root, (top - modes.u)[..., None])
+    return modes.u[int(np.argmin((away**2).sum((1, 2))))]
 
 
 def nodes_for(free: int) -> int:
@@ -182,109 +181,108 @@ def nodes_for(free: int) -> int:
     return MIN_NODES * max(1, -int(-SPARE * coefficients // MIN_NODES))
 
 
-def room_for(free: int) -> DensityCorrection:
-    """Return a correction of zero with space for the nodes of all rounds.
-
-    A posterior has it from the start, so its programs are compiled once.
-    """
-    return no_correction(free, NODE_ROUNDS * nodes_for(free))
-
-
-def with_sample_density(
-    solution: Solution,
-    records: SampledRecords,
-    search: Callable[[Posterior], Optima],
-    *,
-    seed: int = 0,
-) -> Solution:
-    """Return the solution by the samples of records in place of their picks.
+def with_samples(
+    density: Density, draws: Draws, records: SampledRecords, seed: int = 0
+) -> tuple[Draws, float]:
+    """Return draws by the samples of records in place of their picks.
 
     Args:
-        solution: Solution by picks; its posterior has space for a correction.
+        density: Density by the picks.
+        draws: Draws of it.
         records: The samples.
-        search: Function that returns the optima of a posterior.
         seed: Seed of the directions of the nodes.
+
+    Returns:
+        The draws, and the error of the log-density between nodes.
     """
-    read = replace(solution.posterior, correction=None)
-    root, inverse = _roots(solution.laplace)
-    center = solution.laplace.z
-    # all rounds share the coordinates of the first optimum: earlier nodes stay usable
-    blank = eqx.tree_at(
-        lambda of: (of.center, of.inverse),
-        room_for(center.size),
-        (jnp.asarray(center), jnp.asarray(inverse)),
+    readings = posterior_of(
+        density.parameters,
+        density.layout,
+        density.observations,
+        density.laws,
+        density.noise,
     )
     rng = np.random.default_rng(seed)
-    w, density, apart = np.zeros((0, center.size)), np.zeros(0), np.zeros(0)
-    far = 1.0
+    center, root = _spread_of(density, draws)
+    inverse = np.linalg.pinv(root, rcond=1e-9)
+    free = len(center)
+    w, top, apart = np.zeros((0, free)), np.zeros(0), np.zeros(0)
+    known, far, base = np.inf, 1.0, draws
     for _ in each(range(NODE_ROUNDS), "rounds"):
-        before = solution.laplace
-        z = before.z + far * _spread(rng, center.size) @ root.T
-        both = densities_of_samples(read, records, jnp.asarray(z))
+        middle, spread = _spread_of(density, draws)
+        z = middle + far * _nodes(rng, free) @ spread.T
+        sampled = densities_of_samples(readings, records, jnp.asarray(z))
+        both = np.stack([sampled, density.of_readings(constrained(density, z))])
         fine = np.isfinite(both).all(axis=0)
         w = np.concatenate([w, ((z - center) @ inverse.T)[fine]])
-        density = np.concatenate([density, both[0][fine]])
+        top = np.concatenate([top, both[0][fine]])
         apart = np.concatenate([apart, (both[0] - both[1])[fine]])
-        if not len(w):
-            return solution._replace(samples_known=np.inf)
-        made, missed = correction_by(blank, w, apart)
-        near = density > density.max() - WITHIN
-        # leave-one-out error, of nodes near enough to matter
-        known = float(np.sqrt(np.mean(np.square(missed[near]))))
-        posterior = replace(solution.posterior, correction=made)
-        found = search(posterior)
-        at = np.asarray(found.z[0])
-        directions = identifiability(posterior, at)
-        solution = solution._replace(
-            posterior=posterior,
-            optima=found,
-            identifiability=directions,
-            laplace=laplace(posterior, at, directions.identified_basis),
-            samples_known=known,
-        )
-        root, _ = _roots(solution.laplace)
-        ends = _ends(w, density)
-        if known < KNOWN and ends and _stays(before, solution.laplace):
+        if len(w) <= free + 1:
+            return draws, np.inf
+        correction = _Spline(center, inverse, w, apart)
+        near = top > top.max() - WITHIN
+        known = correction.error(near)
+        before = middle, spread
+        draws = redrawn(density, draws, seed, partial(correction, density))
+        ends = _end(w, top)
+        if known < KNOWN and ends and _stays(before, _spread_of(density, draws)):
             break
         far = 1.0 if ends else far * REACH_FACTOR
-    return solution
+    return replace(draws, modes=base.modes), known
 
 
-@kept
-def _both(
-    read: Posterior, records: SampledRecords, z: Float[Array, "place free"]
-) -> Float[Array, "2 place"]:
-    sampled = replace(read, records=records)
+@dataclass(frozen=True)
+class _Spline:
+    """A cubic polyharmonic spline of a difference of log-densities.
 
-    def at(z):
-        return jnp.stack([sampled.log_density(z), read.log_density(z)])
-
-    return jax.lax.map(at, z).T
-
-
-def densities_of_samples(
-    read: Posterior, records: SampledRecords, z: Float[Array, "place free"]
-) -> Float[np.ndarray, "2 place"]:
-    """Return the log-density of samples, and that of their picks.
-
-    Args:
-        read: Posterior of the picks.
-        records: The samples.
-        z: Places.
+    Beyond its nodes it is constant, with the value at their edge (Duchon 1977, Lect.
+    Notes Math. 571:85).
     """
-    return np.asarray(_both(read, records, z))
+
+    center: Float[np.ndarray, " name"]
+    inverse: Float[np.ndarray, "name name"]
+    nodes: Float[np.ndarray, "node name"]
+    apart: Float[np.ndarray, " node"]
+
+    def __call__(self, density: Density, values) -> Float[np.ndarray, " draw"]:
+        w = (unconstrained(density, values) - self.center) @ self.inverse.T
+        reach = np.linalg.norm(self.nodes, axis=1).max()
+        size = np.maximum(np.linalg.norm(w, axis=1, keepdims=True), 1e-12)
+        return _interpolated(self.nodes, self.apart)(w * np.minimum(1.0, reach / size))
+
+    def error(self, near: np.ndarray) -> float:
+        """Return the leave-one-out error at some nodes, root mean square."""
+        missed = []
+        for i in np.flatnonzero(near):
+            kept = np.arange(len(self.apart)) != i
+            spline = _interpolated(self.nodes[kept], self.apart[kept])
+            missed.append(float(spline(self.nodes[i : i + 1])[0] - self.apart[i]))
+        return float(np.sqrt(np.mean(np.square(missed))))
 
 
-def _roots(normal: Laplace) -> tuple[np.ndarray, np.ndarray]:
-    """Return a root of the covariance, and its pseudo-inverse."""
-    sds = np.sqrt(np.diag(normal.covariance))
-    size = np.where(sds > 0, sds, 1.0)
-    values, vectors = np.linalg.eigh(normal.covariance / size / size[:, None])
-    root = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    return root, np.linalg.pinv(root / size[:, None], rcond=1e-9) / size[None, :]
+def _interpolated(nodes, apart):
+    # the import takes half as long as that of JAX; fits without samples need none
+    from scipy.interpolate import RBFInterpolator
+
+    free = nodes.shape[1]
+    # with fewer nodes than terms of a quadratic its equations are singular
+    degree = 2 if len(nodes) > (free + 1) * (free + 2) // 2 else 1
+    return RBFInterpolator(nodes, apart, kernel="cubic", degree=degree)
 
 
-def _spread(rng: np.random.Generator, free: int) -> Float[np.ndarray, "node free"]:
+def _spread_of(density: Density, draws: Draws) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and root of the covariance of the fitted coordinates."""
+    z = unconstrained(density, draws.values)
+    mean = draws.weights @ z
+    away = z - mean
+    covariance = (away * draws.weights[:, None]).T @ away
+    size = np.sqrt(np.diag(covariance))
+    size = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / size / size[:, None])
+    return mean, size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _nodes(rng: np.random.Generator, free: int) -> Float[np.ndarray, "node free"]:
     """Return nodes in antithetic pairs about the center, at increasing distances.
 
     Pairs determine odd and even terms of the difference equally well.
@@ -298,19 +296,17 @@ def _spread(rng: np.random.Generator, free: int) -> Float[np.ndarray, "node free
     return np.concatenate([np.zeros((1, free)), far[:, None] * pairs[: count - 1]])
 
 
-def _ends(w: Float[np.ndarray, "node free"], density: np.ndarray) -> bool:
+def _end(w: Float[np.ndarray, "node free"], top: np.ndarray) -> bool:
     """Return True if the density is negligible at the farthest nodes."""
     size = np.linalg.norm(w, axis=1)
-    return bool(
-        np.all(density[size > OUTER_SHARE * size.max()] < density.max() - WITHIN)
-    )
+    return bool(np.all(top[size > OUTER_SHARE * size.max()] < top.max() - WITHIN))
 
 
-def _stays(before: Laplace, after: Laplace) -> bool:
-    """Return True if optimum and standard deviations are nearly unchanged."""
-    was, now = (np.sqrt(np.diag(of.covariance)) for of in (before, after))
+def _stays(before, after) -> bool:
+    """Return True if mean and standard deviations are nearly unchanged."""
+    was, now = (np.linalg.norm(root, axis=1) for _, root in (before, after))
     both = (was > 0) & (now > 0)
-    moved = np.abs(after.z - before.z)[both] / was[both]
+    moved = np.abs(after[0] - before[0])[both] / was[both]
     wider = np.abs(np.log(now[both] / was[both]))
     return bool((moved < MAX_SHIFT_SD).all() and (wider < np.log(MAX_WIDENING)).all())
 

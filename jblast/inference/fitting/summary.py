@@ -1,27 +1,22 @@
 """Results of a fit as values: estimates, what they leave open, warnings."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
-
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Bool
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.assumptions import (
     extrapolated,
     paths_taken_as_independent,
+    valid_at_depth,
 )
 from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
-    ResidualSummary,
     SuspectedOutlier,
-    chi_squared,
+    goodness,
     p_value,
     suspected_outliers,
 )
@@ -30,26 +25,20 @@ from jblast.inference.fitting.suspects import (
     Refit,
     accused_sensors,
     explained_by,
-    is_contradicted,
     lies_far,
     more_to_free,
     other_explanations,
 )
-from jblast.inference.fitting.uncertainty import Uncertainty
-from jblast.inference.fitting.unidentified import (
-    estimable_combinations,
-    identified_estimates,
-    null_directions,
-    other_modes,
-    requested,
-)
 from jblast.inference.fitting.warnings import assumptions_of, warnings_of
-from jblast.inference.identifiability import (
+from jblast.inference.identify import (
+    BearingArc,
     EstimableCombination,
+    Identified,
     NullDirection,
     OtherMode,
+    PlaceRegion,
+    requested,
 )
-from jblast.inference.importance import IntervalsOff
 from jblast.inference.posterior.parameters import Estimate, Finding
 from jblast.observations import Observations
 from jblast.observations.table import Understood
@@ -76,14 +65,16 @@ class Summary:
         law_valid_rows: Number of these rows.
         estimates: Estimate of every free number; an unidentified one has no value.
         derived: TNT mass and energy of each mass. If the position of a charge is not
-            identified but its bearing is, bearing and range.
+            identified, its bearing and range, by the two arcs with the
+            largest shares.
         free: Names of the fitted numbers.
         identifiable: True if the data determine a single answer.
         null_directions: Directions in which no datum changes.
-        ambiguities: Other optima that the data cannot rule out.
+        ambiguities: Other modes that the data cannot rule out.
         determined: Combinations of unidentified numbers that are identified.
-        posterior: Method of the intervals: "laplace" or "emcee".
+        posterior: Method of the intervals: "weighted" or "emcee".
         converged: True if search and sampler converged.
+        unchecked: True if the weights of the draws are unreliable.
         chi2: Chi squared.
         dof: Its degrees of freedom.
         n_observations: Rows of the log.
@@ -96,6 +87,9 @@ class Summary:
         extrapolated: Requested numbers with more than half of their information from
             rows outside the range of their laws.
         understood: Conversions, skipped rows and supplied values when the log was read.
+        bearing_arcs: Arcs of the bearing, where the position is not identified.
+        regions: Regions of the position if there are several, the most probable first.
+            `estimates` are those of the first.
     """
 
     law: Mapping[str, str]
@@ -121,6 +115,9 @@ class Summary:
     assumptions: tuple[Finding, ...] = ()
     extrapolated: tuple[str, ...] = ()
     understood: tuple[Understood, ...] = ()
+    bearing_arcs: tuple[BearingArc, ...] = ()
+    regions: tuple[PlaceRegion, ...] = ()
+    unchecked: bool = False
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -133,14 +130,6 @@ class Summary:
         names = requested(self.free)
         return bool(names) and not any(self.estimates[n].identified for n in names)
 
-    @property
-    def unchecked(self) -> bool:
-        """True if importance sampling cannot check the intervals: its k-hat is high."""
-        return any(
-            isinstance(one, IntervalsOff) and not math.isnan(one.k_hat)
-            for one in self.warnings
-        )
-
     def to_dict(self) -> dict[str, Any]:
         """Return the summary for JSON; numbers that are not finite become null."""
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
@@ -150,11 +139,10 @@ def summary_of(
     observations: Observations,
     uncertain: UncertainScene,
     solution: Solution,
-    sure: Uncertainty,
-    valid: Bool[np.ndarray, " row"],
-    deep: Bool[np.ndarray, " row"],
-    left: ResidualSummary,
     refit: Refit,
+    *,
+    method: str = "weighted",
+    of_sampler: tuple[Finding, ...] = (),
     found_before: tuple[Finding, ...] = (),
 ) -> Summary:
     """Return the summary of a fit.
@@ -163,42 +151,30 @@ def summary_of(
         observations: The log.
         uncertain: The scene with its uncertain numbers.
         solution: Result of the inference.
-        sure: Uncertainty of the result.
-        valid: True for rows within the range of their laws at the answer.
-        deep: True for rows within that range at the depth of the interval as well.
-        left: Residuals and shared effects at the answer.
         refit: Function that solves for a log of the same rows with more numbers free;
             used if no scene fits this one.
+        method: Method of the intervals.
+        of_sampler: Shortfalls of the convergence of walkers.
         found_before: Warnings about the log from before the search.
     """
-    z = solution.laplace.z
-    estimates = identified_estimates(solution, sure.marginals)
-    null = null_directions(solution)
-    doubles = other_modes(solution, bool(valid.all()))
-    chi2, dof = chi_squared(
-        solution.posterior,
-        z,
-        left,
-        solution.identifiability.identified_basis.shape[1],
-    )
+    answer, found = solution.answer, solution.identified
+    valid, deep = answer.valid, valid_at_depth(solution)
+    chi2, dof = goodness(solution)
     p = p_value(chi2, dof)
-    # along a range without an upper bound there is no optimum
-    at_optimum = solution.laplace.converged or sure.bearing is not None
-    converged = at_optimum and sure.converged
+    converged = solution.converged and not of_sampler
     poor = p is not None and p < POOR
-    answered = converged and not null and bool(valid.any()) and not poor
+    has_place = all(place.has_place for place in found.places)
+    answered = converged and not len(found.null) and bool(valid.any()) and not poor
     wrong: tuple[WrongSensor, ...] = ()
     # Rows left out do not identify what all rows leave open: null directions, or a
     # bearing without a range, are no reason to search for a wrong sensor.
-    is_far = lies_far(solution) and (sure.bearing is None or is_contradicted(solution))
+    is_far = has_place and lies_far(solution)
     # A wrong sensor shows in three ways: no convergence, a charge far away, where laws
     # scatter more than the error, or a poor fit.
     is_solved = converged and bool(valid.any())
     if not is_solved or is_far or (p is not None and p < FITS):
         wrong = explained_by(observations, solution, answered, refit)
-    suspected = suspected_outliers(
-        observations, left.residual, solution.posterior.noise
-    )
+    suspected = suspected_outliers(observations, answer.residual, answer.density.noise)
     several: tuple[Finding, ...] = ()
     if wrong:  # other residuals may be large because of it
         accused = accused_sensors(observations, wrong)
@@ -208,23 +184,25 @@ def summary_of(
         # explanations
         several = other_explanations(observations, solution, suspected)
     more: tuple[Finding, ...] = ()
-    if poor and not wrong:
-        found = more_to_free(observations, uncertain, solution, refit)
-        more = (found,) if found else ()
+    if (poor or not has_place) and not wrong:
+        fits = not poor
+        freeing = more_to_free(observations, uncertain, solution, refit, fits=fits)
+        more = (freeing,) if freeing else ()
     independent = paths_taken_as_independent(solution)
+    estimates = found.estimates
     return Summary(
         law=law_names(solution.laws),
         law_reason=solution.laws,
         law_valid=bool((valid & deep).all()),
         law_valid_rows=int(valid.sum()),
         estimates=estimates,
-        derived=_derived(estimates, solution) | dict(sure.bearing or {}),
-        free=solution.posterior.parameters.names,
-        identifiable=not null and not doubles and sure.bearing is None,
-        null_directions=null,
-        ambiguities=doubles,
-        determined=estimable_combinations(solution),
-        posterior=sure.method,
+        derived=_derived(estimates, solution) | _directions(found),
+        free=found.names,
+        identifiable=found.is_identifiable,
+        null_directions=found.null_directions,
+        ambiguities=found.other_modes,
+        determined=found.combinations,
+        posterior=method,
         converged=converged,
         chi2=chi2,
         dof=dof,
@@ -239,21 +217,31 @@ def summary_of(
                 observations,
                 uncertain,
                 solution,
-                at_optimum,
                 valid & deep,
                 chi2,
                 dof,
-                left.of_laws,
                 estimates,
                 independent,
             ),
-            *sure.findings,
+            *of_sampler,
         ),
         n_lower_bounds=int(observations.bounds().sum()),
         understood=observations.understood,
         assumptions=assumptions_of(solution, independent),
         extrapolated=extrapolated(solution, valid),
+        bearing_arcs=found.bearings,
+        regions=found.regions,
+        unchecked=not found.is_reliable,
     )
+
+
+def _directions(found: Identified) -> dict[str, Estimate]:
+    """Return bearings and range of a charge whose place is not identified."""
+    if found.range_m is None:
+        return {}
+    names = ("bearing_deg", "other_bearing_deg")
+    bearings = zip(names, (arc.bearing_deg for arc in found.bearings), strict=False)
+    return {"range_m": found.range_m, **dict(bearings)}
 
 
 def _derived(
@@ -264,22 +252,22 @@ def _derived(
     The TNT mass by impulse is reported if it differs. A log of the shock front alone
     identifies the energy: the TNT mass is then by energy.
     """
-    z = solution.laplace.z
-    parameters = solution.posterior.parameters
-    scene = parameters.scene_at(jnp.asarray(z))
+    scene, density = solution.answer.scene, solution.density
     derived = {}
     for charge in scene.charges:
         label = scene.label(charge)
         mass, factor = f"charge_mass_kg{label}", f"tnt_factor{label}"
         if mass not in estimates:
             continue
-        if factor in parameters.names:  # the product is not normal in one coordinate
+        if (
+            factor in density.coordinates.names
+        ):  # the product is not normal in one coordinate
             continue
         per_kg = {
             what: float(charge.tnt_factor_for(quantity))
             for what, quantity in TNT_MASS_BY.items()
         }
-        front_alone = set(solution.posterior.layout.quantity) == {"shock_radius_m"}
+        front_alone = set(density.layout.quantity) == {"shock_radius_m"}
         # a shock front depends on the energy; its TNT mass follows from that
         first = per_kg["energy" if front_alone else "pressure"]
         derived[f"charge_tnt_mass_kg{label}"] = estimates[mass].times(first)

@@ -12,17 +12,17 @@ that fits and is identified is named. That set need not be the cause.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from jblast.errors import InputError
+from jblast.inference.answer import Answer, layout_size
 from jblast.inference.fitting.findings import (
     ExchangedSensors,
     MoreToFree,
@@ -34,24 +34,13 @@ from jblast.inference.fitting.findings import (
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
-    bounds_kept,
-    chi_squared,
-    least_error,
+    goodness,
     p_value,
-    standardised_residuals,
     tail_probability,
 )
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.mode.laplace import marginals
-from jblast.inference.mode.range_profile import range_profile
-from jblast.inference.mode.search import is_long
-from jblast.inference.mode.starts import layout_size
-from jblast.inference.posterior.fisher_information import (
-    whitened_jacobian,
-    whitened_rows,
-)
-from jblast.inference.posterior.likelihood import log_noise
-from jblast.inference.posterior.posterior import Posterior, own_and_shared_errors
+from jblast.inference.noise import log_noise
+from jblast.inference.posterior.posterior import own_and_shared_errors
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.observations.scenes import PLACE, clocks_to_free
@@ -76,19 +65,17 @@ linear fit. Each is a search: a few seconds."""
 MAX_EXCHANGES = 3
 """Largest number of exchanges that are solved for, those that lower chi squared most:
 each is a search."""
+LONG = 1000
+"""Largest number of rows of a log whose sensors are left out: each is a fit."""
+PREDICTED = 400
+"""Draws of the other rows by which rows left out are predicted: their covariance is
+then precise to 5 %."""
 MIN_ARRIVALS = 4
 """Smallest number of arrivals: three determine a position and a time."""
 
 
-@runtime_checkable
-class Refit(Protocol):
-    """Function that solves for a log of the same rows with more numbers free."""
-
-    def __call__(
-        self, log: Observations, names: Sequence[str], /, *, follow_range: bool
-    ) -> Solution:
-        """Return the solution, with `range_profile` if `follow_range`."""
-        ...
+Refit = Callable[[Observations, Sequence[str]], Solution]
+"""Function that solves for a log of the same rows with more numbers free."""
 
 
 class Suspect(NamedTuple):
@@ -118,65 +105,58 @@ def explained_by(
         observations: The log.
         solution: Solution of the whole log.
         fits: True if that is an answer.
-        refit: Function that solves for a log of the same rows. The range of a charge
-            outside a small array is computed for explanations only: it takes most of
-            the time of a fit, and the density of the best optimum is enough to reject
-            the others.
+        refit: Function that solves for a log of the same rows.
 
     Returns:
         The most probable first.
     """
-    posterior = solution.posterior
-    if is_long(posterior):
+    if is_long(observations):
         return ()
-    density_of_all = float(np.max(np.asarray(solution.optima.log_density)))
-    known = len(observations) + int(np.sum(posterior.parameters.has_prior()))
-    spare = known - solution.laplace.z.size
+    names = solution.answer.names
+    spare = len(observations) + int(solution.answer.has_prior.sum()) - len(names)
     possible = [s for s in suspects(observations, solution) if len(s.rows) < spare]
-    found = []
+    evidence_of_all = solution.draws.log_evidence
+    noise = solution.density.noise
+    # the density of a left-out row by its huge error is replaced by that of a uniform
+    # value
+    left_out = float(log_noise(jnp.zeros(()), noise)) - math.log(LEFT_OUT_SIGMA)
+    found: list[tuple[float, WrongSensor]] = []
     for suspect in each(
-        _likeliest(*_densest(solution), possible)[:MAX_SUSPECTS], "sensors left out"
+        _likeliest(solution.answer, possible)[:MAX_SUSPECTS], "sensors left out"
     ):
         try:
-            log = _without(observations, suspect.rows)
-            rest = refit(log, (), follow_range=False)
+            rest = refit(_without(observations, suspect.rows), ())
         except InputError:  # no scene gives the others a probability
             continue
-        density = float(rest.optima.log_density[0])
-        # the density of a left-out row by its huge error is replaced by that of a
-        # uniform value
-        left_out = float(log_noise(jnp.zeros(()), posterior.noise)) - math.log(
-            LEFT_OUT_SIGMA
-        )
         readings = int(np.sum(~observations.bounds()[suspect.rows]))
-        density -= readings * (left_out + math.log(WIDTH))  # a bound has no density
-        if fits and density < density_of_all - math.log(POOR / len(possible)):
+        evidence = rest.draws.log_evidence
+        evidence -= readings * (left_out + math.log(WIDTH))  # a bound has no density
+        if fits and evidence < evidence_of_all - math.log(POOR / len(possible)):
             continue
-        if not _judged(observations, rest, suspect, len(possible)):
-            continue
-        if range_profile(rest.posterior, rest.optima) is not None:
-            rest = refit(log, (), follow_range=True)
         if wrong := _judged(observations, rest, suspect, len(possible)):
-            found.append((density, wrong))
+            found.append((evidence, wrong))
     for exchanged in _exchanges(observations, solution):
         try:
-            rest = refit(exchanged.log, (), follow_range=False)
+            rest = refit(exchanged.log, ())
         except InputError:
             continue
-        density = float(rest.optima.log_density[0])
-        if density < density_of_all - math.log(POOR) or not _exchange(rest, exchanged):
+        evidence = rest.draws.log_evidence
+        if evidence < evidence_of_all - math.log(POOR):
             continue
-        if range_profile(rest.posterior, rest.optima) is not None:
-            rest = refit(exchanged.log, (), follow_range=True)
         if wrong := _exchange(rest, exchanged):
-            found.append((density, wrong))
+            found.append((evidence, wrong))
     if any(wrong.law_valid_rows for _, wrong in found):
         found = [pair for pair in found if pair[1].law_valid_rows]
     found.sort(key=lambda pair: -pair[0])
     likely = [
-        wrong for density, wrong in found if found[0][0] - density < EXPLANATION_FALL
+        wrong for evidence, wrong in found if found[0][0] - evidence < EXPLANATION_FALL
     ]
     return tuple(likely)
+
+
+def is_long(observations: Observations) -> bool:
+    """Return True for a log with too many rows to be fitted again and again."""
+    return len(observations) > LONG
 
 
 def lies_far(solution: Solution) -> bool:
@@ -184,40 +164,18 @@ def lies_far(solution: Solution) -> bool:
 
     Laws then scatter by more than any clock error, and every log fits.
     """
-    posterior = solution.posterior
-    searched = {name.partition(".")[0] for name in posterior.parameters.names}
+    answer = solution.answer
+    searched = {name.partition(".")[0] for name in answer.names}
     if not searched & {"charge_east_m", "charge_north_m"}:
         return False
-    reach = posterior.misfit(jax.device_put(solution.laplace.z)).slant_range
-    return bool(np.min(np.asarray(reach)) > np.asarray(layout_size(posterior)))
-
-
-def is_contradicted(solution: Solution) -> bool:
-    """Return True if the optimum of highest density is not the answer and does not fit.
-
-    Far positions can be more probable in total than a position among the sensors that a
-    single wrong reading contradicts.
-    """
-    posterior, z = _densest(solution)
-    if np.array_equal(z, solution.laplace.z):
-        return False
-    left = standardised_residuals(posterior, z)
-    p = p_value(*chi_squared(posterior, z, left, z.size))
-    return p is not None and p < FITS
-
-
-def _densest(solution: Solution) -> tuple[Posterior, Float[np.ndarray, " free"]]:
-    """Return the optimum of highest density, and the posterior weighted there."""
-    best = np.nanargmax(np.asarray(solution.optima.log_density))
-    z = np.asarray(solution.optima.z)[best]
-    return solution.posterior.weighed(jnp.asarray(z)), z
+    return bool(answer.slant_range.min() > layout_size(solution.density))
 
 
 def suspects(observations: Observations, solution: Solution) -> list[Suspect]:
     """Return every clock that is not free, and every sensor with different rows."""
     clocks = np.array(observations.clocks())
     timed = np.isin(observations.quantity, CLOCK_TIMES)
-    names = solution.posterior.parameters.names
+    names = solution.answer.names
     found = [
         Suspect("clock", name, np.flatnonzero(timed & (clocks == name)))
         for name in dict.fromkeys(clocks[timed].tolist())
@@ -246,53 +204,48 @@ def _without(observations: Observations, rows: Int[np.ndarray, " out"]) -> Obser
     return replace(observations, sigma=sigma, record=tuple(record))
 
 
-def _likeliest(
-    posterior: Posterior, z: Float[np.ndarray, " free"], possible: Sequence[Suspect]
-) -> list[Suspect]:
+def _likeliest(answer: Answer, possible: Sequence[Suspect]) -> list[Suspect]:
     """Return suspects in the order of the fall of chi squared without each (linear)."""
-    falls = _falls(posterior, z, possible)
+    falls = _falls(answer, possible)
     order = (
         np.argsort(-np.array(falls), kind="stable") if falls else range(len(possible))
     )
     return [possible[int(k)] for k in order]
 
 
-def _falls(
-    posterior: Posterior, z: Float[np.ndarray, " free"], possible: Sequence[Suspect]
-) -> list[float]:
+def _falls(answer: Answer, possible: Sequence[Suspect]) -> list[float]:
     """Return the fall of chi squared without each suspect, for linear predictions.
 
     Without finite slopes the list is empty.
     """
-    linear = _linear_fit(posterior, z)
-    if linear is None:
+    precision, left = _linear_fit(answer)
+    if precision is None:
         return []
-    basis, left = linear
 
     def fall(suspect: Suspect) -> float:
-        # leave-out formula of linear regression: r^T (1 - H)^-1 r of the rows left out
-        free = np.eye(len(suspect.rows)) - basis[suspect.rows] @ basis[suspect.rows].T
-        return float(left[suspect.rows] @ np.linalg.pinv(free) @ left[suspect.rows])
+        # the residual of rows left out, and its covariance, from those of all rows
+        part = precision[np.ix_(suspect.rows, suspect.rows)]
+        own = left[suspect.rows]
+        return float(own @ np.linalg.pinv(part, hermitian=True) @ own)
 
     return [fall(suspect) for suspect in possible]
 
 
-def _linear_fit(
-    posterior: Posterior, z: Float[np.ndarray, " free"]
-) -> tuple[Float[np.ndarray, "row rank"], Float[np.ndarray, " row"]] | None:
-    """Return the column space of the slopes at a place, and the least-squares residual.
+def _linear_fit(answer: Answer):
+    """Return the precision of the rows, and it times the residual.
 
-    Both are in standard deviations; None without finite slopes.
+    The fitted numbers are integrated out. Without finite slopes there is None.
     """
-    at = jnp.asarray(z)
-    misfit = posterior.misfit(at)
-    missed = jnp.asarray(least_error(np.asarray(misfit.residual), posterior))
-    moved = np.asarray(whitened_rows(posterior, misfit, missed[:, None])[:, 0])
-    slopes = np.asarray(whitened_jacobian(posterior, at)[: len(moved)])
-    if not (np.isfinite(moved).all() and np.isfinite(slopes).all()):
-        return None
-    basis = np.linalg.svd(slopes / np.maximum(np.abs(slopes).max(0), 1e-300), False)[0]
-    return basis, moved - basis @ (basis.T @ moved)
+    unit = np.eye(len(answer.missed))
+    weighted = answer.weigh(np.concatenate([answer.slopes, unit], axis=1))
+    count = len(answer.names)
+    by_slopes, precision = weighted[:, :count], weighted[:, count:]
+    known = answer.slopes.T @ by_slopes + np.diag(answer.has_prior)
+    if not np.isfinite(known).all():
+        return None, np.zeros(0)
+    left = precision - by_slopes @ np.linalg.pinv(known, hermitian=True) @ by_slopes.T
+    missed = np.where(answer.rows.is_bound, 0.0, answer.missed)
+    return left, left @ missed
 
 
 class Exchanged(NamedTuple):
@@ -309,7 +262,7 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
     Exchanged are the sensors without which it would fall most (`MAX_SUSPECTS`). Only
     exchanges that lower it are returned: none for a correct log.
     """
-    posterior, z = _densest(solution)
+    answer = solution.answer
     names = np.array(observations.sensor, object)
     place = observations.position
     placed = np.isnan(observations.slant_range) & np.isfinite(place).all(axis=1)
@@ -319,41 +272,43 @@ def _exchanges(observations: Observations, solution: Solution) -> list[Exchanged
         for rows in [np.flatnonzero(names == name)]
         if placed[rows].all() and not np.ptp(place[rows], axis=0).any()
     ]
-    now = _linear_fit(posterior, z)
-    if now is None:
+    precision, left = _linear_fit(answer)
+    if precision is None:
         return []
+    missed = np.where(answer.rows.is_bound, 0.0, answer.missed)
     found = []
-    for one, other in combinations(_likeliest(posterior, z, sensors)[:MAX_SUSPECTS], 2):
+    likely = _likeliest(answer, sensors)[:MAX_SUSPECTS]
+    for one, other in combinations(likely, 2):
         moved = place.copy()
         moved[one.rows], moved[other.rows] = place[other.rows[0]], place[one.rows[0]]
-        layout = replace(posterior.layout, position=jnp.asarray(moved))
-        then = _linear_fit(replace(posterior, layout=layout), z)
-        if then is not None and np.sum(then[1] ** 2) < np.sum(now[1] ** 2):
+        layout = replace(answer.density.layout, position=jnp.asarray(moved))
+        there = replace(answer, density=replace(answer.density, layout=layout))
+        then, after = _linear_fit(there)
+        if then is None:
+            continue
+        of_other = np.where(there.rows.is_bound, 0.0, there.missed)
+        if (chi2 := float(of_other @ after)) < missed @ left:
             log = replace(observations, position=moved)
-            found.append((float(np.sum(then[1] ** 2)), (one.name, other.name), log))
+            found.append((chi2, (one.name, other.name), log))
     found.sort(key=lambda entry: entry[0])
     return [Exchanged(pair, log) for _, pair, log in found[:MAX_EXCHANGES]]
 
 
 def _exchange(rest: Solution, exchanged: Exchanged) -> ExchangedSensors | None:
     """Return the finding of an exchange; None if the log does not fit with it."""
-    normal = rest.laplace
-    if not (normal.converged and all(rest.identifiability.determined)):
+    if not rest.is_answer:
         return None
-    posterior, z = rest.posterior, normal.z
-    left = standardised_residuals(posterior, z)
-    chi2, dof = chi_squared(posterior, z, left, z.size)
+    chi2, dof = goodness(rest)
     p = p_value(chi2, dof)
     if p is None or p < FITS:
         return None
-    valid = np.asarray(posterior.misfit(jnp.asarray(z)).valid)
     return ExchangedSensors(
         name=exchanged.names[0],
         chi2=chi2,
         dof=dof,
         p_value=p,
-        law_valid_rows=int(valid.sum()),
-        estimates=marginals(posterior.parameters, normal),
+        law_valid_rows=int(rest.answer.valid.sum()),
+        estimates=rest.identified.found,
         other=exchanged.names[1],
     )
 
@@ -384,14 +339,14 @@ def other_explanations(
     Without one of them chi squared would fall by as much, within `EXPLANATION_FALL` in
     ln density. With one degree of freedom this is true for every sensor.
     """
-    if not suspected or is_long(solution.posterior):
+    if not suspected or is_long(observations):
         return ()
     names = np.array(observations.sensor, object)
     sensors = [
         Suspect("sensor", name, np.flatnonzero(names == name))
         for name in dict.fromkeys(observations.sensor)
     ]
-    without = _falls(solution.posterior, solution.laplace.z, sensors)
+    without = _falls(solution.answer, sensors)
     falls = dict(zip((s.name for s in sensors), without, strict=False))
     worst = suspected[0].sensor
     others = tuple(
@@ -406,27 +361,16 @@ def _judged(
     observations: Observations, rest: Solution, suspect: Suspect, among: int
 ) -> WrongSensor | None:
     """Return the finding about a suspect; None if it does not explain the log."""
-    normal, found = rest.laplace, rest.identifiability
-    if not (normal.converged and all(found.determined)):
+    if not rest.is_answer:
         return None
-    posterior, z = rest.posterior, normal.z
-    left = standardised_residuals(posterior, z)
-    chi2, dof = chi_squared(posterior, z, left, z.size)
-    dof -= len(suspect.rows) - int(
-        np.sum(bounds_kept(left.own, posterior)[suspect.rows])
-    )
+    chi2, dof = goodness(rest)
+    kept = rest.answer.rows.is_bound & (rest.answer.own == 0)
+    dof -= len(suspect.rows) - int(kept[suspect.rows].sum())
     p = p_value(chi2, dof)
     if p is None or p < FITS:
         return None
-    valid = np.delete(np.asarray(posterior.misfit(jnp.asarray(z)).valid), suspect.rows)
-    own, shared = own_and_shared_errors(observations)
-    as_read = replace(
-        posterior,
-        sigma=jnp.asarray(own),
-        shared_error=jnp.asarray(shared) if shared.size else None,
-        error_blocks=(),
-    )
-    missed, covariance = _missed(as_read, rest, suspect.rows)
+    valid = np.delete(rest.answer.valid, suspect.rows)
+    missed, covariance = _missed(observations, rest, suspect.rows)
     clock: dict[str, Any] = {}
     if suspect.kind == "clock":
         # generalised least squares: one offset for all readings of the clock
@@ -441,14 +385,14 @@ def _judged(
         # clock
         if alike is not None and alike < FITS:
             return None
-        rarity = float(tail_probability(np.array([offset / sd]), posterior.noise)[0])
+        rarity = float(tail_probability(np.array([offset / sd]), rest.density.noise)[0])
         first = next((clock for clock in observations.clock if clock), "")
         is_set = suspect.name == first and not has_common_clock(observations)
         parameter = None if is_set else f"{CLOCK_OFFSET}.{suspect.name}"
         clock = {"offset_s": offset, "offset_sd": sd, "parameter": parameter}
     else:
         far = missed / np.sqrt(np.diag(covariance))
-        rarity = float(tail_probability(far, posterior.noise).min()) * len(missed)
+        rarity = float(tail_probability(far, rest.density.noise).min()) * len(missed)
     # Bonferroni: any of the suspects could have been the worst by chance
     if rarity * among > POOR:
         return None
@@ -458,33 +402,25 @@ def _judged(
         dof=dof,
         p_value=p,
         law_valid_rows=int(valid.sum()),
-        estimates=marginals(posterior.parameters, normal),
+        estimates=rest.identified.found,
         **clock,
     )
 
 
 def _missed(
-    posterior: Posterior, rest: Solution, rows: Int[np.ndarray, " out"]
+    observations: Observations, rest: Solution, rows: Int[np.ndarray, " out"]
 ) -> tuple[Float[np.ndarray, " out"], Float[np.ndarray, "out out"]]:
     """Return the residuals of rows from the prediction by the rest, and covariance."""
-    z = rest.laplace.z
-    values, vectors = np.linalg.eigh(rest.laplace.covariance)
-    axes = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    misfit = posterior.misfit(jnp.asarray(z))
-    # central differences along the axes of the normal approximation: one standard
-    # deviation is the scale on which the prediction has to be linear
-    moved = [
-        0.5
-        * np.asarray(
-            posterior.misfit(jnp.asarray(z + axis)).residual
-            - posterior.misfit(jnp.asarray(z - axis)).residual
-        )[rows]
-        for axis in axes
-    ]
-    parts = np.column_stack([*moved, np.asarray(misfit.loading)[rows]])
-    own = np.diag(np.square(np.asarray(misfit.sd)[rows]))
-    missed = least_error(np.asarray(misfit.residual), posterior)
-    return missed[rows], parts @ parts.T + own
+    draws, answer = rest.draws, rest.answer
+    there = draws.resampled(PREDICTED)
+    predicted = rest.density.seen_with(draws.values[there]).predicted[:, rows]
+    spread = np.atleast_2d(np.cov(predicted.T))
+    sigma, shared = own_and_shared_errors(observations)
+    shared = shared[rows]
+    own = sigma[rows] ** 2 + answer.own_scatter[rows]
+    missed = np.where(answer.rows.is_bound, answer.own * answer.own_sd, answer.missed)
+    of_laws = answer.effects_among(rows)
+    return missed[rows], spread + shared @ shared.T + of_laws + np.diag(own)
 
 
 def more_to_free(
@@ -492,6 +428,8 @@ def more_to_free(
     uncertain: UncertainScene,
     solution: Solution,
     refit: Refit,
+    *,
+    fits: bool,
 ) -> MoreToFree | None:
     """Return the parameters to free so that a log fits; None if nothing helps.
 
@@ -505,28 +443,34 @@ def more_to_free(
         uncertain: The scene.
         solution: Solution with it.
         refit: Function that solves for a log with more numbers free.
+        fits: True if the solution fits, without a place: far away every log does. The
+            freed numbers must then be a thousand times as probable, clocks uniform
+            within `WIDTH`.
     """
     arrivals = np.isin(observations.quantity, ARRIVALS).sum()
     blind = uncertain.source == NO_SCENE
-    if not blind or arrivals < MIN_ARRIVALS or is_long(solution.posterior):
+    if not blind or arrivals < MIN_ARRIVALS or is_long(observations):
         return None
     sets = each(_candidates(observations, uncertain), "sets of numbers freed")
     last: tuple[Solution, tuple[str, ...]] | None = None
+    least = solution.draws.log_evidence - math.log(POOR) if fits else -math.inf
     for last in _refits(sets, observations, refit):
-        if found := _as_more_to_free(*last):
+        if found := _as_more_to_free(*last, least):
             return found
-    if last is not None:
+    if last is not None and not fits:
         freed, names = last
 
-        def refit_freed(log, names_too, /, *, follow_range):
-            return refit(log, (*names, *names_too), follow_range=follow_range)
+        def refit_freed(log, names_too):
+            return refit(log, (*names, *names_too))
 
         wrong = explained_by(observations, freed, False, refit_freed)
         if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
             first, both = wrong[0], (*names, wrong[0].parameter)
             return MoreToFree(both, first.p_value, first.estimates, first.name)
     sets = each(_all_clocks(observations, uncertain), "sets of clocks freed")
-    tried = (_as_more_to_free(*one) for one in _refits(sets, observations, refit))
+    tried = (
+        _as_more_to_free(*one, least) for one in _refits(sets, observations, refit)
+    )
     return next(filter(None, tried), None)
 
 
@@ -536,7 +480,7 @@ def _refits(
     """Yield the solution of a log with each set of numbers free, and the set."""
     for names in sets:
         try:
-            freed = refit(observations, names, follow_range=True)
+            freed = refit(observations, names)
         except InputError:  # the scene then leaves nothing a probability
             continue
         yield freed, names
@@ -589,16 +533,22 @@ def _candidates(
     return found
 
 
-def _as_more_to_free(freed: Solution, names: tuple[str, ...]) -> MoreToFree | None:
-    """Return the finding of a solution; None if it does not fit."""
-    normal = freed.laplace
-    if not (normal.converged and all(freed.identifiability.determined)):
+def _as_more_to_free(
+    freed: Solution, names: tuple[str, ...], least: float
+) -> MoreToFree | None:
+    """Return the finding of a solution; None if it does not fit.
+
+    Args:
+        freed: The solution.
+        names: Freed numbers.
+        least: Smallest ln of the evidence.
+    """
+    clocks = sum(name.startswith(f"{CLOCK_OFFSET}.") for name in names)
+    if freed.draws.log_evidence - clocks * math.log(WIDTH) < least:
         return None
-    if lies_far(freed):  # every log fits there
+    if not freed.is_answer or lies_far(freed):  # every log fits far away
         return None
-    posterior, z = freed.posterior, normal.z
-    left = standardised_residuals(posterior, z)
-    p = p_value(*chi_squared(posterior, z, left, z.size))
+    p = p_value(*goodness(freed))
     if p is None or p < FITS:
         return None
-    return MoreToFree(names, p, marginals(posterior.parameters, normal))
+    return MoreToFree(names, p, freed.identified.found)

@@ -7,10 +7,11 @@ charge. The most serious warning is the first; each is a `Finding`, without text
 import inspect
 from collections.abc import Collection, Mapping
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jblast.fidelity import TakenLaw
+from jblast.inference.answer import NULL, Answer, unit_diagonal
 from jblast.inference.fitting.assumptions import (
     flat_ground,
     slower_than_sound,
@@ -24,23 +25,23 @@ from jblast.inference.fitting.findings import (
     HeightOfBurst,
     LawOutOfRange,
     LawsUnsettled,
+    ModeFoundOnce,
     NoPointSource,
     NoScene,
-    NotAtOptimum,
     NothingLearned,
     PathsTakenAsIndependent,
     PoorFit,
     PriorConflict,
+    WeightsUnreliable,
 )
 from jblast.inference.fitting.goodness_of_fit import POOR, against_priors, p_value
 from jblast.inference.fitting.solution import SamplesRoughlyCounted, Solution
-from jblast.inference.fitting.unidentified import resting_on, unlearned
-from jblast.inference.posterior.parameters import Estimate, Finding
+from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Finding
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.parameters import CLOCK_OFFSET
 from jblast.registry import law_for
-from jblast.scene import Charge, UncertainScene
+from jblast.scene import Charge, UncertainScene, parameter_named
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import components
@@ -63,11 +64,9 @@ def warnings_of(
     observations: Observations,
     uncertain: UncertainScene,
     solution: Solution,
-    at_optimum: bool,
     valid: Bool[np.ndarray, " row"],
     chi2: float,
     dof: int,
-    effects: Float[np.ndarray, " effect"],
     estimates: Mapping[str, Estimate],
     independent: PathsTakenAsIndependent | None,
 ) -> list[Finding]:
@@ -89,9 +88,13 @@ def warnings_of(
     if against:
         findings.append(PriorConflict(against))
     if not valid.all():
-        findings.append(outside(observations, solution, valid))
-    if not at_optimum:
-        findings.append(NotAtOptimum())
+        there = solution.answer.valid
+        findings.append(outside(observations, solution.laws, valid, there))
+    if not solution.converged:
+        findings.append(ModeFoundOnce())
+    if not solution.identified.is_reliable:
+        draws = solution.draws
+        findings.append(WeightsUnreliable(draws.k_hat, draws.effective))
     # None: no samples
     if (known := solution.samples_known or 0.0) > ROUGH:
         findings.append(SamplesRoughlyCounted(known, ROUGH))
@@ -106,13 +109,13 @@ def warnings_of(
         free = tuple(name for name in uncertain.beliefs if name not in known)
         findings.append(NoScene(free, frame.alt_m if frame else 0.0))
     # a number in conflict with its prior is reported already
-    if same := tuple(name for name in unlearned(solution) if name not in against):
+    unlearned = solution.identified.unlearned
+    if same := tuple(name for name in unlearned if name not in against):
         findings.append(NothingLearned(same))
-    if np.abs(effects).max(initial=0.0) > LARGE_EFFECT_SD:
-        findings.append(FarFromItsLaw(float(np.abs(effects).max())))
-    scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
-    for charge in scene.charges:
-        findings += height_beside_the_curves(solution, charge)
+    if solution.answer.largest_effect > LARGE_EFFECT_SD:
+        findings.append(FarFromItsLaw(solution.answer.largest_effect))
+    for charge in solution.answer.scene.charges:
+        findings += height_beside_the_curves(solution.answer, solution.laws, charge)
         findings += charge_is_no_point(
             [law.name for law in solution.laws.values()], charge
         )
@@ -134,39 +137,51 @@ def _round_earth(observations: Observations, solution: Solution) -> list[Finding
     """Return the largest error by flat ground, if it is not negligible."""
     if observations.frame is None:
         return []
-    z, posterior = jnp.asarray(solution.laplace.z), solution.posterior
-    charges = posterior.parameters.scene_at(z).charges
+    answer = solution.answer
+    charges = answer.scene.charges
     places = np.array([[float(x) for x in charge.position_m] for charge in charges])
-    ranges = np.asarray(posterior.misfit(z).slant_range)
-    found = flat_ground(observations, places[list(posterior.layout.shot)], ranges)
+    shot = list(answer.density.layout.shot)
+    found = flat_ground(observations, places[shot], answer.slant_range)
     return [found] if found else []
 
 
-def outside(observations, solution: Solution, valid) -> LawOutOfRange:
-    """Return the number of rows outside their laws, and the ranges of these laws."""
+def outside(
+    observations: Observations,
+    laws: Mapping[str, TakenLaw],
+    valid: Bool[np.ndarray, " row"],
+    valid_at_answer: Bool[np.ndarray, " row"],
+) -> LawOutOfRange:
+    """Return the number of rows outside their laws, and the ranges of these laws.
+
+    Args:
+        observations: The log.
+        laws: The law of each quantity.
+        valid: False for rows outside.
+        valid_at_answer: False for those outside at the answer; the others are outside
+            by the depth of the interval only.
+    """
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
     ranges = {
         (law, law_for(part, law).range): None
         for quantity in quantities
         for part, _ in components(quantity)
-        for law in (solution.laws[part].name,)
+        for law in (laws[part].name,)
     }
-    posterior = solution.posterior
-    # rows that are valid at the answer are outside by the depth of the interval only
-    at = np.asarray(posterior.misfit(jnp.asarray(solution.laplace.z)).valid)
     return LawOutOfRange(
         rows=len(rows),
         of=len(valid),
         quantities=tuple(quantities),
         ranges=tuple(ranges),
-        is_deeper=bool(at[rows].any()),
+        is_deeper=bool(valid_at_answer[rows].any()),
     )
 
 
-def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding]:
+def height_beside_the_curves(
+    answer: Answer, taken: Mapping[str, TakenLaw], charge: Charge
+) -> list[Finding]:
     """Return the curves used for a charge off the ground, and their limitations."""
-    laws = [law_for(quantity, law.name) for quantity, law in solution.laws.items()]
+    laws = [law_for(quantity, law.name) for quantity, law in taken.items()]
     depends = any("burst" in law.arguments() for law in laws)
     # with a stated burst there is one curve set, whose laws are valid for it or not
     if not charge.by_height:
@@ -175,9 +190,9 @@ def height_beside_the_curves(solution: Solution, charge: Charge) -> list[Finding
         )
     if not depends:
         return []
-    scene = solution.posterior.parameters.scene_at(jnp.asarray(solution.laplace.z))
+    scene = answer.scene
     shot = [each.name for each in scene.charges].index(charge.name)
-    notes = height_notes(scene, solution.posterior.layout, shot)
+    notes = height_notes(scene, answer.density.layout, shot)
     findings: list[Finding] = [HeightOfBurst(note) for note in notes]
     height = float(scaled_height(scene, charge))
     if height < 0:
@@ -221,3 +236,43 @@ def clocks_taken_to_agree(
             resting=resting_on(solution, columns.astype(float), estimates),
         )
     ]
+
+
+def resting_on(
+    solution: Solution,
+    columns: Float[np.ndarray, "row unknown"],
+    estimates: Mapping[str, Estimate],
+) -> tuple[str, ...]:
+    r"""Return the numbers that are identified only while some unknowns are held fixed.
+
+    The information of the fitted numbers, the unknowns integrated out over a flat
+    prior, is $J^T P J - J^T P W (W^T P W)^+ W^T P J$: $J$ holds the slopes of the data
+    by the fitted numbers, $W$ those by the unknowns.
+
+    Args:
+        solution: Solution with the unknowns fixed.
+        columns: Slopes of the readings by each unknown.
+        estimates: Estimates of the fitted numbers.
+    """
+    answer, found = solution.answer, solution.identified
+    weighted = answer.weigh(columns)
+    across = answer.slopes.T @ weighted
+    known = answer.information + np.diag(answer.has_prior)
+    # a pseudo-inverse: unknown clocks of the same rows are linearly dependent
+    inner = np.linalg.pinv(columns.T @ weighted, rcond=1e-10, hermitian=True)
+    left = known - across @ inner @ across.T
+    if not np.isfinite(left).all():
+        return ()
+    # what rounding leaves of the information of a number that is lost
+    left = left + 1e-13 * np.diag(np.diag(known))
+    size, values, vectors = unit_diagonal(left, answer.steps)
+    # null directions get a huge but finite variance
+    sds = np.sqrt((vectors**2 / np.maximum(values, NULL)).sum(axis=1)) / size
+    lost = []
+    for name, sd in zip(answer.names, sds, strict=True):
+        wide = 2 * NORMAL_Q95 * sd
+        if parameter_named(name).positive:
+            wide = np.exp(min(wide, 700.0))  # exp(709) is the largest double
+        if estimates[name].identified and wide > found.widest(name):
+            lost.append(name)
+    return tuple(lost)

@@ -22,8 +22,8 @@ from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
 from jblast.inference.many.fold import Cell, over_cells
+from jblast.inference.noise import log_noise, noise_slopes
 from jblast.inference.posterior.fisher_information import information_of_row
-from jblast.inference.posterior.likelihood import log_noise, noise_slopes
 from jblast.inference.posterior.parameters import Parameters
 from jblast.observations import CLOCK_TIMES
 from jblast.parameters import CLOCK_OFFSET

@@ -8,9 +8,9 @@ $$|x|^2 - 2 x \cdot x_i + |x_i|^2 = s R_i^2$$
 is linear in $x$, $|x|^2$ and $s$: position and mass follow from four sensors or more.
 
 Draws of the prior: the layout is the same for all logs, so a reference set of points is
-drawn once (as in `inference.mode.starts`) and its readings are predicted. A log starts
-from the points whose readings are nearest to its own, in standard deviations. A free
-origin time is left out of the comparison, and set to make the log's mean lateness zero.
+drawn once (`posterior.starts`) and its readings are predicted. A log starts from the
+points whose readings are nearest to its own, in standard deviations. A free origin time
+is left out of the comparison, and set to make the log's mean lateness zero.
 """
 
 import functools
@@ -25,8 +25,8 @@ from jaxtyping import Array, Float, PRNGKeyArray
 from jblast.errors import InputError
 from jblast.inference.many.lanes import gather_lanes
 from jblast.inference.many.residuals import LaneRows
-from jblast.inference.mode.starts import starts
 from jblast.inference.posterior.posterior import Posterior
+from jblast.inference.posterior.starts import starts
 from jblast.observations import CLOCK_TIMES
 from jblast.scene import Free, Scene, with_values
 from jblast.scene.uncertain import value_of

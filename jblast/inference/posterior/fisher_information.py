@@ -2,21 +2,17 @@ r"""Fisher information of a layout, without the values of its readings.
 
 $F = J^T (\mathrm{diag}(s^2/k) + L L^T)^{-1} J$ with $J$ the slopes of the predictions,
 plus one for each number that has a prior; $k$ is 1 for normal errors and 5/7 for
-Student-t. For a lower bound it is the information of the answer, yes or no, whether a
-reading passes it. The dependence of the size of the errors on the parameters also
+Student-t. The dependence of the size of the errors on the parameters also
 carries information. It is left out: it is small, and no layout is planned for it.
 """
 
-from dataclasses import replace
+import math
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jblast.inference.posterior.likelihood import (
-    information_of_row,
-    survival_information,
-)
+from jblast.inference.noise import information_of_row
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.kept_programs import kept
 
@@ -37,7 +33,7 @@ def whitened_rows(
     the rows $X/s$ leaves $w$ with $w^T w = X^T C^{-1} X$, $C = \mathrm{diag}(s^2) + L
     L^T$, without a matrix of rows by rows.
     """
-    sd = misfit.sd / jnp.sqrt(information_of_rows(posterior, misfit))
+    sd = misfit.sd / math.sqrt(information_of_row(posterior.noise))
     rows = columns / sd[:, None]
     count = misfit.loading.shape[1]
     if count == 0:
@@ -63,22 +59,6 @@ def whitened_jacobian(
     return jnp.concatenate([rows, jnp.diag(posterior.parameters.has_prior())])
 
 
-def information_of_rows(
-    posterior: Posterior, misfit: Misfit
-) -> float | Float[Array, " row"]:
-    """Return the information of each row's own error about its mean.
-
-    It is one number for all rows if no reading is a lower bound.
-    """
-    of_reading = information_of_row(posterior.noise)
-    if posterior.lower_bound is None:
-        return of_reading
-    _, effects = posterior.likelihood(misfit)
-    u = (misfit.residual - misfit.loading @ effects) / misfit.sd
-    of_bound = survival_information(u, posterior.noise)
-    return jnp.where(posterior.lower_bound, of_bound, of_reading)
-
-
 @kept
 def information(
     posterior: Posterior, z: Float[Array, " free"]
@@ -86,25 +66,6 @@ def information(
     """Return the Fisher information of the data and the priors."""
     jacobian = whitened_jacobian(posterior, z)
     return jacobian.T @ jacobian
-
-
-@kept
-def by_kernel(
-    posterior: Posterior, z: Float[Array, " free"]
-) -> tuple[
-    Float[Array, " kernel"],
-    Float[Array, "kernel free"],
-    Float[Array, "kernel free free"],
-]:
-    """Return ln density, gradient and information for each correlation function."""
-    density = posterior.log_densities(z)
-    slope = jax.jacfwd(posterior.log_densities)(z)
-    if len(density) == 1:
-        return density, slope, information(posterior, z)[None]
-    known = jax.vmap(
-        lambda weights: information(replace(posterior, kernels=weights), z)
-    )
-    return density, slope, known(jnp.eye(len(density)))
 
 
 @jax.jit

@@ -31,6 +31,8 @@ from jblast.scene.uncertain import Belief
 from jblast.waves.fireball import fireball_growth_time
 
 GROWTH = "fireball_growth_s"
+NORMAL_Q95 = 1.6448536269514722
+"""95 % quantile of the standard normal."""
 
 
 class Parameters(eqx.Module):

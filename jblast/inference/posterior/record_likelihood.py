@@ -20,6 +20,7 @@ samples are normal in $q$ it equals that of the pick with its covariance.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,15 +28,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.scipy.special import logsumexp
 from jaxtyping import Array, Bool, Float
 
-from jblast.inference.posterior.likelihood import (
+from jblast.inference.noise import (
     log_noise,
     log_rows,
     noise_slopes,
     reweighted,
     row_slopes,
 )
+from jblast.inference.posterior.posterior import Posterior
+from jblast.kept_programs import kept
+from jblast.parameters import CHARGE_POSITION
+from jblast.sensors.path_scatter import KERNELS, TYPICAL
 from jblast.sensors.simulated_readings import Noise
 
 Terms = Callable[[Float[Array, " primary"], Float[Array, " nuisance"], Any], Array]
@@ -380,3 +386,56 @@ def settled(
     downhill = lax.stop_gradient(cost <= cost[0] + SETTLED)  # False for NaN
     best = jnp.max(jnp.where(downhill, jnp.arange(cost.size), 0))
     return cost[best], spread[best]
+
+
+@kept
+def densities_of_samples(
+    readings: Posterior, records: SampledRecords, z: Float[Array, "place free"]
+) -> Float[Array, " place"]:
+    """Return ln of the likelihood of samples, and of rows without samples.
+
+    It is the mean over the correlation functions of neighbouring paths, if the data
+    weigh them.
+
+    Args:
+        readings: The readings of the log.
+        records: The samples.
+        z: Places.
+    """
+    free = {*CHARGE_POSITION} & {*readings.parameters.names}
+    weights = jnp.eye(len(KERNELS)) if free and readings.neighbours else TYPICAL[None]
+
+    def at(z):
+        each = jax.vmap(
+            lambda kernels: _of_samples(replace(readings, kernels=kernels), records, z)
+        )(jnp.asarray(weights))
+        return logsumexp(each) - np.log(len(weights))
+
+    return lax.map(at, z)
+
+
+def _of_samples(readings: Posterior, records: SampledRecords, z) -> Float[Array, ""]:
+    misfit = readings.misfit(z)
+    sampled = np.array(records.rows)
+    others = np.setdiff1d(np.arange(len(readings.layout.quantity)), sampled)
+    effects, errors = misfit.loading.shape[1], 0
+    if readings.shared_error is not None:
+        errors = readings.shared_error.shape[1]
+    kept = [effects - errors + column for column in records.error_columns]
+    columns = np.array([*range(effects - errors), *kept], int)
+    loading = misfit.loading[:, columns]
+    bounds = readings.lower_bound
+    return record_log_likelihood(
+        ResidualRows(
+            misfit.residual[others],
+            misfit.sd[others],
+            loading[others],
+            None if bounds is None else bounds[others],
+        ),
+        readings.measured[sampled] - misfit.residual[sampled],
+        misfit.record_sd[sampled],
+        # errors that rows of a record share are in its samples
+        loading[sampled].at[:, :, effects - errors :].set(0.0),
+        records,
+        readings.noise,
+    )

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.mode.laplace import NORMAL_Q95
+from jblast.inference.posterior.parameters import NORMAL_Q95
 from jblast.inference.tuning.search import Problem, Solution, identified_and_null
 from jblast.inference.tuning.unknowns import Between, Unknown, tuned_value
 from jblast.scene import Scene

@@ -16,7 +16,7 @@ from jblast.inference.fitting.findings import (
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.place import OnEarth, on_earth
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.identifiability import (
+from jblast.inference.identify import (
     Cure,
     EstimableCombination,
     NullDirection,

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from jblast.errors import InputError
 from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.fit import Fit
+from jblast.inference.mcmc import Ensemble
+from jblast.observations import Observations
 from jblast.report.fit.document import fit_answer
 from jblast.report.fit.findings import all_words
 from jblast.report.fit.geo_files import PLACE_FILES, write_place
@@ -76,7 +78,8 @@ def write_report(
     failures: list[str] = []
     if fit.ensemble is not None:
         try:
-            written.append(_write_draws(fit, directory / DRAWS))
+            draws = _write_draws(fit.ensemble, fit.observations, directory / DRAWS)
+            written.append(draws)
         except Exception as error:
             failures.append(f"{DRAWS} was not written: {error!r}")
     try:
@@ -115,13 +118,11 @@ def write_report(
     return written
 
 
-def _write_draws(fit: Fit, path: Path) -> Path:
+def _write_draws(ensemble: Ensemble, log: Observations, path: Path) -> Path:
     """Write the MCMC draws as NetCDF in the schema of ArviZ."""
     from jblast.inference.arviz_file import inference_data, write_inference_data
 
-    tree = inference_data(
-        fit.ensemble, fit.density, fit.observations, all_words(fit.ensemble.findings)
-    )
+    tree = inference_data(ensemble, log, all_words(ensemble.findings))
     write_inference_data(tree, path)
     return path
 

@@ -1,17 +1,15 @@
 """Findings printed with the answer of a fit."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import singledispatch
 
-import numpy as np
-
-from jblast.inference import importance, mcmc
+from jblast.inference import mcmc
 from jblast.inference.fitting import findings as fitting
 from jblast.inference.fitting.assumptions import StillAir, WindPassesForSoundSpeed
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.solution import SamplesRoughlyCounted
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.identifiability import Cure, OtherMode, ResolvingDatum
+from jblast.inference.identify import Cure, OtherMode, ResolvingDatum
 from jblast.inference.posterior.parameters import Finding
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES
@@ -30,10 +28,11 @@ WHERE = {
     "range": "at a new range",
     "later": "at a later time",
 }
-NORMAL = "the 90 % intervals are those of a normal approximation"
 TEMPLATES: dict[type[Finding], str] = {
-    fitting.NotAtOptimum: "the search did not reach an optimum; the last point is "
-    "reported",
+    fitting.ModeFoundOnce: "the best solution was found by one search only; there may "
+    "be a better one",
+    fitting.WeightsUnreliable: "the intervals are rough: few draws have most of the "
+    "weight (k-hat {0.k_hat:.2f}, effective sample size {0.effective:.0f})",
     SamplesRoughlyCounted: "the log-likelihood of the samples is accurate to "
     "{0.known:.2g} between the points where it was computed, required {0.wanted:g}: "
     "the intervals are rough; fit the picks instead",
@@ -42,19 +41,9 @@ TEMPLATES: dict[type[Finding], str] = {
     fitting.FarFromItsLaw: "the whole shot, or a path, departs from its law by "
     "{0.times:.1f} times the expected scatter: the law may not apply to this setting",
     fitting.HeightOfBurst: "{0.note}",
-    fitting.AsAsked: "requested",
-    fitting.DirectionUnidentified: "the log does not identify all directions, so only "
-    "this method applies",
-    importance.FewEffectiveDraws: "importance sampling: effective sample size "
-    "{0.effective:.0f}, required {0.wanted}",
-    importance.ImportanceCannotTell: "importance sampling is unreliable: k-hat "
-    "{0.k_hat:.2f}",
-    importance.DrawsWeighted: "draws of the normal approximation, weighted by the "
-    "posterior (importance sampling, k-hat {0.k_hat:.2f}, effective sample size "
-    "{0.effective:.0f})",
-    importance.RangeFollowed: "draws along the range of the charge: at {0.ranges} "
-    "ranges the posterior is integrated over bearing and all other parameters; the "
-    "prior is flat in ln of the range",
+    fitting.Walked: "MCMC (emcee)",
+    fitting.DrawsWeighted: "draws of a mixture, weighted by the posterior (importance "
+    "sampling, k-hat {0.k_hat:.2f}, effective sample size {0.effective:.0f})",
     mcmc.QuantilesUncertain: "the quantiles of {0.parameter} have a standard error of "
     "{0.error:.2g} sd, required {0.wanted:g}",
     mcmc.ChainTooShort: "{0.steps} steps are {0.times:.0f} autocorrelation times of "
@@ -143,16 +132,6 @@ def other_mode_words(other: OtherMode) -> str:
 def all_words(findings: Iterable[Finding]) -> list[str]:
     """Return a sentence for each finding."""
     return [words(finding) for finding in findings]
-
-
-def reason_words(reason: Finding | None) -> str:
-    """Return the reason for the method of the intervals, or ""."""
-    if reason is None:
-        return ""
-    # the rest of its sentence is on the estimates, not on the intervals
-    if isinstance(reason, fitting.NotAtOptimum):
-        return "the search did not reach an optimum"
-    return words(reason)
 
 
 @singledispatch
@@ -355,39 +334,3 @@ def _(finding: fitting.SeveralExplanations) -> str:
         f"the recordings of {finding.suspected} are suspected, but without those of "
         f"{others} the log fits as well; the log does not determine which is wrong"
     )
-
-
-@words.register
-def _(finding: importance.IntervalsOff) -> str:
-    off, k_hat = finding.off, f"(k-hat {finding.k_hat:.2f})"
-    text = NORMAL
-    if not np.isnan(off):
-        text += f", with an error of up to {off:.1f} sd for {finding.parameter}"
-    if not np.isnan(finding.k_hat):
-        text += (
-            f"; importance sampling does not determine their error {k_hat}"
-            if np.isnan(off)
-            else f", estimated by importance sampling {k_hat}"
-        )
-    return f"{text}; --posterior emcee runs MCMC"
-
-
-@words.register
-def _(finding: importance.NormalIntervals) -> str:
-    reason = words(finding.because)
-    return f"{NORMAL} ({reason}); --posterior emcee runs MCMC"
-
-
-@words.register
-def _(finding: importance.NormalJudged) -> str:
-    checks = (
-        f"k-hat {finding.k_hat:.2f} (limit {finding.most_k_hat:g}), "
-        f"largest sd of ln {finding.log_sd:.2g} (limit {finding.most_log_sd:g}), "
-        f"error of interval bounds {finding.off:.2f} sd (limit {finding.most_off:g})"
-    )
-    verdict = "passes" if finding.holds else "fails"
-    return f"the normal approximation {verdict} its check: {checks}"
-
-
-def _values(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in values.items())

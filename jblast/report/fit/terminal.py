@@ -21,7 +21,7 @@ from jblast.inference.fitting.findings import (
 )
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.fitting.unidentified import requested
+from jblast.inference.identify import PlaceRegion, requested
 from jblast.inference.posterior.parameters import Estimate
 from jblast.parameters import CHARGE_POSITION, PARAMETERS, described
 from jblast.registry import LAWS, law_for
@@ -41,7 +41,7 @@ from jblast.report.fit.findings import (
     goodness_p,
     goodness_sentence,
     printed_p,
-    reason_words,
+    words,
 )
 from jblast.report.fit.place import earth_lines
 from jblast.report.fit.rows import (
@@ -235,8 +235,8 @@ def _details(fit: Fit) -> list[str]:
     """Return laws with their reasons, chi2 and the computation of the intervals."""
     lines = law_lines(fit.summary, fit.scene.scatter)
     lines += section("Goodness of fit", [goodness_numbers(fit.summary)])
-    reason = reason_words(fit.posterior_reason)
-    intervals = [f"{fit.summary.posterior}: {reason}"] if reason else []
+    reason = fit.posterior_reason
+    intervals = [capitalised(words(reason))] if reason else []
     return lines + section("Intervals", intervals)
 
 
@@ -324,21 +324,11 @@ def conclusion(fit: Fit, accepted: Accepted | None = None) -> list[str]:
 
 def limits(fit: Fit) -> list[str]:
     """Return the assumptions and limitations of the conclusions, as sentences."""
-    methods = {
-        "laplace": "Intervals come from the curvature of the posterior at its maximum "
-        "(Laplace approximation); an interval that spans a factor of several is rough.",
-        "weighted": "Intervals come from draws of a normal approximation, weighted by "
-        "the posterior (importance sampling).",
-        "emcee": "Intervals come from MCMC draws of the posterior (emcee).",
-    }
     # fixed numbers first: an answer is only as good as they are
     lines = [given_sentence(fit)]
     lines += [f"{capitalised(one)}." for one in all_words(fit.summary.assumptions)]
-    if posterior := "weighted" if fit.weighted else fit.summary.posterior:
-        reason = reason_words(fit.posterior_reason)
-        why = f" Reason: {reason}." if reason else ""
-        method = methods.get(posterior, f"Intervals come from: {posterior}.")
-        lines.append(f"{method}{why}")
+    if fit.posterior_reason is not None:
+        lines.append(f"Intervals come from {words(fit.posterior_reason)}.")
     if fit.summary.estimates:
         lines.append(
             "Intervals include the errors given in the log and the scatter of the "
@@ -555,7 +545,10 @@ def headline(fit: Fit) -> list[str]:
     found, lines = fit.summary, []
     # first: without convergence no other sentence can be relied on
     if not found.converged:
-        lines.append("NOT CONVERGED: do not use the numbers below.")
+        lines.append(
+            "NOT CONVERGED: the best solution was found by one search only; do not use "
+            "the numbers below."
+        )
     if fit.is_poor:
         p = goodness_p(found)
         lines.append(
@@ -578,7 +571,7 @@ def headline(fit: Fit) -> list[str]:
         lines.append("ONE SENSOR IS WRONG: do not use the numbers below.")
     if found.unchecked:
         lines.append(
-            "UNCERTAIN INTERVALS: importance sampling cannot check them; do not use "
+            "UNCERTAIN INTERVALS: few draws have most of the weight; do not use "
             "those below. --posterior emcee runs MCMC."
         )
     if len(found.explained_by) > 1:
@@ -592,7 +585,8 @@ def headline(fit: Fit) -> list[str]:
     lines += [explanation(wrong) for wrong in found.explained_by]
     more = (one for one in found.warnings if isinstance(one, MoreToFree))
     lines += [freeing(one) for one in more]
-    return lines + bearing_lines(found) + unidentified_lines(found)
+    lines += bearing_lines(found) + region_lines(found)
+    return lines + unidentified_lines(found)
 
 
 def assumed_place(fit: Fit) -> list[str]:
@@ -610,21 +604,58 @@ def assumed_place(fit: Fit) -> list[str]:
 def bearing_lines(found: Summary) -> list[str]:
     """Return the answer of an array that identifies the bearing but not the range."""
     distance = found.derived.get("range_m")
-    bearings = [
-        f"{of.value:.1f} +- {of.sd:.1f} degrees"
-        for name in ("bearing_deg", "other_bearing_deg")
-        if (of := found.derived.get(name)) is not None
-    ]
-    if distance is None or not bearings:
+    if distance is None:
         return []
     least = printed_number("range_m", distance.q05)
     bounds = f"at least {least}"
     if math.isfinite(distance.q95):
         bounds = f"{least} to {printed_number('range_m', distance.q95)}"
+    arcs = [
+        (f"{arc.bearing_deg.value:.1f} +- {arc.bearing_deg.sd:.1f} degrees", arc.share)
+        for arc in found.bearing_arcs
+    ]
+    if not arcs:
+        return [
+            "The position of the charge is not identified: from the centre of the "
+            f"sensors its range is {bounds}, its bearing any."
+        ]
+    shares = len(arcs) > 1
+    named = [
+        f"{bearing} ({share:.0%})" if shares else bearing for bearing, share in arcs
+    ]
     return [
-        f"Only the bearing of the charge is identified: {' or '.join(bearings)} "
+        f"Only the bearing of the charge is identified: {' or '.join(named)} "
         f"clockwise from north, from the centre of the sensors; the range is {bounds}."
     ]
+
+
+def region_lines(found: Summary) -> list[str]:
+    """Return the regions of a position if there are several, the first first."""
+    if not found.regions:
+        return []
+    listed = [_region(one) for one in found.regions]
+    return [
+        f"The position is one of {len(listed)}: {'; or '.join(listed)}. The estimates "
+        "are those of the first."
+    ]
+
+
+def _region(region: PlaceRegion) -> str:
+    share = f"{region.share:.0%}"
+    if not region.is_place:
+        far = [printed_number("range_m", x) for x in _ends(region.range_m)]
+        return f"{' to '.join(far)} from the centre of the sensors ({share})"
+    place = [
+        f"{parameter_words(name)} {printed_estimate(name, estimate).interval}"
+        for name, estimate in region.estimates.items()
+        if name.partition(".")[0] in CHARGE_POSITION[:2]
+    ]
+    mass = _mass({n: e for n, e in region.estimates.items() if e.identified})
+    return f"{', '.join([*place, *([mass] if mass else [])])} ({share})"
+
+
+def _ends(estimate: Estimate) -> tuple[float, float]:
+    return estimate.q05, estimate.q95
 
 
 def unidentified_lines(found: Summary) -> list[str]:

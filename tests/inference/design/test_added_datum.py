@@ -2,6 +2,8 @@
 
 import dataclasses
 import functools
+from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -49,7 +51,8 @@ def test_a_new_place_shares_no_path_with_another_sensor_or_another_charge():
     beliefs = {f"charge_mass_kg.{charge.name}": Free(positive=True) for charge in pair}
     at = dict.fromkeys(beliefs, 1.0)
     plan = plan_of(UncertainScene(scene, beliefs), at, "gaussian")
-    new = {datum.shot: datum.group for datum in candidates(plan) if not datum.sensor}
+    found: Any = SimpleNamespace(density=plan.density)
+    new = {d.shot: d.group for d in candidates(plan, found) if not d.sensor}
     assert set(new) == {0, 1}
     assert len({*new.values(), *plan.posterior.layout.group}) == 2 + 8
 

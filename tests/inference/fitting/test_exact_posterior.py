@@ -22,19 +22,12 @@ def agree(told, exact, mean, sd, ends):
 
 
 @pytest.mark.slow  # a walk
-def test_a_fit_agrees_with_the_exact_posterior_of_the_mass():
-    fitted, exact = weigh("HRI-2", LAWS), estimate(log_of("HRI-2"), LAWS)
+@pytest.mark.parametrize("shot", ["HRI-2", "HTP-7"])
+def test_a_fit_agrees_with_the_exact_posterior_of_the_mass(shot):
+    fitted, exact = weigh(shot, LAWS), estimate(log_of(shot), LAWS)
     assert fitted.valid
-    # What Laplace's method and the expected information may cost.
-    agree(fitted.laplace, exact, mean=0.1, sd=0.1, ends=0.2)
-    # Walkers stop when their ends have a standard error of 0.05 sd; 4000 effective
-    # draws know the mean to 0.016 sd and the sd to 1.1 %. Four of each.
-    agree(fitted.emcee, exact, mean=0.06, sd=0.04, ends=0.2)
-
-
-@pytest.mark.slow
-def test_where_the_scatter_grows_emcee_is_nearer_to_the_exact_posterior():
-    fitted, exact = weigh("HTP-7", LAWS), estimate(log_of("HTP-7"), LAWS)
-    agree(fitted.emcee, exact, mean=0.06, sd=0.04, ends=0.2)
-    away = abs(fitted.laplace.mean - exact.mean)
-    assert away > 2 * abs(fitted.emcee.mean - exact.mean)
+    # Some thousand effective draws know the mean to 0.04 sd and the sd to 3 %, ends to
+    # 0.08 sd; walkers stop when their ends have a standard error of 0.05 sd. Three of
+    # each.
+    agree(fitted.weighted, exact, mean=0.12, sd=0.1, ends=0.25)
+    agree(fitted.emcee, exact, mean=0.12, sd=0.1, ends=0.25)

@@ -58,7 +58,7 @@ def test_ground_motion_does_not_make_the_answer_of_a_deep_shot_valid():
         ),
     )
     uncertain = freed(UncertainScene(scene), ["charge_mass_kg"])
-    found = fit(log(*rows), uncertain, posterior="laplace")
+    found = fit(log(*rows), uncertain)
     assert 0 < found.summary.law_valid_rows < len(rows)
     assert not found.summary.law_valid
     assert found.summary.extrapolated == ("charge_mass_kg",)
@@ -84,7 +84,7 @@ def test_few_rows_outside_their_law_do_not_spoil_an_answer():
     rows.append(("d", "ground_displacement_m", value, 0.05 * value, (far, 0.0, 0.0)))
     scene = Scene(charge=Charge(mass_kg=mass, position_m=(0.0, 0.0, height)))
     uncertain = freed(UncertainScene(scene), ["charge_mass_kg"])
-    found = fit(log(*rows), uncertain, posterior="laplace")
+    found = fit(log(*rows), uncertain)
     assert found.summary.law_valid_rows == 3
     assert found.summary.extrapolated == ()
     assert found.exit_code == 0

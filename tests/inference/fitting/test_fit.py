@@ -21,19 +21,20 @@ from tests.inference.logs import log
 def test_an_exact_log_gives_its_mass_back():
     answer = fit(pressures(15.0), MASS_FREE).summary
     mass = answer.estimates["charge_mass_kg"]
-    assert mass.value == pytest.approx(15.0, rel=1e-6)
+    # the mode is climbed to within 1e-3 in ln of the density
+    assert mass.value == pytest.approx(15.0, rel=1e-3)
     assert mass.q05 < 15.0 < mass.q95
     assert answer.converged
     assert answer.identifiable
     assert answer.law == {"peak_overpressure_pa": "kingery_bulmash"}
-    assert answer.chi2 == pytest.approx(0.0, abs=1e-8)
+    assert answer.chi2 == pytest.approx(0.0, abs=1e-4)
     assert answer.dof == 2
 
 
 def test_normal_errors_give_the_textbook_standard_deviation():
     # ln p falls as s ln R; with exact laws sd(ln W) = 3 sigma / (|s| sqrt n)
     log = pressures(15.0, [30.0, 30.0, 30.0])
-    answer = fit(log, MASS_FREE, noise="gaussian", posterior="laplace").summary
+    answer = fit(log, MASS_FREE, noise="gaussian").summary
     step = 1e-4
     slope = np.log(
         kingery_bulmash_pressure(30.0 * np.exp(step), 15.0)
@@ -41,8 +42,8 @@ def test_normal_errors_give_the_textbook_standard_deviation():
     ) / (2 * step)
     expected = 3 * 0.1 / (abs(slope) * np.sqrt(3))
     found = answer.estimates["charge_mass_kg"].log_sd
-    # finite differences of the slope are good to 1e-6
-    assert found == pytest.approx(expected, rel=1e-4)
+    # an sd by some thousand draws
+    assert found == pytest.approx(expected, rel=0.03)
 
 
 @pytest.mark.slow
@@ -90,7 +91,8 @@ def test_laws_are_chosen_at_the_answer_and_not_at_the_start():
     assert answer.law == {"peak_overpressure_pa": "kingery_bulmash"}
     reason = law_reason(answer.law_reason["peak_overpressure_pa"])
     assert "the reference law here" in reason
-    assert answer.estimates["charge_mass_kg"].value == pytest.approx(1e3, rel=1e-6)
+    # the mode is climbed to within 1e-3 in ln of the density
+    assert answer.estimates["charge_mass_kg"].value == pytest.approx(1e3, rel=1e-3)
 
 
 def without_density():
@@ -140,14 +142,11 @@ def test_an_answer_whose_law_holds_for_no_row_exits_4_and_says_so():
 def test_the_band_at_a_sensor_is_what_draws_say_of_it():
     found = fit(heard("arrivals", np.random.default_rng(4)), ASKED)
     (band,) = found.bands
-    names = list(found.summary.free)
-    numbers = np.stack([found.draws[n] for n in names], axis=1)[::40]
-    positive = [b.positive for b in found.density.parameters.beliefs]
-    z = np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
-    read = np.array([found.density.misfit(one).predicted for one in z])
+    numbers = np.stack([found.draws[n] for n in found.names], axis=1)[::20]
+    read = found.density.seen_with(numbers).predicted
     low, high = np.quantile(read, [0.05, 0.95], axis=0)
     at = np.log(found.distance)
     for ours, theirs in ((band.q05, low), (band.q95, high)):
-        # the same draws; what is left is the chord between places of the band
+        # other draws of the same, 0.1 sd at the ends; a chord between places
         near = np.interp(at, np.log(band.x), ours)
-        np.testing.assert_allclose(near, theirs, atol=0.05 * np.max(high - low))
+        np.testing.assert_allclose(near, theirs, atol=0.1 * np.max(high - low))

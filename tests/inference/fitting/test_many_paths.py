@@ -1,20 +1,18 @@
 """Logs of so many paths that these are taken as independent are marked."""
 
 from types import SimpleNamespace
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference import Posterior
+from jblast.inference.answer import Answer
+from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import paths_taken_as_independent
 from jblast.inference.fitting.findings import PathsTakenAsIndependent
-from jblast.inference.fitting.solution import Solution
-from jblast.inference.posterior.parameters import parameters_of
 from jblast.observations import Observations
 from jblast.report.fit.findings import words
 from jblast.scene import Charge, Scene, UncertainScene, freed
-from jblast.sensors.layout import layout_of
 from jblast.sensors.path_scatter import MAX_PATHS
 
 PLACE = ("charge_east_m", "charge_north_m", "origin_time_s")
@@ -45,19 +43,14 @@ def log_of(count, width_m, ranges=False):
     )
 
 
-def solved(log, free=PLACE, scatter=True):
+def solved(log, free=PLACE, scatter=True) -> Any:
     """Return a solution at the truth, as far as its paths are concerned."""
-    scene = Scene(Charge(mass_kg=1.0, position_m=(0.0, 0.0, 0.0)), scatter=scatter)
-    uncertain = freed(UncertainScene(scene), free)
-    posterior = Posterior(
-        parameters_of(uncertain),
-        layout_of(log, scene),
-        jnp.asarray(log.value),
-        jnp.asarray(log.sigma),
-        (("air_arrival_s", "acoustic"),),
-    )
-    answer = SimpleNamespace(z=np.zeros(len(free)))
-    return Solution(posterior, {}, {}, None, None, answer)  # pyright: ignore[reportArgumentType]  the place of the answer alone is used
+    law = (("air_arrival_s", "acoustic"),)
+    charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, 0.0))
+    scene = Scene(charge, scatter=scatter, law=law)
+    density = density_of(log, freed(UncertainScene(scene), free))
+    answer = Answer(density, np.zeros(len(free)), np.ones(len(free)))
+    return SimpleNamespace(density=density, answer=answer)
 
 
 def test_many_sensors_close_together_are_marked_with_what_follows():

@@ -56,7 +56,7 @@ def test_the_log_density_is_a_plain_function_with_its_optimum_at_the_start(names
 @pytest.mark.slow
 def test_values_are_the_numbers_of_the_scene_in_their_units(names):
     found = names["found"]
-    at = found.values(found.start)
+    at = found.values(found.answer.z)
     assert float(at["charge_mass_kg"]) == pytest.approx(
         float(found.scene.charge.mass_kg)
     )
@@ -73,8 +73,9 @@ def test_samplers_of_others_find_the_interval_of_the_fit(names, library, capsys)
     assert capsys.readouterr().out.startswith("[")
     mass = np.asarray(names["draws"]["charge_mass_kg"])
     own = names["found"].summary.estimates["charge_mass_kg"]
-    # a fifth of a standard deviation: the error of a quantile of 500 independent draws
-    near = 0.2 * own.sd
+    # a fifth of a standard deviation is the error of a quantile of 500 independent
+    # draws; the function is a bound on the density, and some per cent narrower
+    near = 0.3 * own.sd
     assert np.quantile(mass, [0.05, 0.5, 0.95]) == pytest.approx(
         [own.q05, own.q50, own.q95], abs=near
     )
@@ -85,4 +86,6 @@ def test_an_optimiser_of_others_finds_the_optimum(names):
     (block,) = (one for one in BLOCKS if "import optimistix" in one)
     exec(block, names)
     best = names["place"](np.asarray(names["best"].value))
-    np.testing.assert_allclose(best, names["found"].start, atol=1e-4)
+    # in standard deviations: both are the optimum of one function
+    off = np.linalg.solve(names["root"], best - names["found"].start)
+    np.testing.assert_allclose(off, 0.0, atol=1e-4)

@@ -31,7 +31,7 @@ def test_seismic_rows_alone_bound_a_mass_as_far_as_rocks_are_alike():
         charge=Charge(mass_kg=jnp.asarray(100.0), position_m=(0.0, 0.0, BURIED))
     )
     free = freed(UncertainScene(scene), ["charge_mass_kg"])
-    answer = fit(log(*rows), free, posterior="laplace").summary
+    answer = fit(log(*rows), free).summary
     mass = answer.estimates["charge_mass_kg"]
     assert set(answer.law.values()) == {"ground_motion"}
     # at the answer; small masses of the interval are deeper than the law reaches

@@ -4,35 +4,21 @@ The place, the time and the laws are those of the truth, so the apparent speed o
 arrival is the speed of sound over the factor by which its travel time is stretched.
 """
 
-import numpy as np
+from dataclasses import replace
+
 import pytest
 
 from jblast.inference.fitting.assumptions import slower_than_sound
-from jblast.observations import Observations
 from jblast.report.fit.findings import words
-from tests.inference.fitting.test_still_air import SIGMA, SOUND, solved
+from tests.inference.fitting.test_still_air import SOUND, solved
 
 KNOWN_TIME = ("charge_east_m", "charge_north_m")
 
 
 def log_of(solution, factor=1.0, late=0.0):
     """Return the log of a solution with all travel times stretched and shifted."""
-    read = np.asarray(solution.posterior.measured)
-    n = len(read)
-    return Observations(
-        sensor=tuple(f"s{i}" for i in range(n)),
-        quantity=("air_arrival_s",) * n,
-        value=read * factor + late,
-        sigma=np.full(n, SIGMA),
-        position=np.asarray(solution.posterior.layout.position),
-        slant_range=np.full(n, np.nan),
-        time=np.full(n, np.nan),
-        path=("",) * n,
-        shot=("",) * n,
-        clock=("",) * n,
-        line=tuple(range(2, n + 2)),
-        source="log.csv",
-    )
+    made = solution.density.observations
+    return replace(made, value=made.value * factor + late)
 
 
 @pytest.fixture(scope="module")

@@ -1,21 +1,22 @@
 """What an answer owes to still air, beside the same worked out by hand."""
 
 import dataclasses
+import math
+from types import SimpleNamespace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.inference import Posterior
+from jblast.inference.answer import Answer
+from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import still_air, wider_with_wind
-from jblast.inference.fitting.solution import Solution
-from jblast.inference.identifiability import identifiability
-from jblast.inference.mode.laplace import laplace
-from jblast.inference.posterior.parameters import parameters_of
 from jblast.report.fit.findings import words
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout, record
 from jblast.sensors.path_scatter import TYPICAL, correlations, embedded
+from tests.inference.logs import log
 
 LAWS = {"air_arrival_s": "acoustic"}
 PLACES = np.array([(600.0, 0.0), (-700.0, 300.0), (0.0, 900.0), (200.0, -800.0)])
@@ -23,27 +24,33 @@ FREE = ("charge_east_m", "charge_north_m", "origin_time_s")
 SIGMA, SOUND = 1e-3, 340.0
 
 
-def solved(scatter=False, wind=0.0, free=FREE):
-    """A log of arrivals as the truth has them, solved at the truth."""
-    records = (("air_arrival_s", SIGMA),)
+def solved(scatter=False, wind=0.0, free=FREE, far=math.nan) -> Any:
+    """A log of arrivals as the truth has them, at the truth."""
     sensors = tuple(
-        Sensor(f"s{i}", jnp.array([*place, 0.0]), records=records)
+        Sensor(f"s{i}", jnp.array([*place, 0.0]), records=(("air_arrival_s", SIGMA),))
         for i, place in enumerate(PLACES)
     )
-    scene = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
-    scene = with_values(scene, {"air_sound_speed_m_s": SOUND, "wind_east_m_s": wind})
-    uncertain = freed(UncertainScene(scene), free)
-    layout, sigma, _ = planned_layout(scene)
-    read = record(scene, layout, LAWS).value
-    posterior = Posterior(
-        parameters_of(uncertain), layout, read, sigma, tuple(LAWS.items()), "gaussian"
+    scene = dataclasses.replace(
+        Scene(), scatter=scatter, sensors=sensors, law=tuple(LAWS.items())
     )
-    z = np.zeros(len(free))
-    identified = identifiability(posterior, z)
-    optima = None
-    laws = {q: (name, "") for q, name in LAWS.items()}
-    normal = laplace(posterior, z, identified.identified_basis)
-    return Solution(posterior, laws, {}, optima, identified, normal)  # pyright: ignore[reportArgumentType]  nobody asks for the search's ends
+    scene = with_values(scene, {"air_sound_speed_m_s": SOUND, "wind_east_m_s": wind})
+    layout, _, _ = planned_layout(scene)
+    rows = zip(PLACES, np.asarray(record(scene, layout, LAWS).value), strict=True)
+    made = log(
+        *(
+            (f"s{i}", "air_arrival_s", float(time), SIGMA, (*place, 0.0))
+            for i, (place, time) in enumerate(rows)
+        )
+    )
+    if not math.isnan(far):
+        nothing = np.full((len(PLACES), 3), np.nan)
+        ranges = np.full(len(PLACES), far)
+        made = dataclasses.replace(made, position=nothing, slant_range=ranges)
+    density = density_of(made, freed(UncertainScene(scene), free), "gaussian")
+    start = {"air_sound_speed_m_s": SOUND}
+    values = np.array([start.get(name, 0.0) for name in density.coordinates.names])
+    answer = Answer(density, values, np.ones(len(values)))
+    return SimpleNamespace(density=density, answer=answer)
 
 
 def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:
@@ -76,7 +83,7 @@ def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:
 def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
     factors = wider_with_wind(solved(scatter), 5.0)
     assert factors is not None
-    # 8e-6 by the second order of differences over 0.005 m/s and 1e-3 sd, rounded up
+    # by the second order of differences over 0.005 m/s and 1e-3 of a typical step
     np.testing.assert_allclose(
         [factors[name] for name in FREE], by_hand(scatter, 5.0), rtol=1e-4
     )
@@ -100,17 +107,8 @@ def test_still_air_is_told_where_it_was_taken_and_only_there():
 
 
 def test_along_a_range_alone_a_wind_is_another_sound_speed():
-    found = solved(free=("charge_east_m",))
-    layout = found.posterior.layout
-    at_range = dataclasses.replace(layout, slant_range=jnp.full(4, 700.0))
-    posterior = dataclasses.replace(found.posterior, layout=at_range)
-    said = words_of(found._replace(posterior=posterior))
+    said = words_of(solved(free=("origin_time_s",), far=700.0))
     assert "a prior on air_sound_speed_m_s" in said
-    free = parameters_of(
-        freed(UncertainScene(posterior.parameters.scene), ["air_sound_speed_m_s"])
-    )
-    fitted = dataclasses.replace(posterior, parameters=free)
-    normal = dataclasses.replace(found.laplace, z=np.log([SOUND]))
-    said = words_of(found._replace(posterior=fitted, laplace=normal))
+    said = words_of(solved(free=("air_sound_speed_m_s",), far=700.0))
     assert "prior" not in said  # it is fitted already
     assert "the fitted air_sound_speed_m_s covers it" in said

@@ -10,7 +10,6 @@ from calibration.under_determined import KINDS, ended, fault, logs
 from jblast.errors import InputError
 from jblast.inference import fit
 from jblast.inference.fitting.findings import NoPointSource
-from jblast.inference.fitting.unidentified import WIDEST_FACTOR
 from jblast.observations import Observations, read
 from jblast.report import summary
 from jblast.scene import Charge, Free, Scene, UncertainScene, freed
@@ -65,8 +64,8 @@ def test_a_mass_told_by_arrivals_alone_has_an_interval_and_no_value():
     made = arrivals(RING, 5.0, 10.0)
     found = fit(made, freed(UncertainScene(scene), free))
     mass = found.summary.estimates["charge_mass_kg"]
-    assert mass.q95 / mass.q05 > WIDEST_FACTOR
-    assert mass.q05 < MASS < mass.q95
+    assert np.isnan(mass.q05)  # a smaller charge would be heard like sound
+    assert mass.q95 > MASS
     assert not mass.identified
     assert np.isnan([mass.value, mass.sd, mass.log_sd]).all()
     for name, true in zip(PLACE, (5.0, 10.0), strict=True):

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit_many
-from jblast.inference.mode.search import optima
-from jblast.inference.posterior.fisher_information import information
-from jblast.inference.posterior.parameters import parameters_of
-from jblast.inference.posterior.posterior import posterior_of
-from jblast.scene import LogNormal
+from jblast.inference.answer import Answer, constrained
+from jblast.inference.density import density_of
+from jblast.scene import LogNormal, with_laws
 from tests.inference.logs import log
 from tests.inference.many.five_sensors import LAWS, TRUTH, problem
 
@@ -36,16 +34,30 @@ def as_log(layout, names, values, sigma):
     )
 
 
-def posterior_for(uncertain, layout, names, values, sigma, noise):
-    observations = as_log(layout, names, values, sigma)
-    return posterior_of(parameters_of(uncertain), layout, observations, LAWS, noise)
+def density_for(uncertain, layout, names, values, sigma, noise):
+    named = with_laws(uncertain, LAWS)
+    return density_of(as_log(layout, names, values, sigma), named, noise)
 
 
-def newton_step(posterior, z):
-    """How far Newton would step on the density that `fit` climbs, and the curvature."""
-    known = np.asarray(information(posterior, z))
-    slope = np.asarray(jax.jit(jax.grad(posterior.log_density))(z))
-    return np.linalg.solve(known, slope), known
+def newton_step(density, z):
+    """How far Newton would step on the density that `fit` samples, and its curvature.
+
+    Without the weak prior, and at the expected information.
+    """
+    values = constrained(density, np.asarray(z)[None])[0]
+    answer = Answer(density, values, np.zeros(len(values)))
+    known = answer.information + np.diag(answer.has_prior)
+    slope = np.asarray(jax.jit(jax.grad(density.log_density))(jnp.asarray(z)))
+    prior = jax.grad(lambda z: of_prior(density, z))(jnp.asarray(z))
+    return np.linalg.solve(known, slope - np.asarray(prior)), known
+
+
+def of_prior(density, z):
+    """The prior of free numbers."""
+    axes = density.coordinates
+    values = [b.constrain(x) for b, x in zip(axes.beliefs, z, strict=True)]
+    priors = [b.log_density(x) for b, x in zip(axes.beliefs, z, strict=True)]
+    return axes.log_prior_of(jnp, jnp.stack(values)) - sum(priors)
 
 
 @pytest.mark.slow
@@ -53,14 +65,12 @@ def test_each_lane_has_the_optimum_and_the_covariance_that_fit_finds():
     uncertain, layout, values, sigma, names = problem(16)
     found = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
     assert found.converged.all()
-    posterior = posterior_for(uncertain, layout, names, values[5], sigma, "gaussian")
-    z = np.asarray(optima(jax.random.key(0), posterior).z[0])
-    # BFGS of `fit` stops where ln density changes by 1e-10 of itself
-    assert (np.abs(found.z[5] - z) < 2e-4 * found.sd()[5]).all()
-    step, known = newton_step(posterior, found.z[5])
-    assert (np.abs(step) < 1e-6 * found.sd()[5]).all()
+    density = density_for(uncertain, layout, names, values[5], sigma, "gaussian")
+    step, known = newton_step(density, found.z[5])
+    # slopes by differences of 1e-3 of a step
+    assert (np.abs(step) < 1e-4 * found.sd()[5]).all()
     product = known @ np.asarray(found.covariance[5])
-    np.testing.assert_allclose(product, np.eye(4), atol=1e-6)
+    np.testing.assert_allclose(product, np.eye(4), atol=1e-3)
 
 
 @pytest.mark.slow
@@ -69,11 +79,11 @@ def test_student_errors_end_where_their_density_is_level():
     values[5, 2] += 30e-4  # a wild reading
     found = fit_many(uncertain, layout, values, sigma, LAWS, noise="student")
     assert found.converged.all()
-    posterior = posterior_for(uncertain, layout, names, values[5], sigma, "student")
-    step, known = newton_step(posterior, found.z[5])
-    assert (np.abs(step) < 1e-6 * found.sd()[5]).all()
+    density = density_for(uncertain, layout, names, values[5], sigma, "student")
+    step, known = newton_step(density, found.z[5])
+    assert (np.abs(step) < 1e-4 * found.sd()[5]).all()
     product = known @ np.asarray(found.covariance[5])
-    np.testing.assert_allclose(product, np.eye(4), atol=1e-6)
+    np.testing.assert_allclose(product, np.eye(4), atol=1e-3)
     truth = [math.log(30.0), 10.0, -5.0, 1.5]
     # normal errors beside the wild one: within 5 standard deviations
     assert (np.abs(found.z[5] - np.array(truth)) < 5 * found.sd()[5]).all()
@@ -87,8 +97,8 @@ def test_with_scatter_and_a_prior_the_joint_optimum_is_near_that_of_fit():
     uncertain = dataclasses.replace(uncertain, beliefs=beliefs)
     found = fit_many(uncertain, layout, values, sigma, LAWS, noise="gaussian")
     assert found.converged.all()
-    posterior = posterior_for(uncertain, layout, names, values[0], sigma, "gaussian")
-    step, known = newton_step(posterior, found.z[0])
+    density = density_for(uncertain, layout, names, values[0], sigma, "gaussian")
+    step, known = newton_step(density, found.z[0])
     # effects at their mode, not integrated out
     assert (np.abs(step) < 0.1 * found.sd()[0]).all()
     expected = np.sqrt(np.diag(np.linalg.inv(known)))

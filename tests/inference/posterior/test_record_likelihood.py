@@ -9,19 +9,21 @@ from calibration.cases import (
     LAWS,
     MASS,
     Recorder,
-    layout,
     log_of_picks,
     readings,
     recorded,
     uncertain_scene,
 )
+from jblast.inference.density import density_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.inference.posterior.record_likelihood import (
     ResidualRows,
+    densities_of_samples,
     record_log_likelihood,
 )
 from jblast.inference.sampled_records import PRIMARY, sampled_records
+from jblast.scene import with_laws
 from jblast.sensors.simulated_readings import Noise
 from jblast.signals.picks import pick_records
 
@@ -29,38 +31,42 @@ LOG_MASS = np.log(MASS) + np.linspace(-0.1, 0.1, 9)
 
 
 def both(snr, noise: Noise = "gaussian", scatter=True):
-    """The posterior of picks, and that of their samples."""
+    """The density of picks, their posterior, and the samples."""
     rng = np.random.default_rng(3)
     records = recorded(rng, readings(rng, scatter=scatter), Recorder(snr=snr))
     picks = pick_records(records)
     log = log_of_picks(picks)
-    parameters = parameters_of(uncertain_scene(scatter=scatter))
-    of_picks = posterior_of(parameters, layout(), log, LAWS, noise)
-    samples = sampled_records(log, [(one.record.name, one) for one in picks])
-    return of_picks, replace(of_picks, records=samples)
+    return *of_log(log, noise, scatter), samples_of(log, picks)
 
 
-@jax.jit
-def densities(posterior, z):
-    return jax.lax.map(posterior.log_density, z[:, None])
+def samples_of(log, picks):
+    return sampled_records(log, [(one.record.name, one) for one in picks])
+
+
+def of_log(log, noise, scatter):
+    uncertain = with_laws(uncertain_scene(scatter=scatter), LAWS)
+    density = density_of(log, uncertain, noise)
+    parameters = parameters_of(uncertain)
+    return density, posterior_of(parameters, density.layout, log, LAWS, noise)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["gaussian", "student"])
 def test_where_a_pick_is_normal_samples_say_what_it_says(noise):
-    of_picks, of_samples = both(200.0, noise)
-    picks, samples = densities(of_picks, LOG_MASS), densities(of_samples, LOG_MASS)
-    off = np.asarray(samples - picks)
+    density, posterior, records = both(200.0, noise)
+    z = LOG_MASS[:, None]
+    samples = densities_of_samples(posterior, records, jnp.asarray(z))
+    off = np.asarray(samples) - density.of_readings(np.exp(z))
     # errors of 0.2 % in readings leave the pulse linear to some 1e-3 in ln-density. A
     # pick is a mean over forms of the pulse: this moves the mass by 0.02 of its sd, or
     # 0.04 in ln. The level goes with the errors of picks.
     np.testing.assert_allclose(off, off.mean(), atol=0.04)
-    assert abs(off.mean()) < 0.05
+    # the bound on the likelihood of the picks is low by some tenths
+    assert abs(off.mean()) < 0.5
 
 
-def one_record(samples):
+def one_record(records):
     """Return what the likelihood takes of one record of it, alone."""
-    records = samples.records
     case = jax.tree.map(lambda x: x[:1], records.case)
     alone = replace(
         records,
@@ -81,7 +87,7 @@ def test_laplaces_method_is_near_the_integral_over_all_effects():
     # One record, one shared effect, scatter of its own: an integral over eleven
     # unknowns, by importance sampling from a Student-t about another mode and
     # curvature than the likelihood's (found by BFGS and the exact Hessian).
-    _, samples = both(20.0)
+    *_, samples = both(20.0)
     records, nothing = one_record(samples)
     away = jnp.array([[1e-4, 0.03, -0.02, 0.01]])
     scatter = jnp.array([[1e-4, 0.03, 0.04, 0.02]])
@@ -136,7 +142,7 @@ def test_laplaces_method_is_near_the_integral_over_all_effects():
 
 @pytest.mark.slow
 def test_slopes_are_those_of_differences():
-    _, samples = both(20.0)
+    *_, samples = both(20.0)
     records, nothing = one_record(samples)
     scatter = jnp.array([[1e-4, 0.03, 0.04, 0.02]])
     loading = jnp.array([[[5e-5], [0.02], [0.0], [0.03]]])
@@ -167,10 +173,9 @@ def test_as_a_front_comes_to_rise_within_a_sample_the_density_has_no_step():
     records = recorded(rng, readings(rng, scatter=False), recorder)
     picks = pick_records(records)
     log = log_of_picks(picks)
-    parameters = parameters_of(uncertain_scene(scatter=False))
-    of_picks = posterior_of(parameters, layout(), log, LAWS, "student")
-    samples = sampled_records(log, [(one.record.name, one) for one in picks])
+    _, posterior = of_log(log, "student", False)
     z = 2.7096 + 0.00425 * np.linspace(-5.0, -4.0, 17)
-    density = np.asarray(densities(replace(of_picks, records=samples), jnp.asarray(z)))
+    samples = samples_of(log, picks)
+    density = densities_of_samples(posterior, samples, jnp.asarray(z[:, None]))
     # neighbours differ by 0.2 in ln; what is left bends less than by a third of that
     assert np.abs(np.diff(density, 2)).max() < 0.3

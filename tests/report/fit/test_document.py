@@ -46,7 +46,7 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
                 }
             ],
         ),
-        ("posterior", "laplace"),
+        ("posterior", "weighted"),
         ("converged", True),
         ("chi2", 9.1),
         ("dof", 6),
@@ -58,6 +58,9 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("assumptions", []),
         ("extrapolated", []),
         ("understood", []),
+        ("bearing_arcs", []),
+        ("regions", []),
+        ("unchecked", False),
         ("place", None),
         ("origin_time_utc", None),
         ("origin_clock", ""),

@@ -6,7 +6,7 @@ from typing import Any, get_type_hints
 
 import pytest
 
-from jblast.inference import importance, mcmc
+from jblast.inference import mcmc
 from jblast.inference.fitting import (
     assumptions,
     findings as fitting,
@@ -21,7 +21,6 @@ MADE: dict[Any, Any] = {
     float: 0.25,
     str: "wu_hao",
     bool: True,
-    importance.FewEffectiveDraws: importance.FewEffectiveDraws(50.4, 100),
 }
 ACCUSED = (fitting.WrongSensor, fitting.WrongClock, fitting.ExchangedSensors)
 """Of these `headline` has the words."""
@@ -29,7 +28,7 @@ ACCUSED = (fitting.WrongSensor, fitting.WrongClock, fitting.ExchangedSensors)
 
 def kinds():
     """Return every class of findings."""
-    for room in (fitting, solution, assumptions, importance, mcmc):
+    for room in (fitting, solution, assumptions, mcmc):
         for kind in vars(room).values():
             is_one = isinstance(kind, type) and issubclass(kind, Finding)
             if is_one and kind not in (Finding, *ACCUSED):

@@ -5,7 +5,6 @@ import pytest
 import scipy.stats
 
 from jblast.inference.fitting.findings import WrongSensor
-from jblast.inference.importance import IntervalsOff
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report import summary
 from jblast.report.fit.findings import goodness_p
@@ -77,11 +76,10 @@ def test_a_fit_that_identifies_nothing_it_was_asked_for_ends_with_code_4():
     assert conclusion(one)[0].endswith("are not identified; charge north is.")
 
 
-def test_intervals_that_importance_sampling_cannot_check_are_a_problem():
+def test_weights_that_are_unreliable_are_a_problem():
     good = example.three_parameters()
     assert good.exit_code == 0
-    off = IntervalsOff("charge_mass_kg", np.nan, 1.2)
-    fit = replace(good, summary=replace(good.summary, warnings=(off,)))
+    fit = replace(good, summary=replace(good.summary, unchecked=True))
     assert fit.exit_code == 4
     assert summary(fit).index("UNCERTAIN INTERVALS") < summary(fit).index("Estimates")
     # numbers that are wrong come before intervals that are not checked
@@ -89,6 +87,3 @@ def test_intervals_that_importance_sampling_cannot_check_are_a_problem():
     explained = replace(fit.summary, explained_by=(wrong,))
     problems = summary(replace(fit, summary=explained))
     assert problems.index("ONE SENSOR IS WRONG") < problems.index("UNCERTAIN INTERVALS")
-    only_off = IntervalsOff("charge_mass_kg", 0.5, np.nan)
-    fit = replace(good, summary=replace(good.summary, warnings=(only_off,)))
-    assert fit.exit_code == 0

@@ -90,7 +90,7 @@ def test_the_log_of_an_explosion_gives_its_charge_back(
     assert 5 <= log.quantity.count("fireball_radius_px") <= 8
     unknown = tmp_path / "scene.toml"
     unknown.write_text(UNKNOWN.format(*np.asarray(through.position)))
-    told = fit(log, read_scene(unknown), posterior="laplace").summary
+    told = fit(log, read_scene(unknown)).summary
     mass = told.estimates["charge_mass_kg"]
     assert mass.q05 < mass_kg < mass.q95
     # rows that contradict each other, as those after the fire did, make a poor fit

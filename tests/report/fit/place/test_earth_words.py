@@ -12,6 +12,7 @@ from jblast.inference.posterior.parameters import Estimate
 from jblast.report.fit.document import fit_document
 from jblast.scene import Charge
 from tests.report.fit.place.located import BEIRUT, located
+from tests.report.made_up import changed
 
 SENSORS = [(300, 0), (0, 300), (-300, -100)]
 EPOCH = datetime(2020, 8, 4, 15, 8, 18, tzinfo=UTC)
@@ -28,17 +29,14 @@ def dated(fit, value=0.3104, half=0.02, clocks=()):
     told = Estimate(value, half / 1.645, math.nan, value - half, value, value + half)
     estimates = dict(fit.summary.estimates) | {"origin_time_s": told}
     free = (*fit.summary.free, "origin_time_s", *clocks)
-    return replace(
+    place = fit.scene.charge.position_m
+    charge = Charge(mass_kg=20.0, position_m=place, time_s=value)
+    fit = replace(
         fit,
         summary=replace(fit.summary, estimates=estimates, free=free),
         observations=replace(fit.observations, epoch=EPOCH),
-        scene=replace(
-            fit.scene,
-            charge=Charge(
-                mass_kg=20.0, position_m=fit.scene.charge.position_m, time_s=value
-            ),
-        ),
     )
+    return changed(fit, scene=replace(fit.scene, charge=charge))
 
 
 def test_a_place_is_told_in_degrees_within_an_ellipse():
@@ -56,7 +54,7 @@ def test_a_place_is_told_in_degrees_within_an_ellipse():
 def test_each_of_several_charges_has_its_place_and_time():
     fit = dated(placed())
     others = (Charge(position_m=(0.0, 500.0, 0.0), time_s=2.0, name="second"),)
-    both = replace(fit, scene=replace(fit.scene, others=others))
+    both = changed(fit, scene=replace(fit.scene, others=others))
     document = fit_document(both)
     first, second = document["charges_on_earth"]
     assert (first["place"], second["charge"]) == (document["place"], "second")

@@ -1,1 +1,0 @@
-"""The optima of a posterior: starts, search, and the normal around each."""
