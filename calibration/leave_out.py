@@ -330,7 +330,7 @@ def _told(draws: Draws, score: float) -> MassEstimate:
 def log_density_at(density: Density, draws: Draws, mass: float) -> float:
     """Return ln of the posterior density of ln W, the only unknown, at a mass [kg]."""
     u = np.repeat(density.coordinates.of_values(np.array([[mass]])), REPEATS, axis=0)
-    height, gain, _ = density.exact(u, np.random.default_rng(0))
+    height, gain, *_ = density.exact(u, np.random.default_rng(0))
     return float(height[0] + np.log(np.mean(np.exp(gain))) - draws.log_evidence)
 
 

@@ -487,7 +487,7 @@ def weighted(
     rng = np.random.default_rng(seed)
     mixture = Mixture(z[None], np.linalg.cholesky(covariance)[None])
     drawn = mixture.draw(DRAWS, rng)
-    height, gain, _ = density.exact(drawn, rng)
+    height, gain, *_ = density.exact(drawn, rng)
     log_ratio = height + gain - mixture.log_density(drawn)
     log_weights, k_hat = pareto_smoothed(log_ratio)
     return drawn, np.exp(log_weights), k_hat

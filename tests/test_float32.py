@@ -9,7 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
+
+from jblast.inference import solve
+from tests.inference.fitting.clocks_off import ASKED, heard
 
 ROOT = Path(__file__).parents[1]
 
@@ -59,3 +64,11 @@ def test_a_fit_gives_the_mass_back(in_float32):
     # 0.0014 sd of the optimum, of 13 % each. Rounding of ln p, 1e-6, is far less.
     assert mass["value"] == pytest.approx(15.0, rel=3e-4)
     assert mass["log_sd"] == pytest.approx(0.13127, rel=1e-3)  # that of float64
+
+
+def test_a_place_and_a_time_are_fitted_in_double_precision_anyway():
+    log = heard("arrivals", np.random.default_rng(4))
+    there = solve(log, ASKED).answer.values
+    with jax.enable_x64(False):
+        here = solve(log, ASKED).answer.values
+    np.testing.assert_array_equal(here, there)

@@ -26,6 +26,7 @@ from jblast.inference.likelihood import (
     log_likelihoods,
 )
 from jblast.inference.noise import information_of_row
+from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
 from jblast.quantities import ADDITIVE
 from jblast.scene import Free, Scene, parameter_named, with_values
 
@@ -35,10 +36,6 @@ term of third order is then 1e-6; rounding stays far below the change."""
 JOINT_STEPS, JOINT_STEP = 40, 1e-3
 """Largest number of steps to the joint optimum, and the differences of its slope [sd]:
 the slope is then good to 1e-6."""
-NULL = 1e-10
-"""An eigenvalue of the unit-diagonal information below this is a null direction: a
-standard deviation 100,000 times that of the numbers one by one. Differences give
-1e-12."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +79,7 @@ class Answer:
     def rows(self) -> Rows:
         """The rows without linear numbers, by the kernel that suits them best."""
         rows = self.density.rows
-        count = len(rows.measured)
-        alone = replace(rows, columns=np.zeros((count, 0)), precision=np.zeros(0))
+        alone = rows.of_all_numbers
         if len(rows.kernels) == 1:
             return alone
         best = int(log_likelihoods(np, alone, self.seen)[0][0].argmax())
@@ -355,22 +351,3 @@ def unconstrained(
     beliefs = density.coordinates.beliefs
     columns = [b.unconstrain(x) for b, x in zip(beliefs, values.T, strict=True)]
     return np.stack([np.asarray(x, float) for x in columns], axis=1)
-
-
-def unit_diagonal(
-    matrix: Float[np.ndarray, "name name"], scale: Float[np.ndarray, " name"]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the eigendecomposition of information scaled to a unit diagonal.
-
-    Args:
-        matrix: Information.
-        scale: Typical step of each coordinate. A coordinate whose typical step changes
-            no datum by a standard deviation is scaled by that step: without any
-            information its eigenvalue is then 0, not 1.
-
-    Returns:
-        The size of each coordinate, the eigenvalues, and the eigenvectors as columns.
-    """
-    size = np.sqrt(np.maximum(np.diag(matrix), 1 / scale**2))
-    values, vectors = np.linalg.eigh(matrix / size[:, None] / size)
-    return size, values, vectors

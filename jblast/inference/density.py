@@ -60,7 +60,7 @@ from jblast.scene.uncertain import Normal as NormalPrior, names_in, value_of
 from jblast.sensors import Layout, layout_of, record
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.path_scatter import DENSE, KERNELS, MAX_PATHS
-from jblast.sensors.record import path_to, to_error_scale
+from jblast.sensors.record import path_effects, path_to, to_error_scale
 from jblast.sensors.simulated_readings import Noise, paths_of
 
 LANES, ROWS_OF_ALL = 512, 2**18
@@ -80,8 +80,12 @@ SCALES, SCALES_OF_MANY = 16, 4
 """Draws of the scales of own errors for the exact weight of a draw, of few rows and of
 many: with 12 rows and 16 draws its ln varies by 0.1 to 0.3."""
 FEW_ROWS = 30
-"""Rows up to which the mean field takes `likelihood.ROUNDS` rounds; of more it takes
-one: the cost grows with their cube, and the weights are exact for any number."""
+"""Rows of a block up to which the mean field takes `likelihood.ROUNDS` rounds; of more
+it takes one: the cost grows with their cube, and the weights are exact for any number.
+Logs of more rows have half the draws, with fewer scales."""
+LEFT_OUT_SIGMA = 1e6
+"""Error of a row that is left out: seconds, radians or ln. Its information is 1e-12 of
+that of a reading to a second, and the square does not overflow."""
 WIND = ("wind_east_m_s", "wind_north_m_s")
 """Numbers that an answer is tested for, besides place, time and clocks."""
 
@@ -220,11 +224,10 @@ class Density:
         It is known up to a constant. Linear numbers are not integrated out here. JAX
         can differentiate, compile and vectorise the function.
         """
-        axes, count = self.coordinates, len(self.rows.measured)
+        axes, rows = self.coordinates, self.rows.of_all_numbers
         pairs = zip(axes.beliefs, axes.names, strict=True)
         values = {name: b.constrain(z[i]) for i, (b, name) in enumerate(pairs)}
         seen = _seen(self.scene, self.layout, self.laws, values)
-        rows = replace(self.rows, columns=np.zeros((count, 0)), precision=np.zeros(0))
         one = jax.tree.map(lambda x: jnp.asarray(x)[None], seen)
         by_kernel, _ = log_likelihoods(jnp, rows, one)
         prior = axes.log_prior_of(jnp, jnp.stack(list(values.values())))
@@ -237,14 +240,14 @@ class Density:
         return _heard(self.layout, self.rows)
 
     @property
-    def is_small(self) -> bool:
-        """True if matrices of rows are cheap."""
-        return self.rows.block.shape[1] <= FEW_ROWS
+    def has_few_rows(self) -> bool:
+        """True if every draw can afford an exact weight of its own."""
+        return len(self.rows.measured) <= FEW_ROWS
 
     @property
     def rounds(self) -> int:
         """Rounds of the mean field."""
-        return ROUNDS if self.is_small else 1
+        return ROUNDS if self.rows.block.shape[1] <= FEW_ROWS else 1
 
     @property
     def lanes(self) -> int:
@@ -252,21 +255,24 @@ class Density:
         most = max(ROWS_OF_ALL // max(len(self.rows.measured), 1), 1)
         return min(LANES, 2 ** int(math.log2(most)))
 
-    def parts(self, values: np.ndarray, work: int = 1) -> Sequence[np.ndarray]:
-        """Return batches of places whose matrices fit into memory."""
-        size = max(NUMBERS // max(self.rows.work * work, 1), 1)
-        size = min(size, LANES)
-        return [values[i : i + size] for i in range(0, len(values), size)]
+    def parts(self, places: int, work: int = 1) -> Sequence[np.ndarray]:
+        """Return indices of places in batches whose numbers fit into memory.
+
+        Args:
+            places: Number of places.
+            work: Number of likelihoods of each.
+        """
+        size = min(max(NUMBERS // max(self.rows.work * work, 1), 1), self.lanes)
+        return np.split(np.arange(places), range(size, places, size))
 
     def __call__(
         self, u: Float[np.ndarray, "draw free"], rounds: int | None = None
     ) -> Float[np.ndarray, " draw"]:
         """Return ln of the density: mean over the kernels, and the prior."""
-        seen = self.seen(u)
         rounds = self.rounds if rounds is None else rounds
         parts = [
-            log_likelihoods(np, self.rows, _some(seen, part), rounds)[0]
-            for part in self.parts(np.arange(len(u)))
+            log_likelihoods(np, self.rows, self.seen(u[part]), rounds)[0]
+            for part in self.parts(len(u))
         ]
         return self._total(np.concatenate(parts), self.coordinates.log_prior(u))
 
@@ -312,13 +318,14 @@ class Density:
         for first in range(0, len(values), self.lanes):
             part = values[first : first + self.lanes]
             padding = np.repeat(part[-1:], self.lanes - len(part), 0)
-            answer = program(
-                jnp.asarray(np.concatenate([part, padding])),
-                self.scene,
-                self.layout,
-                self.names,
-                laws,
-            )
+            with jax.enable_x64(True):
+                answer = program(
+                    jnp.asarray(np.concatenate([part, padding])),
+                    self.scene,
+                    self.layout,
+                    self.names,
+                    laws,
+                )
             count = len(part)
             found.append(jax.tree.map(lambda x, n=count: np.asarray(x)[:n], answer))
         return jax.tree.map(lambda *x: np.concatenate(x), *found)
@@ -329,30 +336,27 @@ class Density:
         The slopes of the laws are forward differences. The covariance of the errors
         counts as constant. A violated bound counts as a reading, a satisfied one not.
         """
-        count, size = u.shape
+        size = u.shape[1]
         steps = STEP * np.eye(size)
-        seen = self.seen(np.concatenate([u, *(u + step for step in steps)]))
-        here = _some(seen, np.arange(count))
-        ends = seen.predicted[count:].reshape(size, count, -1)
-        jacobian = np.nan_to_num(np.moveaxis((ends - here.predicted) / STEP, 0, 2))
-        total, slopes, known = [], [], []
-        for part in self.parts(np.arange(count)):
-            one = self._scored(_some(here, part), jacobian[part])
-            for of, to in zip(one, (total, slopes, known), strict=True):
-                to.append(of)
+        parts = [self._scored(u[part], steps) for part in self.parts(len(u), size + 1)]
+        total, slopes, known = map(np.concatenate, zip(*parts, strict=True))
         prior = self.coordinates.log_prior(u)
         of_prior = np.stack(
             [(self.coordinates.log_prior(u + s) - prior) / STEP for s in steps], axis=1
         )
         return Scored(
-            self._total(np.concatenate(total), prior),
-            np.concatenate(slopes) + of_prior.clip(-20, 20),
-            np.concatenate(known) + self.coordinates.information(),
+            self._total(total, prior),
+            slopes + of_prior.clip(-20, 20),
+            known + self.coordinates.information(),
         )
 
-    def _scored(self, here: Seen, jacobian: Float[np.ndarray, "place row free"]):
+    def _scored(self, u: Float[np.ndarray, "place free"], steps: np.ndarray):
         """Return ln likelihood by kernel, slope and information of the best one."""
-        rows = self.rows
+        rows, count = self.rows, len(u)
+        seen = self.seen(np.concatenate([u, *(u + step for step in steps)]))
+        here = _some(seen, np.arange(count))
+        ends = seen.predicted[count:].reshape(len(steps), count, -1)
+        jacobian = np.nan_to_num(np.moveaxis((ends - here.predicted) / STEP, 0, 2))
         by_kernel, field = log_likelihoods(np, rows, here, self.rounds)
         if len(rows.bound):
             satisfied = rows.is_bound & (field.residual[:, 0] < 0)
@@ -375,20 +379,20 @@ class Density:
         Float[np.ndarray, " draw"],
         Float[np.ndarray, " draw"],
         Float[np.ndarray, "draw name"],
+        Float[np.ndarray, " draw"],
     ]:
-        """Return ln of the density, of the exact one over it, and all numbers.
+        """Return ln of the density, of the exact one over it, numbers and validity.
 
         The ratio is an unbiased estimate. Linear numbers are drawn given the others.
+        The validity is the share of the rows within the range of their laws.
         """
         values = self.coordinates.values(u)
-        seen = self.seen_with(values)
-        kernels, gains = [], []
-        scales = SCALES if self.is_small else SCALES_OF_MANY
+        kernels, gains, valid = [], [], []
+        scales = SCALES if self.has_few_rows else SCALES_OF_MANY
         work = scales // len(self.rows.kernels) + 1
-        for part in self.parts(np.arange(len(u)), work):
-            by_kernel, field = log_likelihoods(
-                np, self.rows, _some(seen, part), self.rounds
-            )
+        for part in self.parts(len(u), work):
+            seen = self.seen_with(values[part])
+            by_kernel, field = log_likelihoods(np, self.rows, seen, self.rounds)
             total = log_sum(by_kernel, axis=1)
             kernel = chosen(np.exp(by_kernel - total[:, None]), rng)
             approximate = by_kernel[np.arange(len(part)), kernel]
@@ -398,20 +402,20 @@ class Density:
             values[part[:, None], list(self.coordinates.linear)] += linear
             kernels.append(by_kernel)
             gains.append(gain)
+            valid.append(seen.valid.mean(axis=1))
         density = self._total(np.concatenate(kernels), self.coordinates.log_prior(u))
-        return density, np.nan_to_num(np.concatenate(gains), nan=0.0), values
+        gain = np.nan_to_num(np.concatenate(gains), nan=0.0)
+        return density, gain, values, np.concatenate(valid)
 
     def of_readings(
         self, values: Float[np.ndarray, "draw name"]
     ) -> Float[np.ndarray, " draw"]:
         """Return ln of the likelihood of given numbers, linear ones included."""
-        count = len(self.rows.measured)
-        rows = replace(self.rows, columns=np.zeros((count, 0)), precision=np.zeros(0))
-        seen = self.seen_with(values)
+        rows = self.rows.of_all_numbers
         by_kernel = np.concatenate(
             [
-                log_likelihoods(np, rows, _some(seen, part))[0]
-                for part in self.parts(np.arange(len(values)))
+                log_likelihoods(np, rows, self.seen_with(values[part]))[0]
+                for part in self.parts(len(values))
             ]
         )
         return log_sum(by_kernel, axis=1) - math.log(by_kernel.shape[1])
@@ -428,21 +432,20 @@ class Density:
     def of_shot(self, shot: int) -> "Density":
         """Return the density by the rows of one charge alone."""
         out = np.array(self.layout.shot) != shot
-        # an error that leaves a row no weight: the rows keep their shape
-        sigma = np.where(out, 1e6, self.rows.sigma)
+        sigma = np.where(out, LEFT_OUT_SIGMA, self.rows.sigma)
         return replace(self, rows=replace(self.rows, sigma=sigma))
 
     def of_few(self, count: int) -> "Density":
         """Return the density by some of the rows if there are five times as many."""
-        rows = len(self.rows.measured)
-        if rows <= 5 * count:
-            return self
         kinds: dict[tuple, list[int]] = {}
-        layout = self.layout
-        keys = zip(layout.quantity, layout.shot, layout.clock, strict=True)
+        layout, free = self.layout, self.coordinates.names
+        own = [c if f"{CLOCK_OFFSET}.{c}" in free else "" for c in layout.clock]
+        keys = zip(layout.quantity, layout.shot, own, strict=True)
         for row, kind in enumerate(keys):
             kinds.setdefault(kind, []).append(row)
         each = max(count // len(kinds), 2)
+        if len(own) <= 5 * each * len(kinds):
+            return self
         kept = np.concatenate(
             [
                 np.array(of)[np.unique(np.linspace(0, len(of) - 1, each).astype(int))]
@@ -635,7 +638,11 @@ def _rows(
     bases = {name.partition(".")[0] for name in names}
     # only the range of an array depends on the kernel
     weighted = correlated and bool(bases & {*CHARGE_POSITION})
-    block = _blocks(group, shared, whole=correlated)
+    sharing = np.full(count, correlated)
+    for quantity, shot in path_effects(scene, layout, laws):
+        sharing[layout.rows(quantity, shot)[0]] = True
+    label = np.zeros(count, int) if correlated else group
+    block = _blocks(np.where(sharing, label, -1 - np.arange(count)), shared)
     members = np.maximum(block, 0)
     both = (block[:, :, None] >= 0) & (block[:, None] >= 0)
     return Rows(
@@ -656,18 +663,15 @@ def _rows(
     )
 
 
-def _blocks(group: np.ndarray, shared: np.ndarray, *, whole: bool) -> np.ndarray:
-    """Return the rows of each block: all, or those of a path and of its records."""
-    if whole:
-        return np.arange(len(group))[None]
-    label = np.unique(group, return_inverse=True)[1]
-    for column in (shared != 0).T:  # a record of several paths joins them
+def _blocks(label: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Return the rows of each block: those of one label, and of its records."""
+    for column in (shared != 0).T:  # a record of several labels joins them
         joined = np.unique(label[column])
         label[np.isin(label, joined)] = joined[0]
     _, label, size = np.unique(label, return_inverse=True, return_counts=True)
     block = np.full((len(size), size.max()), -1)
     order = np.argsort(label, kind="stable")
-    member = np.arange(len(group)) - np.repeat(np.cumsum(size) - size, size)
+    member = np.arange(len(label)) - np.repeat(np.cumsum(size) - size, size)
     block[label[order], member] = order
     return block
 

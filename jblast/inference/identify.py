@@ -25,18 +25,21 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.answer import (
-    NULL,
     Answer,
     constrained,
     layout_size,
     unconstrained,
-    unit_diagonal,
 )
 from jblast.inference.density import Density, seen_at
+from jblast.inference.posterior.fisher_information import (
+    NULL,
+    TAKES_PART,
+    unit_diagonal,
+)
 from jblast.inference.posterior.parameters import GROWTH, Estimate
 from jblast.inference.regions import arcs, quantiles, regions
 from jblast.inference.sample import RELIABLE, Draws
@@ -47,8 +50,6 @@ from jblast.scene import Free, Scene, parameter_named
 from jblast.sensors import Layout, resolve_laws
 from jblast.sensors.law_choice import law_names
 
-TAKES_PART = 1e-5
-"""A smaller component of a null direction is rounding: the root of `NULL`."""
 RESOLVED_CHANGE = 0.03
 """A datum resolves a null direction if a typical step along it changes the datum by
 more than this in ln: three times the 1 % by which laws scatter from path to path."""
@@ -194,6 +195,10 @@ class Identified:
             inside &= np.argmin(apart, axis=0) == 0
         # regions of several places may exclude one another
         return inside if inside.any() else np.ones(len(inside), bool)
+
+    def resampled(self, count: int, seed: int = 0) -> Int[np.ndarray, " sample"]:
+        """Return indices of draws of equal weight in the most probable region."""
+        return self.draws.resampled(count, seed, among=self.chosen)
 
     @cached_property
     def z(self) -> Float[np.ndarray, "draw name"]:

@@ -29,7 +29,7 @@ given the other readings.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -118,6 +118,12 @@ class Rows:
     correlated: bool
     anchored: bool
     noise: Noise
+
+    @property
+    def of_all_numbers(self) -> "Rows":
+        """The rows if linear numbers are given like the others."""
+        none = np.zeros((len(self.measured), 0))
+        return replace(self, columns=none, precision=np.zeros(0))
 
     @property
     def work(self) -> int:
@@ -268,9 +274,9 @@ class Normal(NamedTuple):
     ) -> Float[np.ndarray, "*batch row right"]:
         """Return the precision of the readings times columns; bounds have none."""
         members = right[..., rows.member, :] * rows.is_read[..., None]
-        across = np.einsum("...bmc,...bmr->...cr", self.by_columns, members)
-        found = self.inverse @ members
-        found = found - self.by_columns @ (self.spread @ across)[..., None, :, :]
+        across = _across(np, self.by_columns, members)
+        found = _times(self.inverse, members)
+        found = found - _onto(self.by_columns, self.spread @ across)
         return (found * rows.is_read[..., None])[..., *rows.place, :]
 
     def weights(self, rows: Rows) -> Float[np.ndarray, "*batch row"]:
@@ -307,7 +313,7 @@ def _log_likelihoods(xp: ModuleType, rows: Rows, seen: Seen, rounds: int):
         found = _normal(xp, rows, errors, variance, residual, sized=False)
         # second moment of each own error given the others, over its squared scale
         diagonal = xp.diagonal(found.inverse, axis1=-2, axis2=-1) - xp.sum(
-            (found.by_columns @ found.spread[..., None, :, :]) * found.by_columns, -1
+            _onto(found.by_columns, found.spread) * found.by_columns, -1
         )
         diagonal, weighted = (
             part[..., *rows.place] for part in (diagonal, found.weighted)
@@ -439,16 +445,16 @@ def _normal(
     given = xp.zeros((*errors.effect.shape[:-1], 1)) + rows.columns
     columns = xp.concatenate([given, errors.effect], -1)
     members = columns[..., rows.member, :] * read[..., None]
-    by_columns = inverse @ members
+    by_columns = _times(inverse, members)
     size = columns.shape[-1]
     precision = np.concatenate([rows.precision, np.ones(size - len(rows.precision))])
-    inner = (_turned(xp, by_columns) @ members).sum(-3) + np.diag(precision)
+    inner = _across(xp, by_columns, members) + np.diag(precision)
     spread = _inverse(xp, inner)
     at = _members(residual, rows) * read
-    weighted = (inverse @ at[..., None])[..., 0]
-    slope = (_turned(xp, members) @ weighted[..., None])[..., 0].sum(-2)
-    linear = (spread @ slope[..., None])[..., 0]
-    weighted = weighted - (by_columns @ linear[..., None, :, None])[..., 0]
+    weighted = _times(inverse, at[..., None])
+    linear = spread @ _across(xp, members, weighted)
+    weighted = (weighted - _onto(by_columns, linear))[..., 0]
+    linear = linear[..., 0]
     total = rows.constant - 0.5 * (at * weighted).sum((-1, -2))
     if sized:
         total = total - 0.5 * (_log_size(xp, matrix).sum(-1) + _log_size(xp, inner))
@@ -592,6 +598,27 @@ def chosen(
 ) -> Int[np.ndarray, " place"]:
     """Draw one option at each place by its share."""
     return (shares.cumsum(1) > rng.random(len(shares))[:, None]).argmax(1)
+
+
+def _times(inverse, members):
+    """Return the product of a matrix of each block with its members."""
+    return inverse * members if inverse.shape[-1] == 1 else inverse @ members
+
+
+def _across(xp: ModuleType, one, other):
+    """Return the products of columns, summed over all members of all blocks."""
+    return _turned(xp, _in_rows(one)) @ _in_rows(other)
+
+
+def _onto(columns, matrix):
+    """Return columns of all members of all blocks times a matrix."""
+    found = _in_rows(columns) @ matrix
+    return found.reshape(*found.shape[:-2], *columns.shape[-3:-1], found.shape[-1])
+
+
+def _in_rows(columns):
+    blocks, members, count = columns.shape[-3:]
+    return columns.reshape(*columns.shape[:-3], blocks * members, count)
 
 
 def _turned(xp: ModuleType, matrix):

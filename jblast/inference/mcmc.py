@@ -257,7 +257,7 @@ def walk(
     rng = np.random.default_rng(seed)
 
     def value(u):
-        height, gain, values = density.exact(u, rng)
+        height, gain, values, _ = density.exact(u, rng)
         return np.concatenate([(height + gain)[:, None], values], axis=1)
 
     mixture = components(draws.u, draws.weights, rng, CENTRES_OF_FINAL)

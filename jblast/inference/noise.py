@@ -127,16 +127,6 @@ def survival_slopes(u: Float[Array, "..."], noise: Noise) -> tuple[Array, Array]
     return hazard, hazard * (hazard - noise_slopes(u, noise)[0])
 
 
-def survival_information(u: Float[Array, "..."], noise: Noise) -> Float[Array, "..."]:
-    r"""Return the information of a lower bound about its mean: $f^2/(S(1-S))$.
-
-    It is the information of the binary outcome, averaged over both outcomes, and never
-    negative.
-    """
-    both = log_survival(u, noise) + log_survival(-u, noise)
-    return jnp.exp(2 * log_noise(u, noise) - both)
-
-
 def _angle(u):
     """Return cosine and sine of the angle whose tangent is u/2, and 1 + the sine."""
     is_wide = jnp.abs(u) > 2  # whose squares may overflow

@@ -25,11 +25,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jblast.errors import InputError
 from jblast.inference.coordinates import log_student
-from jblast.inference.density import FEW_ROWS, NOWHERE, Density, Scored
+from jblast.inference.density import NOWHERE, Density, Scored
 from jblast.inference.likelihood import log_sum
 
 FREEDOM = 5.0
@@ -151,12 +151,25 @@ class Draws:
         """True if averages over the draws can be believed."""
         return self.k_hat <= RELIABLE and self.enough and self.modes.met > 1
 
-    def resampled(self, count: int, seed: int = 0) -> Int[np.ndarray, " draw"]:
-        """Return indices of draws of equal weight, systematically resampled."""
-        shift = np.random.default_rng(seed).random()
-        at = (np.arange(count) + shift) / count
-        found = np.searchsorted(np.cumsum(self.weights), at)
-        return np.random.default_rng(seed).permutation(found.clip(0, len(self.u) - 1))
+    def resampled(
+        self,
+        count: int,
+        seed: int = 0,
+        *,
+        among: Bool[np.ndarray, " draw"] | None = None,
+    ) -> Int[np.ndarray, " sample"]:
+        """Return indices of draws of equal weight, systematically resampled.
+
+        Args:
+            count: Number of indices.
+            seed: Seed of their offset and order.
+            among: Draws that may be taken; by default all.
+        """
+        rng = np.random.default_rng(seed)
+        summed = np.cumsum(self.weights if among is None else self.weights * among)
+        at = (np.arange(count) + rng.random()) / count * summed[-1]
+        found = np.searchsorted(summed, at)
+        return rng.permutation(found.clip(0, len(self.u) - 1))
 
 
 class Mixture(NamedTuple):
@@ -186,15 +199,24 @@ class Mixture(NamedTuple):
 
 def solve(density: Density, seed: int = 0) -> tuple[Density, Draws]:
     """Return weighted draws, and the density by the laws that were chosen for them."""
-    few = density.of_few(SEARCHED)
-    density = density.with_laws_of(few.chosen_over(few.coordinates.start(seed)))
+    few, begin = density.of_few(SEARCHED), None
+    if few is density:
+        density = density.with_laws_of(
+            density.chosen_over(density.coordinates.start(seed))
+        )
+    else:
+        few, of_few = solve(few, seed)
+        density = density.with_laws_of(few)
+        ends = np.stack([few.best(u) for u in of_few.modes.u])
+        begin = density.coordinates.of_values(ends), of_few.modes.met
     best: tuple[Density, Draws] | None = None
     tried: list[Mapping[str, str]] = []
     while density.laws not in tried and len(tried) < ROUNDS_OF_LAWS:
         tried.append(density.laws)
-        found = sample(density, seed, known=best[1] if best else None)
+        known = best[1] if best else None
+        found = sample(density, seed, begin=begin, known=known)
         if not found.reliable:
-            found = sample(density, seed + 1, LARGE)
+            found = sample(density, seed + 1, LARGE, begin)
         if best and found.valid < best[1].valid - 0.01:
             break  # the exchanged laws lead to where they are not valid
         best = density, found
@@ -208,6 +230,7 @@ def sample(
     density: Density,
     seed: int = 0,
     effort: Effort = ORDINARY,
+    begin: tuple[Float[np.ndarray, "mode free"], int] | None = None,
     known: Draws | None = None,
 ) -> Draws:
     """Return weighted draws of a density.
@@ -216,24 +239,20 @@ def sample(
         density: The density.
         seed: Seed of all random numbers.
         effort: How much is done.
+        begin: Modes by some of the rows, and `Modes.met`; by default they are searched.
         known: Draws by other laws, from which to begin.
     """
     rng = np.random.default_rng(seed)
     axes = density.coordinates
     if not axes.size:
         return _of_linear(density, effort.final, rng)
-    few = density.of_few(SEARCHED)
-    is_long = few is not density
-    u = axes.start(seed)[: 0 if is_long else None]
+    u = axes.start(seed)[: 0 if begin else None]
     started = len(u)
     value = density(u) if started else np.zeros(0)
-    if known:  # by other laws
-        ends, score = climb(density, known.modes.u, scan=0)
-        modes = _distinct(density, ends, score, known.modes.met)
-    elif is_long:
-        start = few.coordinates.start(seed)
-        of_few = modes_of(few, start, few(start), effort.starts)
-        modes = _of_all(density, few, of_few)
+    nearby = (known.modes.u, known.modes.met) if known else begin
+    if nearby:
+        ends, score = climb(density, nearby[0], scan=0)
+        modes = _distinct(density, ends, score, nearby[1])
     else:
         modes = modes_of(density, u, value, effort.starts)
     refuse_without_density(density, modes)
@@ -255,11 +274,12 @@ def sample(
             break
         beta = temperature(log_ratio)
         tempered = np.exp(beta * log_ratio - log_sum(beta * log_ratio))
+        # no draw counts as more than five of these: one alone has no covariance
         tempered = np.minimum(tempered, 5 / TEMPERED)
         mixture = components(u, tempered / tempered.sum(), rng)
         count = ROUND if beta >= 1 else FIRST_ROUND
     frozen = components(u, weights, rng, CENTRES_OF_FINAL).joined(about)
-    count = effort.final if density.is_small else effort.final // 2
+    count = effort.final if density.has_few_rows else effort.final // 2
     return _weighed(density, frozen, modes, count, rng, (u[:started], value[:started]))
 
 
@@ -314,8 +334,8 @@ def _weighed(
     log_ratio = value - _balance(both, u)
     some = log_ratio > log_ratio.max() - WEIGHTLESS
     u, value, log_ratio = u[some], value[some], log_ratio[some]
-    _, gain, values = density.exact(u, rng)
-    if len(density.rows.measured) > FEW_ROWS:
+    _, gain, values, valid = density.exact(u, rng)
+    if not density.has_few_rows:
         # by chance the mean of few scales varies the more, the more rows there are
         gain = smoothed(u, gain, np.exp(log_ratio - log_sum(log_ratio)))
     # a further term is the difference of another density from the approximate one
@@ -324,7 +344,6 @@ def _weighed(
     value = value if more is None else value + term
     log_weights, k_hat = pareto_smoothed(log_ratio)
     weights = np.exp(log_weights)
-    valid = density.seen(u).valid.mean(axis=1)
     if density.is_round:  # each draw is as probable in any bearing
         u, values = (np.repeat(x, BEARINGS_OF_ROUND, axis=0) for x in (u, values))
         value, valid = (np.repeat(x, BEARINGS_OF_ROUND) for x in (value, valid))
@@ -391,7 +410,7 @@ def redrawn(
 def _of_linear(density: Density, count: int, rng: np.random.Generator) -> Draws:
     """Return draws of a density all of whose numbers are linear."""
     u = np.zeros((count, 0))
-    height, gain, values = density.exact(u, rng)
+    height, gain, values, valid = density.exact(u, rng)
     modes = Modes(u[:1], np.zeros((1, 0, 0)), height[:1], met=2)
     refuse_without_density(density, modes)
     log_weights, k_hat = pareto_smoothed(gain)
@@ -405,15 +424,8 @@ def _of_linear(density: Density, count: int, rng: np.random.Generator) -> Draws:
         log_evidence=float(height[0] + log_sum(gain)) - math.log(count),
         modes=modes,
         laws=density.laws,
-        valid=float(density.seen(u[:1]).valid.mean()),
+        valid=float(valid.mean()),
     )
-
-
-def _of_all(density: Density, few: Density, modes: Modes) -> Modes:
-    """Return the modes by all rows, climbed from those by some of them."""
-    values = np.stack([few.best(u) for u in modes.u])
-    u, score = climb(density, density.coordinates.of_values(values), scan=0)
-    return _distinct(density, u, score, modes.met)
 
 
 def _balance(proposals: list[tuple[int, Callable]], u: np.ndarray) -> np.ndarray:
@@ -589,9 +601,9 @@ def climb(
         beside = np.pad(inner, ((0, 0), (1, 1)), constant_values=-np.inf)
         is_peak = (inner > beside[:, :-2]) & (inner >= beside[:, 2:])
         is_peak[place, inner.argmax(1)] = False
-        other = np.where(is_peak, inner, -np.inf)
-        some = other.max(1) > value.max() - NEAR
-        z = np.concatenate([best, tried[place, other.argmax(1)][some]])
+        beside = np.where(is_peak, inner, -np.inf)
+        some = beside.max(1) > value.max() - NEAR
+        z = np.concatenate([best, tried[place, beside.argmax(1)][some]])
     here = density.scored(z)
     damping = np.full(len(z), 0.1)
     longest = axes.longest_steps()
@@ -612,6 +624,7 @@ def climb(
         # a step that fails with much damping is rounding
         ended = np.where(better, gain < GAIN, damping[at] > MOST_DAMPING)
         top = here.log_density.max()
+        # a climb from afar gains most in its first steps
         fall = NEAR if turn >= 5 else 4 * NEAR if turn >= 3 else math.inf
         going[at] = ~ended & (here.log_density[at] > top - fall)
         if not going.any():
@@ -623,21 +636,28 @@ def climb(
 def pareto_smoothed(
     log_ratio: Float[np.ndarray, " draw"],
 ) -> tuple[Float[np.ndarray, " draw"], float]:
-    """Return normalised ln weights, the largest smoothed, and the shape k-hat."""
+    """Return normalised ln weights, the largest smoothed, and the shape k-hat.
+
+    Weights that end at a bound may look heavy from farther down, if many are close to
+    it. The quarter of the tail then has a negative shape, and is taken instead.
+    """
     log_ratio = log_ratio - log_ratio.max()
     count = len(log_ratio)
-    tail = int(min(0.2 * count, 3 * math.sqrt(count)))
+    whole = int(min(0.2 * count, 3 * math.sqrt(count)))
     order = np.argsort(log_ratio)
-    largest = order[-tail:]
-    cut = math.exp(log_ratio[order[-tail - 1]])
-    excess = np.exp(log_ratio[largest]) - cut
-    if tail < 5 or excess[-1] <= 1e-300:
+    fits = []
+    for tail in (whole, whole // 4):
+        cut = math.exp(log_ratio[order[-tail - 1]])
+        excess = np.exp(log_ratio[order[-tail:]]) - cut
+        if tail >= 5 and excess[-1] > 1e-300:
+            fits.append((*generalised_pareto(np.maximum(excess, 1e-300)), cut, tail))
+    if not fits:
         return log_ratio - log_sum(log_ratio), -math.inf
-    k, sigma = generalised_pareto(np.maximum(excess, 1e-300))
+    k, sigma, cut, tail = fits[-1] if fits[-1][0] < 0 else fits[0]
     share = (np.arange(tail) + 0.5) / tail
     smooth = cut + sigma * np.expm1(-k * np.log1p(-share)) / k
     smoothed = log_ratio.copy()
-    smoothed[largest] = np.log(np.minimum(smooth, 1.0))
+    smoothed[order[-tail:]] = np.log(np.minimum(smooth, 1.0))
     return smoothed - log_sum(smoothed), k
 
 

@@ -237,15 +237,6 @@ def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
     return scene, replace(layout, free_air=tuple(free.tolist()) if mixed else ())
 
 
-def with_bursts(scene: Scene, other: Scene) -> Scene:
-    """Return a scene with the curve sets of another scene."""
-    charges = [
-        replace(charge, burst=like.burst, by_height=like.by_height)
-        for charge, like in zip(scene.charges, other.charges, strict=True)
-    ]
-    return replace(scene, charge=charges[0], others=tuple(charges[1:]))
-
-
 def free_rows(scene: Scene, layout: Layout, charge: Charge) -> Bool[np.ndarray, " row"]:
     """Return a mask of the rows reached by the reflection after the positive phase."""
     if not float(charge.up) > 0.0:

@@ -207,16 +207,6 @@ def _split_by_anchors(place, placed, weights):
     return jnp.maximum(own, nugget), columns
 
 
-def kernel_weights(
-    log_likelihoods: Float[Array, " kernel"],
-) -> Float[Array, " kernel"]:
-    """Return the probabilities of the kernels from their log likelihoods."""
-    # the largest is subtracted, so that the exponentials do not underflow together
-    top = lax.stop_gradient(jnp.max(log_likelihoods))
-    weights = jnp.exp(log_likelihoods - top)
-    return weights / jnp.sum(weights)
-
-
 @jax.custom_jvp
 def solve_system(
     matrix: Float[Array, "n n"], right: Float[Array, "n m"]

@@ -86,7 +86,7 @@ class Two:
         right, left = (-0.5 * (u[:, 0] - x) ** 2 for x in (4.0, -4.0))
         height = np.logaddexp(right, left + np.log(0.5)) - 0.5 * u[:, 1] ** 2
         # an unbiased estimate of the density, as that of a log
-        return height, 0.2 * rng.standard_normal(len(u)) - 0.02, u
+        return height, 0.2 * rng.standard_normal(len(u)) - 0.02, u, np.ones(len(u))
 
 
 def test_walkers_go_from_mode_to_mode_where_both_are_known():

@@ -11,7 +11,6 @@ from scipy import stats
 from jblast.inference.noise import (
     log_noise,
     log_survival,
-    survival_information,
     survival_slopes,
 )
 
@@ -50,12 +49,3 @@ def test_slopes_of_a_bound_are_its_derivatives_and_finite(noise):
     np.testing.assert_allclose(curvature, derivatives(u)[1], rtol=1e-9, atol=1e-15)
     hazard = np.exp(ERRORS[noise].logpdf(u[1:5]) - ERRORS[noise].logsf(u[1:5]))
     np.testing.assert_allclose(slope[1:5], hazard, rtol=1e-12)
-
-
-@pytest.mark.parametrize("noise", ERRORS)
-def test_information_of_a_bound_is_that_of_one_yes_or_no(noise):
-    u = np.array([-3.0, 0.0, 1.0])
-    of, chance = ERRORS[noise], ERRORS[noise].sf(u)
-    expected = of.pdf(u) ** 2 / (chance * (1 - chance))
-    found = survival_information(jnp.asarray(u), noise)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)

@@ -13,11 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.inference.answer import NULL, unit_diagonal
 from jblast.inference.identify import Identified
 from jblast.inference.posterior.fisher_information import (
+    NULL,
     information,
     known_covariance,
+    unit_diagonal,
 )
 from jblast.inference.posterior.parameters import Parameters, Spread
 from jblast.inference.posterior.posterior import Posterior

@@ -44,7 +44,7 @@ from jblast.constants import (
     DRY_AIR_GAS_CONSTANT,
     STANDARD_SOUND_SPEED,
 )
-from jblast.inference.answer import NULL, STEP, unit_diagonal
+from jblast.inference.answer import STEP
 from jblast.inference.consensus import STRATOSPHERE_RANGE
 from jblast.inference.density import WIND as WINDS
 from jblast.inference.fitting.findings import (
@@ -55,6 +55,7 @@ from jblast.inference.fitting.findings import (
 from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.identify import pseudo_covariance, requested
+from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
 from jblast.inference.posterior.parameters import Finding
 from jblast.inference.sanity import COLDEST
 from jblast.observations import Observations

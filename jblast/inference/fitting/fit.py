@@ -64,6 +64,7 @@ STAGES = {
 """Stages of a fit with their approximate duration [s], most of it compilation."""
 OF_SAMPLES = ("reading samples", "counting samples")
 """Stages of logs with records of samples only."""
+OF_WALKERS = ("walking",)
 # points of a band, evenly spaced in ln: 5 % apart for a span of a factor of 50
 POINTS = 80
 
@@ -102,7 +103,8 @@ class Fit:
         summary: Estimates, warnings and further results.
         observations: The log.
         solution: Density, draws, and what these identify.
-        draws: Draws of equal weight of every identified parameter.
+        draws: Draws of equal weight of every identified parameter, in the most
+            probable region, as the estimates.
         posterior_reason: Method of the intervals.
         ensemble: The walkers' chain, if they ran.
         exit_code: 0 answered, 4 answered with a warning: not converged, not
@@ -203,7 +205,7 @@ class Fit:
     def bands(self) -> tuple[Band, ...]:
         """Predictive band of each observed quantity and charge."""
         solution = self.solution
-        there = solution.draws.resampled(DRAWS_IN_BANDS)
+        there = solution.identified.resampled(DRAWS_IN_BANDS)
         return bands(
             self.density.parameters,
             self.answer.z,
@@ -336,7 +338,9 @@ def _fit(
     high_pass_hz: float | None,
 ) -> Fit:
     """Fit one log in its scene."""
-    begin = _stages(of_samples=SAMPLES in observations.quantity)
+    left_out = () if SAMPLES in observations.quantity else OF_SAMPLES
+    left_out += () if posterior == "emcee" else OF_WALKERS
+    begin = stages({k: v for k, v in STAGES.items() if k not in left_out})
     sampled = None
     if SAMPLES in observations.quantity:
         if posterior == "emcee":
@@ -385,7 +389,7 @@ def _fit(
         return solve(log, with_free(uncertain, names), noise=noise, seed=seed)
 
     found = solution.identified
-    there = solution.draws.resampled(DRAWS, seed)
+    there = found.resampled(DRAWS, seed)
     return Fit(
         summary=summary_of(
             observations,
@@ -406,13 +410,6 @@ def _fit(
         },
         posterior_reason=reason,
         ensemble=walkers,
-    )
-
-
-def _stages(*, of_samples: bool) -> Callable[[str], None]:
-    """Return a function that reports the start of each stage by its name."""
-    return stages(
-        {k: v for k, v in STAGES.items() if of_samples or k not in OF_SAMPLES}
     )
 
 

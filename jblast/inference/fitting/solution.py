@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -128,15 +129,17 @@ def solve(
             'that is "free", has a prior, or is named by ' + argument("freed")
         )
     refuse_unsolvable_clocks(observations, uncertain)
-    begin("choosing laws")
-    density = density_of(observations, uncertain, noise)
-    begin("searching")
-    density, draws = drawn(density, seed)
-    known = None
-    if records is not None:
-        begin("counting samples")
-        draws, known = with_samples(density, draws, records, seed)
-    return solution_of(density, draws, known)
+    # milliseconds of clocks of days, and differences of laws, need float64
+    with jax.enable_x64(True):
+        begin("choosing laws")
+        density = density_of(observations, uncertain, noise)
+        begin("searching")
+        density, draws = drawn(density, seed)
+        known = None
+        if records is not None:
+            begin("counting samples")
+            draws, known = with_samples(density, draws, records, seed)
+        return solution_of(density, draws, known)
 
 
 def solution_of(
@@ -168,6 +171,8 @@ def solution_of(
 def _mode_of(density: Density, draws: Draws) -> Float[np.ndarray, " free"]:
     """Return the highest mode of the most probable region."""
     modes = draws.modes
+    if len(modes.u) == 1:
+        return modes.u[0]
     first = Answer(density, density.best(modes.u[0]), np.ones(draws.values.shape[1]))
     inside = Identified(first, draws).chosen
     top = draws.u[inside][draws.log_density[inside].argmax()]

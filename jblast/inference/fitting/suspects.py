@@ -23,6 +23,7 @@ from jaxtyping import Float, Int
 
 from jblast.errors import InputError
 from jblast.inference.answer import Answer, layout_size
+from jblast.inference.density import LEFT_OUT_SIGMA
 from jblast.inference.fitting.findings import (
     ExchangedSensors,
     MoreToFree,
@@ -50,9 +51,6 @@ from jblast.quantities import ARRIVALS
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-LEFT_OUT_SIGMA = 1e6
-"""Error of a row that is left out: seconds, radians or ln. Its information is 1e-12 of
-that of a reading to a second, and the square does not overflow."""
 WIDTH = 10.0
 """Range of the values of a wrong reading: seconds, radians or ln. Its density, one over
 this, is the price of leaving a reading out."""
@@ -65,8 +63,9 @@ linear fit. Each is a search: a few seconds."""
 MAX_EXCHANGES = 3
 """Largest number of exchanges that are solved for, those that lower chi squared most:
 each is a search."""
-LONG = 1000
-"""Largest number of rows of a log whose sensors are left out: each is a fit."""
+LONG = 100
+"""Largest number of rows of a log whose sensors are left out: each is a fit, and one
+wrong sensor of many changes little."""
 PREDICTED = 400
 """Draws of the other rows by which rows left out are predicted: their covariance is
 then precise to 5 %."""
@@ -95,11 +94,11 @@ def explained_by(
     """Return the clocks and sensors without one of which a log fits.
 
     Pairs of sensors with whose positions exchanged all rows fit are returned as well. A
-    clock or sensor is named if the other rows converge, identify every number and fit,
-    and if its readings deviate from them by more than stated errors explain in one of a
-    thousand logs. If all rows together have an answer too (perhaps kilotons far away,
-    where laws scatter by seconds), the explanation must be a thousand times as
-    probable, with the rows left out uniform within `WIDTH`.
+    clock or sensor is named if the other rows fit, if its readings deviate from them by
+    more than stated errors explain in one of a thousand logs, and if the explanation is
+    a thousand times as probable as all rows together (perhaps kilotons far away, where
+    laws scatter by seconds), with the rows left out uniform within `WIDTH`; or if only
+    the other rows have an answer.
 
     Args:
         observations: The log.
@@ -131,7 +130,8 @@ def explained_by(
         readings = int(np.sum(~observations.bounds()[suspect.rows]))
         evidence = rest.draws.log_evidence
         evidence -= readings * (left_out + math.log(WIDTH))  # a bound has no density
-        if fits and evidence < evidence_of_all - math.log(POOR / len(possible)):
+        is_better = evidence > evidence_of_all - math.log(POOR / len(possible))
+        if not is_better and (fits or not rest.is_answer):
             continue
         if wrong := _judged(observations, rest, suspect, len(possible)):
             found.append((evidence, wrong))
@@ -361,7 +361,7 @@ def _judged(
     observations: Observations, rest: Solution, suspect: Suspect, among: int
 ) -> WrongSensor | None:
     """Return the finding about a suspect; None if it does not explain the log."""
-    if not rest.is_answer:
+    if not rest.draws.reliable:
         return None
     chi2, dof = goodness(rest)
     kept = rest.answer.rows.is_bound & (rest.answer.own == 0)
@@ -412,7 +412,7 @@ def _missed(
 ) -> tuple[Float[np.ndarray, " out"], Float[np.ndarray, "out out"]]:
     """Return the residuals of rows from the prediction by the rest, and covariance."""
     draws, answer = rest.draws, rest.answer
-    there = draws.resampled(PREDICTED)
+    there = rest.identified.resampled(PREDICTED)
     predicted = rest.density.seen_with(draws.values[there]).predicted[:, rows]
     spread = np.atleast_2d(np.cov(predicted.T))
     sigma, shared = own_and_shared_errors(observations)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.fidelity import TakenLaw
-from jblast.inference.answer import NULL, Answer, unit_diagonal
+from jblast.inference.answer import Answer
 from jblast.inference.fitting.assumptions import (
     flat_ground,
     slower_than_sound,
@@ -36,6 +36,7 @@ from jblast.inference.fitting.findings import (
 )
 from jblast.inference.fitting.goodness_of_fit import POOR, against_priors, p_value
 from jblast.inference.fitting.solution import SamplesRoughlyCounted, Solution
+from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
 from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Finding
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock

@@ -7,9 +7,11 @@ carries information. It is left out: it is small, and no layout is planned for i
 """
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.inference.noise import information_of_row
@@ -68,10 +70,7 @@ def information(
     return jacobian.T @ jacobian
 
 
-@jax.jit
-def unit_diagonal(
-    matrix: Float[Array, "free free"], scale: Float[Array, " free"]
-) -> tuple[Float[Array, " free"], Float[Array, " free"], Float[Array, "free free"]]:
+def unit_diagonal(matrix: Any, scale: Any) -> tuple[Any, Any, Any]:
     """Return the eigendecomposition of information scaled to a unit diagonal.
 
     Args:
@@ -83,8 +82,9 @@ def unit_diagonal(
     Returns:
         The size of each coordinate, the eigenvalues, and the eigenvectors as columns.
     """
-    size = jnp.sqrt(jnp.maximum(jnp.diagonal(matrix), 1 / jnp.square(scale)))
-    values, vectors = jnp.linalg.eigh(matrix / size[:, None] / size[None, :])
+    xp = np if isinstance(matrix, np.ndarray) else jnp
+    size = xp.sqrt(xp.maximum(xp.diagonal(matrix), 1 / xp.square(scale)))
+    values, vectors = xp.linalg.eigh(matrix / size[:, None] / size[None, :])
     return size, values, vectors
 
 

@@ -48,7 +48,7 @@ class Parameters(eqx.Module):
     beliefs: tuple[Belief, ...]
     scene: Scene
 
-    def values(self, z: Float[Array, " free"]) -> dict[str, Float[Array, ""]]:
+    def values(self, z: Float[Array, " free"]) -> dict[str, Any]:
         """Return the numbers by name."""
         # outside of a trace by NumPy: JAX would compile a program for each shape
         at = z if isinstance(z, Tracer) else np.asarray(z)

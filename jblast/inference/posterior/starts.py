@@ -1,10 +1,9 @@
 """Starting points of a search, spread over the plausible range of each parameter.
 
 A number with a prior is drawn from it. A free positive number is spread by a factor, a
-free position over the surroundings of the sensors: half of the starts lie among the
-sensors, the others around and beyond them. Where a sensor measured a direction, every
-other start is moved onto its line of sight. A free origin time, or clock offset, is set
-last, so that the median residual of the readings of that clock is zero.
+free position over the surroundings of the sensors. Where a sensor measured a direction,
+every other start is moved onto its line of sight. A free origin time, or clock offset,
+is set last, so that the median residual of the readings of that clock is zero.
 """
 
 import math
@@ -22,16 +21,6 @@ from jblast.quantities import CLOCK_TIMES, DIRECTIONS, FIREBALL_RADII
 from jblast.scene import Free, parameter_named
 from jblast.scene.uncertain import Belief, value_of
 
-MAX_WIDTHS = 100.0
-"""Largest distance of a start from an array, in widths of the array. Farther out the
-search follows a ridge; `range_profile` continues to 300 widths."""
-AMONG = 0.25
-"""Half of the starts are drawn nearer the middle of the sensors by this factor: within
-the layout, whose extent is the standard deviation of the others. Of a log of five
-microphones with a free clock 8 of 64 starts reach the best optimum with it, none
-without (`tests/cli/verbs/infer/test_fit_clocks.py`)."""
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-"""Golden ratio minus 1. Multiples of it, modulo 1, are evenly spread for any count."""
 MIN_SIGHT_LENGTH = 100.0
 """Smallest typical distance along a line of sight [m], for logs without a span of clock
 times. `SIGHT_SPREAD` reaches from 10 m to 1 km within two standard deviations."""
@@ -88,7 +77,7 @@ def start_sd(posterior: Posterior) -> Float[Array, " free"]:
 
 
 def starts(
-    key: PRNGKeyArray, posterior: Posterior, count: int, *, far: bool = False
+    key: PRNGKeyArray, posterior: Posterior, count: int
 ) -> Float[Array, "start free"]:
     """Draw starting points; the first is the middle of all.
 
@@ -100,16 +89,13 @@ def starts(
         key: Random key.
         posterior: Posterior with the scene and the layout.
         count: Number of starts.
-        far: Place half of the starts among the sensors, and every fourth beyond their
-            surroundings, at up to `MAX_WIDTHS` times their extent: for a charge outside
-            a small array.
     """
     parameters = posterior.parameters
     # the first start is the middle of the prior: reproducible for any seed
     normal = jax.random.normal(key, (count, len(parameters.names))).at[0].set(0.0)
     moved = normal * start_sd(posterior)[None, :]
     columns = [
-        _spread(posterior, name, belief, moved[:, i], far=far)
+        _spread(posterior, name, belief, moved[:, i])
         for i, (name, belief) in enumerate(
             zip(parameters.names, parameters.beliefs, strict=True)
         )
@@ -129,8 +115,6 @@ def _spread(
     name: str,
     belief: Belief,
     moved: Float[Array, " start"],
-    *,
-    far: bool,
 ) -> Float[Array, " start"]:
     """Spread one coordinate about its expected value; wind and altitude are not spread.
 
@@ -139,7 +123,6 @@ def _spread(
         name: Name of the number.
         belief: Its prior (a standard normal in its coordinate), or `Free`.
         moved: Offset of each start from the expected value.
-        far: See `starts`.
     """
     if not isinstance(belief, Free):
         return moved
@@ -152,14 +135,6 @@ def _spread(
     if parameter.name in CHARGE_POSITION:
         # most charges are at the surface, while sensors may be on masts or vehicles
         middle = posterior.layout.position.mean(axis=0).at[2].set(0.0)  # on the ground
-        if far and parameter.name in CHARGE_POSITION[:2]:
-            # Of every four starts two lie among the sensors, one in their surroundings,
-            # and one beyond: even in ln of the distance, as no scale is preferred. East
-            # and north have the same factor, or starts would lie near the axes.
-            number = np.arange(len(moved))
-            beyond = MAX_WIDTHS ** ((number * GOLDEN) % 1.0)
-            outer = np.where(number % 4 == 3, beyond, AMONG)
-            moved = moved * np.where(number % 4 == 0, 1.0, outer)
         return middle[parameter.key.index] + moved
     return (0.0 if value is None else value) + 0.0 * moved
 

@@ -22,10 +22,11 @@ def agree(told, exact, mean, sd, ends):
 
 
 @pytest.mark.slow  # a walk
-@pytest.mark.parametrize("shot", ["HRI-2", "HTP-7"])
-def test_a_fit_agrees_with_the_exact_posterior_of_the_mass(shot):
+# the second is buried deeper than the range of the law
+@pytest.mark.parametrize(("shot", "valid"), [("HRI-2", True), ("HTP-7", False)])
+def test_a_fit_agrees_with_the_exact_posterior_of_the_mass(shot, valid):
     fitted, exact = weigh(shot, LAWS), estimate(log_of(shot), LAWS)
-    assert fitted.valid
+    assert fitted.valid == valid
     # Some thousand effective draws know the mean to 0.04 sd and the sd to 3 %, ends to
     # 0.08 sd; walkers stop when their ends have a standard error of 0.05 sd. Three of
     # each.

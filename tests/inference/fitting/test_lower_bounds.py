@@ -8,9 +8,8 @@ import pytest
 
 from jblast.inference import batch_of, fit
 from jblast.inference.answer import Answer
-from jblast.inference.density import density_of
+from jblast.inference.density import LEFT_OUT_SIGMA, density_of
 from jblast.inference.fitting.goodness_of_fit import chi_squared, suspected_outliers
-from jblast.inference.fitting.suspects import LEFT_OUT_SIGMA
 from jblast.report.fit.document import fit_document
 from jblast.report.fit.rows import residual_rows
 from jblast.scene import Scene, UncertainScene, freed, with_laws

@@ -58,9 +58,7 @@ def test_radii_of_a_rendered_explosion_give_its_charge_back(jblast):
         "unknown.toml", SCENE.format(mass="{ lognormal = [50.0, 10.0] }")
     )
     code, told, _ = jblast("fit", log, "--scene", unknown, "--json")
-    # importance sampling cannot check the interval of the growth time
-    assert code == 4
-    assert "k-hat" in json.loads(told)["warnings"][0]
+    assert code == 0
     found = json.loads(told)["estimates"]["charge_mass_kg"]
     assert found["q05"] < mass < found["q95"]
     # declared: 20 % of a shot's radius, 60 % of its mass; the film itself owes a tenth
