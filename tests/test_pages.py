@@ -220,9 +220,9 @@ def test_the_fit_of_readme_prints_the_numbers_of_its_caption(monkeypatch, capsys
     monkeypatch.chdir(ROOT)
     block, _ = python_of(ROOT / "README.md")
     exec(block, {})
-    assert capsys.readouterr().out == "240 kg, 90 % interval 172 to 341 kg\n"
+    assert capsys.readouterr().out == "240 kg, 90 % interval 173 to 342 kg\n"
     caption = " ".join(TEXTS[ROOT / "README.md"].split())
-    assert "240 kg, 90 % interval 172 to 341 kg" in caption
+    assert "240 kg, 90 % interval 173 to 342 kg" in caption
 
 
 def test_ten_thousand_scenes_of_readme_are_those_one_by_one(monkeypatch):

@@ -370,7 +370,7 @@ class Density:
         return (
             by_kernel,
             np.einsum("mnj,mn->mj", jacobian, weights),
-            np.swapaxes(jacobian, 1, 2) @ solved,
+            _positive(np.swapaxes(jacobian, 1, 2) @ solved),
         )
 
     def exact(
@@ -853,6 +853,12 @@ def reach_of(density: Density) -> float:
     """Return the width of the sensors, or the largest given slant range [m]."""
     given = np.nan_to_num(np.asarray(density.layout.slant_range)).max(initial=0.0)
     return max(float(given), density.coordinates.radius / NEAR)
+
+
+def _positive(matrix: np.ndarray) -> np.ndarray:
+    """Return matrices without the negative eigenvalues that rounding leaves."""
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(vectors, 1, 2)
 
 
 def _some(seen: Seen, places: np.ndarray) -> Seen:

@@ -332,10 +332,12 @@ class Identified:
         if not np.isfinite(judged).all():
             return np.zeros((0, len(known))), np.ones(len(known))
         size, values, vectors = unit_diagonal(judged, answer.steps)
+        # with fewer readings than numbers a curve is left open, however short it is
+        fewer = len(known) - len(self.density.rows.measured) - answer.has_prior.sum()
         kept = [
             vector
-            for value, vector in zip(values, vectors.T, strict=True)
-            if value < NULL and self.is_left_open(vector)
+            for k, (value, vector) in enumerate(zip(values, vectors.T, strict=True))
+            if value < NULL and (k < fewer or self.is_left_open(vector))
         ]
         return echelon(np.reshape(kept, (len(kept), len(known)))), size
 

@@ -555,7 +555,8 @@ def _distinct(
         z = np.where(better[:, None], there, z)
         height = np.where(better, top, height)
     order = np.argsort(-height)
-    root = np.linalg.cholesky(np.linalg.inv(known[order]))
+    # of the inverse of L L' the transposed inverse of L is a root too
+    root = np.swapaxes(np.linalg.inv(np.linalg.cholesky(known[order])), 1, 2)
     return Modes(z[order], root, height[order], met)
 
 

@@ -44,7 +44,7 @@ from jblast.constants import (
     DRY_AIR_GAS_CONSTANT,
     STANDARD_SOUND_SPEED,
 )
-from jblast.inference.answer import STEP
+from jblast.inference.answer import STEP, Answer
 from jblast.inference.consensus import STRATOSPHERE_RANGE
 from jblast.inference.density import WIND as WINDS
 from jblast.inference.fitting.findings import (
@@ -127,15 +127,15 @@ class StillAir(Finding):
     wider: Mapping[str, float] | None
 
 
-def still_air(solution: Solution) -> Finding | None:
+def still_air(answer: Answer) -> Finding | None:
     """Return the effect of still air; None if not assumed, or without effect."""
-    density = solution.density
+    density = answer.density
     air, names = density.scene.air, density.coordinates.names
     known_wind = any(name.startswith("wind_") for name in names)
     if known_wind or float(air.wind_east) or float(air.wind_north):
         return None
     arrivals = bool(set(BY_AIR) & set(density.layout.quantities()))
-    factors = wider_with_wind(solution)
+    factors = wider_with_wind(answer)
     if factors is None:
         decides = SPEEDS if air.sound_speed is None else SPEEDS[:1]
         fitted = [name for name in decides if name in names]
@@ -153,16 +153,15 @@ def still_air(solution: Solution) -> Finding | None:
     return StillAir(WIND, {}) if arrivals else None
 
 
-def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | None:
+def wider_with_wind(answer: Answer, sd: float = WIND) -> dict[str, float] | None:
     """Return the factor by which an unknown wind would widen each interval.
 
     None if no prediction depends on the wind; NaN where predictions have no slopes.
 
     Args:
-        solution: Solution in still air.
+        answer: Answer in still air.
         sd: Standard deviation of each wind component [m/s].
     """
-    answer = solution.answer
     to_wind = answer.slopes_by(dict.fromkeys(WINDS, STEP * WIND))
     if not to_wind.any():
         return None
@@ -184,7 +183,7 @@ def wider_with_wind(solution: Solution, sd: float = WIND) -> dict[str, float] | 
 
 
 def slower_than_sound(
-    observations: Observations, solution: Solution
+    observations: Observations, answer: Answer
 ) -> SlowerThanSound | None:
     """Return the arrivals that imply a speed below that of sound; None if scatter does.
 
@@ -192,7 +191,6 @@ def slower_than_sound(
     coldest air. Arrivals from beyond `consensus.STRATOSPHERE_RANGE` may come through
     the thermosphere, which is slower. Lower bounds are no arrivals. Both are left out.
     """
-    answer = solution.answer
     distance = answer.slant_range
     quantity = np.array(observations.quantity)
     used = (

@@ -81,7 +81,7 @@ def warnings_of(
         findings.append(PoorFit(chi2, dof, p, log))
         against = against_priors(solution)
     # also for a good fit: free clocks can absorb a wrong speed
-    slow = slower_than_sound(observations, solution)
+    slow = slower_than_sound(observations, solution.answer)
     if slow is not None:
         findings.append(slow)
     if independent is not None and independent.beyond_array:
@@ -131,7 +131,7 @@ def assumptions_of(
     """Return the assumptions of an answer with their effect."""
     if independent is not None and independent.beyond_array:
         independent = None  # reported as a warning
-    return tuple(found for found in (still_air(solution), independent) if found)
+    return tuple(found for found in (still_air(solution.answer), independent) if found)
 
 
 def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:

@@ -192,5 +192,5 @@ def test_an_uncertain_tnt_factor_widens_the_mass_by_as_much():
     )
     estimate = fit(made, uncertain).summary.estimates["charge_mass_kg"]
     assert estimate.value == pytest.approx(10.0, rel=1e-3)
-    # beside it the datum adds 1e-3 / slope * 3, less than 0.3 %
-    assert estimate.log_sd == pytest.approx(np.log(1.1), rel=2e-3)
+    # three standard errors of the sd of 1,600 effective draws
+    assert estimate.log_sd == pytest.approx(np.log(1.1), rel=0.05)

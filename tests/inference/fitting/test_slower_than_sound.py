@@ -15,9 +15,9 @@ from tests.inference.fitting.test_still_air import SOUND, solved
 KNOWN_TIME = ("charge_east_m", "charge_north_m")
 
 
-def log_of(solution, factor=1.0, late=0.0):
-    """Return the log of a solution with all travel times stretched and shifted."""
-    made = solution.density.observations
+def log_of(answer, factor=1.0, late=0.0):
+    """Return the log of an answer with all travel times stretched and shifted."""
+    made = answer.density.observations
     return replace(made, value=made.value * factor + late)
 
 
@@ -33,9 +33,9 @@ def scattered():
 
 @pytest.mark.slow
 def test_arrivals_with_the_speed_of_sound_are_not_reported(exact, scattered):
-    for solution in (exact, scattered):
-        assert slower_than_sound(log_of(solution), solution) is None
-        assert slower_than_sound(log_of(solution, 0.9), solution) is None
+    for answer in (exact, scattered):
+        assert slower_than_sound(log_of(answer), answer) is None
+        assert slower_than_sound(log_of(answer, 0.9), answer) is None
 
 
 def test_sensors_and_speed_are_named(exact):

@@ -2,8 +2,6 @@
 
 import dataclasses
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +22,7 @@ FREE = ("charge_east_m", "charge_north_m", "origin_time_s")
 SIGMA, SOUND = 1e-3, 340.0
 
 
-def solved(scatter=False, wind=0.0, free=FREE, far=math.nan) -> Any:
+def solved(scatter=False, wind=0.0, free=FREE, far=math.nan) -> Answer:
     """A log of arrivals as the truth has them, at the truth."""
     sensors = tuple(
         Sensor(f"s{i}", jnp.array([*place, 0.0]), records=(("air_arrival_s", SIGMA),))
@@ -49,8 +47,7 @@ def solved(scatter=False, wind=0.0, free=FREE, far=math.nan) -> Any:
     density = density_of(made, freed(UncertainScene(scene), free), "gaussian")
     start = {"air_sound_speed_m_s": SOUND}
     values = np.array([start.get(name, 0.0) for name in density.coordinates.names])
-    answer = Answer(density, values, np.ones(len(values)))
-    return SimpleNamespace(density=density, answer=answer)
+    return Answer(density, values, np.ones(len(values)))
 
 
 def by_hand(scatter: bool, sd_of_wind: float) -> np.ndarray:
@@ -89,9 +86,9 @@ def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
     )
 
 
-def words_of(solution):
+def words_of(answer):
     """Say what still air did to an answer."""
-    finding = still_air(solution)
+    finding = still_air(answer)
     assert finding is not None
     return words(finding)
 

@@ -33,7 +33,7 @@ ANSWER = {
     "understood": list,
     "bearing_arcs": list,
     "regions": list,
-    "unchecked": list,
+    "unchecked": bool,
     "place": type(None),
     "origin_time_utc": type(None),
     "origin_clock": str,
