@@ -36,6 +36,9 @@ from jblast.waves.propagation import standard_atmosphere
 
 PLACE = CHARGE_POSITION[:2]
 """Free without a position of the charge; its height is the ground's unless stated."""
+LEAST_EXTENT = 100.0
+"""Extent that a smaller layout counts as [m]: one sensor may be 10 km from a charge at
+the origin."""
 MAP_FACTOR = 100.0
 """Distance of the sensors from the origin, in their extents, from which on positions
 are map coordinates."""
@@ -134,8 +137,8 @@ def _far_from_origin(position: np.ndarray) -> bool:
     at = position[~np.isnan(position).any(axis=1), :2]
     if not len(at):
         return False
-    extent = np.linalg.norm(np.ptp(at, axis=0))
-    return bool(np.linalg.norm(at.mean(axis=0)) > MAP_FACTOR * max(extent, 1.0))
+    extent = max(np.linalg.norm(np.ptp(at, axis=0)), LEAST_EXTENT)
+    return bool(np.linalg.norm(at.mean(axis=0)) > MAP_FACTOR * extent)
 
 
 def clocks_to_free(observations: Observations) -> list[str]:

@@ -103,3 +103,14 @@ def test_positions_count_from_the_place_of_the_scene(tmp_path):
     assert apart[0] == pytest.approx(apart[1], abs=1e-6)
     with pytest.raises(InputError, match=r"line 2: expected a sensor within .* away"):
         located(readings, UncertainScene(Scene(), place=Place(-33.9, 35.5)))
+
+
+@pytest.mark.parametrize(("east", "is_free"), [(300.0, False), (500_000.0, True)])
+def test_one_sensor_is_on_a_map_only_where_no_blast_is_heard(tmp_path, east, is_free):
+    path = tmp_path / "one.csv"
+    path.write_text(
+        "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
+        f"a,peak_overpressure_pa,900,45,{east},0,1\n"
+    )
+    found = for_log(default_scene(), jblast.read(path))
+    assert ("charge_east_m" in found.beliefs) == is_free
