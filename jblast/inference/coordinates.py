@@ -142,13 +142,13 @@ class Coordinates:
             reaches.append(reach)
         for z, other in zip(u.T[2 * len(self.places) :], self.others, strict=True):
             i = other.at
-            if other.kind == "time":
-                found[:, i] = self.first - np.exp(z)
-            elif other.kind in ("height", "axis"):
-                reach = reaches[other.place] if other.place >= 0 else other.away
-                found[:, i] = other.middle + (reach + self.radius) * np.sinh(z)
-            else:
-                with np.errstate(over="ignore"):  # far draws of a wide mixture
+            with np.errstate(over="ignore"):  # far draws of a wide mixture
+                if other.kind == "time":
+                    found[:, i] = self.first - np.exp(z)
+                elif other.kind in ("height", "axis"):
+                    reach = reaches[other.place] if other.place >= 0 else other.away
+                    found[:, i] = other.middle + (reach + self.radius) * np.sinh(z)
+                else:
                     found[:, i] = np.asarray(self.beliefs[i].constrain(z))
         return found
 

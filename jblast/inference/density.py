@@ -241,7 +241,7 @@ class Density:
 
     @property
     def has_few_rows(self) -> bool:
-        """True if every draw can afford an exact weight of its own."""
+        """True if the exact weight of each draw is taken without smoothing."""
         return len(self.rows.measured) <= FEW_ROWS
 
     @property

@@ -473,6 +473,8 @@ class Identified:
         if place is None:
             return ()
         every, found = arcs(place.bearing, self.draws.weights), []
+        if max(arc.size for arc in every) >= WHOLE_TURN:
+            return ()
         degrees = np.degrees(place.bearing)
         middles = [arc.first + 0.5 * arc.size for arc in every]
         away = np.array([(degrees - m + 180) % 360 - 180 for m in middles])
@@ -481,7 +483,7 @@ class Identified:
         nearest = (np.abs(away) - sizes[:, None]).argmin(axis=0)
         for k, (arc, middle) in enumerate(zip(every, middles, strict=True)):
             off, inside = away[k], nearest == k
-            if arc.size >= WHOLE_TURN or not inside.any():
+            if not inside.any():
                 continue
             weights = self._of(inside)
             low, median, high = middle + quantiles(off[inside], weights)

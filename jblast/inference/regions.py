@@ -52,7 +52,7 @@ class Arc(NamedTuple):
     @property
     def size(self) -> float:
         """Its size [degrees]."""
-        return (self.last - self.first) % 360
+        return (self.last - self.first) % 360 or 360.0
 
 
 def arcs(
@@ -92,14 +92,14 @@ def arcs(
     found = [arc for arc in found if arc.share > SMALLEST_ARC]
     while len(found) > 1:
         gap, one, other = min(
-            ((b.first - a.last) % 360, i, j)
+            ((b.first - a.last) % 360 / min(a.size, b.size), i, j)
             for i, a in enumerate(found)
             for j, b in enumerate(found)
             if i != j
         )
-        a, b = found[one], found[other]
-        if gap > 0.5 * min(a.size, b.size):
+        if gap > 0.5:
             break
+        a, b = found[one], found[other]
         rest = [arc for k, arc in enumerate(found) if k not in (one, other)]
         found = [*rest, Arc(a.first, b.last, a.share + b.share)]
     return tuple(sorted(found, key=lambda arc: -arc.share))

@@ -656,7 +656,8 @@ def pareto_smoothed(
         return log_ratio - log_sum(log_ratio), -math.inf
     k, sigma, cut, tail = fits[-1] if fits[-1][0] < 0 else fits[0]
     share = (np.arange(tail) + 0.5) / tail
-    smooth = cut + sigma * np.expm1(-k * np.log1p(-share)) / k
+    with np.errstate(over="ignore"):  # 1 is the largest anyway
+        smooth = cut + sigma * np.expm1(-k * np.log1p(-share)) / k
     smoothed = log_ratio.copy()
     smoothed[order[-tail:]] = np.log(np.minimum(smooth, 1.0))
     return smoothed - log_sum(smoothed), k

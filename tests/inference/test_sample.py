@@ -5,6 +5,7 @@ import pytest
 
 from jblast.inference import fit
 from jblast.inference.density import density_of
+from jblast.inference.identify import WHOLE_TURN
 from jblast.inference.regions import arcs, extent, quantiles, regions
 from jblast.inference.sample import (
     generalised_pareto,
@@ -106,6 +107,13 @@ def test_arcs_hold_their_share_and_cross_north():
     # 90 % of a normal: 3.29 sd, and its smoothing
     assert first.size == pytest.approx(3.29 * 4, rel=0.25)
     assert (first.share, second.share) == pytest.approx((0.54, 0.36), abs=0.03)
+
+
+@pytest.mark.parametrize("count", [500, 3000])
+def test_bearings_all_around_are_one_turn(count):
+    turn = arcs(RNG(6).uniform(0, 2 * np.pi, count), np.full(count, 1 / count))
+    # the 10 % of lowest density, which is chance, divide it
+    assert max(arc.size for arc in turn) > WHOLE_TURN
 
 
 def test_regions_apart_are_told_apart_and_the_rest_is_elsewhere():

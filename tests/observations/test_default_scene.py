@@ -106,7 +106,7 @@ def test_positions_count_from_the_place_of_the_scene(tmp_path):
 
 
 @pytest.mark.parametrize(("east", "is_free"), [(300.0, False), (500_000.0, True)])
-def test_one_sensor_is_on_a_map_only_where_no_blast_is_heard(tmp_path, east, is_free):
+def test_one_sensor_is_on_a_map_only_far_from_the_origin(tmp_path, east, is_free):
     path = tmp_path / "one.csv"
     path.write_text(
         "sensor,quantity,value,sigma,east_m,north_m,up_m\n"

@@ -94,11 +94,11 @@ def explained_by(
     """Return the clocks and sensors without one of which a log fits.
 
     Pairs of sensors with whose positions exchanged all rows fit are returned as well. A
-    clock or sensor is named if the other rows fit, if its readings deviate from them by
-    more than stated errors explain in one of a thousand logs, and if the explanation is
-    a thousand times as probable as all rows together (perhaps kilotons far away, where
-    laws scatter by seconds), with the rows left out uniform within `WIDTH`; or if only
-    the other rows have an answer.
+    clock or sensor is named if the other rows fit, and its readings deviate from them
+    by more than stated errors explain in one of a thousand logs. In addition, either
+    all rows together have no answer, but the other rows have one; or the explanation is
+    a thousand times as probable as that of all rows (perhaps kilotons far away, where
+    laws scatter by seconds), with the rows left out uniform within `WIDTH`.
 
     Args:
         observations: The log.

@@ -12,7 +12,7 @@ from tests.cli.cli_files import JBLAST
 
 MASS, ROWS, SENSORS = 25.0, 10_000, 1000
 SIGMA = 5e-4
-HELD_MB = 3000
+HELD_MB = 1000
 """About twice what it takes."""
 
 
