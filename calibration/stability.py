@@ -376,9 +376,9 @@ def _point_sources() -> list[Mode]:
     """Measure laws of point sources for 1 kg; they scale."""
 
     def is_reported(law: str) -> bool:
-        findings = charge_is_no_point([law], Charge(mass_kg=1.0))
+        chemical = charge_is_no_point([law], Charge(mass_kg=1.0))
         nuclear = charge_is_no_point([law], Charge(mass_kg=1.0, explosive="nuclear"))
-        return law in POINT_SOURCES and bool(findings) and not nuclear
+        return law in POINT_SOURCES and bool(chemical) and not nuclear
 
     def sedov_error(z: float) -> float:
         exact = float(point_source_pressure(z, 1.0)) + STANDARD_PRESSURE

@@ -6,9 +6,10 @@ The list of attributes in a result's docstring describes its fields, and gives t
 of fields without a unit in their names. `described` reads it, so that the schema, the
 tables of keys in the manual and the pages of the API have the same text.
 
-Findings are typed in the modules that produce them, and worded in `jblast.report`.
-There a table maps each type to the function that makes its JSON. `plain` takes the
-values from that function, and `schema_of` takes the schema from its return type.
+A `Note` is a fact beside an answer, as numbers without words: `report.messages` has one
+sentence for each kind. A table of `jblast.report` maps such types to the function that
+makes their JSON. `plain` takes the values from that function, and `schema_of` takes the
+schema from its return type.
 """
 
 import json
@@ -60,6 +61,42 @@ Schema = dict[str, Any]
 Words = Mapping[type, Callable[[Any], Any]]
 """Function that returns the document's entry for a value, by type."""
 NO_WORDS: Words = MappingProxyType({})
+
+Level = Literal["problem", "warning", "assumption"]
+
+
+@dataclass(frozen=True)
+class Note:
+    """A fact beside an answer.
+
+    Attributes:
+        kind: Name of its sentence.
+        level: "problem" for an answer that must not be used as it is (exit code 4), a
+            "warning", or an "assumption".
+        numbers: Numbers and names of the sentence, by name.
+    """
+
+    kind: str
+    level: Level
+    numbers: Mapping[str, Any]
+
+    def __getitem__(self, name: str) -> Any:
+        return self.numbers[name]
+
+
+def problem(kind: str, **numbers: Any) -> Note:
+    """Return a note on an answer that must not be used as it is."""
+    return Note(kind, "problem", numbers)
+
+
+def warning(kind: str, **numbers: Any) -> Note:
+    """Return a note on a possible fault."""
+    return Note(kind, "warning", numbers)
+
+
+def assumption(kind: str, **numbers: Any) -> Note:
+    """Return a note on what an answer takes as given."""
+    return Note(kind, "assumption", numbers)
 
 
 def among(*names: str) -> Mapping[str, tuple[str, ...]]:

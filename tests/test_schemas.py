@@ -22,9 +22,8 @@ from jblast.inference.design.cramer_rao import (
     BoundSummary,
     Sensitivity,
 )
-from jblast.inference.fitting.findings import (
+from jblast.inference.fitting.wrong import (
     ExchangedSensors,
-    ModeFoundOnce,
     WrongClock,
     WrongSensor,
 )
@@ -53,6 +52,7 @@ from jblast.report.fit.document import fit_answer, fit_document
 from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
 from jblast.report.study_run import study_answer
+from jblast.results import warning
 from jblast.scene.reader.scene import scene_from_document
 from jblast.signals.picks import log_of
 from jblast.study import run_into
@@ -168,7 +168,7 @@ def test_the_schema_of_a_bound_takes_every_answer():
         help=(datum, replace(datum, position=None, sensor="a", is_default=False)),
         leans_on=(Sensitivity("charge_mass_kg", "wind_east_m_s", Spread(), None),),
         mass_exponents={"air_arrival_s": (-0.1, -0.2)},
-        warnings=(ModeFoundOnce(),),
+        warnings=(warning("mode_found_once"),),
     )
     check(documents.schema("bound"), BoundAnswer(summary).to_dict())
 

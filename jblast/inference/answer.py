@@ -276,6 +276,37 @@ class Answer:
         known = self.slopes.T @ self.weigh(self.slopes)
         return 0.5 * (known + known.T)
 
+    def covariance(
+        self,
+        beside: Float[np.ndarray, "row more"] | None = None,
+        *,
+        sd: float = np.inf,
+        used: Bool[np.ndarray, " row"] | None = None,
+        null: float = NULL,
+    ) -> Float[np.ndarray, "name name"]:
+        """Return the covariance of the coordinates for linear predictions.
+
+        Without finite slopes it is NaN.
+
+        Args:
+            beside: Slopes of the rows by further unknowns, which are integrated out.
+            sd: Their standard deviation before the data.
+            used: Rows that count.
+            null: Information of null directions, relative to a typical one: tiny for a
+                huge variance, infinite for none.
+        """
+        count = len(self.names)
+        more = self.slopes[:, :0] if beside is None else beside
+        columns = np.concatenate([self.slopes, more], axis=1)
+        prior = np.append(self.has_prior, np.full(more.shape[1], sd**-2.0))
+        known = columns.T @ self.weigh(columns, used) + np.diag(prior)
+        if not np.isfinite(known).all():
+            return np.full((count, count), np.nan)
+        steps = np.append(self.steps, np.ones(more.shape[1]))
+        size, values, vectors = unit_diagonal(0.5 * (known + known.T), steps)
+        part = (vectors / size[:, None])[:count]
+        return (part / np.where(values > NULL, values, null)) @ part.T
+
 
 def joint_mode(answer: Answer) -> Float[np.ndarray, " name"]:
     """Return the optimum of the density of all numbers, in the fitted coordinates.

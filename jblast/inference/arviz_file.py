@@ -39,7 +39,7 @@ def inference_data(
     Args:
         ensemble: The draws.
         observations: The log.
-        notes: Findings to store with the draws.
+        notes: Sentences to store with the draws.
 
     Raises:
         InputError: ArviZ is not installed.

@@ -391,7 +391,7 @@ class Identified:
         """The estimable combinations of unidentified numbers."""
         space, answer = self.density.parameters.space(), []
         inside, weights = self.chosen, self._of(self.chosen)
-        linear = pseudo_covariance(self.answer)
+        linear = self.answer.covariance(null=np.inf)
         for form in estimable_forms(self.null, self.determined):
             text, is_product = combination(self.names, space, form)
             value = float(form @ self.answer.z)
@@ -596,17 +596,6 @@ def _sd(x, weights) -> float:
     # a far mode of a share of 1e-6 would decide the second moment
     x = np.clip(x, *quantiles(x, weights, TAILS))
     return float(np.sqrt(weights @ (x - weights @ x) ** 2))
-
-
-def pseudo_covariance(answer: Answer) -> Float[np.ndarray, "name name"]:
-    """Return the inverse of the information of data and priors, 0 where it is null."""
-    known = answer.information + np.diag(answer.has_prior)
-    if not np.isfinite(known).all():
-        return np.full_like(known, np.nan)
-    size, values, vectors = unit_diagonal(known, answer.steps)
-    kept = values > NULL
-    part = vectors[:, kept] / size[:, None]
-    return (part / values[kept]) @ part.T
 
 
 def echelon(rows: Float[np.ndarray, "row free"]) -> Float[np.ndarray, "row free"]:

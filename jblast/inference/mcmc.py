@@ -27,9 +27,9 @@ from scipy.special import ndtri
 
 from jblast.errors import InputError
 from jblast.inference.density import Density
-from jblast.inference.posterior.parameters import Finding
 from jblast.inference.sample import CENTRES_OF_FINAL, Draws, components
 from jblast.progress import Level, Task
+from jblast.results import Note, warning
 
 SHARES = {"near": 0.7, "jump": 0.1, "stretch": 0.1, "independence": 0.1}
 r"""Share of the moves of each kind.
@@ -121,7 +121,7 @@ class Ensemble:
         convergence: Autocorrelation times, effective sample sizes, R-hat, error of the
             quantiles, by coordinate.
         acceptance: Share of accepted moves.
-        findings: Shortfalls of convergence.
+        notes: Shortfalls of convergence.
         seconds: Duration.
     """
 
@@ -131,13 +131,13 @@ class Ensemble:
     log_density: Float[np.ndarray, "walker step"]
     convergence: Convergence
     acceptance: float
-    findings: tuple[Finding, ...]
+    notes: tuple[Note, ...]
     seconds: float
 
     @property
     def converged(self) -> bool:
         """True if the requested precision was reached."""
-        return not self.findings
+        return not self.notes
 
     def as_draws(self, before: Draws) -> Draws:
         """Return the steps as draws of equal weight, at most `MAX_DRAWS`.
@@ -230,7 +230,7 @@ def ensemble(
         acceptance=float(np.mean((np.diff(chain, axis=0) != 0).any(axis=2)))
         if len(chain) > 1
         else 0.0,
-        findings=tuple(shortfalls(found, sampled, precision)),
+        notes=tuple(shortfalls(found, sampled, precision)),
         seconds=time.monotonic() - begun,
     )
 
@@ -387,68 +387,35 @@ def _worst_tail(x: Float[np.ndarray, "step walker"]) -> float:
     return float(max(errors))
 
 
-@dataclass(frozen=True)
-class QuantilesUncertain(Finding):
-    """Quantiles are less precise than requested.
-
-    Attributes:
-        parameter: Parameter with the least precise quantiles.
-        error: Their Monte Carlo error, in standard deviations of the parameter.
-        wanted: Requested precision.
-    """
-
-    parameter: str
-    error: float
-    wanted: float
-
-
-@dataclass(frozen=True)
-class ChainTooShort(Finding):
-    """The chain is short compared with its autocorrelation time.
-
-    Attributes:
-        parameter: Parameter with the longest autocorrelation time.
-        steps: Length of the chain.
-        times: Length in autocorrelation times.
-        wanted: Required length in autocorrelation times.
-    """
-
-    parameter: str
-    steps: int
-    times: float
-    wanted: float
-
-
-@dataclass(frozen=True)
-class ChainsDisagree(Finding):
-    """Walkers differ among themselves.
-
-    Attributes:
-        parameter: Parameter with the largest R-hat.
-        r_hat: Its R-hat.
-        wanted: Limit of R-hat.
-    """
-
-    parameter: str
-    r_hat: float
-    wanted: float
-
-
 def shortfalls(
     judged: Convergence, names: Sequence[str], precision: float
-) -> list[Finding]:
+) -> list[Note]:
     """Return the requirements of convergence that a chain does not meet."""
-    found: list[Finding] = []
+
+    def missed(kind: str, row: int, **numbers: float) -> Note:
+        return warning(kind, parameter=names[row], **numbers)
+
+    found: list[Note] = []
     worst = int(np.argmax(judged.error))
     error = float(judged.error[worst])
     if not error <= precision:
-        found.append(QuantilesUncertain(names[worst], error, precision))
+        found.append(
+            missed("quantiles_uncertain", worst, error=error, wanted=precision)
+        )
     worst = int(np.argmax(judged.tau))
     times = float(judged.steps / judged.tau[worst])
     if not times >= LONG_ENOUGH:
-        found.append(ChainTooShort(names[worst], judged.steps, times, LONG_ENOUGH))
+        found.append(
+            missed(
+                "chain_too_short",
+                worst,
+                steps=judged.steps,
+                times=times,
+                wanted=LONG_ENOUGH,
+            )
+        )
     worst = int(np.argmax(judged.r_hat))
     r_hat = float(judged.r_hat[worst])
     if not r_hat <= ALIKE:
-        found.append(ChainsDisagree(names[worst], r_hat, ALIKE))
+        found.append(missed("chains_disagree", worst, r_hat=r_hat, wanted=ALIKE))
     return found

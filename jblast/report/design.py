@@ -18,13 +18,13 @@ from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Spread
 from jblast.quantities import ADDITIVE
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import WORDED, determined_lines
-from jblast.report.fit.findings import all_words
 from jblast.report.fit.terminal import (
     law_lines,
     not_identified,
     quantities_by_law,
     section,
 )
+from jblast.report.messages import said
 from jblast.report.words import (
     aligned,
     capitalised,
@@ -68,7 +68,7 @@ def bound_text(
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Influence of other parameters", _influences(found))
     lines += data_lines(found.help, found.parameters)
-    lines += section("Warnings", all_words(found.warnings))
+    lines += section("Warnings", said(found.warnings))
     lines += section("Assumptions", _assumptions(bound))
     if verbose:
         lines += law_lines(found, bound.posterior.parameters.scene.scatter)

@@ -18,7 +18,7 @@ from jblast.inference.mcmc import (
 )
 from jblast.inference.regions import quantiles
 from jblast.inference.sample import solve as drawn
-from jblast.report.fit.findings import all_words
+from jblast.report.messages import said
 from tests.inference.test_density import PLACED, density
 
 
@@ -142,9 +142,9 @@ def test_draws_of_a_short_walk_come_back_from_the_file(tmp_path):
     found, draws = solved()
     walked = ensemble(found, draws, most_steps=60, walkers=8)
     assert not walked.converged
-    said = all_words(walked.findings)
-    assert "autocorrelation times" in " ".join(said)
-    tree = inference_data(walked, found.observations, said)
+    sentences = said(walked.notes)
+    assert "autocorrelation times" in " ".join(sentences)
+    tree = inference_data(walked, found.observations, sentences)
     write_inference_data(tree, tmp_path / "posterior.nc")
     with xarray.open_datatree(tmp_path / "posterior.nc", engine="h5netcdf") as back:
         mass = back["posterior"]["charge_mass_kg"]

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.fidelity import TakenLaw
-from jblast.inference.fitting.findings import PoorFit, SuspectedOutlier
 from jblast.inference.fitting.fit import Fit
+from jblast.inference.fitting.wrong import SuspectedOutlier
 from jblast.inference.identify import (
     Cure,
     EstimableCombination,
@@ -17,6 +17,7 @@ from jblast.inference.identify import (
     ResolvingDatum,
 )
 from jblast.inference.posterior.parameters import Estimate
+from jblast.results import warning
 from jblast.scene import Charge, Scene, Sensor
 from tests.report.made_up import (
     PLAIN,
@@ -98,7 +99,7 @@ def one_parameter() -> Fit:
             chi2=41.0,
             dof=4,
             n_observations=5,
-            warnings=(PoorFit(41.0, 4, 2.7e-8, "quarry.csv"),),
+            warnings=(warning("look_closer", log="quarry.csv"),),
         ),
         scene=Scene(charge=Charge(mass_kg=1000.0)),
         draws={"charge_mass_kg": 1000.0 * np.exp(0.62 * rng.standard_normal(1500))},

@@ -41,7 +41,7 @@ from jblast.inference.identify import (
     laws_beside,
 )
 from jblast.inference.posterior.fisher_information import information, whitened_rows
-from jblast.inference.posterior.parameters import Finding, Spread
+from jblast.inference.posterior.parameters import Spread
 from jblast.inference.posterior.posterior import Posterior
 from jblast.inference.sample import solve as drawn
 from jblast.kept_programs import kept, kept_between_runs
@@ -49,7 +49,7 @@ from jblast.observations import Observations
 from jblast.progress import stages
 from jblast.progress_line import Progress, reported
 from jblast.quantities import ADDABLE, ADDITIVE, TIMES
-from jblast.results import plain
+from jblast.results import Note, plain
 from jblast.scene import Free, Scene, UncertainScene, scene_of
 from jblast.sensors import Layout
 from jblast.sensors.law_choice import law_names
@@ -163,7 +163,7 @@ class BoundSummary:
     help: tuple[AddedDatum, ...]
     leans_on: tuple[Sensitivity, ...]
     mass_exponents: Mapping[str, tuple[float, float]]
-    warnings: tuple[Finding, ...]
+    warnings: tuple[Note, ...]
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -319,13 +319,11 @@ def _parameters(
     return answer
 
 
-def _warnings(plan: Planned, found: Identified, valid) -> list[Finding]:
-    findings: list[Finding] = (
-        [] if valid.all() else [outside(plan.log, plan.laws, valid, valid)]
-    )
+def _warnings(plan: Planned, found: Identified, valid) -> list[Note]:
+    notes = [] if valid.all() else [outside(plan.log, plan.laws, valid, valid)]
     for charge in found.answer.scene.charges:
-        findings += height_beside_the_curves(found.answer, plan.laws, charge)
-    return findings
+        notes += height_beside_the_curves(found.answer, plan.laws, charge)
+    return notes
 
 
 class Datum(NamedTuple):

@@ -1,23 +1,17 @@
-r"""Checks of the assumptions of an answer: air, flat ground, speed, ranges of laws.
+"""Checks of the assumptions of an answer: air, flat ground, speed, ranges of laws.
 
-Still air: with an unknown wind $w$ in addition to the fitted numbers $z$, normal about
-0 with standard deviation $s$ towards east and towards north, the covariance of $z$,
-which is $P$ in still air, becomes that of both with the wind integrated out,
-
-$$P + A\,(F_{ww} + s^{-2} - F_{wz} A)^{-1} A^T, \quad A = P F_{zw}$$
-
-with $F$ the Fisher information of $z$ and $w$ (the inverse of the block matrix, by its
-Schur complement). It is linearised about the answer. Nothing is fitted again, and the
-slopes are differences of what is already compiled.
+Still air: an unknown wind, normal about 0 towards east and towards north, is integrated
+out beside the fitted numbers. It is linearised about the answer (`Answer.covariance`):
+nothing is fitted again, and the slopes are differences of what is already compiled.
 
 Flat ground: the axes of the frame are straight. A wave along the ground follows the
-arc, longer than the chord $d$ by $d^3 / 24 R^2$ (8 mm at 20 km), and a charge fixed at
-up = 0 at a distance $s$ from the origin is $s^2 / 2R$ above the ground (31 m at 20 km).
+arc, longer than the chord d by d^3 / 24 R^2 (8 mm at 20 km), and a charge fixed at
+up = 0 at a distance s from the origin is s^2 / 2R above the ground (31 m at 20 km).
 
 Speed: a shock runs at the speed of sound or faster. The excess of each air arrival over
-the travel time of sound $\tau$ is fitted by $b + \epsilon\tau$, weighted by the
-covariance of the arrivals, with a constant $b$ for each time of detonation and each
-clock that is fitted. The log is slower than sound if $\epsilon$ is significantly
+the travel time of sound tau is fitted by b + e tau, weighted by the
+covariance of the arrivals, with a constant b for each time of detonation and each
+clock that is fitted. The log is slower than sound if e is significantly
 positive, at the level of a poor fit (`POOR`).
 
 Ranges of laws: a number is extrapolated if rows outside the range of their laws have
@@ -32,8 +26,7 @@ charge towards the sensors as well.
 """
 
 import inspect
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -47,21 +40,15 @@ from jblast.constants import (
 from jblast.inference.answer import STEP, Answer
 from jblast.inference.consensus import STRATOSPHERE_RANGE
 from jblast.inference.density import WIND as WINDS
-from jblast.inference.fitting.findings import (
-    FlatGround,
-    PathsTakenAsIndependent,
-    SlowerThanSound,
-)
 from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.identify import pseudo_covariance, requested
-from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
-from jblast.inference.posterior.parameters import Finding
+from jblast.inference.identify import requested
 from jblast.inference.sanity import COLDEST
 from jblast.observations import Observations
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
 from jblast.quantities import TIMES, made_with
 from jblast.registry import law_for
+from jblast.results import Note, assumption, warning
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout, components
 from jblast.sensors.path_scatter import MAX_PATHS
@@ -100,57 +87,32 @@ do not make such an answer valid, and a few uninformative rows outside do not sp
 """
 
 
-@dataclass(frozen=True)
-class WindPassesForSoundSpeed(Finding):
-    """Still air was assumed, and a wind along the ranges would not be detected.
-
-    Attributes:
-        parameter: Number that absorbs the wind.
-        is_fitted: True if it is fitted; else a prior on it would account for the wind.
-    """
-
-    parameter: str
-    is_fitted: bool
-
-
-@dataclass(frozen=True)
-class StillAir(Finding):
-    """Still air was assumed.
-
-    Attributes:
-        wind_sd: Standard deviation of each component of an unknown wind [m/s].
-        wider: Factor by which it would widen the 90 % intervals, the largest first;
-            empty if none is large, None if it cannot be computed.
-    """
-
-    wind_sd: float
-    wider: Mapping[str, float] | None
-
-
-def still_air(answer: Answer) -> Finding | None:
-    """Return the effect of still air; None if not assumed, or without effect."""
+def still_air(answer: Answer) -> list[Note]:
+    """Return the effect of still air, if it is assumed and has an effect."""
     density = answer.density
     air, names = density.scene.air, density.coordinates.names
     known_wind = any(name.startswith("wind_") for name in names)
     if known_wind or float(air.wind_east) or float(air.wind_north):
-        return None
+        return []
     arrivals = bool(set(BY_AIR) & set(density.layout.quantities()))
     factors = wider_with_wind(answer)
     if factors is None:
         decides = SPEEDS if air.sound_speed is None else SPEEDS[:1]
         fitted = [name for name in decides if name in names]
         if not arrivals:
-            return None
-        return WindPassesForSoundSpeed((fitted or SPEEDS)[0], bool(fitted))
+            return []
+        kind = "wind_is_fitted" if fitted else "wind_needs_prior"
+        return [assumption(kind, parameter=(fitted or SPEEDS)[0])]
     worst = sorted(
         (name for name, factor in factors.items() if factor >= WIDER),
         key=lambda name: -factors[name],
     )
     if worst:
-        return StillAir(WIND, {name: factors[name] for name in worst[:MAX_NAMED]})
+        wider = {name: factors[name] for name in worst[:MAX_NAMED]}
+        return [assumption("still_air", wind_sd=WIND, wider=wider)]
     if not np.isfinite(list(factors.values())).all():
-        return StillAir(WIND, None)
-    return StillAir(WIND, {}) if arrivals else None
+        return [assumption("still_air_unknown", wind_sd=WIND)]
+    return [assumption("still_air_matters_little", wind_sd=WIND)] if arrivals else []
 
 
 def wider_with_wind(answer: Answer, sd: float = WIND) -> dict[str, float] | None:
@@ -165,27 +127,19 @@ def wider_with_wind(answer: Answer, sd: float = WIND) -> dict[str, float] | None
     to_wind = answer.slopes_by(dict.fromkeys(WINDS, STEP * WIND))
     if not to_wind.any():
         return None
-    covariance = pseudo_covariance(answer)
-    sds = np.sqrt(np.diag(covariance))
-    weighted = answer.weigh(to_wind)
-    gain = covariance @ answer.slopes.T @ weighted
-    left = to_wind.T @ weighted + np.eye(2) / sd**2
-    left = left - weighted.T @ answer.slopes @ gain
-    if np.isfinite(left).all():
-        # singular if rows depend on one component only: the other gets no variance
-        left = np.linalg.pinv(left, hermitian=True)
-    added = np.diag(gain @ left @ gain.T)
+    alone, beside = (
+        np.sqrt(np.diag(answer.covariance(columns, sd=sd, null=np.inf)))
+        for columns in (None, to_wind)
+    )
     return {
-        name: float(np.sqrt(1 + max(more, 0.0) / one**2))
-        for name, one, more in zip(answer.names, sds, added, strict=True)
+        name: float(wider / one)
+        for name, wider, one in zip(answer.names, beside, alone, strict=True)
         if one > 0
     }
 
 
-def slower_than_sound(
-    observations: Observations, answer: Answer
-) -> SlowerThanSound | None:
-    """Return the arrivals that imply a speed below that of sound; None if scatter does.
+def slower_than_sound(observations: Observations, answer: Answer) -> list[Note]:
+    """Return the arrivals that imply a speed below that of sound, if scatter does not.
 
     If air temperature or sound speed are fitted, the speed is at least that of the
     coldest air. Arrivals from beyond `consensus.STRATOSPHERE_RANGE` may come through
@@ -216,7 +170,7 @@ def slower_than_sound(
     ]
     constants = [used & rows for rows in constants if (used & rows).any()]
     if used.sum() <= len(constants):
-        return None
+        return []
     sound = _sound_speeds(scene, layout, distance, names)
     origin = np.array([float(charge.time_s) for charge in scene.charges])[shot]
     took = observations.value - origin - np.asarray(clock_offsets(scene, layout))
@@ -227,11 +181,11 @@ def slower_than_sound(
     weighted = answer.weigh(design)
     known = design.T @ weighted
     if not np.isfinite(known).all() or np.linalg.matrix_rank(known) < len(known):
-        return None
+        return []
     found = np.linalg.solve(known, weighted.T @ excess)
     sd = float(np.sqrt(np.linalg.inv(known)[-1, -1]))
     if not found[-1] > -ndtri(POOR) * sd:
-        return None
+        return []
     # named are arrivals that are late by more than their scatter, or by half of the
     # latest
     own = excess - sum(b * c for b, c in zip(found[:-1], constants, strict=True))
@@ -241,11 +195,14 @@ def slower_than_sound(
     late_rows = np.flatnonzero(used & (own > np.minimum(scatter, own[slowest] / 2)))
     order = late_rows[np.argsort(-slowness[late_rows])]
     sensors = dict.fromkeys([observations.sensor[row] for row in (slowest, *order)])
-    return SlowerThanSound(
-        sensors=tuple(sensors),
-        speed_m_s=float(sound[slowest] / slowness[slowest]),
-        sound_m_s=float(sound[slowest]),
-    )
+    return [
+        warning(
+            "slower_than_sound",
+            sensors=tuple(sensors),
+            speed_m_s=float(sound[slowest] / slowness[slowest]),
+            sound_m_s=float(sound[slowest]),
+        )
+    ]
 
 
 def _sound_speeds(
@@ -271,16 +228,16 @@ def flat_ground(
     observations: Observations,
     charge: Float[np.ndarray, "row 3"],
     slant_range: Float[np.ndarray, " row"],
-) -> FlatGround | None:
-    """Return the reading with the largest error by flat ground; None if negligible.
+) -> list[Note]:
+    """Return the reading with the largest error by flat ground, if not negligible.
 
     Args:
-        observations: The log; without a frame on the Earth the result is None.
+        observations: The log; without a frame on the Earth there is none.
         charge: East, north, up of each row's charge [m].
         slant_range: Distance of each row from its charge [m].
     """
-    if observations.frame is None or not len(observations):
-        return None
+    if observations.frame is None:
+        return []
     arc = slant_range**3 / (24.0 * EARTH_RADIUS**2)
     drop = np.sum(charge[:, :2] ** 2, axis=1) / (2.0 * EARTH_RADIUS)
     level = observations.position - charge
@@ -293,18 +250,25 @@ def flat_ground(
     sigmas = np.nan_to_num(shift / observations.error_scale())
     worst = int(np.argmax(sigmas))
     if not sigmas[worst] > NOTICED:
-        return None
-    return FlatGround(
-        observations.sensor[worst],
-        observations.quantity[worst],
-        float(slant_range[worst]),
-        float(error[worst]),
-        float(sigmas[worst]),
-    )
+        return []
+    return [
+        warning(
+            "flat_ground",
+            sensor=observations.sensor[worst],
+            quantity=observations.quantity[worst],
+            range_m=float(slant_range[worst]),
+            error_m=float(error[worst]),
+            sigmas=float(sigmas[worst]),
+        )
+    ]
 
 
-def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | None:
-    """Return the number of paths taken as independent; None without any."""
+def paths_taken_as_independent(solution: Solution) -> list[Note]:
+    """Return the number of paths taken as independent, if there are any.
+
+    It is a warning where a fitted position is farther from the middle of the sensors
+    than their extent, else an assumption.
+    """
     answer, layout = solution.answer, solution.density.layout
     position, given = np.asarray(layout.position), np.asarray(layout.slant_range) > 0
     most, beyond = 0, False
@@ -324,7 +288,11 @@ def paths_taken_as_independent(solution: Solution) -> PathsTakenAsIndependent | 
             away = np.asarray(charge.position_m)[:2] - level.mean(axis=0)
             # the diagonal of the bounding box: pairs of a million sensors are too many
             beyond |= bool(np.hypot(*away) > np.hypot(*np.ptp(level, axis=0)))
-    return PathsTakenAsIndependent(most, MAX_PATHS, beyond) if most else None
+    if beyond:
+        return [warning("paths_beyond_array", paths=most, limit=MAX_PATHS)]
+    if most:
+        return [assumption("paths_independent", paths=most, limit=MAX_PATHS)]
+    return []
 
 
 def valid_at_depth(solution: Solution) -> Bool[np.ndarray, " row"]:
@@ -385,8 +353,9 @@ def extrapolated(
     """
     if valid.all():
         return ()
-    everything = _information(solution, np.ones(len(valid), bool))
-    inside = _information(solution, valid)
+    everything, inside = (
+        1 / np.diag(solution.answer.covariance(used=used)) for used in (None, valid)
+    )
     names = solution.identified.names
     wanted = requested(names)
     return tuple(
@@ -396,17 +365,3 @@ def extrapolated(
         )
         if name in wanted and is_determined and some < (1 - MAX_OUTSIDE) * all_rows
     )
-
-
-def _information(
-    solution: Solution, used: Bool[np.ndarray, " row"]
-) -> Float[np.ndarray, " name"]:
-    """Return one over the variance of each number by the `used` rows and the priors."""
-    answer = solution.answer
-    matrix = answer.slopes.T @ answer.weigh(answer.slopes, used)
-    matrix = matrix + np.diag(answer.has_prior)
-    if not np.isfinite(matrix).all():
-        return np.full(len(matrix), np.nan)
-    size, values, vectors = unit_diagonal(matrix, answer.steps)
-    variance = (vectors**2 / np.maximum(values, NULL)).sum(axis=1) / size**2
-    return 1 / variance

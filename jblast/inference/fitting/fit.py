@@ -23,13 +23,11 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.errors import InputError
 from jblast.inference.answer import Answer, joint_mode
 from jblast.inference.density import Density
-from jblast.inference.fitting.findings import DrawsWeighted, FlashesSetAside, Walked
 from jblast.inference.fitting.fit_input import Laws, fit_input
-from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.solution import Solution, solution_of, solve
 from jblast.inference.fitting.summary import Summary, summary_of
 from jblast.inference.mcmc import Ensemble, ensemble
-from jblast.inference.posterior.parameters import Finding, Parameters, as_seen
+from jblast.inference.posterior.parameters import Parameters, as_seen
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import untied_flashes
@@ -37,9 +35,11 @@ from jblast.observations.grouping import located, some_rows
 from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import for_log
 from jblast.observations.table import SAMPLES
+from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each, stages
 from jblast.progress_line import Progress, reported
 from jblast.quantities import DIRECTIONS, TIMED
+from jblast.results import Note, assumption, warning
 from jblast.scene import Scene, UncertainScene, freed as with_free
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import Layout, record
@@ -107,18 +107,14 @@ class Fit:
             probable region, as the estimates.
         posterior_reason: Method of the intervals.
         ensemble: The walkers' chain, if they ran.
-        exit_code: 0 answered, 4 answered with a warning: not converged, not
-            identifiable, no requested number identified, a poor fit, a law that is
-            within its range for no row or not for those on which a requested number
-            depends, weights that are unreliable, or a log that one wrong clock or
-            sensor explains.
+        exit_code: 0 answered, 4 answered with a problem (`Summary.problems`).
     """
 
     summary: Summary
     observations: Observations
     solution: Solution
     draws: Mapping[str, Float[np.ndarray, " draw"]] = field(default_factory=dict)
-    posterior_reason: Finding | None = None
+    posterior_reason: Note | None = None
     ensemble: Ensemble | None = None
 
     @property
@@ -224,23 +220,8 @@ class Fit:
 
     @property
     def exit_code(self) -> int:
-        """Return the exit code: 0 answered, 4 answered with a warning."""
-        found = self.summary
-        answered = found.converged and found.identifiable
-        answered = answered and not found.identifies_nothing
-        doubt = self.is_poor or self.is_outside or found.explained_by or found.unchecked
-        return 0 if answered and not doubt else 4
-
-    @property
-    def is_poor(self) -> bool:
-        """True if the log disagrees with its laws by more than its errors allow."""
-        p = p_value(self.summary.chi2, self.summary.dof)
-        return p is not None and p < POOR
-
-    @property
-    def is_outside(self) -> bool:
-        """True if all rows, or those that decide a number, are outside their laws."""
-        return self.summary.law_valid_rows == 0 or bool(self.summary.extrapolated)
+        """Return the exit code: 0 answered, 4 answered with a problem."""
+        return 4 if self.summary.problems else 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return the summary with values that JSON can represent."""
@@ -365,7 +346,10 @@ def _fit(
     # a flash on a clock without other readings is related to nothing else in the log
     aside = untied_flashes(observations, uncertain.scene.clock_offsets())
     set_aside = tuple(dict.fromkeys(np.array(observations.clock, object)[aside]))
+    before: tuple[Note, ...] = ()
     if set_aside:
+        offsets = tuple(f"{CLOCK_OFFSET}.{name}" for name in set_aside)
+        before = (warning("flashes_set_aside", clocks=set_aside, parameters=offsets),)
         observations = some_rows(observations, np.flatnonzero(~aside))
     observations = resolve_positions(
         observations,
@@ -376,13 +360,14 @@ def _fit(
     solution = solve(
         observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
     )
-    reason: Finding = DrawsWeighted(solution.draws.k_hat, solution.draws.effective)
+    drawn = solution.draws
+    reason = assumption("draws_weighted", k_hat=drawn.k_hat, effective=drawn.effective)
     walkers = None
     if posterior == "emcee":
         begin("walking")
         walkers = ensemble(solution.density, solution.draws, seed=seed)
         solution = solution_of(solution.density, walkers.as_draws(solution.draws))
-        reason = Walked()
+        reason = assumption("walked")
     begin("collecting results")
 
     def refit(log: Observations, names: Sequence[str]) -> Solution:
@@ -397,8 +382,8 @@ def _fit(
             solution,
             refit,
             method=posterior,
-            of_sampler=walkers.findings if walkers else (),
-            found_before=(FlashesSetAside(set_aside),) if set_aside else (),
+            of_sampler=walkers.notes if walkers else (),
+            found_before=before,
         ),
         observations=observations,
         solution=solution,

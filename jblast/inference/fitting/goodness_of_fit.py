@@ -14,8 +14,8 @@ from jaxtyping import Float
 from scipy.special import betainc, gammaincc, ndtr, ndtri
 
 from jblast.inference.answer import Answer
-from jblast.inference.fitting.findings import SuspectedOutlier
 from jblast.inference.fitting.solution import Solution, solve
+from jblast.inference.fitting.wrong import SuspectedOutlier
 from jblast.observations import Observations
 from jblast.scene import Free, parameter_named
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, Noise

@@ -27,7 +27,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.constants import STANDARD_PRESSURE
-from jblast.inference.fitting.findings import ClocksTakenToAgree
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.clocks import written
@@ -199,9 +198,9 @@ def rests_on_clocks(fit: Fit, shot: int = 0) -> bool:
     label = fit.scene.label(fit.scene.charges[shot])
     place = {f"charge_east_m{label}", f"charge_north_m{label}"}
     return any(
-        not place.isdisjoint(finding.resting)
-        for finding in fit.summary.warnings
-        if isinstance(finding, ClocksTakenToAgree)
+        not place.isdisjoint(note["parameters"])
+        for note in fit.summary.warnings
+        if note.kind == "rests_on_clocks"
     )
 
 

@@ -22,7 +22,6 @@ from jblast.fidelity import TakenLaw
 from jblast.inference.answer import Answer, constrained, unconstrained
 from jblast.inference.density import Density, density_of
 from jblast.inference.identify import Identified
-from jblast.inference.posterior.parameters import Finding
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.inference.posterior.record_likelihood import (
     SampledRecords,
@@ -314,16 +313,3 @@ def _stays(before, after) -> bool:
     moved = np.abs(after[0] - before[0])[both] / was[both]
     wider = np.abs(np.log(now[both] / was[both]))
     return bool((moved < MAX_SHIFT_SD).all() and (wider < np.log(MAX_WIDENING)).all())
-
-
-@dataclass(frozen=True)
-class SamplesRoughlyCounted(Finding):
-    """The density of samples is imprecise between its nodes.
-
-    Attributes:
-        known: Root mean square error of the log-density.
-        wanted: Limit of this error.
-    """
-
-    known: float
-    wanted: float

@@ -1,6 +1,6 @@
 """Results of a fit as values: estimates, what they leave open, warnings."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -8,14 +8,11 @@ from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.assumptions import (
     extrapolated,
-    paths_taken_as_independent,
     valid_at_depth,
 )
-from jblast.inference.fitting.findings import WrongSensor
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
-    SuspectedOutlier,
     goodness,
     p_value,
     suspected_outliers,
@@ -29,7 +26,12 @@ from jblast.inference.fitting.suspects import (
     more_to_free,
     other_explanations,
 )
-from jblast.inference.fitting.warnings import assumptions_of, warnings_of
+from jblast.inference.fitting.warnings import notes_of
+from jblast.inference.fitting.wrong import (
+    ExchangedSensors,
+    SuspectedOutlier,
+    WrongSensor,
+)
 from jblast.inference.identify import (
     BearingArc,
     EstimableCombination,
@@ -39,10 +41,10 @@ from jblast.inference.identify import (
     PlaceRegion,
     requested,
 )
-from jblast.inference.posterior.parameters import Estimate, Finding
+from jblast.inference.posterior.parameters import Estimate
 from jblast.observations import Observations
 from jblast.observations.table import Understood
-from jblast.results import plain
+from jblast.results import Note, plain, problem
 from jblast.scene import UncertainScene
 from jblast.sensors.law_choice import law_names
 
@@ -82,6 +84,8 @@ class Summary:
         suspected_outliers: Readings too far off, worst first.
         explained_by: Clocks and sensors without one of which the log fits, and pairs of
             sensors with whose positions exchanged it fits.
+        problems: What forbids using the answer or a part of it, the most serious first;
+            the exit code is then 4.
         warnings: Warnings, the most serious first.
         assumptions: Assumptions of the answer with their effect.
         extrapolated: Requested numbers with more than half of their information from
@@ -111,13 +115,18 @@ class Summary:
     n_lower_bounds: int = field(default=0, kw_only=True)
     suspected_outliers: tuple[SuspectedOutlier, ...]
     explained_by: tuple[WrongSensor, ...]
-    warnings: tuple[Finding, ...]
-    assumptions: tuple[Finding, ...] = ()
+    problems: tuple[Note, ...] = field(init=False)
+    warnings: tuple[Note, ...]
+    assumptions: tuple[Note, ...] = ()
     extrapolated: tuple[str, ...] = ()
     understood: tuple[Understood, ...] = ()
     bearing_arcs: tuple[BearingArc, ...] = ()
     regions: tuple[PlaceRegion, ...] = ()
     unchecked: bool = False
+
+    def __post_init__(self) -> None:
+        # a frozen dataclass sets its derived fields this way
+        object.__setattr__(self, "problems", tuple(_problems(self)))
 
     @property
     def unidentified(self) -> tuple[str, ...]:
@@ -135,6 +144,36 @@ class Summary:
         return {f.name: plain(getattr(self, f.name)) for f in fields(self)}
 
 
+def _problems(found: Summary) -> Iterator[Note]:
+    """Yield what forbids using an answer, the most serious first."""
+    # without convergence nothing else can be relied on
+    if not found.converged:
+        yield problem("not_converged")
+    p = p_value(found.chi2, found.dof)
+    if p is not None and p < POOR:
+        yield problem("poor_fit", chi2=found.chi2, dof=found.dof, p_value=p)
+    if not found.law_valid_rows:
+        yield problem("no_law_applies")
+    elif found.extrapolated:
+        yield problem("extrapolated", parameters=found.extrapolated)
+    if found.explained_by:
+        names = (
+            f"the order of {wrong.name} and {wrong.other}"
+            if isinstance(wrong, ExchangedSensors)
+            else wrong.name
+            for wrong in found.explained_by
+        )
+        yield problem("wrong_sensor", names=tuple(names))
+    if found.unchecked:
+        yield problem("weights_unreliable")
+    if not found.identifiable or found.identifies_nothing:
+        several = (mode.differ for mode in found.ambiguities)
+        curves = (direction.parameters for direction in found.null_directions)
+        open_ones = (found.unidentified, *several, *curves)
+        names = dict.fromkeys(name for names in open_ones for name in names)
+        yield problem("not_identifiable", parameters=tuple(names))
+
+
 def summary_of(
     observations: Observations,
     uncertain: UncertainScene,
@@ -142,8 +181,8 @@ def summary_of(
     refit: Refit,
     *,
     method: str = "weighted",
-    of_sampler: tuple[Finding, ...] = (),
-    found_before: tuple[Finding, ...] = (),
+    of_sampler: tuple[Note, ...] = (),
+    found_before: tuple[Note, ...] = (),
 ) -> Summary:
     """Return the summary of a fit.
 
@@ -175,7 +214,7 @@ def summary_of(
     if not is_solved or is_far or (p is not None and p < FITS):
         wrong = explained_by(observations, solution, answered, refit)
     suspected = suspected_outliers(observations, answer.residual, answer.density.noise)
-    several: tuple[Finding, ...] = ()
+    several: list[Note] = []
     if wrong:  # other residuals may be large because of it
         accused = accused_sensors(observations, wrong)
         suspected = tuple(of for of in suspected if of.sensor in accused)
@@ -183,13 +222,18 @@ def summary_of(
         # without an accused sensor the largest outlier may be one of several
         # explanations
         several = other_explanations(observations, solution, suspected)
-    more: tuple[Finding, ...] = ()
+    more: list[Note] = []
     if (poor or not has_place) and not wrong:
         fits = not poor
-        freeing = more_to_free(observations, uncertain, solution, refit, fits=fits)
-        more = (freeing,) if freeing else ()
-    independent = paths_taken_as_independent(solution)
+        more = more_to_free(observations, uncertain, solution, refit, fits=fits)
     estimates = found.estimates
+    notes = [
+        *more,
+        *found_before,
+        *several,
+        *notes_of(observations, uncertain, solution, valid & deep, poor, estimates),
+        *of_sampler,
+    ]
     return Summary(
         law=law_names(solution.laws),
         law_reason=solution.laws,
@@ -209,25 +253,10 @@ def summary_of(
         n_observations=len(observations),
         suspected_outliers=suspected,
         explained_by=wrong,
-        warnings=(
-            *more,
-            *found_before,
-            *several,
-            *warnings_of(
-                observations,
-                uncertain,
-                solution,
-                valid & deep,
-                chi2,
-                dof,
-                estimates,
-                independent,
-            ),
-            *of_sampler,
-        ),
+        warnings=tuple(note for note in notes if note.level == "warning"),
         n_lower_bounds=int(observations.bounds().sum()),
         understood=observations.understood,
-        assumptions=assumptions_of(solution, independent),
+        assumptions=tuple(note for note in notes if note.level == "assumption"),
         extrapolated=extrapolated(solution, valid),
         bearing_arcs=found.bearings,
         regions=found.regions,

@@ -12,7 +12,7 @@ that fits and is identified is named. That set need not be the cause.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -24,14 +24,6 @@ from jaxtyping import Float, Int
 from jblast.errors import InputError
 from jblast.inference.answer import Answer, layout_size
 from jblast.inference.density import LEFT_OUT_SIGMA
-from jblast.inference.fitting.findings import (
-    ExchangedSensors,
-    MoreToFree,
-    SeveralExplanations,
-    SuspectedOutlier,
-    WrongClock,
-    WrongSensor,
-)
 from jblast.inference.fitting.goodness_of_fit import (
     FITS,
     POOR,
@@ -40,7 +32,14 @@ from jblast.inference.fitting.goodness_of_fit import (
     tail_probability,
 )
 from jblast.inference.fitting.solution import Solution
+from jblast.inference.fitting.wrong import (
+    ExchangedSensors,
+    SuspectedOutlier,
+    WrongClock,
+    WrongSensor,
+)
 from jblast.inference.noise import log_noise
+from jblast.inference.posterior.parameters import Estimate
 from jblast.inference.posterior.posterior import own_and_shared_errors
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock
@@ -48,6 +47,7 @@ from jblast.observations.scenes import PLACE, clocks_to_free
 from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each
 from jblast.quantities import ARRIVALS
+from jblast.results import Note, warning
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
@@ -333,14 +333,14 @@ def other_explanations(
     observations: Observations,
     solution: Solution,
     suspected: Sequence[SuspectedOutlier],
-) -> tuple[SeveralExplanations, ...]:
+) -> list[Note]:
     """Return the sensors that explain a log as well as that of the largest outlier.
 
     Without one of them chi squared would fall by as much, within `EXPLANATION_FALL` in
     ln density. With one degree of freedom this is true for every sensor.
     """
     if not suspected or is_long(observations):
-        return ()
+        return []
     names = np.array(observations.sensor, object)
     sensors = [
         Suspect("sensor", name, np.flatnonzero(names == name))
@@ -354,7 +354,9 @@ def other_explanations(
         for name, fall in falls.items()
         if name != worst and fall > falls[worst] - 2 * EXPLANATION_FALL
     )
-    return (SeveralExplanations(worst, others),) if others else ()
+    if not others:
+        return []
+    return [warning("several_explanations", suspected=worst, others=others)]
 
 
 def _judged(
@@ -430,8 +432,8 @@ def more_to_free(
     refit: Refit,
     *,
     fits: bool,
-) -> MoreToFree | None:
-    """Return the parameters to free so that a log fits; None if nothing helps.
+) -> list[Note]:
+    """Return the parameters to free so that a log fits, if that helps.
 
     The origin time is tried first, then the position as well, then clocks that a flash
     and an arrival synchronise. If these are not enough, one wrong clock is searched and
@@ -450,7 +452,7 @@ def more_to_free(
     arrivals = np.isin(observations.quantity, ARRIVALS).sum()
     blind = uncertain.source == NO_SCENE
     if not blind or arrivals < MIN_ARRIVALS or is_long(observations):
-        return None
+        return []
     sets = each(_candidates(observations, uncertain), "sets of numbers freed")
     last: tuple[Solution, tuple[str, ...]] | None = None
     least = solution.draws.log_evidence - math.log(POOR) if fits else -math.inf
@@ -466,12 +468,12 @@ def more_to_free(
         wrong = explained_by(observations, freed, False, refit_freed)
         if wrong and isinstance(wrong[0], WrongClock) and wrong[0].parameter:
             first, both = wrong[0], (*names, wrong[0].parameter)
-            return MoreToFree(both, first.p_value, first.estimates, first.name)
+            return [_to_free(both, first.p_value, first.estimates, first.name)]
     sets = each(_all_clocks(observations, uncertain), "sets of clocks freed")
     tried = (
         _as_more_to_free(*one, least) for one in _refits(sets, observations, refit)
     )
-    return next(filter(None, tried), None)
+    return next(filter(None, tried), [])
 
 
 def _refits(
@@ -535,8 +537,8 @@ def _candidates(
 
 def _as_more_to_free(
     freed: Solution, names: tuple[str, ...], least: float
-) -> MoreToFree | None:
-    """Return the finding of a solution; None if it does not fit.
+) -> list[Note]:
+    """Return the note on a solution, if it fits.
 
     Args:
         freed: The solution.
@@ -545,10 +547,25 @@ def _as_more_to_free(
     """
     clocks = sum(name.startswith(f"{CLOCK_OFFSET}.") for name in names)
     if freed.draws.log_evidence - clocks * math.log(WIDTH) < least:
-        return None
+        return []
     if not freed.is_answer or lies_far(freed):  # every log fits far away
-        return None
+        return []
     p = p_value(*goodness(freed))
     if p is None or p < FITS:
-        return None
-    return MoreToFree(names, p, freed.identified.found)
+        return []
+    return [_to_free(names, p, freed.identified.found)]
+
+
+def _to_free(
+    names: tuple[str, ...], p: float, estimates: Mapping[str, Estimate], clock: str = ""
+) -> Note:
+    """Return the note on parameters to free, with the masses that follow."""
+    masses = {
+        name: estimate
+        for name, estimate in estimates.items()
+        if name.partition(".")[0] == "charge_mass_kg"
+    }
+    found = {"parameters": names, "p_value": p, "masses": masses}
+    if clock:
+        return warning("clock_to_free", clock=clock, **found)
+    return warning("more_to_free", **found)

@@ -1,7 +1,7 @@
 """Warnings and assumptions of an answer.
 
 They concern fit, priors, laws, clocks, and the height, shape and surroundings of the
-charge. The most serious warning is the first; each is a `Finding`, without text.
+charge. The most serious is the first.
 """
 
 import inspect
@@ -14,34 +14,18 @@ from jblast.fidelity import TakenLaw
 from jblast.inference.answer import Answer
 from jblast.inference.fitting.assumptions import (
     flat_ground,
+    paths_taken_as_independent,
     slower_than_sound,
     still_air,
 )
-from jblast.inference.fitting.findings import (
-    BurstsUnsettled,
-    ClocksTakenToAgree,
-    DeepCharge,
-    FarFromItsLaw,
-    HeightOfBurst,
-    LawOutOfRange,
-    LawsUnsettled,
-    ModeFoundOnce,
-    NoPointSource,
-    NoScene,
-    NothingLearned,
-    PathsTakenAsIndependent,
-    PoorFit,
-    PriorConflict,
-    WeightsUnreliable,
-)
-from jblast.inference.fitting.goodness_of_fit import POOR, against_priors, p_value
-from jblast.inference.fitting.solution import SamplesRoughlyCounted, Solution
-from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
-from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Finding
+from jblast.inference.fitting.goodness_of_fit import against_priors
+from jblast.inference.fitting.solution import Solution
+from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.clocks import clocks_apart, has_common_clock
 from jblast.parameters import CLOCK_OFFSET
 from jblast.registry import law_for
+from jblast.results import Note, assumption, warning
 from jblast.scene import Charge, UncertainScene, parameter_named
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.law_choice import height_notes
@@ -61,89 +45,64 @@ near it: for TNT, radius and time give 5 % of it at Z = 0.2, the peak 37 % at Z 
 0.3."""
 
 
-def warnings_of(
+def notes_of(
     observations: Observations,
     uncertain: UncertainScene,
     solution: Solution,
     valid: Bool[np.ndarray, " row"],
-    chi2: float,
-    dof: int,
+    is_poor: bool,
     estimates: Mapping[str, Estimate],
-    independent: PathsTakenAsIndependent | None,
-) -> list[Finding]:
-    """Return the warnings of an answer, the most serious first."""
-    findings: list[Finding] = []
+) -> list[Note]:
+    """Return the warnings and assumptions of an answer, the most serious first."""
+    answer, found = solution.answer, solution.identified
+    notes: list[Note] = []
     against: Mapping[str, float] = {}
     blind = uncertain.source == NO_SCENE
-    p = p_value(chi2, dof)
-    if p is not None and p < POOR:
-        log = (observations.source or "OBSERVATIONS.csv") if blind else ""
-        findings.append(PoorFit(chi2, dof, p, log))
+    if is_poor:
+        if blind:
+            log = observations.source or "OBSERVATIONS.csv"
+            notes.append(warning("look_closer", log=log))
         against = against_priors(solution)
     # also for a good fit: free clocks can absorb a wrong speed
-    slow = slower_than_sound(observations, solution.answer)
-    if slow is not None:
-        findings.append(slow)
-    if independent is not None and independent.beyond_array:
-        findings.append(independent)
+    notes += slower_than_sound(observations, answer)
+    notes += paths_taken_as_independent(solution)
     if against:
-        findings.append(PriorConflict(against))
+        notes.append(warning("prior_conflict", values=against))
     if not valid.all():
-        there = solution.answer.valid
-        findings.append(outside(observations, solution.laws, valid, there))
+        notes.append(outside(observations, solution.laws, valid, answer.valid))
     if not solution.converged:
-        findings.append(ModeFoundOnce())
-    if not solution.identified.is_reliable:
-        draws = solution.draws
-        findings.append(WeightsUnreliable(draws.k_hat, draws.effective))
+        notes.append(warning("mode_found_once"))
     # None: no samples
-    if (known := solution.samples_known or 0.0) > ROUGH:
-        findings.append(SamplesRoughlyCounted(known, ROUGH))
+    if (error := solution.samples_known or 0.0) > ROUGH:
+        notes.append(warning("samples_roughly_counted", error=error, wanted=ROUGH))
     if solution.other_laws:
-        others = tuple(f"{k}={name}" for k, name in solution.other_laws.items())
-        findings.append(LawsUnsettled(others))
+        others = " ".join(
+            f"--law {k}={name}" for k, name in solution.other_laws.items()
+        )
+        notes.append(warning("laws_unsettled", options=others))
     if not solution.bursts_settled:
-        findings.append(BurstsUnsettled())
+        notes.append(warning("bursts_unsettled"))
     if blind:
-        frame = observations.frame
+        altitude = observations.frame.alt_m if observations.frame else 0.0
         known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
         free = tuple(name for name in uncertain.beliefs if name not in known)
-        findings.append(NoScene(free, frame.alt_m if frame else 0.0))
+        kind = "no_scene" if free else "no_scene_nor_place"
+        notes.append(assumption(kind, free=free, altitude_m=altitude))
     # a number in conflict with its prior is reported already
-    unlearned = solution.identified.unlearned
-    if same := tuple(name for name in unlearned if name not in against):
-        findings.append(NothingLearned(same))
-    if solution.answer.largest_effect > LARGE_EFFECT_SD:
-        findings.append(FarFromItsLaw(solution.answer.largest_effect))
-    for charge in solution.answer.scene.charges:
-        findings += height_beside_the_curves(solution.answer, solution.laws, charge)
-        findings += charge_is_no_point(
+    if same := tuple(name for name in found.unlearned if name not in against):
+        notes.append(assumption("nothing_learned", parameters=same))
+    if answer.largest_effect > LARGE_EFFECT_SD:
+        notes.append(warning("far_from_its_law", times=answer.largest_effect))
+    for charge in answer.scene.charges:
+        notes += height_beside_the_curves(answer, solution.laws, charge)
+        notes += charge_is_no_point(
             [law.name for law in solution.laws.values()], charge
         )
-    findings += clocks_taken_to_agree(observations, uncertain, solution, estimates)
-    findings += _round_earth(observations, solution)
-    return findings
-
-
-def assumptions_of(
-    solution: Solution, independent: PathsTakenAsIndependent | None
-) -> tuple[Finding, ...]:
-    """Return the assumptions of an answer with their effect."""
-    if independent is not None and independent.beyond_array:
-        independent = None  # reported as a warning
-    return tuple(found for found in (still_air(solution.answer), independent) if found)
-
-
-def _round_earth(observations: Observations, solution: Solution) -> list[Finding]:
-    """Return the largest error by flat ground, if it is not negligible."""
-    if observations.frame is None:
-        return []
-    answer = solution.answer
-    charges = answer.scene.charges
-    places = np.array([[float(x) for x in charge.position_m] for charge in charges])
+    notes += clocks_taken_to_agree(observations, uncertain, solution, estimates)
+    places = [[float(x) for x in one.position_m] for one in answer.scene.charges]
     shot = list(answer.density.layout.shot)
-    found = flat_ground(observations, places[shot], answer.slant_range)
-    return [found] if found else []
+    notes += flat_ground(observations, np.array(places)[shot], answer.slant_range)
+    return notes + still_air(answer)
 
 
 def outside(
@@ -151,7 +110,7 @@ def outside(
     laws: Mapping[str, TakenLaw],
     valid: Bool[np.ndarray, " row"],
     valid_at_answer: Bool[np.ndarray, " row"],
-) -> LawOutOfRange:
+) -> Note:
     """Return the number of rows outside their laws, and the ranges of these laws.
 
     Args:
@@ -163,24 +122,25 @@ def outside(
     """
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
-    ranges = {
-        (law, law_for(part, law).range): None
+    ranges = dict.fromkeys(
+        f"{law} {law_for(part, law).range}"
         for quantity in quantities
         for part, _ in components(quantity)
         for law in (laws[part].name,)
-    }
-    return LawOutOfRange(
+    )
+    below = "_below" if valid_at_answer[rows].any() else ""
+    return warning(
+        f"law_out_of_range{below}",
         rows=len(rows),
         of=len(valid),
         quantities=tuple(quantities),
         ranges=tuple(ranges),
-        is_deeper=bool(valid_at_answer[rows].any()),
     )
 
 
 def height_beside_the_curves(
     answer: Answer, taken: Mapping[str, TakenLaw], charge: Charge
-) -> list[Finding]:
+) -> list[Note]:
     """Return the curves used for a charge off the ground, and their limitations."""
     laws = [law_for(quantity, law.name) for quantity, law in taken.items()]
     depends = any("burst" in law.arguments() for law in laws)
@@ -194,19 +154,20 @@ def height_beside_the_curves(
     scene = answer.scene
     shot = [each.name for each in scene.charges].index(charge.name)
     notes = height_notes(scene, answer.density.layout, shot)
-    findings: list[Finding] = [HeightOfBurst(note) for note in notes]
+    found = [warning("height_of_burst", note=note) for note in notes]
     height = float(scaled_height(scene, charge))
     if height < 0:
-        findings.append(DeepCharge(charge.name, -height))
-    return findings
+        named = f"charge {charge.name}".rstrip()
+        found.append(warning("deep_charge", charge=named, scaled_depth=-height))
+    return found
 
 
-def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[Finding]:
-    """Return a finding if a law of a point source was used for a chemical charge."""
+def charge_is_no_point(laws: Collection[str], charge: Charge) -> list[Note]:
+    """Return a warning if a law of a point source was used for a chemical charge."""
     used = tuple(name for name in POINT_SOURCES if name in laws)
     if not used or charge.explosive == "nuclear":
         return []
-    return [NoPointSource(used, charge.explosive)]
+    return [warning("no_point_source", laws=used, explosive=charge.explosive)]
 
 
 def clocks_taken_to_agree(
@@ -214,7 +175,7 @@ def clocks_taken_to_agree(
     uncertain: UncertainScene,
     solution: Solution,
     estimates: Mapping[str, Estimate],
-) -> list[Finding]:
+) -> list[Note]:
     """Return the clocks of a log that are neither fitted nor given in the scene.
 
     The first of them is the reference clock.
@@ -229,14 +190,13 @@ def clocks_taken_to_agree(
     # an offset adds the same time to every reading of its clock
     columns = np.stack([timed & (clocks == name) for name in assumed], axis=1)
     first = next((clock for clock in observations.clock if clock), "")
-    common = () if has_common_clock(observations) else (first,)
-    return [
-        ClocksTakenToAgree(
-            clocks=(*common, *assumed),
-            parameters=tuple(f"{CLOCK_OFFSET}.{name}" for name in assumed),
-            resting=resting_on(solution, columns.astype(float), estimates),
-        )
-    ]
+    common = ("the common clock",) if has_common_clock(observations) else (first,)
+    clocks = common + tuple(assumed)
+    offsets = tuple(f"{CLOCK_OFFSET}.{name}" for name in assumed)
+    found = [warning("clocks_taken_to_agree", clocks=clocks, parameters=offsets)]
+    if resting := resting_on(solution, columns.astype(float), estimates):
+        found.append(warning("rests_on_clocks", parameters=resting))
+    return found
 
 
 def resting_on(
@@ -244,11 +204,7 @@ def resting_on(
     columns: Float[np.ndarray, "row unknown"],
     estimates: Mapping[str, Estimate],
 ) -> tuple[str, ...]:
-    r"""Return the numbers that are identified only while some unknowns are held fixed.
-
-    The information of the fitted numbers, the unknowns integrated out over a flat
-    prior, is $J^T P J - J^T P W (W^T P W)^+ W^T P J$: $J$ holds the slopes of the data
-    by the fitted numbers, $W$ those by the unknowns.
+    """Return the numbers that are identified only while some unknowns are held fixed.
 
     Args:
         solution: Solution with the unknowns fixed.
@@ -256,19 +212,7 @@ def resting_on(
         estimates: Estimates of the fitted numbers.
     """
     answer, found = solution.answer, solution.identified
-    weighted = answer.weigh(columns)
-    across = answer.slopes.T @ weighted
-    known = answer.information + np.diag(answer.has_prior)
-    # a pseudo-inverse: unknown clocks of the same rows are linearly dependent
-    inner = np.linalg.pinv(columns.T @ weighted, rcond=1e-10, hermitian=True)
-    left = known - across @ inner @ across.T
-    if not np.isfinite(left).all():
-        return ()
-    # what rounding leaves of the information of a number that is lost
-    left = left + 1e-13 * np.diag(np.diag(known))
-    size, values, vectors = unit_diagonal(left, answer.steps)
-    # null directions get a huge but finite variance
-    sds = np.sqrt((vectors**2 / np.maximum(values, NULL)).sum(axis=1)) / size
+    sds = np.sqrt(np.diag(answer.covariance(columns)))
     lost = []
     for name, sd in zip(answer.names, sds, strict=True):
         wide = 2 * NORMAL_Q95 * sd

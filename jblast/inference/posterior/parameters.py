@@ -8,13 +8,12 @@ The growth time of a fireball is free unless the scene states otherwise: no sour
 it to better than a factor of two.
 
 An `Estimate` is the result for one number in its unit: most probable value, standard
-deviation, 90 % interval. A `Finding` is a reason or warning, as a value without words.
+deviation, 90 % interval.
 """
 
 import math
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import equinox as eqx
@@ -209,23 +208,3 @@ class Estimate:
             self.q50 * factor,
             self.q95 * factor,
         )
-
-
-@dataclass(frozen=True)
-class Finding:
-    """A warning or reason reported with the estimates, as numbers without text.
-
-    `report.fit.findings` writes the text.
-    """
-
-    @property
-    def code(self) -> str:
-        """Its name for programs: `law_out_of_range`."""
-        # CamelCase to snake_case
-        return re.sub(r"(?<!^)(?=[A-Z])", "_", type(self).__name__).lower()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return its name and its numbers."""
-        return {"code": self.code} | {
-            f.name: getattr(self, f.name) for f in fields(self)
-        }

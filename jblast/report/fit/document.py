@@ -7,30 +7,28 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
-from jblast.inference.fitting.findings import (
+from jblast.inference.fitting.fit import Fit
+from jblast.inference.fitting.place import OnEarth, on_earth
+from jblast.inference.fitting.summary import Summary
+from jblast.inference.fitting.wrong import (
     ExchangedSensors,
     SuspectedOutlier,
     WrongClock,
     WrongSensor,
 )
-from jblast.inference.fitting.fit import Fit
-from jblast.inference.fitting.place import OnEarth, on_earth
-from jblast.inference.fitting.summary import Summary
 from jblast.inference.identify import (
     Cure,
     EstimableCombination,
     NullDirection,
     OtherMode,
+    ResolvingDatum,
 )
-from jblast.inference.posterior.parameters import Estimate, Finding
+from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.table import Understood
+from jblast.parameters import CHARGE_POSITION
+from jblast.quantities import QUANTITIES
 from jblast.report.choice import law_reason
-from jblast.report.fit.findings import (
-    cure_words,
-    datum_words,
-    other_mode_words as reason_words,
-    words,
-)
+from jblast.report.messages import say
 from jblast.report.provenance import Provenance
 from jblast.report.understood import understood_words
 from jblast.report.words import (
@@ -43,7 +41,7 @@ from jblast.report.words import (
     rounded,
     significant,
 )
-from jblast.results import ABSENT, AMONG, Document, Words, among
+from jblast.results import ABSENT, AMONG, Document, Note, Words, among
 from jblast.scene import parameter_named
 
 if TYPE_CHECKING:  # a fit of a table reads no records
@@ -52,6 +50,14 @@ if TYPE_CHECKING:  # a fit of a table reads no records
 UNIDENTIFIED_LOG_SD = 0.5
 """Standard deviation of ln above which a positive parameter is called practically
 unidentified: its 90 % interval spans a factor of five."""
+RANGING = "range = sound speed times the delay after the flash"
+WHERE = {
+    "sensor": "at a sensor of the log",
+    "place": "at a new position",
+    "aside": "at a new position off the sensors' line",
+    "range": "at a new range",
+    "later": "at a later time",
+}
 NEAR_ALONE = "near the answer only: the invariance is curved"
 """Note on a combination that is identified at the answer but not elsewhere."""
 
@@ -95,6 +101,31 @@ def null_direction_sentence(direction: NullDirection) -> str:
 
 def _in_ln(name: str, space: str) -> bool:
     return space != "linear" and parameter_named(name).positive
+
+
+def cure_words(cure: Cure) -> str:
+    """Return the priors, measurements or data that resolve a null direction."""
+    known = f"a prior on, or a measurement of, {' or '.join(cure.parameters)}"
+    added = "; ".join(datum_words(datum) for datum in cure.data)
+    return f"{known}; or {added}" if added else known
+
+
+def datum_words(datum: ResolvingDatum) -> str:
+    """Return the quantity to record, with its location."""
+    quantity = QUANTITIES[datum.quantity].with_article()
+    bang = f" (of the bang: {RANGING})" if datum.is_bang else ""
+    clock = ", on a correct clock" if datum.on_right_clock else ""
+    return f"{quantity}{bang} {WHERE[datum.where]}{clock}"
+
+
+def reason_words(other: OtherMode) -> str:
+    """Return the parameters in which another optimum differs, and its chi2."""
+    kind = "position" if set(CHARGE_POSITION) & set(other.differ) else "solution"
+    names = ", ".join(sorted(other.differ)) or "all"
+    return (
+        f"another {kind} in {names} explains the log nearly as well (chi squared "
+        f"differs by {other.delta_chi2:.2g})"
+    )
 
 
 def ambiguity_sentence(other: OtherMode) -> str:
@@ -211,7 +242,7 @@ def _explanation(of: WrongSensor) -> Explanation:
 WORDED: Words = {
     Cure: cure_words,
     EstimableCombination: _determined,
-    Finding: words,
+    Note: say,
     OtherMode: _ambiguity,
     TakenLaw: law_reason,
     Understood: understood_words,

@@ -9,13 +9,7 @@ from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import Picture
 from jblast.report.fit.document import determined_lines
 from jblast.report.fit.figures import absent_note
-from jblast.report.fit.findings import (
-    POOR,
-    all_words,
-    goodness_numbers,
-    goodness_p,
-    goodness_sentence,
-)
+from jblast.report.fit.goodness import goodness_numbers, goodness_sentence
 from jblast.report.fit.place import absent_map_note, map_alt, map_caption
 from jblast.report.fit.rows import (
     Accepted,
@@ -32,6 +26,7 @@ from jblast.report.fit.terminal import (
     limits,
     validity_sentence,
 )
+from jblast.report.messages import said
 from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
@@ -68,15 +63,12 @@ def report_page(
     """
     found, name = fit.summary, log_name(fit)
     used = laws_used(found, fit.scene.scatter)
-    p = goodness_p(found)
     return page(
         "templates/fit.html",
         title=f"Blast fit: {name}" if name else "Blast fit",
         subtitle="{}; fitted: {}".format(*fitted_words(found)),
         conclusion=conclusion(fit, accepted),
-        doubtful=fit.exit_code != 0
-        or not found.law_valid
-        or (p is not None and p < POOR),
+        doubtful=bool(found.problems) or not found.law_valid,
         estimates=estimate_rows(found, accepted),
         has_accepted=bool(accepted),
         not_fitted=accepted_not_fitted(fit, accepted),
@@ -109,7 +101,7 @@ def _warnings(fit: Fit) -> list[str]:
     The page may be passed on, and a path can contain private names.
     """
     source = fit.observations.source
-    texts = all_words(fit.summary.warnings)
+    texts = said(fit.summary.warnings)
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
 
 

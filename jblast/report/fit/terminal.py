@@ -11,16 +11,9 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.inference.design.cramer_rao import BoundSummary
-from jblast.inference.fitting.findings import (
-    ExchangedSensors,
-    MoreToFree,
-    NoScene,
-    NothingLearned,
-    WrongClock,
-    WrongSensor,
-)
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
+from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock, WrongSensor
 from jblast.inference.identify import PlaceRegion, requested
 from jblast.inference.posterior.parameters import Estimate
 from jblast.parameters import CHARGE_POSITION, PARAMETERS, described
@@ -35,14 +28,7 @@ from jblast.report.fit.document import (
     outlier_lines,
     practically_unidentified,
 )
-from jblast.report.fit.findings import (
-    all_words,
-    goodness_numbers,
-    goodness_p,
-    goodness_sentence,
-    printed_p,
-    words,
-)
+from jblast.report.fit.goodness import goodness_numbers, goodness_p, goodness_sentence
 from jblast.report.fit.place import earth_lines
 from jblast.report.fit.rows import (
     Accepted,
@@ -53,6 +39,7 @@ from jblast.report.fit.rows import (
     log_name,
     lower_bound_sentence,
 )
+from jblast.report.messages import alarm, alarm_name, printed_p, said, say
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
     GAP,
@@ -139,30 +126,11 @@ def _cell(name: str, estimate: Estimate) -> str:
 def _warnings_of(fit: Fit) -> str:
     """Return the warnings of one log, for its line of the table."""
     found = fit.summary
-    warnings = [
-        word
-        for word, applies in (
-            ("not converged", not found.converged),
-            ("not identifiable", not found.identifiable),
-            ("nothing identified", found.identifiable and found.identifies_nothing),
-            ("poor fit", fit.is_poor),
-            ("intervals not checked", found.unchecked),
-            ("no row within its law's range", found.law_valid_rows == 0),
-            ("depends on rows outside their law's range", bool(found.extrapolated)),
-            ("outside its law's range", not found.law_valid and not fit.is_outside),
-            *(
-                (
-                    f"fits with {wrong.name} and {wrong.other} exchanged"
-                    if isinstance(wrong, ExchangedSensors)
-                    else f"fits without {wrong.name}",
-                    True,
-                )
-                for wrong in found.explained_by
-            ),
-            ("outliers", bool(found.suspected_outliers)),
-        )
-        if applies
-    ]
+    warnings = [alarm_name(problem) for problem in found.problems]
+    if not found.law_valid and found.law_valid_rows and not found.extrapolated:
+        warnings.append("outside its law's range")
+    if found.suspected_outliers:
+        warnings.append("outliers")
     return ", ".join(warnings)
 
 
@@ -200,15 +168,8 @@ def summary(
     lines += section("Reliability", _reliability(fit))
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
-    # a missing scene, or an interval that is that of its prior, is no fault of the fit:
-    # both are assumptions here
-    usual = (NoScene, NothingLearned)
-    ordinary = [one for one in found.warnings if isinstance(one, usual)]
-    rest = [one for one in found.warnings if one not in ordinary]
-    lines += section("Warnings", [capitalised(one) for one in all_words(rest)])
-    assumptions = [
-        capitalised(one) for one in all_words([*found.assumptions, *ordinary])
-    ]
+    lines += section("Warnings", [capitalised(one) for one in said(found.warnings)])
+    assumptions = [capitalised(one) for one in said(found.assumptions)]
     lines += section("Assumptions", [law_sentence(fit).rstrip("."), *assumptions])
     conversions = understood_lines(found.understood)
     if len(conversions) > MAX_CONVERSIONS and not verbose:
@@ -236,7 +197,7 @@ def _details(fit: Fit) -> list[str]:
     lines = law_lines(fit.summary, fit.scene.scatter)
     lines += section("Goodness of fit", [goodness_numbers(fit.summary)])
     reason = fit.posterior_reason
-    intervals = [capitalised(words(reason))] if reason else []
+    intervals = [capitalised(say(reason))] if reason else []
     return lines + section("Intervals", intervals)
 
 
@@ -326,9 +287,9 @@ def limits(fit: Fit) -> list[str]:
     """Return the assumptions and limitations of the conclusions, as sentences."""
     # fixed numbers first: an answer is only as good as they are
     lines = [given_sentence(fit)]
-    lines += [f"{capitalised(one)}." for one in all_words(fit.summary.assumptions)]
+    lines += [f"{capitalised(one)}." for one in said(fit.summary.assumptions)]
     if fit.posterior_reason is not None:
-        lines.append(f"Intervals come from {words(fit.posterior_reason)}.")
+        lines.append(f"Intervals come from {say(fit.posterior_reason)}.")
     if fit.summary.estimates:
         lines.append(
             "Intervals include the errors given in the log and the scatter of the "
@@ -542,51 +503,21 @@ def headline(fit: Fit) -> list[str]:
 
     Unidentified parameters come last, with their intervals if these are known.
     """
-    found, lines = fit.summary, []
-    # first: without convergence no other sentence can be relied on
-    if not found.converged:
-        lines.append(
-            "NOT CONVERGED: the best solution was found by one search only; do not use "
-            "the numbers below."
-        )
-    if fit.is_poor:
-        p = goodness_p(found)
-        lines.append(
-            f"POOR FIT (p {printed_p(p or 0.0)}): the recordings disagree with the law "
-            "by more than their errors allow; do not use the intervals below."
-        )
-    if found.law_valid_rows == 0:
-        lines.append(
-            "OUTSIDE THE LAWS: no recording lies within the range of its law; do not "
-            "use the numbers below."
-        )
-    elif fit.is_outside:
-        names = joined([parameter_words(name) for name in found.extrapolated])
-        lines.append(
-            f"OUTSIDE THE LAWS: most of the information about the {names} is from "
-            f"recordings outside the range of their laws; do not use "
-            f"{'these values' if len(found.extrapolated) > 1 else 'this value'}."
-        )
-    if found.explained_by and not lines:
-        lines.append("ONE SENSOR IS WRONG: do not use the numbers below.")
-    if found.unchecked:
-        lines.append(
-            "UNCERTAIN INTERVALS: few draws have most of the weight; do not use "
-            "those below. --posterior emcee runs MCMC."
-        )
-    if len(found.explained_by) > 1:
-        names = " or ".join(
-            f"the order of {wrong.name} and {wrong.other}"
-            if isinstance(wrong, ExchangedSensors)
-            else wrong.name
-            for wrong in found.explained_by
-        )
-        lines.append(f"{names} is wrong; the log does not determine which.")
+    found = fit.summary
+    details = bearing_lines(found) + region_lines(found) + unidentified_lines(found)
+    lines = [
+        alarm(problem)
+        for problem in found.problems
+        # the details say it with intervals
+        if problem.kind != "not_identifiable" or not details
+    ]
     lines += [explanation(wrong) for wrong in found.explained_by]
-    more = (one for one in found.warnings if isinstance(one, MoreToFree))
-    lines += [freeing(one) for one in more]
-    lines += bearing_lines(found) + region_lines(found)
-    return lines + unidentified_lines(found)
+    lines += [
+        f"{capitalised(say(note))}."
+        for note in found.warnings
+        if note.kind in ("more_to_free", "clock_to_free")
+    ]
+    return lines + details
 
 
 def assumed_place(fit: Fit) -> list[str]:
@@ -596,9 +527,11 @@ def assumed_place(fit: Fit) -> list[str]:
     """
     if np.isnan(fit.observations.position).any():
         return []
-    no_scene = [one for one in fit.summary.warnings if isinstance(one, NoScene)]
-    assumed = [one for one in no_scene if not one.freed]
-    return [f"{capitalised(one)}." for one in all_words(assumed)]
+    return [
+        f"{capitalised(say(note))}."
+        for note in fit.summary.assumptions
+        if note.kind == "no_scene_nor_place"
+    ]
 
 
 def bearing_lines(found: Summary) -> list[str]:
@@ -706,18 +639,6 @@ def _bounds(numbers: list[tuple[str, Estimate]]) -> str:
     if len(printed) == 1:
         return f" ({printed[0][1]})"
     return f" ({', '.join(f'{word} {interval}' for word, interval in printed)})"
-
-
-def freeing(more: MoreToFree) -> str:
-    """Return the result of a fit with more free parameters, and the option for it."""
-    names = ",".join(more.parameters)
-    free = joined([parameter_words(name) for name in more.parameters])
-    clock = f" (the clock of {more.clock} is wrong)" if more.clock else ""
-    mass = _mass(more.estimates)
-    return (
-        f"With {free} free{clock} the recordings fit (p {printed_p(more.p_value)}"
-        f"{f': {mass}' if mass else ''}). Repeat the command with --free {names}"
-    )
 
 
 def _mass(estimates: Mapping[str, Estimate]) -> str:

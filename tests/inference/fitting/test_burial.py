@@ -12,7 +12,7 @@ from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.warnings import height_beside_the_curves, outside
-from jblast.report.fit.findings import all_words
+from jblast.report.messages import said
 from jblast.scene import Scene, UncertainScene, freed, with_values
 from tests.inference.logs import log
 
@@ -58,7 +58,7 @@ def test_an_answer_carried_into_range_by_its_own_estimate_is_marked(sd, holds):
     assert (valid == holds).all()
     if not holds:
         made, there = solution.density.observations, solution.answer.valid
-        assert outside(made, solution.laws, valid, there).is_deeper
+        assert outside(made, solution.laws, valid, there).kind.endswith("_below")
 
 
 def test_what_else_a_draw_says_does_not_count():
@@ -91,4 +91,4 @@ def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
     solution = found(up=0.0, laws={quantity: law}, burst="free-air")
     charge = solution.answer.scene.charge
     told = height_beside_the_curves(solution.answer, solution.laws, charge)
-    assert any("contradicts the height" in said for said in all_words(told)) == asks
+    assert any("contradicts the height" in one for one in said(told)) == asks

@@ -9,9 +9,9 @@ import pytest
 from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import paths_taken_as_independent
-from jblast.inference.fitting.findings import PathsTakenAsIndependent
 from jblast.observations import Observations
-from jblast.report.fit.findings import words
+from jblast.report.messages import say
+from jblast.results import assumption, warning
 from jblast.scene import Charge, Scene, UncertainScene, freed
 from jblast.sensors.path_scatter import MAX_PATHS
 
@@ -54,24 +54,24 @@ def solved(log, free=PLACE, scatter=True) -> Any:
 
 
 def test_many_sensors_close_together_are_marked_with_what_follows():
-    found = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 20.0)))
-    assert found == PathsTakenAsIndependent(MAX_PATHS + 1, MAX_PATHS, True)
-    said = words(found)
+    (found,) = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 20.0)))
+    assert found == warning("paths_beyond_array", paths=MAX_PATHS + 1, limit=MAX_PATHS)
+    said = say(found)
     assert "the scatter of 1,001 paths was assumed independent" in said
     assert "intervals of bearing and range are too narrow" in said
 
 
 def test_many_sensors_about_the_charge_are_an_assumption():
-    found = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 900.0)))
-    assert found == PathsTakenAsIndependent(MAX_PATHS + 1, MAX_PATHS, False)
-    assert "intervals of position and time are too narrow" in words(found)
+    (found,) = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 900.0)))
+    numbers = {"paths": MAX_PATHS + 1, "limit": MAX_PATHS}
+    assert found == assumption("paths_independent", **numbers)
+    assert "intervals of position and time are too narrow" in say(found)
 
 
 def test_a_known_place_has_neither_bearing_nor_range_to_be_fitted():
     log = log_of(MAX_PATHS + 1, 20.0)
-    found = paths_taken_as_independent(solved(log, free=("origin_time_s",)))
-    assert found is not None
-    assert not found.beyond_array
+    (found,) = paths_taken_as_independent(solved(log, free=("origin_time_s",)))
+    assert found.level == "assumption"
 
 
 @pytest.mark.parametrize(
@@ -84,4 +84,4 @@ def test_a_known_place_has_neither_bearing_nor_range_to_be_fitted():
 )
 def test_logs_without_independent_neighbours_are_not_marked(log, scatter):
     free = ("origin_time_s",) if np.isnan(log.position).all() else PLACE
-    assert paths_taken_as_independent(solved(log, free, scatter)) is None
+    assert paths_taken_as_independent(solved(log, free, scatter)) == []

@@ -10,7 +10,7 @@ import pytest
 from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import still_air, wider_with_wind
-from jblast.report.fit.findings import words
+from jblast.report.messages import say
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout, record
 from jblast.sensors.path_scatter import TYPICAL, correlations, embedded
@@ -88,9 +88,8 @@ def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
 
 def words_of(answer):
     """Say what still air did to an answer."""
-    finding = still_air(answer)
-    assert finding is not None
-    return words(finding)
+    (note,) = still_air(answer)
+    return say(note)
 
 
 def test_still_air_is_told_where_it_was_taken_and_only_there():
@@ -98,9 +97,9 @@ def test_still_air_is_told_where_it_was_taken_and_only_there():
     said = words_of(solved())
     assert said.startswith("still air; with unknown wind (sd 5 m/s per component)")
     assert f"charge east {factor[0]:.2g} times" in said
-    assert still_air(solved(wind=3.0)) is None
+    assert still_air(solved(wind=3.0)) == []
     open_wind = solved(free=("charge_east_m", "wind_east_m_s"))
-    assert still_air(open_wind) is None
+    assert still_air(open_wind) == []
 
 
 def test_along_a_range_alone_a_wind_is_another_sound_speed():
@@ -108,4 +107,4 @@ def test_along_a_range_alone_a_wind_is_another_sound_speed():
     assert "a prior on air_sound_speed_m_s" in said
     said = words_of(solved(free=("air_sound_speed_m_s",), far=700.0))
     assert "prior" not in said  # it is fitted already
-    assert "the fitted air_sound_speed_m_s covers it" in said
+    assert "the fitted air sound speed covers it" in said

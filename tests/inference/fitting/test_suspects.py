@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from jblast.inference import fit, solve
-from jblast.inference.fitting.findings import (
-    ExchangedSensors,
-    SuspectedOutlier,
-    WrongClock,
-    WrongSensor,
-)
 from jblast.inference.fitting.suspects import (
     EXPLANATION_FALL,
     accused_sensors,
     explained_by,
     other_explanations,
+)
+from jblast.inference.fitting.wrong import (
+    ExchangedSensors,
+    SuspectedOutlier,
+    WrongClock,
+    WrongSensor,
 )
 from jblast.report import summary
 from tests.inference.fitting.clocks_off import ASKED, MASS, NAMES, accused, heard
@@ -95,8 +95,8 @@ def test_sensors_that_explain_a_log_as_well_as_the_suspected_one_are_named():
         ]
         worst = SuspectedOutlier(suspect, "air_arrival_s", -4.0)
         told = other_explanations(made, solution, [worst])
-        assert [name for one in told for name in one.others] == as_well
-    assert other_explanations(made, solution, []) == ()
+        assert [name for one in told for name in one["others"]] == as_well
+    assert other_explanations(made, solution, []) == []
 
 
 @pytest.mark.slow

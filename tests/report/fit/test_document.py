@@ -54,6 +54,13 @@ def test_what_is_not_identified_is_null_and_every_key_is_there():
         ("n_lower_bounds", 0),
         ("suspected_outliers", []),
         ("explained_by", []),
+        (
+            "problems",
+            [
+                "not identified: the recordings leave charge mass and air sound "
+                "speed open"
+            ],
+        ),
         ("warnings", []),
         ("assumptions", []),
         ("extrapolated", []),

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from jblast.inference.fitting.findings import WrongSensor
+from jblast.inference.fitting.wrong import WrongSensor
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report import summary
-from jblast.report.fit.findings import goodness_p
+from jblast.report.fit.goodness import goodness_p
 from jblast.report.fit.terminal import conclusion
 from tests.report import example
 from tests.report.made_up import PLAIN
@@ -86,4 +86,6 @@ def test_weights_that_are_unreliable_are_a_problem():
     wrong = WrongSensor("gate", 3.0, 3, 0.4, 6, good.summary.estimates)
     explained = replace(fit.summary, explained_by=(wrong,))
     problems = summary(replace(fit, summary=explained))
-    assert problems.index("ONE SENSOR IS WRONG") < problems.index("UNCERTAIN INTERVALS")
+    assert problems.index("WRONG SENSOR OR CLOCK") < problems.index(
+        "UNCERTAIN INTERVALS"
+    )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import jblast
-from jblast.inference.fitting.findings import MoreToFree
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
 from jblast.sensors import simulate
 
@@ -27,7 +26,7 @@ def log(clock_off=0.0):
 
 
 def told(found):
-    return [one for one in found.summary.warnings if isinstance(one, MoreToFree)]
+    return [one for one in found.summary.warnings if one.kind == "more_to_free"]
 
 
 @pytest.mark.slow

@@ -1,0 +1,216 @@
+"""One sentence for each kind of note, without its full stop.
+
+A template names the numbers of its note. A number with a unit in its name is printed
+with it, a list is joined, and shortened if it is long.
+"""
+
+from collections.abc import Iterable, Mapping
+from string import Formatter
+from typing import Any
+
+from jblast.inference.fitting.goodness_of_fit import POOR
+from jblast.inference.posterior.parameters import Estimate
+from jblast.report.estimates import printed_estimate
+from jblast.report.words import (
+    joined,
+    parameter_words,
+    printed_number,
+    quantity_words,
+    split_name,
+)
+from jblast.results import Note
+
+MAX_NAMED = 5
+"""Largest number of names in a list; the others are counted."""
+MESSAGES = {
+    # problems: the part before the colon is printed in capitals
+    "not_converged": "not converged: do not use the numbers below; the warnings name "
+    "the reason",
+    "poor_fit": "poor fit (p {p_value:p}): the recordings disagree with the law by "
+    "more than their errors allow (chi squared {chi2:.1f} on {dof} degrees of "
+    "freedom); do not use the intervals below",
+    "no_law_applies": "outside the laws: no recording lies within the range of its "
+    "law; do not use the numbers below",
+    "extrapolated": "outside the laws: most of the information about "
+    "{parameters:parameter} is from recordings outside the range of their laws; do "
+    "not use these values",
+    "wrong_sensor": "wrong sensor or clock: {names:or}; do not use the numbers below",
+    "weights_unreliable": "uncertain intervals: few draws have most of the weight; do "
+    "not use those below; --posterior emcee runs MCMC",
+    "not_identifiable": "not identified: the recordings leave {parameters:parameter} "
+    "open",
+    # warnings
+    "mode_found_once": "the best solution was found by one search only; there may be "
+    "a better one",
+    "quantiles_uncertain": "the quantiles of {parameter:parameter} have a standard "
+    "error of {error:.2g} sd, required {wanted:g}",
+    "chain_too_short": "{steps} steps are {times:.0f} autocorrelation times of "
+    "{parameter:parameter}, required {wanted:.0f}",
+    "chains_disagree": "R-hat of {parameter:parameter} is {r_hat:.3g}, required "
+    "{wanted:g}",
+    "samples_roughly_counted": "the log-likelihood of the samples is accurate to "
+    "{error:.2g} between the points where it was computed, required {wanted:g}: the "
+    "intervals are rough; fit the picks instead",
+    "more_to_free": "with {parameters:parameter} free the recordings fit (p "
+    "{p_value:p}){masses:beside}; repeat the command with --free {parameters:option}",
+    "clock_to_free": "with {parameters:parameter} free (the clock of {clock} is wrong) "
+    "the recordings fit (p {p_value:p}){masses:beside}; repeat the command with --free "
+    "{parameters:option}",
+    "look_closer": "`jblast check {log}` searches for wrong units, clocks and "
+    "positions; `jblast scene {log}` writes a scene to which air, ground and priors "
+    "can be added",
+    "slower_than_sound": "slower than sound: the arrivals at {sensors} imply mean "
+    "speeds down to {speed_m_s:.0f} m/s (speed of sound {sound_m_s:.0f} m/s), more "
+    "than scatter explains; check clocks, distances, and temperature and wind of the "
+    "scene",
+    "prior_conflict": "without priors the log fits well, at {values}, which a prior "
+    "excludes; correct or widen the prior, or correct the readings",
+    "law_out_of_range": "{rows} of {of} rows lie outside their law's range "
+    "({quantities:quantity}); ranges: {ranges}",
+    "law_out_of_range_below": "{rows} of {of} rows lie outside their law's range at "
+    "the lower bound of the 90 % interval ({quantities:quantity}); ranges: {ranges}",
+    "laws_unsettled": "the automatic choice of law at the answer differs from the law "
+    "of the fit; its choice there: {options}",
+    "bursts_unsettled": "the curve sets for the height of burst at the answer differ "
+    'from those of the fit; set burst = "surface" or "free-air" of the charge',
+    "far_from_its_law": "the whole shot, or a path, departs from its law by "
+    "{times:.1f} times the expected scatter: the law may not apply to this setting",
+    "height_of_burst": "{note}",
+    "deep_charge": "the {charge} was {scaled_depth:.2g} m/kg^(1/3) deep; of its "
+    "burial the laws used include the longer path only",
+    "no_point_source": "{laws} applies to a point source, and a charge of {explosive} "
+    "is not one: near the charge the estimated mass can be many times too small; for "
+    'a nuclear burst set explosive = "nuclear"',
+    "flat_ground": "flat ground was assumed: at {sensor}, {range_m} away, the error of "
+    "the distance is {error_m}, {sigmas:.2g} sigma of its {quantity}",
+    "clocks_taken_to_agree": "clocks were assumed to agree: {clocks}; --free "
+    "{parameters:option} fits their offsets",
+    "rests_on_clocks": "{parameters:parameter} would not be identified without the "
+    "assumption that clocks agree",
+    "flashes_set_aside": "the flash times of the clocks {clocks} were not used: no "
+    "other reading relates these clocks to the others; if they agree, write the same "
+    "name in the column clock, or set offset_s in the scene; --free "
+    "{parameters:option} fits their offsets",
+    "several_explanations": "the recordings of {suspected} are suspected, but without "
+    "those of {others:or} the log fits as well; the log does not determine which is "
+    "wrong",
+    "paths_beyond_array": "the scatter of {paths:,} paths was assumed independent "
+    "(correlation is modelled for at most {limit:,} paths); the sensors are close "
+    "together compared with the range, so the scatter of their paths is correlated: "
+    "the intervals of bearing and range are too narrow, and the range may be too "
+    "small; fit {limit:,} paths or fewer to include the correlation",
+    # assumptions
+    "no_scene": "no scene was given: a surface charge of TNT in the standard "
+    "atmosphere at {altitude_m:.0f} m; also free: {free:parameter}",
+    "no_scene_nor_place": "no scene was given: a surface charge of TNT at the origin "
+    "at time 0, in the standard atmosphere at {altitude_m:.0f} m",
+    "nothing_learned": "intervals of {parameters:parameter} are those of the prior: "
+    "the log does not narrow them",
+    "paths_independent": "the scatter of {paths:,} paths was assumed independent "
+    "(correlation is modelled for at most {limit:,} paths); the scatter of "
+    "neighbouring paths is correlated, so intervals of position and time are too "
+    "narrow; fit {limit:,} paths or fewer to include the correlation",
+    "wind_is_fitted": "still air; wind along the paths acts like a change of the sound "
+    "speed, and the fitted {parameter:parameter} covers it",
+    "wind_needs_prior": "still air; wind along the paths acts like a change of the "
+    "sound speed, and a prior on {parameter} covers it",
+    "still_air": "still air; with unknown wind (sd {wind_sd:g} m/s per component) 90 % "
+    "intervals would be wider: {wider:times}",
+    "still_air_matters_little": "still air; with unknown wind (sd {wind_sd:g} m/s per "
+    "component) no 90 % interval would widen by 5 %",
+    "still_air_unknown": "still air; with unknown wind (sd {wind_sd:g} m/s per "
+    "component) the intervals would widen by an unknown factor",
+    "draws_weighted": "draws of a mixture, weighted by the posterior (importance "
+    "sampling, k-hat {k_hat:.2f}, effective sample size {effective:.0f})",
+    "walked": "MCMC (emcee)",
+}
+
+
+def say(note: Note) -> str:
+    """Return the sentence of a note."""
+    return _Sentences().vformat(MESSAGES[note.kind], (), note.numbers)
+
+
+def said(notes: Iterable[Note]) -> list[str]:
+    """Return the sentence of each note."""
+    return [say(note) for note in notes]
+
+
+def alarm(problem: Note) -> str:
+    """Return the sentence of a problem, its name in capitals."""
+    name, _, rest = say(problem).partition(":")
+    kind, bracket, numbers = name.partition(" (")
+    return f"{kind.upper()}{bracket}{numbers}:{rest}."
+
+
+def alarm_name(problem: Note) -> str:
+    """Return the name of a problem, which is the start of its sentence."""
+    return say(problem).partition(":")[0].partition(" (")[0]
+
+
+def printed_p(p: float) -> str:
+    """Return a probability with its comparison sign: "= 0.27", "< 0.001"."""
+    if p < POOR:
+        return f"< {POOR}"
+    return f"> {1 - POOR}" if p > 1 - POOR else f"= {p:.2g}"
+
+
+def listed(parts: Iterable[str], word: str = "and") -> str:
+    """Return a list for a sentence, shortened if it is long."""
+    parts = list(parts)
+    more = len(parts) - MAX_NAMED
+    if more > 0:
+        parts = [*parts[:MAX_NAMED], f"{more} more"]
+    if word == "or" and more <= 0:
+        return " or ".join(parts)
+    return joined(parts)
+
+
+class _Sentences(Formatter):
+    """Formats numbers by the unit of their name, and lists."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, Any]:
+        value, key = super().get_field(field_name, args, kwargs)
+        return (_Named(field_name, value) if isinstance(value, float) else value), key
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        if isinstance(value, _Named):
+            if format_spec == "p":
+                return printed_p(value.number)
+            if format_spec or not split_name(value.name)[1]:
+                return format(value.number, format_spec)
+            return printed_number(value.name, value.number, 2)
+        if format_spec == "option":
+            return ",".join(value)
+        if format_spec == "beside":
+            return f": {listed(map(_pair, value.items()))}" if value else ""
+        if format_spec in ("parameter", "quantity"):
+            words = parameter_words if format_spec == "parameter" else quantity_words
+            names = (value,) if isinstance(value, str) else value
+            return listed(words(one) for one in names)
+        if format_spec == "times":
+            each = (f"{parameter_words(n)} {x:.2g} times" for n, x in value.items())
+            return listed(each)
+        if isinstance(value, Mapping):
+            return listed(map(_pair, value.items()))
+        if isinstance(value, tuple):
+            return listed(value, format_spec or "and")
+        return super().format_field(value, format_spec)
+
+
+class _Named:
+    """A number with its name, by which its unit is known."""
+
+    def __init__(self, name: str, number: float):
+        self.name, self.number = name, number
+
+
+def _pair(pair: tuple[str, Any]) -> str:
+    """Return a name with its number, factor, estimate or text."""
+    name, value = pair
+    if isinstance(value, Estimate):
+        printed = printed_estimate(name, value)
+        return f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"
+    if isinstance(value, str):
+        return f"{name} {value}"
+    return f"{parameter_words(name)} {printed_number(name, value)}"
