@@ -20,10 +20,13 @@ def made():
     found = {}
     for path in sorted(Path(jblast.__file__).parent.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
-            name = getattr(getattr(node, "func", None), "id", "")
-            if name in MAKERS and isinstance(node.args[0], ast.Constant):
+            if not isinstance(node, ast.Call) or not node.args:
+                continue
+            kind = node.args[0]
+            name = getattr(node.func, "id", "")
+            if name in MAKERS and isinstance(kind, ast.Constant):
                 names = {word.arg for word in node.keywords}
-                found.setdefault(node.args[0].value, set()).update(names)
+                found.setdefault(kind.value, set()).update(names)
     return found
 
 

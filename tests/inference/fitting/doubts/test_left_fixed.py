@@ -57,6 +57,6 @@ def test_several_wrong_clocks_are_named_together():
     here = made.position - np.array([80.0, -50.0, 0.0])  # about a charge at the origin
     apart = replace(made, value=made.value + late, clock=clock, position=here)
     (more,) = told(jblast.fit(apart))
-    assert more.parameters == ("clock_offset_s.b", "clock_offset_s.c")
-    mass = more.estimates["charge_mass_kg"]
+    assert more["parameters"] == ("clock_offset_s.b", "clock_offset_s.c")
+    mass = more["masses"]["charge_mass_kg"]
     assert abs(np.log(mass.value / 100.0)) < 4 * mass.log_sd
