@@ -24,7 +24,7 @@ from jblast.report.fit.terminal import (
     quantities_by_law,
     section,
 )
-from jblast.report.messages import said
+from jblast.report.messages import sentences_of
 from jblast.report.words import (
     aligned,
     capitalised,
@@ -68,7 +68,7 @@ def bound_text(
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Influence of other parameters", _influences(found))
     lines += data_lines(found.help, found.parameters)
-    lines += section("Warnings", said(found.warnings))
+    lines += section("Warnings", sentences_of(found.warnings))
     lines += section("Assumptions", _assumptions(bound))
     if verbose:
         lines += law_lines(found, bound.posterior.parameters.scene.scatter)

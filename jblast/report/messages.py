@@ -126,26 +126,26 @@ MESSAGES = {
 }
 
 
-def say(note: Note) -> str:
+def sentence_of(note: Note) -> str:
     """Return the sentence of a note."""
     return _Sentences().vformat(MESSAGES[note.kind], (), note.numbers)
 
 
-def said(notes: Iterable[Note]) -> list[str]:
+def sentences_of(notes: Iterable[Note]) -> list[str]:
     """Return the sentence of each note."""
-    return [say(note) for note in notes]
+    return [sentence_of(note) for note in notes]
 
 
 def alarm(problem: Note) -> str:
     """Return the sentence of a problem, its name in capitals."""
-    name, _, rest = say(problem).partition(":")
+    name, _, rest = sentence_of(problem).partition(":")
     kind, bracket, numbers = name.partition(" (")
     return f"{kind.upper()}{bracket}{numbers}:{rest}."
 
 
 def alarm_name(problem: Note) -> str:
     """Return the name of a problem, which is the start of its sentence."""
-    return say(problem).partition(":")[0].partition(" (")[0]
+    return sentence_of(problem).partition(":")[0].partition(" (")[0]
 
 
 def printed_p(p: float) -> str:

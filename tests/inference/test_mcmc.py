@@ -18,7 +18,7 @@ from jblast.inference.mcmc import (
 )
 from jblast.inference.regions import quantiles
 from jblast.inference.sample import solve as drawn
-from jblast.report.messages import said
+from jblast.report.messages import sentences_of
 from tests.inference.test_density import PLACED, density
 
 
@@ -142,7 +142,7 @@ def test_draws_of_a_short_walk_come_back_from_the_file(tmp_path):
     found, draws = solved()
     walked = ensemble(found, draws, most_steps=60, walkers=8)
     assert not walked.converged
-    sentences = said(walked.notes)
+    sentences = sentences_of(walked.notes)
     assert "autocorrelation times" in " ".join(sentences)
     tree = inference_data(walked, found.observations, sentences)
     write_inference_data(tree, tmp_path / "posterior.nc")

@@ -8,7 +8,7 @@ from string import Formatter
 import pytest
 
 import jblast
-from jblast.report.messages import MAX_NAMED, MESSAGES, alarm, say
+from jblast.report.messages import MAX_NAMED, MESSAGES, alarm, sentence_of
 from jblast.results import problem, warning
 
 MAKERS = ("problem", "warning", "assumption")
@@ -46,15 +46,15 @@ def test_every_note_has_a_sentence():
 def test_numbers_are_printed_with_units_and_lists_are_short():
     far = {"range_m": 20e3, "error_m": 0.031, "sigmas": 2.345}
     note = warning("flat_ground", sensor="hut", quantity="air_arrival_s", **far)
-    assert "hut, 20 km away" in say(note)
-    assert "31 mm, 2.3 sigma" in say(note)
+    assert "hut, 20 km away" in sentence_of(note)
+    assert "31 mm, 2.3 sigma" in sentence_of(note)
     names = tuple("abcdefgh")
     speeds = {"speed_m_s": 320.4, "sound_m_s": 340.2}
-    assert "arrivals at a, b, c, d, e and 3 more imply" in say(
+    assert "arrivals at a, b, c, d, e and 3 more imply" in sentence_of(
         warning("slower_than_sound", sensors=names, **speeds)
     )
     assert MAX_NAMED == 5
-    assert say(problem("wrong_sensor", names=("gate", "roof"))).startswith(
+    assert sentence_of(problem("wrong_sensor", names=("gate", "roof"))).startswith(
         "wrong sensor or clock: gate or roof;"
     )
 

@@ -28,7 +28,7 @@ from jblast.observations.table import Understood
 from jblast.parameters import CHARGE_POSITION
 from jblast.quantities import QUANTITIES
 from jblast.report.choice import law_reason
-from jblast.report.messages import say
+from jblast.report.messages import sentence_of
 from jblast.report.provenance import Provenance
 from jblast.report.understood import understood_words
 from jblast.report.words import (
@@ -242,7 +242,7 @@ def _explanation(of: WrongSensor) -> Explanation:
 WORDED: Words = {
     Cure: cure_words,
     EstimableCombination: _determined,
-    Note: say,
+    Note: sentence_of,
     OtherMode: _ambiguity,
     TakenLaw: law_reason,
     Understood: understood_words,

@@ -14,7 +14,7 @@ from jblast.observations import Observations
 from jblast.report.fit.document import fit_answer
 from jblast.report.fit.geo_files import PLACE_FILES, write_place
 from jblast.report.fit.rows import Accepted
-from jblast.report.messages import said
+from jblast.report.messages import sentences_of
 from jblast.report.provenance import Provenance, provenance_of
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _write_draws(ensemble: Ensemble, log: Observations, path: Path) -> Path:
     """Write the MCMC draws as NetCDF in the schema of ArviZ."""
     from jblast.inference.arviz_file import inference_data, write_inference_data
 
-    tree = inference_data(ensemble, log, said(ensemble.notes))
+    tree = inference_data(ensemble, log, sentences_of(ensemble.notes))
     write_inference_data(tree, path)
     return path
 

@@ -1,4 +1,4 @@
-"""How well the recordings agree with their law, as sentences."""
+"""Sentences on the agreement of the recordings with their law."""
 
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.summary import Summary

@@ -26,7 +26,7 @@ from jblast.report.fit.terminal import (
     limits,
     validity_sentence,
 )
-from jblast.report.messages import said
+from jblast.report.messages import sentences_of
 from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
@@ -101,7 +101,7 @@ def _warnings(fit: Fit) -> list[str]:
     The page may be passed on, and a path can contain private names.
     """
     source = fit.observations.source
-    texts = said(fit.summary.warnings)
+    texts = sentences_of(fit.summary.warnings)
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
 
 

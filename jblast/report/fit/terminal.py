@@ -39,7 +39,13 @@ from jblast.report.fit.rows import (
     log_name,
     lower_bound_sentence,
 )
-from jblast.report.messages import alarm, alarm_name, printed_p, said, say
+from jblast.report.messages import (
+    alarm,
+    alarm_name,
+    printed_p,
+    sentence_of,
+    sentences_of,
+)
 from jblast.report.understood import understood_lines
 from jblast.report.words import (
     GAP,
@@ -168,8 +174,10 @@ def summary(
     lines += section("Reliability", _reliability(fit))
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
-    lines += section("Warnings", [capitalised(one) for one in said(found.warnings)])
-    assumptions = [capitalised(one) for one in said(found.assumptions)]
+    lines += section(
+        "Warnings", [capitalised(one) for one in sentences_of(found.warnings)]
+    )
+    assumptions = [capitalised(one) for one in sentences_of(found.assumptions)]
     lines += section("Assumptions", [law_sentence(fit).rstrip("."), *assumptions])
     conversions = understood_lines(found.understood)
     if len(conversions) > MAX_CONVERSIONS and not verbose:
@@ -197,7 +205,7 @@ def _details(fit: Fit) -> list[str]:
     lines = law_lines(fit.summary, fit.scene.scatter)
     lines += section("Goodness of fit", [goodness_numbers(fit.summary)])
     reason = fit.posterior_reason
-    intervals = [capitalised(say(reason))] if reason else []
+    intervals = [capitalised(sentence_of(reason))] if reason else []
     return lines + section("Intervals", intervals)
 
 
@@ -287,9 +295,9 @@ def limits(fit: Fit) -> list[str]:
     """Return the assumptions and limitations of the conclusions, as sentences."""
     # fixed numbers first: an answer is only as good as they are
     lines = [given_sentence(fit)]
-    lines += [f"{capitalised(one)}." for one in said(fit.summary.assumptions)]
+    lines += [f"{capitalised(one)}." for one in sentences_of(fit.summary.assumptions)]
     if fit.posterior_reason is not None:
-        lines.append(f"Intervals come from {say(fit.posterior_reason)}.")
+        lines.append(f"Intervals come from {sentence_of(fit.posterior_reason)}.")
     if fit.summary.estimates:
         lines.append(
             "Intervals include the errors given in the log and the scatter of the "
@@ -508,12 +516,12 @@ def headline(fit: Fit) -> list[str]:
     lines = [
         alarm(problem)
         for problem in found.problems
-        # the details say it with intervals
+        # the details contain it, with intervals
         if problem.kind != "not_identifiable" or not details
     ]
     lines += [explanation(wrong) for wrong in found.explained_by]
     lines += [
-        f"{capitalised(say(note))}."
+        f"{capitalised(sentence_of(note))}."
         for note in found.warnings
         if note.kind in ("more_to_free", "clock_to_free")
     ]
@@ -528,7 +536,7 @@ def assumed_place(fit: Fit) -> list[str]:
     if np.isnan(fit.observations.position).any():
         return []
     return [
-        f"{capitalised(say(note))}."
+        f"{capitalised(sentence_of(note))}."
         for note in fit.summary.assumptions
         if note.kind == "no_scene_nor_place"
     ]

@@ -12,7 +12,7 @@ from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.warnings import height_beside_the_curves, outside
-from jblast.report.messages import said
+from jblast.report.messages import sentences_of
 from jblast.scene import Scene, UncertainScene, freed, with_values
 from tests.inference.logs import log
 
@@ -91,4 +91,4 @@ def test_a_burst_against_the_height_is_marked_where_a_law_asks_for_it(
     solution = found(up=0.0, laws={quantity: law}, burst="free-air")
     charge = solution.answer.scene.charge
     told = height_beside_the_curves(solution.answer, solution.laws, charge)
-    assert any("contradicts the height" in one for one in said(told)) == asks
+    assert any("contradicts the height" in one for one in sentences_of(told)) == asks

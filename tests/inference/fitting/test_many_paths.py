@@ -10,7 +10,7 @@ from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import paths_taken_as_independent
 from jblast.observations import Observations
-from jblast.report.messages import say
+from jblast.report.messages import sentence_of
 from jblast.results import assumption, warning
 from jblast.scene import Charge, Scene, UncertainScene, freed
 from jblast.sensors.path_scatter import MAX_PATHS
@@ -56,7 +56,7 @@ def solved(log, free=PLACE, scatter=True) -> Any:
 def test_many_sensors_close_together_are_marked_with_what_follows():
     (found,) = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 20.0)))
     assert found == warning("paths_beyond_array", paths=MAX_PATHS + 1, limit=MAX_PATHS)
-    said = say(found)
+    said = sentence_of(found)
     assert "the scatter of 1,001 paths was assumed independent" in said
     assert "intervals of bearing and range are too narrow" in said
 
@@ -65,7 +65,7 @@ def test_many_sensors_about_the_charge_are_an_assumption():
     (found,) = paths_taken_as_independent(solved(log_of(MAX_PATHS + 1, 900.0)))
     numbers = {"paths": MAX_PATHS + 1, "limit": MAX_PATHS}
     assert found == assumption("paths_independent", **numbers)
-    assert "intervals of position and time are too narrow" in say(found)
+    assert "intervals of position and time are too narrow" in sentence_of(found)
 
 
 def test_a_known_place_has_neither_bearing_nor_range_to_be_fitted():

@@ -1,7 +1,7 @@
 """A prior that excludes the data is told, and is not blamed for bad data."""
 
 from jblast.inference import fit
-from jblast.report.messages import said
+from jblast.report.messages import sentences_of
 from jblast.scene import Air, LogNormal, Scene, UncertainScene
 from jblast.waves import kingery_bulmash_pressure
 from tests.inference.logs import log
@@ -20,7 +20,7 @@ def warnings(belief, *factors):
     uncertain = UncertainScene(SCENE, {"charge_mass_kg": belief}, "scene.toml")
     answer = fit(log(*rows, at_range=True), uncertain, noise="gaussian").summary
     assert "poor_fit" in [problem.kind for problem in answer.problems]
-    return said(answer.warnings)
+    return sentences_of(answer.warnings)
 
 
 def test_a_prior_that_excludes_the_data_is_named_with_what_they_say():

@@ -7,7 +7,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.inference import fit
-from jblast.report.messages import say
+from jblast.report.messages import sentence_of
 from jblast.scene import (
     Air,
     Charge,
@@ -114,7 +114,7 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
     (found,) = (w for w in agreeing.warnings if w.kind == "clocks_taken_to_agree")
     assert found["parameters"] == ("clock_offset_s.y",)
     assert found["clocks"] == ("x", "y")
-    assert "--free clock_offset_s.y fits" in say(found)
+    assert "--free clock_offset_s.y fits" in sentence_of(found)
 
 
 def test_a_clock_free_beside_the_origin_time_is_refused_with_one_arrival():

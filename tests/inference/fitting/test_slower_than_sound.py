@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from jblast.inference.fitting.assumptions import slower_than_sound
-from jblast.report.messages import say
+from jblast.report.messages import sentence_of
 from tests.inference.fitting.test_still_air import SOUND, solved
 
 KNOWN_TIME = ("charge_east_m", "charge_north_m")
@@ -43,7 +43,7 @@ def test_sensors_and_speed_are_named(exact):
     assert set(found["sensors"]) == {"s0", "s1", "s2", "s3"}
     assert found["speed_m_s"] == pytest.approx(SOUND / 1.1, rel=1e-6)
     assert found["sound_m_s"] == pytest.approx(SOUND)
-    said = say(found)
+    said = sentence_of(found)
     assert "down to 309 m/s (speed of sound 340 m/s)" in said
     assert all(name in said for name in found["sensors"])
 

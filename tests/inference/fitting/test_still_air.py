@@ -10,7 +10,7 @@ import pytest
 from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import still_air, wider_with_wind
-from jblast.report.messages import say
+from jblast.report.messages import sentence_of
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_values
 from jblast.sensors import planned_layout, record
 from jblast.sensors.path_scatter import TYPICAL, correlations, embedded
@@ -89,7 +89,7 @@ def test_intervals_widen_as_with_the_wind_among_the_unknowns(scatter):
 def words_of(answer):
     """Say what still air did to an answer."""
     (note,) = still_air(answer)
-    return say(note)
+    return sentence_of(note)
 
 
 def test_still_air_is_told_where_it_was_taken_and_only_there():
