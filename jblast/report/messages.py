@@ -70,7 +70,7 @@ MESSAGES = {
     "law_out_of_range_below": "{rows} of {of} rows lie outside their law's range at "
     "the lower bound of the 90 % interval ({quantities:quantity}); ranges: {ranges}",
     "laws_unsettled": "the automatic choice of law at the answer differs from the law "
-    "of the fit; its choice there: {options}",
+    "of the fit; its choice there: {laws:law}",
     "bursts_unsettled": "the curve sets for the height of burst at the answer differ "
     'from those of the fit; set burst = "surface" or "free-air" of the charge',
     "far_from_its_law": "the whole shot, or a path, departs from its law by "
@@ -182,6 +182,8 @@ class _Sentences(Formatter):
             return printed_number(value.name, value.number, 2)
         if format_spec == "option":
             return ",".join(value)
+        if format_spec == "law":
+            return " ".join(f"--law {law}" for law in value)
         if format_spec == "beside":
             return f": {listed(map(_pair, value.items()))}" if value else ""
         if format_spec in ("parameter", "quantity"):

@@ -76,10 +76,8 @@ def notes_of(
     if (error := solution.samples_known or 0.0) > ROUGH:
         notes.append(warning("samples_roughly_counted", error=error, wanted=ROUGH))
     if solution.other_laws:
-        others = " ".join(
-            f"--law {k}={name}" for k, name in solution.other_laws.items()
-        )
-        notes.append(warning("laws_unsettled", options=others))
+        others = tuple(f"{k}={name}" for k, name in solution.other_laws.items())
+        notes.append(warning("laws_unsettled", laws=others))
     if not solution.bursts_settled:
         notes.append(warning("bursts_unsettled"))
     if blind:
