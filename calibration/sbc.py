@@ -1,11 +1,11 @@
-r"""Is a 90 % interval right for 90 % of blasts? Six cases, 500 logs each.
+r"""Is a 90 % interval right for 90 % of blasts? Seven cases, 500 logs each.
 
     python -m calibration.sbc [LOGS] > calibration/results/sbc.txt
 
 Truths are drawn from the priors of each file in `calibration/scenes/`, a log of each is
 simulated with the errors `jblast fit` assumes (Student-t; normal scatter of laws),
-and the truth is ranked among draws of the posterior (theory below): weighted ones, the
-default, and those of emcee. Log i has seed i. If intervals are right, ranks are
+and the truth is ranked among weighted draws of the posterior (theory below). Log i has
+seed i. If intervals are right, ranks are
 uniform: that is tested by chi-squared in 20 bins (10 for few logs), for each unknown of
 each case, with Holm's correction over all. "inside" is the share of truths inside the
 90 % interval. Writes calibration/results/sbc.png and sbc.csv (every rank).
@@ -40,12 +40,11 @@ from scipy.stats import chisquare
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.inference import ensemble
 from jblast.inference.density import density_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.sample import solve
 from jblast.observations import Observations
-from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
+from jblast.report.figure_style import BLUE, INK, new_figure, quiet, titled
 from jblast.report.words import comma_separated
 from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.sensors import observe, planned_layout, resolve_laws
@@ -62,23 +61,15 @@ class Ranked(NamedTuple):
 
     Attributes:
         names: What was unknown.
-        weighted: Rank of the truth among weighted draws.
-        emcee: Rank of the truth among the walkers' draws.
+        ranks: Rank of the truth among weighted draws.
         reliable: Whether the weights can be believed.
-        effective: Effective number of weighted draws.
-        converged: Whether the walk reached its precision.
-        steps: Of the walk.
-        tau: Its autocorrelation time, the longest [steps].
+        effective: Effective number of draws.
     """
 
     names: tuple[str, ...]
-    weighted: Int[np.ndarray, "log free"]
-    emcee: Int[np.ndarray, "log free"]
+    ranks: Int[np.ndarray, "log free"]
     reliable: Bool[np.ndarray, " log"]
     effective: Float[np.ndarray, " log"]
-    converged: Bool[np.ndarray, " log"]
-    steps: Int[np.ndarray, " log"]
-    tau: Float[np.ndarray, " log"]
 
 
 CURVES = 4000
@@ -92,6 +83,7 @@ CASES = (
     "impulse_and_duration",
     "pressure",
     "burial",
+    "camera_and_bang",
 )
 LOGS = 500
 BINS = (20, 10)
@@ -151,45 +143,36 @@ def _joined(parts: list[Ranked]) -> Ranked:
 
 
 def table(ranked: dict[str, Ranked]) -> str:
-    """Return both tables, of weighted draws and of emcee."""
-    lines = []
-    for title, ranks_of in (
-        ("weighted draws", lambda r: r.weighted),
-        ("emcee", lambda r: r.emcee),
-    ):
-        lines += [title, f"{'':46}{'logs':>5}{'inside':>8}{'p':>8}{'Holm':>8}"]
-        rows = [
-            (f"{case:24}{name:22}", ranks_of(r)[:, i])
-            for case, r in ranked.items()
-            for i, name in enumerate(r.names)
-        ]
-        p = np.array([chance(ranks) for _, ranks in rows])
-        tested = np.isfinite(p)
-        corrected = np.full(len(p), np.nan)
-        corrected[tested] = holm(p[tested])
-        for (name, ranks), one, all_in_all in zip(rows, p, corrected, strict=True):
-            told = f"{one:8.3f}{all_in_all:8.3f}" if one == one else "  too few"
-            lines.append(f"{name}{len(ranks):5d}{inside(ranks):8.3f}{told}")
-        least = np.min(corrected, where=tested, initial=1.0)
-        verdict = "not uniform" if least < WRONG else "nothing against uniform"
-        lines += [f"smallest of {tested.sum()} tests {least:.3f}: {verdict}", ""]
-    for case, r in ranked.items():
-        lines += [
-            f"{case:24}weights reliable in {np.mean(r.reliable):.3f} of the logs; "
-            f"effective draws {np.median(r.effective):.0f} (fewest "
-            f"{r.effective.min():.0f})",
-            f"{'':24}{np.mean(r.converged):.3f} of the walks reached their "
-            f"precision; steps {np.median(r.steps):.0f} (most {r.steps.max()}), "
-            f"autocorrelation time {np.median(r.tau):.0f} (longest {r.tau.max():.0f})",
-        ]
+    """Return the table."""
+    lines = [f"{'':46}{'logs':>5}{'inside':>8}{'p':>8}{'Holm':>8}"]
+    rows = [
+        (f"{case:24}{name:22}", r.ranks[:, i])
+        for case, r in ranked.items()
+        for i, name in enumerate(r.names)
+    ]
+    p = np.array([chance(ranks) for _, ranks in rows])
+    tested = np.isfinite(p)
+    corrected = np.full(len(p), np.nan)
+    corrected[tested] = holm(p[tested])
+    for (name, ranks), one, all_in_all in zip(rows, p, corrected, strict=True):
+        told = f"{one:8.3f}{all_in_all:8.3f}" if one == one else "  too few"
+        lines.append(f"{name}{len(ranks):5d}{inside(ranks):8.3f}{told}")
+    least = np.min(corrected, where=tested, initial=1.0)
+    verdict = "not uniform" if least < WRONG else "nothing against uniform"
+    lines += [f"smallest of {tested.sum()} tests {least:.3f}: {verdict}", ""]
+    lines += [
+        f"{case:24}weights reliable in {np.mean(r.reliable):.3f} of the logs; "
+        f"effective draws {np.median(r.effective):.0f} (fewest {r.effective.min():.0f})"
+        for case, r in ranked.items()
+    ]
     return "\n".join(lines)
 
 
 def keep(ranked: dict[str, Ranked]) -> None:
     """Write every rank to a file."""
-    columns = ("case", "log", "unknown", "weighted", "emcee", "reliable")
+    columns = ("case", "log", "unknown", "rank", "reliable")
     rows = (
-        (case, log, name, r.weighted[log, i], r.emcee[log, i], int(reliable))
+        (case, log, name, r.ranks[log, i], int(reliable))
         for case, r in ranked.items()
         for log, reliable in enumerate(r.reliable)
         for i, name in enumerate(r.names)
@@ -198,7 +181,7 @@ def keep(ranked: dict[str, Ranked]) -> None:
 
 
 def main(logs: int = LOGS) -> None:
-    """Rank, print the tables, write the figure."""
+    """Rank, print the table, write the figure."""
     start_jax()
     ranked = all_ranks(logs)
     print(table(ranked))
@@ -224,18 +207,19 @@ def band(logs: int) -> Float[np.ndarray, " rank"]:
 
 
 def figure(ranked: Mapping[str, Ranked]) -> Figure:
-    """Return the figure, a panel for each case: blue weighted draws, red emcee."""
-    drawn = new_figure(9.0, 5.4)
-    panels = drawn.subplots(2, 3, sharex=True, sharey=True)
+    """Return the figure, a panel for each case."""
+    drawn = new_figure(11.0, 5.4)
+    panels = drawn.subplots(2, 4, sharex=True, sharey=True)
     share = np.arange(1, DRAWS + 1) / (DRAWS + 1)
-    for axes, (case, r) in zip(panels.flat, ranked.items(), strict=True):
-        wide = band(len(r.weighted))
+    for axes, (case, r) in zip(panels.flat, ranked.items(), strict=False):
+        wide = band(len(r.ranks))
         axes.fill_between(share, -wide, wide, color=INK, alpha=0.12, linewidth=0)
-        for colour, ranks in ((VERMILLION, r.emcee), (BLUE, r.weighted)):
-            for rank in ranks.T:
-                axes.plot(share, away(rank), color=colour, linewidth=1.0)
+        for rank in r.ranks.T:
+            axes.plot(share, away(rank), color=BLUE, linewidth=1.0)
         quiet(axes)
         titled(axes, case.replace("_", " "))
+    for axes in panels.flat[len(ranked) :]:
+        axes.set_visible(False)
     for axes in panels[1]:
         axes.set_xlabel("rank of the truth")
     for axes in panels[:, 0]:
@@ -279,17 +263,11 @@ def _ranks(
     seed: int,
 ):
     """Return one row of `Ranked`."""
-    density, draws = solve(density_of(log, uncertain), seed)
-    walk = ensemble(density, draws, seed=seed)
-    walked = walk.as_draws(draws)
+    _, draws = solve(density_of(log, uncertain), seed)
     return (
         np.sum(draws.values[draws.resampled(DRAWS, seed)] < truth, axis=0),
-        np.sum(walked.values[walked.resampled(DRAWS, seed)] < truth, axis=0),
         draws.reliable,
         draws.effective,
-        walk.converged,
-        walk.convergence.steps,
-        float(np.max(walk.convergence.tau)),
     )
 
 
