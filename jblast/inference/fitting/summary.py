@@ -27,11 +27,7 @@ from jblast.inference.fitting.suspects import (
     other_explanations,
 )
 from jblast.inference.fitting.warnings import notes_of
-from jblast.inference.fitting.wrong import (
-    ExchangedSensors,
-    SuspectedOutlier,
-    WrongSensor,
-)
+from jblast.inference.fitting.wrong import SuspectedOutlier, WrongSensor
 from jblast.inference.identify import (
     BearingArc,
     EstimableCombination,
@@ -157,13 +153,7 @@ def _problems(found: Summary) -> Iterator[Note]:
     elif found.extrapolated:
         yield problem("extrapolated", parameters=found.extrapolated)
     if found.explained_by:
-        names = (
-            f"the order of {wrong.name} and {wrong.other}"
-            if isinstance(wrong, ExchangedSensors)
-            else wrong.name
-            for wrong in found.explained_by
-        )
-        yield problem("wrong_sensor", names=tuple(names))
+        yield problem("wrong_sensor", names=tuple(map(str, found.explained_by)))
     if found.unchecked:
         yield problem("weights_unreliable")
     if not found.identifiable or found.identifies_nothing:

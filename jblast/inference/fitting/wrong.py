@@ -41,6 +41,9 @@ class WrongSensor:
     law_valid_rows: int
     estimates: Mapping[str, Estimate]
 
+    def __str__(self) -> str:
+        return f"the sensor {self.name}"
+
 
 @dataclass(frozen=True)
 class WrongClock(WrongSensor):
@@ -56,6 +59,9 @@ class WrongClock(WrongSensor):
     offset_sd: float
     parameter: str | None
 
+    def __str__(self) -> str:
+        return f"the clock {self.name}"
+
 
 @dataclass(frozen=True)
 class ExchangedSensors(WrongSensor):
@@ -66,3 +72,6 @@ class ExchangedSensors(WrongSensor):
     """
 
     other: str
+
+    def __str__(self) -> str:
+        return f"the order of {self.name} and {self.other}"
