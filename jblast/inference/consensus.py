@@ -340,25 +340,29 @@ def blast_of(
     stated = at_place(readings, laws, place, origin)
     if not stated.off.any():
         return stated
-    doubted = _in_other_units(stated, laws)
-    if uncertain.source == NO_SCENE:
+    best = _cheapest(stated, _in_other_units(stated, laws))
+    if best is stated and uncertain.source == NO_SCENE:
         first = (int(readings.row[0]),)
         later = at_place(readings, laws, place, None)
-        doubted.append((later, Doubt("not_at_time_0", first)))
         elsewhere = anywhere(readings, laws, place[2])
         east, north, _ = elsewhere.place.tolist()
         numbers = {"east_m": east, "north_m": north}
-        doubted.append((elsewhere, Doubt("not_at_the_origin", first, numbers)))
-    tried = [stated] + [
-        replace(blast, price=blast.price + PRICE, doubt=doubt)
-        for blast, doubt in doubted
-        # at least as many rows agree as numbers were found, and two
-        if blast.agree >= max(blast.unknowns, 2)
-    ]
-    return min(tried, key=lambda blast: (blast.price, not blast.holds()))
+        tried = [
+            replace(later, doubt=Doubt("not_at_time_0", first)),
+            replace(elsewhere, doubt=Doubt("not_at_the_origin", first, numbers)),
+        ]
+        best = _cheapest(stated, tried)
+    return best
 
 
-def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[tuple[Blast, Doubt]]:
+def _cheapest(stated: Blast, tried: list[Blast]) -> Blast:
+    """Return the blast of the scene, or one that explains more for its price."""
+    # at least as many rows agree as numbers were found, and two
+    believable = [blast for blast in tried if blast.agree >= max(blast.unknowns, 2)]
+    return min([stated, *believable], key=lambda blast: (blast.price, not blast.holds()))
+
+
+def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[Blast]:
     """Return the blast with each other unit of all readings of a quantity."""
     readings, tried = stated.readings, []
     quantities = set(readings.quantity.tolist()) - {"flash_time_s"}
@@ -370,10 +374,9 @@ def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[tuple[Blast, Doubt]
             changed = readings.rescaled(here, factor)
             blast = at_place(changed, laws, stated.place, stated.origin)
             names, numbers = (quantity, name), {"factor": factor}
+            doubt = Doubt("units_of_a_quantity", rows, numbers, names)
             if len(rows) > 1:
-                tried.append(
-                    (blast, Doubt("units_of_a_quantity", rows, numbers, names))
-                )
+                tried.append(replace(blast, price=blast.price + PRICE, doubt=doubt))
     return tried
 
 

@@ -149,18 +149,18 @@ def _once(found: list[Doubt]) -> list[Doubt]:
     explains a shot is kept if it concerns a further row. A rise of peaks is kept if the
     warning about its larger peak does not explain it better (`BESIDE_A_RISE`).
     """
-    seen: dict[int, str] = {}
+    seen: dict[int, Doubt] = {}
     kept = []
     for doubt in found:
         known = [seen.get(row) for row in doubt.rows]
-        if doubt.kind == "peak_rises" and known[0] in BESIDE_A_RISE:
-            known = known[1:]
+        if doubt.kind == "peak_rises" and known[0] and len(known[0].rows) == 1:
+            known = known[known[0].kind in BESIDE_A_RISE :]
         is_new = None in known if doubt.kind == "of_no_one_blast" else not any(known)
         if is_new or doubt.kind in OF_ALL:
             kept.append(doubt)
         if is_new and doubt.kind not in OF_ALL:
             suspect = doubt.rows[:1] if doubt.kind in TWO_SIDED else doubt.rows
-            seen |= dict.fromkeys(suspect, doubt.kind)
+            seen |= dict.fromkeys(suspect, doubt)
     return kept
 
 
