@@ -359,11 +359,13 @@ def _cheapest(stated: Blast, tried: list[Blast]) -> Blast:
     """Return the blast of the scene, or one that explains more for its price."""
     # at least as many rows agree as numbers were found, and two
     believable = [blast for blast in tried if blast.agree >= max(blast.unknowns, 2)]
-    return min([stated, *believable], key=lambda blast: (blast.price, not blast.holds()))
+    return min(
+        [stated, *believable], key=lambda blast: (blast.price, not blast.holds())
+    )
 
 
 def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[Blast]:
-    """Return the blast with each other unit of all readings of a quantity."""
+    """Return the blasts on which all rows agree with another unit of a quantity."""
     readings, tried = stated.readings, []
     quantities = set(readings.quantity.tolist()) - {"flash_time_s"}
     # of one quantity alone another mass, or position, explains any unit
@@ -373,9 +375,8 @@ def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[Blast]:
         for name, factor in FACTORS[QUANTITIES[quantity].kind].items():
             changed = readings.rescaled(here, factor)
             blast = at_place(changed, laws, stated.place, stated.origin)
-            names, numbers = (quantity, name), {"factor": factor}
-            doubt = Doubt("units_of_a_quantity", rows, numbers, names)
-            if len(rows) > 1:
+            doubt = Doubt("units_of_a_quantity", rows, {"factor": factor}, (name,))
+            if len(rows) > 1 and not blast.off.any():
                 tried.append(replace(blast, price=blast.price + PRICE, doubt=doubt))
     return tried
 

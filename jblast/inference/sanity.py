@@ -27,7 +27,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.special import stdtrit
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO, DRY_AIR_GAS_CONSTANT, FOOT
@@ -70,8 +70,8 @@ TWO_SIDED = (
 )
 """Warnings about one row by comparison with another, which is not suspect itself."""
 BESIDE_A_RISE = ("place_in_feet", "off_by_factor")
-"""Warnings that do not suppress that of a rising peak. A distance in feet changes a peak
-by a factor of 3 to 6, and a reflection by 2 to 8, so one peak cannot decide."""
+"""Warnings about one row that do not suppress that of a rising peak. A distance in feet
+changes a peak by a factor of 3 to 6, a reflection by 2 to 8: one peak cannot decide."""
 FIREBALL_MASS = 1e4
 """Mass above which no gauge is set within the fireball [kg] (declared)."""
 SHRINKS = 2.0
@@ -101,10 +101,6 @@ MAX_COMPARED = 1000
 """Largest number of readings that are compared in pairs: 8 MB for each array."""
 HALF_HOUR = 1800.0
 """Step of time zones [s]: they differ by quarters of an hour, nearly all by halves."""
-MISTAKE_MARGIN = 0.6
-"""Largest residual after the correction of a mistake, relative to the tolerance. Below
-1 it separates neighbouring factors: a psi is 6.9 kPa, and a factor of 3 is
-tolerated."""
 PLACES = {
     "east_north_swapped": [[0, 1, 0], [1, 0, 0], [0, 0, 1]],
     "place_in_feet": np.eye(3) * FOOT,
@@ -219,70 +215,66 @@ def _of_shot(
 def _mistakes(
     observations: Observations, blast: Blast, laws: ScaledLaws
 ) -> list[Doubt]:
-    """Return a warning for each row that disagrees, with its mistake if identified."""
+    """Return the mistakes that explain most of the rows that disagree."""
     readings, doubted = blast.readings, []
     place, mass = blast.place[None], np.array([blast.mass])
+    sensors = np.array(observations.sensor)[readings.row]
     # by sensor: a wrong position or clock affects all of its rows
-    by_sensor: dict[str, list[int]] = {}
-    for i, row in enumerate(readings.row):
-        by_sensor.setdefault(observations.sensor[row], []).append(i)
-    for sensor, its in by_sensor.items():
-        unexplained = {i for i in its if blast.off[i]}
+    for sensor in dict.fromkeys(sensors[blast.off].tolist()):
+        its = sensors == sensor
+        off = blast.off & its
         explained = []
-        for here, corrected, doubt in _corrections(blast, its, sensor):
+        for here, corrected, doubt in _corrections(blast, its):
             missed, allowed = corrected.misses(laws, place, mass)
             residual = corrected.residuals(missed, blast.offset[here])
-            if np.abs(residual / allowed).max() <= MISTAKE_MARGIN:
-                explained.append((here, doubt))
-        # the mistake that explains most rows comes first
-        explained.sort(key=lambda one: -blast.off[one[0]].sum())
-        for here, doubt in explained:
-            mended = sorted(unexplained.intersection(here))
-            if mended:
-                rows = tuple(readings.row[mended].tolist())
-                doubted.append(replace(doubt, rows=rows))
-                unexplained.difference_update(mended)
-        for i in sorted(unexplained):
+            left = float(np.abs(residual / allowed).max())
+            if left <= 1.0:
+                # of two units of one reading, the closer one
+                order = -int(off[here].sum()), doubt.kind == "unit_slip", left
+                explained.append((order, here, doubt))
+        explained.sort(key=lambda one: one[0])
+        for i in np.flatnonzero(off):
             kind, numbers = "off_by_factor", {"ratio": float(np.exp(blast.residual[i]))}
             if readings.timed[i]:
                 kind, numbers = "off_in_time", {"late_s": float(blast.residual[i])}
-            numbers["mass_kg"], row = blast.mass, (int(readings.row[i]),)
-            doubted.append(Doubt(kind, row, numbers, (str(readings.quantity[i]),)))
+            numbers["mass_kg"] = blast.mass
+            explained.append(((), np.array([i]), Doubt(kind, (), numbers)))
+        for _, here, doubt in explained:
+            rows = readings.row[here[off[here]]]
+            if rows.size:
+                doubted.append(replace(doubt, rows=tuple(rows.tolist())))
+                off[here] = False
     return doubted
 
 
 def _corrections(
-    blast: Blast, its: list[int], sensor: str
-) -> Iterator[tuple[list[int], Readings, Doubt]]:
-    """Yield each mistake of a sensor: readings that it changes, as corrected, warning.
+    blast: Blast, its: Bool[np.ndarray, " n"]
+) -> Iterator[tuple[Int[np.ndarray, " _"], Readings, Doubt]]:
+    """Yield mistakes of a sensor: the readings concerned, the same corrected, warning.
 
     Args:
         blast: The blast with which some of its readings disagree.
-        its: Numbers of the sensor's readings.
-        sensor: Its name.
+        its: True for the sensor's readings.
     """
-    readings = blast.readings
-    off = [i for i in its if blast.off[i]]
-    if not off:
-        return
-    timed = [i for i in off if readings.timed[i]]
-    if timed:
+    readings, off = blast.readings, blast.off & its
+    timed = np.flatnonzero(off & readings.timed)
+    if timed.size:
         late = HALF_HOUR * float(np.round(blast.residual[timed[0]] / HALF_HOUR))
-        own, numbers = readings.only(np.array(timed)), {"late_s": late}
-        doubt = Doubt("clock_of_another_zone", (), numbers, (sensor,))
+        own = readings.only(timed)
+        doubt = Doubt("clock_of_another_zone", (), {"late_s": late})
         yield timed, replace(own, value=own.value - late), doubt
-    own = readings.only(np.array(its))
+    here = np.flatnonzero(its)
+    own = readings.only(here)
     for kind, matrix in PLACES.items():
-        place = own.position @ np.array(matrix)
+        place = own.position @ matrix
         numbers = {"east_m": float(place[0, 0]), "north_m": float(place[0, 1])}
-        doubt = Doubt(kind, (), numbers, (sensor,))
-        yield its, replace(own, position=place), doubt
-    for i in off:
-        own, quantity = readings.only(np.array([i])), str(readings.quantity[i])
-        for name, factor in FACTORS[QUANTITIES[quantity].kind].items():
+        yield here, replace(own, position=place), Doubt(kind, (), numbers)
+    for i in np.flatnonzero(off):
+        own, here = readings.only(np.array([i])), np.array([i])
+        for name, factor in FACTORS[QUANTITIES[own.quantity[0]].kind].items():
             numbers = {"mass_kg": blast.mass, "factor": factor}
-            doubt = Doubt("unit_slip", (), numbers, (quantity, name))
-            yield [i], own.rescaled(np.array([True]), factor), doubt
+            doubt = Doubt("unit_slip", (), numbers, (name,))
+            yield here, own.rescaled(np.array([True]), factor), doubt
 
 
 def speeds_doubted(blast: Blast, laws: ScaledLaws) -> list[Doubt]:
@@ -292,46 +284,46 @@ def speeds_doubted(blast: Blast, laws: ScaledLaws) -> list[Doubt]:
     left. With equal numbers of contradictions the first in the log is reported.
     """
     readings = blast.readings
-    here = np.flatnonzero(readings.quantity == "air_arrival_s")[:MAX_COMPARED]
     seen = readings.quantity == "flash_time_s"
-    flashes = zip(readings.clock[seen].tolist(), readings.value[seen], strict=True)
-    start = {0: np.nan if blast.origin is None else blast.origin} | dict(flashes)
-    readings, distance = readings.only(here), blast.distance[here]
-    begun = np.array([start.get(clock, np.nan) for clock in readings.clock.tolist()])
-    took = readings.value - begun
-    error = readings.error
+    start = {} if blast.origin is None else {0: blast.origin}
+    start |= zip(readings.clock[seen].tolist(), readings.value[seen], strict=True)
+    here = np.flatnonzero(readings.quantity == "air_arrival_s")[:MAX_COMPARED]
+    readings, far = readings.only(here), blast.distance[here]
+    time, error, clock = readings.value, readings.error, readings.clock
+    took = time - np.array([start.get(c, np.nan) for c in clock.tolist()])
+    # a comparison with NaN is False: of other clocks, and of a sensor at the charge
     apart = np.linalg.norm(readings.position[:, None] - readings.position, axis=-1)
-    apart[readings.clock[:, None] != readings.clock] = np.nan
-    # the last column compares with the shot; a sensor at the charge has no speed
-    far = np.where(distance > 0, distance, np.nan)
-    apart = np.column_stack([apart, far])
-    late = np.column_stack([np.abs(readings.value[:, None] - readings.value), took])
+    apart[clock[:, None] != clock] = np.nan
+    # the last column compares with the shot
+    apart = np.column_stack([apart, np.where(far > 0, far, np.nan)])
+    late = np.column_stack([np.abs(time[:, None] - time), took])
     error = np.column_stack([np.hypot(error[:, None], error), error]) + CLOCK_STEP
     slowest = np.where(apart > STRATOSPHERE_RANGE, SLOWEST_THERMOSPHERE, SLOWEST)
-    fastest = laws.fastest()
-    found = []
-    for i in np.flatnonzero(took + error[:, -1] < far / fastest):
-        numbers = {"took_s": float(took[i]), "distance_m": float(far[i])}
-        numbers["fastest_m_s"] = fastest
-        found.append(Doubt("too_fast", (int(readings.row[i]),), numbers))
-    bad = late > apart / slowest + error
-    while bad.any():
-        i = int(np.argmax(bad.sum(axis=1)))
-        other = int(np.argmax(np.where(bad[i], late[i], -np.inf)))
-        if bad[i, -1]:
-            other = len(here)
-        numbers = {"slowest_m_s": float(slowest[i, other])}
-        rows = (int(readings.row[i]),)
-        if other == len(here):
-            numbers |= {"took_s": float(took[i]), "distance_m": float(far[i])}
-            found.append(Doubt("too_slow", rows, numbers))
+    too_slow = late > apart / slowest + error
+    too_fast = (late + error)[:, -1] < apart[:, -1] / laws.fastest()
+    found = [("too_fast", int(i), len(here)) for i in np.flatnonzero(too_fast)]
+    while too_slow.any():
+        i = int(np.argmax(too_slow.sum(axis=1)))
+        other = int(np.argmax(np.where(too_slow[i], late[i], -np.inf)))
+        if too_slow[i, -1]:
+            found.append(("too_slow", i, len(here)))
         else:
-            numbers |= {"late_s": float(late[i, other])}
-            numbers |= {"apart_m": float(apart[i, other])}
-            rows += (int(readings.row[other]),)
-            found.append(Doubt("too_slow_between", rows, numbers))
-        bad[i] = bad[:, i] = False
-    return found
+            found.append(("too_slow_between", i, other))
+        too_slow[i] = too_slow[:, i] = False
+    return [
+        Doubt(
+            kind,
+            tuple(readings.row[[i, other] if other < len(here) else [i]].tolist()),
+            {
+                "late_s": float(late[i, other]),
+                "apart_m": float(apart[i, other]),
+                "mean_m_s": float(apart[i, other] / late[i, other]),
+                "slowest_m_s": float(slowest[i, other]),
+                "fastest_m_s": laws.fastest(),
+            },
+        )
+        for kind, i, other in found
+    ]
 
 
 def slow_together(blast: Blast, slowest: float) -> list[Doubt]:
@@ -346,49 +338,41 @@ def slow_together(blast: Blast, slowest: float) -> list[Doubt]:
         slowest: Speed of sound against the wind [m/s].
     """
     air = (blast.readings.quantity == "air_arrival_s") & ~blast.readings.bound
-    arrivals = blast.readings.only(air)
-    # of one clock, that of most arrivals
-    most = np.bincount(arrivals.clock).argmax() if air.any() else 0
-    arrivals = arrivals.only(arrivals.clock == most)
-    height = blast.place[2]
+    # of the clock with most arrivals
+    most = np.bincount(blast.readings.clock[air], minlength=1).argmax()
+    arrivals = blast.readings.only(air & (blast.readings.clock == most))
+    place = blast.place[:2] if np.isnan(blast.distance).any() else np.zeros(0)
 
-    def apart(place: Float[np.ndarray, "2"]) -> Float[np.ndarray, " n"]:
-        return arrivals.distances(np.array([[*place, height]]))[0]
+    def apart(*place: float) -> Float[np.ndarray, " n"]:
+        at = [*(place or blast.place[:2]), blast.place[2]]
+        return arrivals.distances(np.array([at]))[0]
 
-    def arrival(
-        _: Float[np.ndarray, " n"], start: float, slowness: float, *place: float
-    ):
-        return start + slowness * apart(np.array(place or blast.place[:2]))
+    def arrival(_: Float[np.ndarray, " n"], start: float, slowness: float, *at: float):
+        return start + slowness * apart(*at)
 
-    travel = apart(blast.place[:2]) / slowest
-    place = blast.place[:2].tolist() if np.isnan(blast.distance).any() else []
     # two more than unknowns: one wrong clock is then noticed
-    if len(travel) < 2 + len(place) + 2:
+    if len(arrivals.row) < 2 + len(place) + 2:
         return []
-    begin = [float(np.mean(arrivals.value - travel)), 1.0 / slowest, *place]
-    sd = np.hypot(arrivals.error / SIGMAS, TRAVEL_SCATTER * travel)
-    sd = np.hypot(sd, CLOCK_STEP)
     # imported here: logs without such arrivals do not need it
     from scipy.optimize import curve_fit
 
-    # a search that does not converge, overflows or finds a singular matrix gives no
-    # speed
-    best, covariance = np.zeros(len(begin)), np.full((2, 2), np.inf)
+    time, travel = arrivals.value, apart() / slowest
+    sd = np.hypot(arrivals.error / SIGMAS, TRAVEL_SCATTER * travel)
+    sd = np.hypot(sd, CLOCK_STEP)
+    begin = [float(np.mean(time - travel)), 1.0 / slowest, *place]
+    # a search that does not converge, overflows or has no single best gives no speed
     with suppress(RuntimeError, ValueError), warnings.catch_warnings(action="ignore"):
         best, covariance = curve_fit(
-            arrival, arrivals.value, arrivals.value, begin, sd, absolute_sigma=True
+            arrival, time, time, begin, sd, absolute_sigma=True
         )
-    left = (arrival(arrivals.value, *best) - arrivals.value) / sd
-    if (
-        apart(np.array(best[2:] if len(best) > 2 else blast.place[:2])).max()
-        > STRATOSPHERE_RANGE
-    ):
-        slowest = min(slowest, SLOWEST_THERMOSPHERE)
-    error = np.hypot(np.sqrt(covariance[1, 1]), TRAVEL_SCATTER * best[1])
-    if best[1] - SIGMAS * error < 1.0 / slowest or np.abs(left).max() > SIGMAS:
-        return []
-    numbers = {"speed_m_s": float(1.0 / best[1]), "slowest_m_s": slowest}
-    return [Doubt("slow_together", tuple(arrivals.row.tolist()), numbers)]
+        if apart(*best[2:]).max() > STRATOSPHERE_RANGE:
+            slowest = min(slowest, SLOWEST_THERMOSPHERE)
+        error = np.hypot(np.sqrt(covariance[1, 1]), TRAVEL_SCATTER * best[1])
+        left = np.abs(arrival(time, *best) - time) / sd
+        if best[1] - SIGMAS * error > 1.0 / slowest and left.max() < SIGMAS:
+            numbers = {"speed_m_s": float(1.0 / best[1]), "slowest_m_s": slowest}
+            return [Doubt("slow_together", tuple(arrivals.row.tolist()), numbers)]
+    return []
 
 
 def magnitudes_doubted(
@@ -403,31 +387,27 @@ def magnitudes_doubted(
     """
     found = []
     for i in np.flatnonzero(~readings.timed & ~readings.bound):
-        quantity, at = str(readings.quantity[i]), float(distance[i])
-        row, numbers = (
-            (int(readings.row[i]),),
-            {"value": float(np.exp(readings.value[i]))},
-        )
+        quantity, at = readings.quantity[i], float(distance[i])
         mass, given = laws.by_mass(quantity, at if at > 0 else 1.0)
-        enough = given >= readings.value[i]
-        if at > 0:
-            numbers["distance_m"] = at
-        elif quantity in WITH_MASS or enough.any():
-            # without a distance the limit is the value 1 m from the charge, for
-            # quantities that do not grow with its mass
+        enough = mass[given >= readings.value[i]]
+        # without a distance the limit is the value 1 m from the charge, for quantities
+        # that do not grow with its mass
+        if not at > 0 and (quantity in WITH_MASS or enough.size):
             continue
-        if not enough.any():
-            numbers["largest"] = float(np.exp(given.max()))
-            found.append(Doubt("no_mass_gives_it", row, numbers, (quantity,)))
-            continue
-        # the smallest mass that gives the reading is the most favourable one
-        least = float(mass[enough].min())
-        reach = LARGEST_RADIUS * float(np.cbrt(least))
-        numbers |= {"mass_kg": least, "fireball_m": reach}
-        if not MIN_MASS <= least <= MAX_MASS:
-            found.append(Doubt("mass_of_no_blast", row, numbers, (quantity,)))
-        elif reach > at and least > FIREBALL_MASS:
-            found.append(Doubt("in_the_fireball", row, numbers, (quantity,)))
+        kind, numbers = "", {"distance_m": at} if at > 0 else {}
+        if not enough.size:
+            kind, numbers["largest"] = "no_mass_gives_it", float(np.exp(given.max()))
+        else:
+            # the smallest mass that gives the reading is the most favourable one
+            least = float(enough.min())
+            reach = LARGEST_RADIUS * float(np.cbrt(least))
+            numbers |= {"mass_kg": least, "fireball_m": reach}
+            if not MIN_MASS <= least <= MAX_MASS:
+                kind = "mass_of_no_blast"
+            elif reach > at and least > FIREBALL_MASS:
+                kind = "in_the_fireball"
+        if kind:
+            found.append(Doubt(kind, (int(readings.row[i]),), numbers))
     return found
 
 
@@ -454,14 +434,9 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
         rises[(far[:, None] <= far) | (its.value[:, None] <= its.value)] = 0.0
         if n and np.nanmax(rises) > quantile:
             j, i = np.unravel_index(np.nanargmax(rises), rises.shape)
-            numbers = {
-                "value": float(np.exp(its.value[j])),
-                "distance_m": float(far[j]),
-                "nearer": float(np.exp(its.value[i])),
-                "nearer_m": float(far[i]),
-            }
+            numbers = {"distance_m": float(far[j]), "nearer_m": float(far[i])}
             rows = int(its.row[j]), int(its.row[i])
-            found.append(Doubt("peak_rises", rows, numbers, (quantity,)))
+            found.append(Doubt("peak_rises", rows, numbers))
     return found
 
 
@@ -477,6 +452,5 @@ def radii_doubted(observations: Observations) -> list[Doubt]:
     for early, late in pairwise(sorted(rows, key=order)):
         before, value = observations.value[[early, late]].tolist()
         if order(early)[:2] == order(late)[:2] and SHRINKS * value < before:
-            numbers = {"value": value, "before": before}
-            found.append(Doubt("radius_shrinks", (late, early), numbers))
+            found.append(Doubt("radius_shrinks", (late, early)))
     return found

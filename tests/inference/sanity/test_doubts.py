@@ -32,7 +32,9 @@ BOTH = log_of(ARRIVAL, PEAK)
 
 
 def kinds(log: Observations, scene=SCENE) -> list[str]:
-    return [doubt.kind for doubt in doubts(log, scene)]
+    found = doubts(log, scene)
+    assert all(sentence(doubt, log) for doubt in found)
+    return [doubt.kind for doubt in found]
 
 
 @pytest.mark.parametrize("quantities", [(ARRIVAL,), (PEAK,), (ARRIVAL, PEAK, IMPULSE)])
