@@ -211,21 +211,28 @@ class Readings:
         apart = np.linalg.norm(self.position - places[:, None], axis=-1)
         return np.where(np.isnan(self.slant_range), apart, self.slant_range)
 
-    def misses(
+    def compared(
         self,
         laws: ScaledLaws,
         places: Float[np.ndarray, "place 3"],
         masses: Float[np.ndarray, " place"],
+        origin: float | None = None,
+        offset: Float[np.ndarray, "place n"] | None = None,
         spacing: float = 0.0,
-    ) -> tuple[Float[np.ndarray, "place n"], Float[np.ndarray, "place n"]]:
-        """Return values minus predictions, and their tolerance.
-
-        The value of a clock is not yet reduced by its offset.
+    ) -> tuple[
+        Float[np.ndarray, "place n"],
+        Float[np.ndarray, "place n"],
+        Float[np.ndarray, "place n"],
+    ]:
+        """Return residuals, their tolerance, and clock offsets, subtracted already.
 
         Args:
             laws: Laws of 1 kg.
             places: Positions of the charge [m].
             masses: Its mass at each [kg].
+            origin: Time of the shot on the common clock [s]; None to estimate it.
+            offset: Time of the shot on the clock of each reading [s], 0 for readings in
+                ln; None to estimate it.
             spacing: Distance of these positions from each other [m].
         """
         distance = self.distances(places)
@@ -234,34 +241,25 @@ class Readings:
             here = self.quantity == quantity
             law = laws.predicted(quantity, distance[:, here], masses[:, None])
             predicted[:, here] = np.exp(law) if quantity == "air_arrival_s" else law
+        residual = self.value - predicted
+        if offset is None:
+            offset = np.zeros_like(residual)
+            for clock in set(self.clock[self.timed].tolist()):
+                here = self.clock == clock
+                # a median: wrong arrivals, fewer than half, do not shift it
+                offset[:, here] = np.median(residual[:, here], axis=1, keepdims=True)
+                if clock == 0 and origin is not None:
+                    offset[:, here] = origin
+        residual = residual - offset
+        residual = np.where(self.bound, np.maximum(residual, 0.0), residual)
         share = np.where(
             distance > STRATOSPHERE_RANGE, STRATOSPHERE_TOLERANCE, TRAVEL_TIME_TOLERANCE
         )
-        times = CLOCK_STEP + share * predicted + spacing / SPEED
         # the optimum may lie between grid points
+        times = CLOCK_STEP + share * predicted + spacing / SPEED
         factors = np.log(FACTOR) + 2 * spacing / np.maximum(distance, spacing or 1.0)
-        return self.value - predicted, self.error + np.where(self.timed, times, factors)
-
-    def offsets(
-        self, missed: Float[np.ndarray, "place n"], origin: float | None
-    ) -> Float[np.ndarray, "place n"]:
-        """Return the time of the shot on each clock [s]; 0 for readings in ln."""
-        offset = np.zeros_like(missed)
-        for clock in set(self.clock[self.timed].tolist()):
-            here = self.clock == clock
-            if clock == 0 and origin is not None:
-                offset[:, here] = origin
-            else:
-                # a median: wrong arrivals, fewer than half, do not shift it
-                offset[:, here] = np.median(missed[:, here], axis=1, keepdims=True)
-        return offset
-
-    def residuals(
-        self, missed: Float[np.ndarray, "..."], offset: Float[np.ndarray, "..."]
-    ) -> Float[np.ndarray, "..."]:
-        """Return values minus predictions and offsets; a lower bound may be less."""
-        residual = missed - offset
-        return np.where(self.bound, np.maximum(residual, 0.0), residual)
+        allowed = self.error + np.where(self.timed, times, factors)
+        return residual, allowed, offset
 
 
 @dataclass(frozen=True)
@@ -411,12 +409,8 @@ def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Blast:
         laws: Laws of 1 kg.
         height: Height of the charge [m].
     """
-    heard = readings.quantity != "flash_time_s"
-    placed = ~np.isnan(readings.position).any(axis=1)
-    ranged = ~np.isnan(readings.slant_range)
-    if len({*map(tuple, readings.position[placed].tolist())}) < 3 or not (
-        (placed & ~ranged)[heard].all()
-    ):
+    heard = readings.only(readings.quantity != "flash_time_s").position
+    if np.isnan(heard).any() or len(np.unique(heard, axis=0)) < 3:
         nowhere = _compared(readings, laws, np.zeros(3), 1.0, None, 3)
         return replace(nowhere, off=np.zeros_like(nowhere.off), checkable=0)
     few = _thinned(readings)
@@ -429,11 +423,9 @@ def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Blast:
     middle = np.array([*centre, (smallest + largest) / 2])
     reach = np.array([half, half, (largest - smallest) / 2])
     for counts in GRIDS:
-        axes = [
-            m + r * np.linspace(-1, 1, n)
-            for m, r, n in zip(middle, reach, counts, strict=True)
-        ]
-        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        axes = [np.linspace(-1, 1, n) for n in counts]
+        cube = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        grid = middle + reach * cube
         places = np.column_stack([grid[:, :2], np.full(len(grid), height)])
         spacing = 2 * reach[0] / (counts[0] - 1)
         middle = grid[_closest(few, laws, places, np.exp(grid[:, 2]), None, spacing)]
@@ -456,8 +448,9 @@ def _closest(
 
     A row that disagrees adds 1 to its cost, however large its residual.
     """
-    missed, allowed = readings.misses(laws, places, masses, spacing)
-    residual = readings.residuals(missed, readings.offsets(missed, origin))
+    residual, allowed, _ = readings.compared(
+        laws, places, masses, origin, spacing=spacing
+    )
     cost = np.fmin((residual / allowed) ** 2, 1.0).sum(axis=1)
     return int(np.argmin(cost))
 
@@ -471,14 +464,14 @@ def _compared(
     unknowns: int,
 ) -> Blast:
     """Return the agreement with a blast, of which some numbers were searched."""
-    missed, allowed = readings.misses(laws, place[None], np.array([mass]))
-    offset = readings.offsets(missed, origin)
-    residual = readings.residuals(missed, offset)[0]
+    residual, allowed, offset = (
+        one[0] for one in readings.compared(laws, place[None], np.array([mass]), origin)
+    )
     free = readings.timed & ((readings.clock > 0) | (origin is None))
     counts = np.bincount(readings.clock[free])
     # an offset that is found from one reading fits it exactly
     lonely = free & np.isin(readings.clock, np.flatnonzero(counts == 1))
-    off = ~(np.abs(residual) <= allowed[0]) & ~lonely
+    off = ~(np.abs(residual) <= allowed) & ~lonely
     unknowns += int((counts > 1).sum())
     return Blast(
         readings=readings,
@@ -487,7 +480,7 @@ def _compared(
         distance=readings.slant_range,
         origin=origin,
         residual=residual,
-        offset=offset[0],
+        offset=offset,
         off=off,
         checkable=int((~lonely).sum()),
         unknowns=unknowns,
@@ -515,23 +508,24 @@ def readings_of(
         rows: Rows of one shot.
         beliefs: Names of uncertain numbers; a clock among them has its own offset.
     """
-    quantity = np.array(observations.quantity)[rows]
-    placed = ~np.isnan(observations.position[rows]).any(axis=1)
-    placed |= ~np.isnan(observations.slant_range[rows])
-    seen = quantity == "flash_time_s"
-    used = seen | (np.isin(quantity, list(LAWS)) & placed)
-    rows, quantity = rows[used], quantity[used]
+    quantity = np.array(observations.quantity)
+    placed = ~np.isnan(observations.position).any(axis=1)
+    placed |= ~np.isnan(observations.slant_range)
+    used = (quantity == "flash_time_s") | (np.isin(quantity, list(LAWS)) & placed)
+    rows = rows[used[rows]]
+    quantity = quantity[rows]
     timed = np.isin(quantity, ("flash_time_s", "air_arrival_s"))
     offsets = {name: float(x) for name, x in scene.clock_offsets().items()}
-    own = observations.clocks()
-    names = [
-        own[row] if observations.clock[row] or f"{CLOCK_OFFSET}.{own[row]}" in beliefs
-        else ""
-        for row in rows
-    ]  # fmt: skip
-    number = {name: i for i, name in enumerate(dict.fromkeys(["", *names]))}
+    own = np.array(observations.clocks())[rows]
+    apart = [
+        bool(observations.clock[row]) or f"{CLOCK_OFFSET}.{name}" in beliefs
+        for row, name in zip(rows, own, strict=True)
+    ]
+    # the common clock, "", is the first in order
+    names = np.where(apart, own, "")
+    _, clock = np.unique(np.append(names, ""), return_inverse=True)
     # stated offsets are subtracted: these clocks then agree with the common one
-    shift = np.array([offsets.get(own[row], 0.0) for row in rows])
+    shift = np.array([offsets.get(name, 0.0) for name in own])
     raw = observations.value[rows]
     return Readings(
         row=rows,
@@ -539,7 +533,7 @@ def readings_of(
         value=np.where(timed, raw - shift, np.log(np.where(raw > 0, raw, 1.0))),
         position=observations.position[rows],
         slant_range=observations.slant_range[rows],
-        clock=np.where(timed, np.array([number[n] for n in names], int), NO_CLOCK),
+        clock=np.where(timed, clock[:-1], NO_CLOCK),
         error=SIGMAS * np.nan_to_num(observations.error_scale()[rows]),
         bound=observations.bounds()[rows],
     )

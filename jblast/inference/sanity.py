@@ -27,7 +27,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.special import stdtrit
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO, DRY_AIR_GAS_CONSTANT, FOOT
@@ -60,10 +60,10 @@ from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
 from jblast.waves.propagation import sound_speed_of
 
-OF_ALL = ("not_at_the_origin", "not_at_time_0", "clock_of_one_row")
-"""Warnings about the whole log."""
 FREE = {"not_at_the_origin": "charge_east_m", "not_at_time_0": "origin_time_s"}
 """Parameter that a fit has to free: no warning where it does so without a scene."""
+OF_ALL = (*FREE, "clock_of_one_row")
+"""Warnings about the whole log."""
 TWO_SIDED = (
     *("too_slow_between", "peak_rises", "radius_shrinks"),
     *("two_sensors_at_one_place", "sensor_at_two_places"),
@@ -83,13 +83,11 @@ with 4 degrees of freedom (`calibration/far_pressure.py`)."""
 BY_CHANCE = 0.02
 """Share of logs without a mistake in which scatter gives a rise that is reported.
 Simulated with 3 to 100 gauges over a decade of range: 1.2 to 4.0 % of logs."""
-COLDEST = 222.15
-"""Severe cold [K]: -51 C, climatic category C3 of MIL-STD-810."""
+COLDEST_SOUND = float(np.sqrt(AIR_HEAT_CAPACITY_RATIO * DRY_AIR_GAS_CONSTANT * 222.15))
+"""Speed of sound in severe cold [m/s]: -51 C, climatic category C3 of MIL-STD-810."""
 GALE = 20.7
 """Largest wind in which blasts are measured [m/s]: upper limit of Beaufort 8 (WMO)."""
-SLOWEST = float(
-    np.sqrt(AIR_HEAT_CAPACITY_RATIO * DRY_AIR_GAS_CONSTANT * COLDEST) - GALE
-)
+SLOWEST = COLDEST_SOUND - GALE
 """Lowest speed of a wave in air near the ground [m/s]: 278."""
 SLOWEST_THERMOSPHERE = 180.0
 """Lowest celerity of infrasound through the thermosphere [m/s], beyond
@@ -101,6 +99,10 @@ MAX_COMPARED = 1000
 """Largest number of readings that are compared in pairs: 8 MB for each array."""
 HALF_HOUR = 1800.0
 """Step of time zones [s]: they differ by quarters of an hour, nearly all by halves."""
+MISTAKE_MARGIN = 0.6
+"""Largest residual after the correction of a mistake, relative to the tolerance. Below
+1 it separates neighbouring factors: a psi is 6.9 kPa, and a factor of 3 is
+tolerated."""
 PLACES = {
     "east_north_swapped": [[0, 1, 0], [1, 0, 0], [0, 0, 1]],
     "place_in_feet": np.eye(3) * FOOT,
@@ -218,59 +220,61 @@ def _mistakes(
     """Return the mistakes that explain most of the rows that disagree."""
     readings, doubted = blast.readings, []
     place, mass = blast.place[None], np.array([blast.mass])
-    sensors = np.array(observations.sensor)[readings.row]
     # by sensor: a wrong position or clock affects all of its rows
-    for sensor in dict.fromkeys(sensors[blast.off].tolist()):
-        its = sensors == sensor
-        off = blast.off & its
+    by_sensor: dict[str, list[int]] = {}
+    for i, row in enumerate(readings.row):
+        by_sensor.setdefault(observations.sensor[row], []).append(i)
+    for its in map(np.array, by_sensor.values()):
+        off = its[blast.off[its]]
         explained = []
-        for here, corrected, doubt in _corrections(blast, its):
-            missed, allowed = corrected.misses(laws, place, mass)
-            residual = corrected.residuals(missed, blast.offset[here])
-            left = float(np.abs(residual / allowed).max())
-            if left <= 1.0:
-                # of two units of one reading, the closer one
-                order = -int(off[here].sum()), doubt.kind == "unit_slip", left
-                explained.append((order, here, doubt))
-        explained.sort(key=lambda one: one[0])
-        for i in np.flatnonzero(off):
+        for here, corrected, doubt in _corrections(blast, its, off):
+            offset = blast.offset[here][None]
+            residual, allowed, _ = corrected.compared(laws, place, mass, offset=offset)
+            if (np.abs(residual) <= MISTAKE_MARGIN * allowed).all():
+                explained.append((here, doubt))
+        # the mistake that explains most rows comes first
+        explained.sort(key=lambda one: -blast.off[one[0]].sum())
+        for i in off:
             kind, numbers = "off_by_factor", {"ratio": float(np.exp(blast.residual[i]))}
             if readings.timed[i]:
                 kind, numbers = "off_in_time", {"late_s": float(blast.residual[i])}
             numbers["mass_kg"] = blast.mass
-            explained.append(((), np.array([i]), Doubt(kind, (), numbers)))
-        for _, here, doubt in explained:
-            rows = readings.row[here[off[here]]]
-            if rows.size:
-                doubted.append(replace(doubt, rows=tuple(rows.tolist())))
-                off[here] = False
+            explained.append((np.array([i]), Doubt(kind, (), numbers)))
+        for here, doubt in explained:
+            rows = tuple(readings.row[np.intersect1d(here, off)].tolist())
+            if rows:
+                doubted.append(replace(doubt, rows=rows))
+                off = np.setdiff1d(off, here)
     return doubted
 
 
 def _corrections(
-    blast: Blast, its: Bool[np.ndarray, " n"]
+    blast: Blast, its: Int[np.ndarray, " _"], off: Int[np.ndarray, " _"]
 ) -> Iterator[tuple[Int[np.ndarray, " _"], Readings, Doubt]]:
     """Yield mistakes of a sensor: the readings concerned, the same corrected, warning.
 
     Args:
-        blast: The blast with which some of its readings disagree.
-        its: True for the sensor's readings.
+        blast: The blast with which its readings are compared.
+        its: Numbers of the sensor's readings.
+        off: Numbers of those that disagree: without any there is no mistake.
     """
-    readings, off = blast.readings, blast.off & its
-    timed = np.flatnonzero(off & readings.timed)
+    if not off.size:
+        return
+    readings = blast.readings
+    timed = off[readings.timed[off]]
     if timed.size:
         late = HALF_HOUR * float(np.round(blast.residual[timed[0]] / HALF_HOUR))
         own = readings.only(timed)
         doubt = Doubt("clock_of_another_zone", (), {"late_s": late})
         yield timed, replace(own, value=own.value - late), doubt
-    here = np.flatnonzero(its)
-    own = readings.only(here)
+    own = readings.only(its)
     for kind, matrix in PLACES.items():
         place = own.position @ matrix
         numbers = {"east_m": float(place[0, 0]), "north_m": float(place[0, 1])}
-        yield here, replace(own, position=place), Doubt(kind, (), numbers)
-    for i in np.flatnonzero(off):
-        own, here = readings.only(np.array([i])), np.array([i])
+        yield its, replace(own, position=place), Doubt(kind, (), numbers)
+    for i in off:
+        here = np.array([i])
+        own = readings.only(here)
         for name, factor in FACTORS[QUANTITIES[own.quantity[0]].kind].items():
             numbers = {"mass_kg": blast.mass, "factor": factor}
             doubt = Doubt("unit_slip", (), numbers, (name,))
@@ -421,21 +425,22 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
     found = []
     for quantity in ("peak_overpressure_pa", "reflected_pressure_pa"):
         here = (readings.quantity == quantity) & ~readings.bound & ~np.isnan(distance)
-        its, far = readings.only(here), distance[here]
-        n = min(len(far), MAX_COMPARED)
-        its, far = its.only(np.arange(n)), far[:n]
-        spread = its.value + np.log(np.maximum(far, np.finfo(float).tiny))
+        here = np.flatnonzero(here)[:MAX_COMPARED]
+        if not here.size:
+            continue
+        far, value, error = distance[here], readings.value[here], readings.error[here]
+        spread = value + np.log(np.maximum(far, np.finfo(float).tiny))
         # With heavy tails one reading makes the rise. Any of them may, on either side:
         # Bonferroni over twice their number.
-        quantile = -float(stdtrit(4, BY_CHANCE / (2 * max(n, 1))))
-        stated = np.hypot(its.error[:, None], its.error) / SIGMAS
-        scale = np.hypot(SCATTER, stated)  # independent of the scatter
-        rises = (spread[:, None] - spread) / scale
-        rises[(far[:, None] <= far) | (its.value[:, None] <= its.value)] = 0.0
-        if n and np.nanmax(rises) > quantile:
-            j, i = np.unravel_index(np.nanargmax(rises), rises.shape)
+        quantile = -float(stdtrit(4, BY_CHANCE / (2 * len(here))))
+        # stated errors are independent of the scatter
+        scale = np.hypot(SCATTER, np.hypot(error[:, None], error) / SIGMAS)
+        larger = (far[:, None] > far) & (value[:, None] > value)
+        rises = np.where(larger, (spread[:, None] - spread) / scale, 0.0)
+        j, i = np.unravel_index(np.argmax(rises), rises.shape)
+        if rises[j, i] > quantile:
             numbers = {"distance_m": float(far[j]), "nearer_m": float(far[i])}
-            rows = int(its.row[j]), int(its.row[i])
+            rows = tuple(readings.row[here[[j, i]]].tolist())
             found.append(Doubt("peak_rises", rows, numbers))
     return found
 
