@@ -8,10 +8,13 @@ $Z = r / M^{1/3}$, and times and impulses $M^{1/3}$ as large (Baker, Explosions 
 The mass, and where needed the position and the origin time, are searched on a grid. The
 score is the number of rows that agree, not a sum of squares: one row off by a factor of
 a thousand would dominate a fit (Fischler and Bolles, Comm. ACM 24, 381, 1981, who draw
-at random). Each row that disagrees has a price, as has each number that is found and
-each mistake that is supposed. The cheapest of these is compared with the rows: the
-blast of the scene, the same with another unit of all readings of a quantity, and,
-without a scene, one at another time or position.
+at random).
+
+Each row that disagrees with a blast has a price, as has each number that is found.
+Position and time of the scene are used where it has them. The same blast with another
+unit of all readings of a quantity replaces it if that is cheaper, with the price of the
+mistake. Without a scene a fit assumes the origin and time 0, and a blast at another
+time or position replaces this one if it is cheaper.
 
 The tolerances are those of a check: a factor of three for pressures, impulses and
 durations, a share of the travel time for arrivals. The result is no estimate.
@@ -23,7 +26,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from jblast.constants import PSI, TNT_SPECIFIC_ENERGY
+from jblast.constants import PSI, STANDARD_SOUND_SPEED, TNT_SPECIFIC_ENERGY
 from jblast.observations import Observations
 from jblast.observations.check import Doubt
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
@@ -49,8 +52,6 @@ SEARCH_ROWS = 60
 then compared with the result."""
 SPREADS = 4.0
 """Half width of the searched square about the sensors, in their median distances."""
-SPEED = 340.0
-"""Speed that converts the spacing of a grid into a tolerance of arrivals [m/s]."""
 SIGMAS = 5.0
 """Residual in sigmas that no error of reading explains: 1 in 1.7 million by chance."""
 FACTOR = 3.0
@@ -136,11 +137,11 @@ class ScaledLaws:
     def by_mass(
         self, quantity: str, distance: float
     ) -> tuple[Float[np.ndarray, " z"], Float[np.ndarray, " z"]]:
-        """Return masses [kg], and ln of what the valid law gives for each."""
-        valid = self.valid[quantity]
-        third = distance / SCALED_DISTANCES[valid]
+        """Return ln of rising masses [kg], and ln of what the valid law gives."""
+        valid = np.flatnonzero(self.valid[quantity])[::-1]
+        third = np.log(distance / SCALED_DISTANCES[valid])
         value = self.log_value[quantity][valid]
-        return third**3, value + np.log(third) if quantity in WITH_MASS else value
+        return 3 * third, value + third if quantity in WITH_MASS else value
 
     def fastest(self) -> float:
         """Return the largest mean speed [m/s] from the charge by a valid law."""
@@ -256,7 +257,8 @@ class Readings:
             distance > STRATOSPHERE_RANGE, STRATOSPHERE_TOLERANCE, TRAVEL_TIME_TOLERANCE
         )
         # the optimum may lie between grid points
-        times = CLOCK_STEP + share * predicted + spacing / SPEED
+        sound = spacing / STANDARD_SOUND_SPEED
+        times = CLOCK_STEP + share * predicted + sound
         factors = np.log(FACTOR) + 2 * spacing / np.maximum(distance, spacing or 1.0)
         allowed = self.error + np.where(self.timed, times, factors)
         return residual, allowed, offset

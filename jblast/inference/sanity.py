@@ -392,18 +392,19 @@ def magnitudes_doubted(
     found = []
     for i in np.flatnonzero(~readings.timed & ~readings.bound):
         quantity, at = readings.quantity[i], float(distance[i])
-        mass, given = laws.by_mass(quantity, at if at > 0 else 1.0)
-        enough = mass[given >= readings.value[i]]
+        log_mass, given = laws.by_mass(quantity, at if at > 0 else 1.0)
+        given = np.maximum.accumulate(given)  # by this mass or a smaller one
+        is_possible = readings.value[i] <= given[-1]
         # without a distance the limit is the value 1 m from the charge, for quantities
         # that do not grow with its mass
-        if not at > 0 and (quantity in WITH_MASS or enough.size):
+        if not at > 0 and (quantity in WITH_MASS or is_possible):
             continue
         kind, numbers = "", {"distance_m": at} if at > 0 else {}
-        if not enough.size:
-            kind, numbers["largest"] = "no_mass_gives_it", float(np.exp(given.max()))
+        if not is_possible:
+            kind, numbers["largest"] = "no_mass_gives_it", float(np.exp(given[-1]))
         else:
             # the smallest mass that gives the reading is the most favourable one
-            least = float(enough.min())
+            least = float(np.exp(np.interp(readings.value[i], given, log_mass)))
             reach = LARGEST_RADIUS * float(np.cbrt(least))
             numbers |= {"mass_kg": least, "fireball_m": reach}
             if not MIN_MASS <= least <= MAX_MASS:

@@ -408,10 +408,9 @@ def sentence(doubt: Doubt, observations: Observations) -> str:
         facts["times"] = f"{times} times" if ratio > 1 else f"1/{part} of"
     if "factor" in numbers:
         unit = doubt.names[-1]
-        is_unit = "written" in unit
-        facts["looks"] = (
-            f"looks {'like ' + unit if is_unit else unit + ' the true value'}"
-        )
+        facts["looks"] = f"looks {unit} the true value"
+        if "written" in unit:
+            facts["looks"] = f"looks like {unit}"
     if "east_m" in numbers:
         facts["place"] = place(numbers["east_m"], numbers["north_m"], log)
     return SENTENCES[doubt.kind].format_map(facts)
