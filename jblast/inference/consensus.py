@@ -8,24 +8,29 @@ $Z = r / M^{1/3}$, and times and impulses $M^{1/3}$ as large (Baker, Explosions 
 The mass, and where needed the position and the origin time, are searched on a grid. The
 score is the number of rows that agree, not a sum of squares: one row off by a factor of
 a thousand would dominate a fit (Fischler and Bolles, Comm. ACM 24, 381, 1981, who draw
-at random). Position and time of the scene are used where it has them. Without a scene a
-fit assumes the origin and time 0, and another position or time replaces these if
-more rows agree on it.
+at random).
+
+Each row that disagrees with a blast has a price, as has each number that is found.
+Position and time of the scene are used where it has them. The same blast with another
+unit of all readings of a quantity replaces it if that is cheaper, with the price of the
+mistake. Without a scene a fit assumes the origin and time 0, and a blast at another
+time or position replaces this one if it is cheaper.
 
 The tolerances are those of a check: a factor of three for pressures, impulses and
 durations, a share of the travel time for arrivals. The result is no estimate.
 """
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
-from jblast.constants import TNT_SPECIFIC_ENERGY
+from jblast.constants import PSI, STANDARD_SOUND_SPEED, TNT_SPECIFIC_ENERGY
 from jblast.observations import Observations
 from jblast.observations.check import Doubt
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
+from jblast.quantities import QUANTITIES
 from jblast.registry import law_for
 from jblast.scene import Charge, Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
@@ -39,18 +44,14 @@ MIN_MASS = 1e-6
 MASSES = np.geomspace(MIN_MASS, MAX_MASS, 160)
 """Masses of the search at a known position [kg]. Their ratio of 1.3 changes times and
 impulses by some 9 %, pressures by 30 % at most: far less than `FACTOR`."""
-SIDE, GRID_MASSES, ROUNDS = 25, 28, 5
-"""Positions along each side of the grid, masses at each position, and number of rounds.
-Each round narrows the grid by 4: the fifth is 1/256 as wide as the first."""
+GRIDS = ((25, 25, 28), *[(13, 13, 13)] * 4)
+"""Points along east, north and ln mass of each grid of the search for a position. Each
+grid is a quarter as wide as the one before: the last is 1/256 as wide as the first."""
 SEARCH_ROWS = 60
-"""Largest number of rows for the search of a position. All rows are then compared with
-the result; the search takes as long as it has rows."""
-MAX_BATCH_NUMBERS = 250_000
-"""Largest number of readings times trials in memory: 2 MB an array."""
+"""Largest number of rows of a search, which takes as long as it has rows. All rows are
+then compared with the result."""
 SPREADS = 4.0
 """Half width of the searched square about the sensors, in their median distances."""
-SPEED = 340.0
-"""Speed that converts the spacing of a grid into a tolerance of arrivals [m/s]."""
 SIGMAS = 5.0
 """Residual in sigmas that no error of reading explains: 1 in 1.7 million by chance."""
 FACTOR = 3.0
@@ -86,69 +87,40 @@ WITH_MASS = {
     "reflected_impulse_pa_s",
 }
 """Quantities that grow with the cube root of the mass at one scaled distance."""
-NEAREST, FARTHEST, POINTS = 1e-3, 1e6, 901
+SCALED_DISTANCES = np.geomspace(1e-3, 1e6, 901)
 """Scaled distances of the tables [m/kg^(1/3)]: 100 a decade."""
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """Rows of a shot, compared with one blast.
-
-    Attributes:
-        place: East, north, up of the charge [m].
-        mass: Mass of the explosive [kg].
-        residual: Residual of each reading, in its unit (ln, or seconds).
-        offset: Reading of its clock minus the time since the shot; 0 for readings in
-            ln.
-        off: True for readings that disagree.
-        checkable: True for readings that can disagree: the only reading of a clock
-            cannot.
-        unknowns: Number of parameters found from the rows.
-    """
-
-    place: Float[np.ndarray, "3"]
-    mass: float
-    residual: Float[np.ndarray, " n"]
-    offset: Float[np.ndarray, " n"]
-    off: Bool[np.ndarray, " n"]
-    checkable: Bool[np.ndarray, " n"]
-    unknowns: int
-
-    def holds(self) -> bool:
-        """Return True if a majority agrees, so that the other rows are suspect."""
-        agree = int((self.checkable & ~self.off).sum())
-        return agree > self.unknowns and 2 * agree > int(self.checkable.sum())
-
-    def all_agree(self) -> bool:
-        """Return True if no row disagrees."""
-        return not (self.checkable & self.off).any()
-
-    def is_believable(self) -> bool:
-        """Return True if at least as many rows agree as numbers were found, and two."""
-        return int((self.checkable & ~self.off).sum()) >= max(self.unknowns, 2)
-
-    def price(self) -> int:
-        """Return the number of unknowns plus `PRICE` for each row that disagrees."""
-        return PRICE * int((self.checkable & self.off).sum()) + self.unknowns
-
-    def share(self) -> float:
-        """Return the share of rows that agree."""
-        return float((self.checkable & ~self.off).sum() / max(self.checkable.sum(), 1))
+# Ratios of a wrong to the right value, by the mistake; the key is part of the warning.
+_MILLI = {"a thousand times": 1e3, "a thousandth of": 1e-3}
+_PSI = {
+    "psi written as kPa": 1e3 / PSI,
+    "kPa written as psi": PSI / 1e3,
+    "psi written as Pa": 1 / PSI,
+    "Pa written as psi": PSI,
+}
+_PRESSURE = {"mbar written as Pa": 1e-2, "Pa written as mbar": 1e2}
+_BAR = {"bar written as Pa": 1e-5, "Pa written as bar": 1e5}
+_TIME = {"minutes written as seconds": 1 / 60, "seconds written as minutes": 60.0}
+FACTORS: Mapping[str, Mapping[str, float]] = {
+    "pressure": {**_MILLI, **_PSI, **_PRESSURE, **_BAR},
+    "impulse": {**_MILLI, **_PSI},
+    "duration": {**_MILLI, **_TIME},
+    "arrival": {**_MILLI, **_TIME},
+    "flash": {},
+}
+"""Ratio of a value with the wrong unit to the right one, by kind of quantity."""
 
 
 @dataclass(frozen=True)
 class ScaledLaws:
-    """Laws of 1 kg of an explosive in the air of a scene.
+    """Laws of 1 kg of an explosive in the air of a scene, over `SCALED_DISTANCES`.
 
     Attributes:
-        log_z: ln of scaled distance.
         log_value: ln of the value at each, by quantity.
-        near: Smallest scaled distance within the range of the law, by quantity.
+        valid: True within the range of the law, by quantity.
     """
 
-    log_z: Float[np.ndarray, " z"]
-    log_value: dict[str, Float[np.ndarray, " z"]]
-    near: dict[str, float]
+    log_value: Mapping[str, Float[np.ndarray, " z"]]
+    valid: Mapping[str, Bool[np.ndarray, " z"]]
 
     def predicted(
         self,
@@ -159,47 +131,40 @@ class ScaledLaws:
         """Return ln of a quantity at given distances from given masses."""
         third = np.log(mass) / 3
         log_z = np.log(np.maximum(distance, 1e-6)) - third
-        step = self.log_z[1] - self.log_z[0]
-        # the table is uniform in ln Z: an index instead of a search
-        place = np.clip((log_z - self.log_z[0]) / step, 0, len(self.log_z) - 1.000001)
-        left = place.astype(int)
-        share = place - left
-        table = self.log_value[quantity]
-        value = table[left] * (1 - share) + table[left + 1] * share
+        value = np.interp(log_z, np.log(SCALED_DISTANCES), self.log_value[quantity])
         return value + third if quantity in WITH_MASS else value
+
+    def by_mass(
+        self, quantity: str, distance: float
+    ) -> tuple[Float[np.ndarray, " z"], Float[np.ndarray, " z"]]:
+        """Return ln of rising masses [kg], and ln of what the valid law gives."""
+        valid = np.flatnonzero(self.valid[quantity])[::-1]
+        third = np.log(distance / SCALED_DISTANCES[valid])
+        value = self.log_value[quantity][valid]
+        return 3 * third, value + third if quantity in WITH_MASS else value
 
     def fastest(self) -> float:
         """Return the largest mean speed [m/s] from the charge by a valid law."""
-        log_z = self._valid("air_arrival_s")
-        return float(
-            np.exp(log_z - self.log_value["air_arrival_s"][-len(log_z) :]).max()
-        )
+        _, log_time = self.by_mass("air_arrival_s", 1.0)
+        return float(np.exp(-log_time.min()))
 
-    def largest(self, quantity: str, distance: float) -> float:
-        """Return the largest value of a valid law at a distance, for any mass."""
-        return float(np.exp(self._along(quantity, distance).max()))
 
-    def masses(self, quantity: str, value: float, distance: float) -> np.ndarray:
-        """Return the masses [kg] that give a value at a distance, by a valid law."""
-        along = self._along(quantity, distance) - np.log(value)
-        mass = (distance / np.exp(self._valid(quantity))) ** 3
-        # several masses are possible where a quantity is not monotonic in the mass
-        crossed = np.flatnonzero(np.diff(np.sign(along)) != 0)
-        share = along[crossed] / (along[crossed] - along[crossed + 1])
-        log_mass = np.log(mass)
-        return np.exp(
-            log_mass[crossed] + share * (log_mass[crossed + 1] - log_mass[crossed])
-        )
+def scaled_laws(scene: Scene) -> ScaledLaws:
+    """Tabulate the laws for 1 kg of a scene's explosive, in its air.
 
-    def _valid(self, quantity: str) -> Float[np.ndarray, " z"]:
-        return self.log_z[self.log_z >= np.log(self.near[quantity])]
-
-    def _along(self, quantity: str, distance: float) -> Float[np.ndarray, " z"]:
-        """Return ln of a quantity at one distance for every mass in its table."""
-        log_z = self._valid(quantity)
-        value = self.log_value[quantity][-len(log_z) :]
-        third = np.log(distance) - log_z
-        return value + third if quantity in WITH_MASS else value
+    A charge without a stated burst has the curves of a surface burst. Free-air curves
+    are those of about half the mass, and no warning depends on a factor of two.
+    """
+    charge = replace(scene.charge, burst=scene.charge.burst or "surface")
+    scene = replace(scene, charge=charge)
+    laws = tuple(law_for(quantity, name) for quantity, name in LAWS.items())
+    z = SCALED_DISTANCES
+    # composed quantities follow those of `LAWS`
+    value, valid = evaluate(scene, z, np.ones_like(z), laws)
+    return ScaledLaws(
+        log_value=dict(zip(LAWS, np.log(value), strict=False)),
+        valid=dict(zip(LAWS, valid, strict=False)),
+    )
 
 
 @dataclass(frozen=True)
@@ -218,7 +183,7 @@ class Readings:
     """
 
     row: Int[np.ndarray, " n"]
-    quantity: tuple[str, ...]
+    quantity: Shaped[np.ndarray, " n"]
     value: Float[np.ndarray, " n"]
     position: Float[np.ndarray, "n 3"]
     slant_range: Float[np.ndarray, " n"]
@@ -231,6 +196,15 @@ class Readings:
         """True for readings of a clock."""
         return self.clock >= 0
 
+    def only(self, kept: Shaped[np.ndarray, " _"]) -> "Readings":
+        """Return some of the readings, by number or by mask."""
+        return Readings(**{f.name: getattr(self, f.name)[kept] for f in fields(self)})
+
+    def rescaled(self, here: Bool[np.ndarray, " n"], factor: float) -> "Readings":
+        """Return the readings with some of their values divided by a factor."""
+        changed = np.where(self.timed, self.value / factor, self.value - np.log(factor))
+        return replace(self, value=np.where(here, changed, self.value))
+
     def distances(
         self, places: Float[np.ndarray, "place 3"]
     ) -> Float[np.ndarray, "place n"]:
@@ -238,83 +212,111 @@ class Readings:
         apart = np.linalg.norm(self.position - places[:, None], axis=-1)
         return np.where(np.isnan(self.slant_range), apart, self.slant_range)
 
-    def travelled(
+    def compared(
         self,
         laws: ScaledLaws,
-        distance: Float[np.ndarray, "place n"],
-        mass: Float[np.ndarray, " place"],
-    ) -> Float[np.ndarray, "place n"]:
-        """Return the prediction of each: seconds since the shot, or ln."""
-        predicted = np.zeros_like(distance)
-        for quantity in dict.fromkeys(self.quantity):
-            here = np.array([q == quantity for q in self.quantity])
-            if quantity != "flash_time_s":
-                law = laws.predicted(quantity, distance[:, here], mass[:, None])
-                predicted[:, here] = np.exp(law) if quantity == "air_arrival_s" else law
-        return predicted
+        places: Float[np.ndarray, "place 3"],
+        masses: Float[np.ndarray, " place"],
+        origin: float | None = None,
+        offset: Float[np.ndarray, "place n"] | None = None,
+        spacing: float = 0.0,
+    ) -> tuple[
+        Float[np.ndarray, "place n"],
+        Float[np.ndarray, "place n"],
+        Float[np.ndarray, "place n"],
+    ]:
+        """Return residuals, their tolerance, and clock offsets, subtracted already.
 
-    def allowed(
-        self,
-        predicted: Float[np.ndarray, "place n"],
-        distance: Float[np.ndarray, "place n"],
-    ) -> Float[np.ndarray, "place n"]:
-        """Return the tolerance of each: its error plus that of the laws."""
+        Args:
+            laws: Laws of 1 kg.
+            places: Positions of the charge [m].
+            masses: Its mass at each [kg].
+            origin: Time of the shot on the common clock [s]; None to estimate it.
+            offset: Time of the shot on the clock of each reading [s], 0 for readings in
+                ln; None to estimate it.
+            spacing: Distance of these positions from each other [m].
+        """
+        distance = self.distances(places)
+        predicted = np.zeros_like(distance)
+        for quantity in set(self.quantity) - {"flash_time_s"}:
+            here = self.quantity == quantity
+            law = laws.predicted(quantity, distance[:, here], masses[:, None])
+            predicted[:, here] = np.exp(law) if quantity == "air_arrival_s" else law
+        residual = self.value - predicted
+        if offset is None:
+            offset = np.zeros_like(residual)
+            for clock in set(self.clock[self.timed].tolist()):
+                here = self.clock == clock
+                # a median: wrong arrivals, fewer than half, do not shift it
+                offset[:, here] = np.median(residual[:, here], axis=1, keepdims=True)
+                if clock == 0 and origin is not None:
+                    offset[:, here] = origin
+        residual = residual - offset
+        residual = np.where(self.bound, np.maximum(residual, 0.0), residual)
         share = np.where(
             distance > STRATOSPHERE_RANGE, STRATOSPHERE_TOLERANCE, TRAVEL_TIME_TOLERANCE
         )
-        times = CLOCK_STEP + share * predicted
-        return self.error + np.where(self.timed, times, np.log(FACTOR))
-
-    def only(self, kept: Int[np.ndarray, " _"]) -> "Readings":
-        """Return some of the readings, by number."""
-        return Readings(
-            row=self.row[kept],
-            quantity=tuple(self.quantity[i] for i in kept),
-            value=self.value[kept],
-            position=self.position[kept],
-            slant_range=self.slant_range[kept],
-            clock=self.clock[kept],
-            error=self.error[kept],
-            bound=self.bound[kept],
-        )
-
-    def but(self, **changed: object) -> "Readings":
-        """Return the same with some fields changed."""
-        return replace(self, **changed)  # pyright: ignore[reportArgumentType]  fields
+        # the optimum may lie between grid points
+        sound = spacing / STANDARD_SOUND_SPEED
+        times = CLOCK_STEP + share * predicted + sound
+        factors = np.log(FACTOR) + 2 * spacing / np.maximum(distance, spacing or 1.0)
+        allowed = self.error + np.where(self.timed, times, factors)
+        return residual, allowed, offset
 
 
 @dataclass(frozen=True)
-class Supposed:
-    """The blast with which the rows of a shot are compared.
+class Blast:
+    """A blast, and the agreement of the rows of a shot with it.
 
     Attributes:
-        readings: The rows, with the charge's range of the scene.
-        found: Agreement with the blast; None if none could be found.
+        readings: The rows, corrected where a mistake is supposed.
+        place: East, north, up of the charge [m].
+        mass: Mass of the explosive [kg].
         distance: Distance of each row from the charge [m]; NaN if its position is not
             given.
         origin: Time of the shot on the common clock [s]; None if it is not given.
-        stated: Agreement with the blast that a fit would assume; None if the scene
-            leaves its position free.
-        stated_origin: Time of that blast on the common clock [s].
-        doubt: Warning that the blast differs from the one that a fit would assume.
+        residual: Residual of each reading, in its unit (ln, or seconds).
+        offset: Reading of its clock minus the time since the shot; 0 for readings in
+            ln.
+        off: True for readings that disagree, where they can: the only reading of a
+            clock cannot.
+        checkable: Number of readings that can disagree.
+        unknowns: Number of parameters found from the rows.
+        doubt: Mistake of the log that it supposes.
+        price: Number of unknowns, plus `PRICE` for each row that disagrees and for a
+            mistake in the readings.
     """
 
     readings: Readings
-    found: Agreement | None
+    place: Float[np.ndarray, "3"]
+    mass: float
     distance: Float[np.ndarray, " n"]
     origin: float | None
-    stated: Agreement | None = None
-    stated_origin: float | None = None
+    residual: Float[np.ndarray, " n"]
+    offset: Float[np.ndarray, " n"]
+    off: Bool[np.ndarray, " n"]
+    checkable: int
+    unknowns: int
+    price: int
     doubt: Doubt | None = None
 
+    @property
+    def agree(self) -> int:
+        """Number of rows that agree."""
+        return self.checkable - int(self.off.sum())
 
-def supposed_blast(
+    def holds(self) -> bool:
+        """Return True if a majority agrees, so that the other rows are suspect."""
+        return self.agree > self.unknowns and 2 * self.agree > self.checkable
+
+
+def blast_of(
     readings: Readings,
     laws: ScaledLaws,
     charge: Charge,
     uncertain: UncertainScene,
     label: str,
-) -> Supposed:
+) -> Blast:
     """Return the blast with which the rows of a shot are compared.
 
     Args:
@@ -325,68 +327,58 @@ def supposed_blast(
         label: Suffix of the names of the charge's numbers.
     """
     free = set(uncertain.beliefs)
-    origin = None if "origin_time_s" + label in free else float(charge.time_s)
+    origin = None if f"origin_time_s{label}" in free else float(charge.time_s)
     place = np.array([float(x) for x in charge.position_m])
+    is_placed = free.isdisjoint(f"{name}{label}" for name in CHARGE_POSITION)
     if charge.range_m is not None:
-        ranges = np.full(len(readings.row), float(charge.range_m))
-        ranged = "charge_range_m" + label not in free
-        readings = readings.but(slant_range=ranges if ranged else np.nan * ranges)
-        place = None if not ranged else place
-    elif free & {name + label for name in CHARGE_POSITION}:
-        place = None
-    # a log with ranges alone has no positions to search
-    if not np.isnan(readings.slant_range).any():
-        place = np.zeros(3)  # all rows have a range: the position has no effect
-    if place is None:
-        found = _anywhere(readings, laws, charge)
-        nowhere = np.where(np.isnan(readings.slant_range), np.nan, readings.slant_range)
-        return Supposed(readings, found, nowhere, origin)
-    found = at_place(readings, laws, place, origin)
-    distance = readings.distances(place[None])[0]
-    stated = Supposed(readings, found, distance, origin, found, origin)
-    if uncertain.source != NO_SCENE or found.all_agree():
+        is_placed = f"charge_range_m{label}" not in free
+        reach = float(charge.range_m) if is_placed else np.nan
+        readings = replace(readings, slant_range=np.full(len(readings.row), reach))
+    # where all rows have a range, the position has no effect
+    if not is_placed and np.isnan(readings.slant_range).any():
+        return replace(anywhere(readings, laws, place[2]), origin=origin)
+    stated = at_place(readings, laws, place, origin)
+    if not stated.off.any():
         return stated
-    return _another(stated, laws, charge, place)
-
-
-def _another(
-    stated: Supposed, laws: ScaledLaws, charge: Charge, place: Float[np.ndarray, "3"]
-) -> Supposed:
-    """Return the blast on which most rows agree, for a log without a scene."""
-    readings, found = stated.readings, stated.found
-    first = int(readings.row[0])
-    later = at_place(readings, laws, place, None)
-    elsewhere = _anywhere(readings, laws, charge)
-    best = stated
-    if found is None or _better(later, found):
-        doubt = Doubt("not_at_time_0", (first,))
-        best = replace(stated, found=later, origin=None, doubt=doubt)
-    if elsewhere is not None and (best.found is None or _better(elsewhere, best.found)):
+    best = _cheapest(stated, _in_other_units(stated, laws))
+    if best is stated and uncertain.source == NO_SCENE:
+        first = (int(readings.row[0]),)
+        later = at_place(readings, laws, place, None)
+        elsewhere = anywhere(readings, laws, place[2])
         east, north, _ = elsewhere.place.tolist()
-        doubt = Doubt("not_at_the_origin", (first,), {"east_m": east, "north_m": north})
-        far = np.where(np.isnan(readings.slant_range), np.nan, stated.distance)
-        best = replace(stated, found=elsewhere, distance=far, origin=None, doubt=doubt)
+        numbers = {"east_m": east, "north_m": north}
+        tried = [
+            replace(later, doubt=Doubt("not_at_time_0", first)),
+            replace(elsewhere, doubt=Doubt("not_at_the_origin", first, numbers)),
+        ]
+        best = _cheapest(stated, tried)
     return best
 
 
-def _better(one: Agreement, other: Agreement) -> bool:
-    """Return True if one agreement is believable and has the lower price."""
-    if not one.is_believable():
-        return False
-    if one.price() == other.price():
-        return one.holds() and not other.holds()
-    return one.price() < other.price()
+def _cheapest(stated: Blast, tried: list[Blast]) -> Blast:
+    """Return the blast of the scene, or one that explains more for its price."""
+    # at least as many rows agree as numbers were found, and two
+    believable = [blast for blast in tried if blast.agree >= max(blast.unknowns, 2)]
+    return min(
+        [stated, *believable], key=lambda blast: (blast.price, not blast.holds())
+    )
 
 
-def _anywhere(readings: Readings, laws: ScaledLaws, charge: Charge) -> Agreement | None:
-    """Search the position of the charge; None with fewer than three positions."""
-    placed = ~np.isnan(readings.position).any(axis=1)
-    places = {tuple(at) for at in readings.position[placed].tolist()}
-    no_range = np.isnan(readings.slant_range)
-    flash = np.array([quantity == "flash_time_s" for quantity in readings.quantity])
-    if len(places) < 3 or not (placed & no_range)[~flash].all():
-        return None
-    return anywhere(readings, laws, float(charge.position_m[2]))
+def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[Blast]:
+    """Return the blasts on which all rows agree with another unit of a quantity."""
+    readings, tried = stated.readings, []
+    quantities = set(readings.quantity.tolist()) - {"flash_time_s"}
+    # of one quantity alone another mass, or position, explains any unit
+    for quantity in sorted(quantities) if len(quantities) > 1 else ():
+        here = readings.quantity == quantity
+        rows = tuple(readings.row[here].tolist())
+        for name, factor in FACTORS[QUANTITIES[quantity].kind].items():
+            changed = readings.rescaled(here, factor)
+            blast = at_place(changed, laws, stated.place, stated.origin)
+            doubt = Doubt("units_of_a_quantity", rows, {"factor": factor}, (name,))
+            if len(rows) > 1 and not blast.off.any():
+                tried.append(replace(blast, price=blast.price + PRICE, doubt=doubt))
+    return tried
 
 
 def at_place(
@@ -394,8 +386,7 @@ def at_place(
     laws: ScaledLaws,
     place: Float[np.ndarray, "3"],
     origin: float | None,
-    masses: Float[np.ndarray, " mass"] = MASSES,
-) -> Agreement:
+) -> Blast:
     """Return the agreement with a charge at a known position, its mass searched.
 
     Args:
@@ -403,143 +394,106 @@ def at_place(
         laws: Laws of 1 kg.
         place: East, north, up [m].
         origin: Time of the shot on the common clock [s]; None to estimate it.
-        masses: Masses to try [kg].
     """
-    places = np.broadcast_to(place, (len(masses), 3))
-    return _best(readings, laws, places, masses, origin, 1)
+    places = np.broadcast_to(place, (len(MASSES), 3))
+    best = _closest(_thinned(readings), laws, places, MASSES, origin)
+    blast = _compared(readings, laws, place, float(MASSES[best]), origin, 1)
+    return replace(blast, distance=readings.distances(place[None])[0])
 
 
-def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Agreement:
+def anywhere(readings: Readings, laws: ScaledLaws, height: float) -> Blast:
     """Return the agreement with a charge whose position, time and mass are searched.
+
+    Without three positions there is nothing to search: no row can then disagree.
 
     Args:
         readings: The rows.
         laws: Laws of 1 kg.
         height: Height of the charge [m].
     """
+    heard = readings.only(readings.quantity != "flash_time_s").position
+    if np.isnan(heard).any() or len(np.unique(heard, axis=0)) < 3:
+        nowhere = _compared(readings, laws, np.zeros(3), 1.0, None, 3)
+        return replace(nowhere, off=np.zeros_like(nowhere.off), checkable=0)
     few = _thinned(readings)
-    at = few.position[~np.isnan(few.position).any(axis=1)]
+    at = few.position[~np.isnan(few.position).any(axis=1), :2]
     # medians: one sensor at a wrong position does not shift the search
     centre = np.median(at, axis=0)
-    spread = float(np.median(np.linalg.norm(at[:, :2] - centre[:2], axis=1)))
+    spread = float(np.median(np.linalg.norm(at - centre, axis=1)))
     half = SPREADS * max(spread, 1.0)
-    log_mass, log_half = (
-        np.log(MIN_MASS * MAX_MASS) / 2,
-        np.log(MAX_MASS / MIN_MASS) / 2,
-    )
-    middle = np.array([centre[0], centre[1], log_mass])
-    reach = np.array([half, half, log_half])
-    counts = np.array([SIDE, SIDE, GRID_MASSES])
-    for _ in range(ROUNDS):
-        axes = [
-            m + r * np.linspace(-1, 1, n)
-            for m, r, n in zip(middle, reach, counts, strict=True)
-        ]
-        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    smallest, largest = np.log(MIN_MASS), np.log(MAX_MASS)
+    middle = np.array([*centre, (smallest + largest) / 2])
+    reach = np.array([half, half, (largest - smallest) / 2])
+    for counts in GRIDS:
+        axes = [np.linspace(-1, 1, n) for n in counts]
+        cube = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        grid = middle + reach * cube
         places = np.column_stack([grid[:, :2], np.full(len(grid), height)])
         spacing = 2 * reach[0] / (counts[0] - 1)
-        _, cost = _misfit(few, laws, places, np.exp(grid[:, 2]), None, spacing)
-        middle = grid[np.argmin(cost)]
+        middle = grid[_closest(few, laws, places, np.exp(grid[:, 2]), None, spacing)]
         # the next grid reaches beyond the neighbours of the best point: the optimum may
         # lie between grid points
-        reach, counts = reach / 4, np.array([13, 13, 13])
+        reach = reach / 4
     place = np.array([middle[0], middle[1], height])
-    return _best(readings, laws, place[None], np.exp(middle[2:3]), None, 3)
+    return _compared(readings, laws, place, float(np.exp(middle[2])), None, 3)
 
 
-def _best(
-    readings: Readings,
-    laws: ScaledLaws,
-    places: Float[np.ndarray, "try 3"],
-    masses: Float[np.ndarray, " try"],
-    origin: float | None,
-    unknowns: int,
-) -> Agreement:
-    """Return the agreement with the best trial."""
-    score, cost = _misfit(readings, laws, places, masses, origin)
-    best = int(np.argmin(cost))
-    place, mass = places[best], float(masses[best])
-    one = slice(best, best + 1)
-    residual, offset, _ = _residuals(readings, laws, places[one], masses[one], origin)
-    free = [c for c in range(readings.clock.max(initial=-1) + 1) if c or origin is None]
-    counts = {c: int((readings.clock == c).sum()) for c in free}
-    # an offset that is found from one reading fits it exactly
-    lonely = np.isin(readings.clock, [c for c in free if counts[c] == 1])
-    return Agreement(
-        place=place,
-        mass=mass,
-        residual=residual[0],
-        offset=offset[0],
-        off=np.abs(score[best]) > 1.0,
-        checkable=~lonely,
-        unknowns=unknowns + sum(counts[c] > 1 for c in free),
-    )
-
-
-def _misfit(
+def _closest(
     readings: Readings,
     laws: ScaledLaws,
     places: Float[np.ndarray, "try 3"],
     masses: Float[np.ndarray, " try"],
     origin: float | None,
     spacing: float = 0.0,
-) -> tuple[Float[np.ndarray, "try n"], Float[np.ndarray, " try"]]:
-    """Return residuals relative to tolerances, and a cost that saturates.
+) -> int:
+    """Return the number of the trial on which most rows agree.
 
-    A row that disagrees adds 1, however large its residual.
+    A row that disagrees adds 1 to its cost, however large its residual.
     """
-    scores, costs = [], []
-    step = max(1, MAX_BATCH_NUMBERS // max(len(readings.row), 1))
-    for start in range(0, len(masses), step):
-        part = slice(start, start + step)
-        residual, _, allowed = _residuals(
-            readings, laws, places[part], masses[part], origin
-        )
-        if spacing:  # the optimum may lie between grid points: blur by their spacing
-            distance = readings.distances(places[part])
-            blur = 2 * spacing / np.maximum(distance, spacing)
-            allowed = allowed + np.where(readings.timed, spacing / SPEED, blur)
-        score = residual / allowed
-        scores.append(score)
-        costs.append(np.minimum(score**2, 1.0).sum(axis=1))
-    return np.concatenate(scores), np.concatenate(costs)
+    residual, allowed, _ = readings.compared(
+        laws, places, masses, origin, spacing=spacing
+    )
+    cost = np.fmin((residual / allowed) ** 2, 1.0).sum(axis=1)
+    return int(np.argmin(cost))
 
 
-def _residuals(
+def _compared(
     readings: Readings,
     laws: ScaledLaws,
-    places: Float[np.ndarray, "try 3"],
-    masses: Float[np.ndarray, " try"],
+    place: Float[np.ndarray, "3"],
+    mass: float,
     origin: float | None,
-) -> tuple[
-    Float[np.ndarray, "try n"], Float[np.ndarray, "try n"], Float[np.ndarray, "try n"]
-]:
-    """Return residuals, clock offsets (already subtracted), and tolerances."""
-    distance = readings.distances(places)
-    travelled = readings.travelled(laws, distance, masses)
-    residual = readings.value - travelled
-    offset = np.zeros_like(residual)
-    for clock in range(readings.clock.max(initial=-1) + 1):
-        here = readings.clock == clock
-        if not here.any():
-            continue
-        if clock == 0 and origin is not None:
-            offset[:, here] = origin
-        else:
-            # a median: wrong arrivals, fewer than half, do not shift it
-            offset[:, here] = np.median(residual[:, here], axis=1, keepdims=True)
-    residual = residual - offset
-    residual = np.where(readings.bound, np.maximum(residual, 0.0), residual)
-    allowed = readings.allowed(np.where(readings.timed, travelled, 0.0), distance)
-    return residual, offset, allowed
+    unknowns: int,
+) -> Blast:
+    """Return the agreement with a blast, of which some numbers were searched."""
+    residual, allowed, offset = (
+        one[0] for one in readings.compared(laws, place[None], np.array([mass]), origin)
+    )
+    free = readings.timed & ((readings.clock > 0) | (origin is None))
+    counts = np.bincount(readings.clock[free])
+    # an offset that is found from one reading fits it exactly
+    lonely = free & np.isin(readings.clock, np.flatnonzero(counts == 1))
+    off = ~(np.abs(residual) <= allowed) & ~lonely
+    unknowns += int((counts > 1).sum())
+    return Blast(
+        readings=readings,
+        place=place,
+        mass=mass,
+        distance=readings.slant_range,
+        origin=origin,
+        residual=residual,
+        offset=offset,
+        off=off,
+        checkable=int((~lonely).sum()),
+        unknowns=unknowns,
+        price=PRICE * int(off.sum()) + unknowns,
+    )
 
 
 def _thinned(readings: Readings) -> Readings:
     """Return at most `SEARCH_ROWS` rows, evenly spaced."""
-    n = len(readings.row)
-    if n <= SEARCH_ROWS:
-        return readings
-    return readings.only(np.unique(np.linspace(0, n - 1, SEARCH_ROWS).astype(int)))
+    last = len(readings.row) - 1
+    return readings.only(np.unique(np.linspace(0, last, SEARCH_ROWS).astype(int)))
 
 
 def readings_of(
@@ -556,58 +510,32 @@ def readings_of(
         rows: Rows of one shot.
         beliefs: Names of uncertain numbers; a clock among them has its own offset.
     """
-    place = observations.position
-    placed = ~np.isnan(place).any(axis=1) | ~np.isnan(observations.slant_range)
-    used = np.array(
-        [
-            row
-            for row in rows
-            if observations.quantity[row] == "flash_time_s"
-            or (observations.quantity[row] in LAWS and placed[row])
-        ],
-        int,
-    )
-    quantity = tuple(observations.quantity[row] for row in used)
+    quantity = np.array(observations.quantity)
+    placed = ~np.isnan(observations.position).any(axis=1)
+    placed |= ~np.isnan(observations.slant_range)
+    used = (quantity == "flash_time_s") | (np.isin(quantity, list(LAWS)) & placed)
+    rows = rows[used[rows]]
+    quantity = quantity[rows]
     timed = np.isin(quantity, ("flash_time_s", "air_arrival_s"))
     offsets = {name: float(x) for name, x in scene.clock_offsets().items()}
-    own = observations.clocks()
-    names = [
-        own[row] if observations.clock[row] or f"{CLOCK_OFFSET}.{own[row]}" in beliefs
-        else ""
-        for row in used
-    ]  # fmt: skip
-    number = {name: i for i, name in enumerate(dict.fromkeys(["", *names]))}
+    own = np.array(observations.clocks())[rows]
+    apart = [
+        bool(observations.clock[row]) or f"{CLOCK_OFFSET}.{name}" in beliefs
+        for row, name in zip(rows, own, strict=True)
+    ]
+    # the common clock, "", is the first in order
+    names = np.where(apart, own, "")
+    _, clock = np.unique(np.append(names, ""), return_inverse=True)
     # stated offsets are subtracted: these clocks then agree with the common one
-    shift = np.array([offsets.get(own[row], 0.0) for row in used])
-    raw = observations.value[used]
-    value = np.where(timed, raw - shift, np.log(np.where(raw > 0, raw, 1.0)))
-    error = SIGMAS * np.nan_to_num(observations.error_scale()[used])
+    shift = np.array([offsets.get(name, 0.0) for name in own])
+    raw = observations.value[rows]
     return Readings(
-        row=used,
+        row=rows,
         quantity=quantity,
-        value=value,
-        position=place[used],
-        slant_range=observations.slant_range[used],
-        clock=np.where(timed, np.array([number[n] for n in names], int), NO_CLOCK),
-        error=error,
-        bound=observations.bounds()[used],
-    )
-
-
-def scaled_laws(scene: Scene) -> ScaledLaws:
-    """Tabulate the laws for 1 kg of a scene's explosive, in its air.
-
-    A charge without a stated burst has the curves of a surface burst. Free-air curves
-    are those of about half the mass, and no warning depends on a factor of two.
-    """
-    charge = replace(scene.charge, burst=scene.charge.burst or "surface")
-    scene = replace(scene, charge=charge)
-    z = np.geomspace(NEAREST, FARTHEST, POINTS)
-    laws = tuple(law_for(quantity, name) for quantity, name in LAWS.items())
-    value, valid = evaluate(scene, z, np.ones_like(z), laws)
-    n = len(laws)  # composed quantities follow
-    return ScaledLaws(
-        log_z=np.log(z),
-        log_value=dict(zip(LAWS, np.log(value[:n]), strict=True)),
-        near={q: float(z[ok].min()) for q, ok in zip(LAWS, valid[:n], strict=True)},
+        value=np.where(timed, raw - shift, np.log(np.where(raw > 0, raw, 1.0))),
+        position=observations.position[rows],
+        slant_range=observations.slant_range[rows],
+        clock=np.where(timed, clock[:-1], NO_CLOCK),
+        error=SIGMAS * np.nan_to_num(observations.error_scale()[rows]),
+        bound=observations.bounds()[rows],
     )

@@ -145,7 +145,7 @@ class Doubt:
         kind: A key of `report.check.SENTENCES`.
         rows: Rows of the log that it concerns, the most relevant first.
         numbers: Its evidence in SI units, by name.
-        names: Names for its sentence: a sensor, a clock, a unit.
+        names: Names for its sentence: a clock, a unit, two sensors.
     """
 
     kind: str
@@ -256,7 +256,7 @@ def degrees_swapped(observations: Observations) -> list[Doubt]:
     apart = np.linalg.norm(at - middle, axis=1)
     spread = float(np.median(apart))
     found = []
-    for (sensor, rows), place, far in zip(first.items(), at, apart, strict=True):
+    for rows, place, far in zip(first.values(), at, apart, strict=True):
         # at least 10 m, as sensors at one mast may be centimetres apart
         if far < FAR_RATIO * max(spread, 1.0):
             continue
@@ -267,7 +267,7 @@ def degrees_swapped(observations: Observations) -> list[Doubt]:
         if swapped is None or np.linalg.norm(swapped - middle) > far / FAR_RATIO:
             continue
         numbers = {"lat_deg": lat, "lon_deg": lon, "apart_m": float(far)}
-        found.append(Doubt("lat_lon_swapped", tuple(rows), numbers, (sensor,)))
+        found.append(Doubt("lat_lon_swapped", tuple(rows), numbers))
     return found
 
 
@@ -279,7 +279,7 @@ def _moved(observations: Observations) -> list[Doubt]:
     for row in np.flatnonzero(placed):
         key = observations.sensor[row], observations.shot[row]
         rows.setdefault(key, []).append(int(row))
-    for (sensor, _), its in rows.items():
+    for its in rows.values():
         at = observations.position[its]
         apart = np.linalg.norm(at - at[0], axis=1)
         if (apart > POSITION_TOLERANCE).any():
@@ -289,7 +289,6 @@ def _moved(observations: Observations) -> list[Doubt]:
                     "sensor_at_two_places",
                     (its[other], its[0]),
                     {"apart_m": float(apart[other])},
-                    (sensor,),
                 )
             )
     return found
@@ -350,17 +349,7 @@ def _compared(
             continue
         apart, allowed = _difference(observations, i, j)
         if apart > allowed:
-            return [
-                Doubt(
-                    "two_sensors_at_one_place",
-                    (j, i),
-                    {
-                        "value": float(observations.value[j]),
-                        "other": float(observations.value[i]),
-                    },
-                    (other, one),
-                )
-            ]
+            return [Doubt("two_sensors_at_one_place", (j, i))]
     return []
 
 

@@ -303,142 +303,17 @@ def _places(log: Observations) -> dict[str, int]:
     return {kind or "neither": counts[kind] for kind in ("position", "range", "")}
 
 
-def _no_mass(doubt: Doubt, log: Observations) -> str:
-    place, there = "", ""
-    if "distance_m" in doubt.numbers:
-        place, there = f" at {metres(doubt.numbers['distance_m'])}", " there"
-    return (
-        f"{reading(doubt, log)}{place}: larger than any law gives{there}, "
-        f"{_of_quantity(doubt, 'largest')} at most"
-    )
-
-
-def _slow(doubt: Doubt, log: Observations) -> str:
-    numbers = doubt.numbers
-    speed = significant(numbers["distance_m"] / numbers["took_s"])
-    return (
-        f"{reading(doubt, log)}: {metres(numbers['distance_m'])} in "
-        f"{seconds(numbers['took_s'])} is {speed} m/s; no wave in air is slower than "
-        f"{numbers['slowest_m_s']:.0f} m/s"
-    )
-
-
-def _slow_between(doubt: Doubt, log: Observations) -> str:
-    numbers, other = doubt.numbers, log.sensor[doubt.rows[1]]
-    late, apart = numbers["late_s"], numbers["apart_m"]
-    # sensors at one position have no speed between them, and late may be 0 as well
-    speed = significant(apart / late) if apart else "0"
-    return (
-        f"{log.sensor[doubt.rows[0]]} and {other} are {metres(apart)} apart, and their "
-        f"arrivals {seconds(late)}: {speed} m/s; no wave in air is slower than "
-        f"{numbers['slowest_m_s']:.0f} m/s: a clock, a position or a unit is wrong"
-    )
-
-
-def _since_1970(doubt: Doubt, log: Observations) -> str:
-    unit, when = doubt.names
-    many = len(doubt.rows)
-    # dates are wrong in whole columns: one warning for all rows
-    these = "this looks" if many == 1 else f"these {many} rows look"
-    return (
-        f"{log.sensor[doubt.rows[0]]}: {these} like {unit} since 1970, here {when}; "
-        "without a date they are read as seconds after an unknown time zero; write "
-        "dates in the column value_utc, like this one"
-    )
-
-
-def _together(doubt: Doubt, log: Observations) -> str:
-    other, one = doubt.names
-    quantity = log.quantity[doubt.rows[0]]
-    read, beside = (
-        printed_number(quantity, doubt.numbers[key], 4) for key in ("value", "other")
-    )
-    return (
-        f"{other} and {one} have the same position, but {quantity_words(quantity)} "
-        f"{read} and {beside}"
-    )
-
-
-def _unheard(doubt: Doubt, _: Observations) -> str:
-    shot = f"shot {doubt.names[0]}" if doubt.names[0] else "the shot"
-    return f"{shot} has a flash but no reading of the blast: light constrains no mass"
-
-
-def _divided(doubt: Doubt, log: Observations) -> str:
-    sensors = joined(list(dict.fromkeys(log.sensor[row] for row in doubt.rows))[:5])
-    return (
-        f"one blast explains at most {doubt.numbers['agree']:.0f} of "
-        f"{doubt.numbers['rows']:.0f} rows, and not those of {sensors}"
-    )
-
-
-def _elsewhere(doubt: Doubt, log: Observations) -> str:
-    return (
-        "the log does not agree with a charge at the origin at time 0, but with one "
-        f"near {place(doubt, log)}: set or free position and time in a scene, or use "
-        "--free"
-    )
-
-
-def _other_rows(doubt: Doubt, log: Observations) -> str:
-    """Return a sentence on a reading that the mass of the other rows contradicts."""
-    if doubt.kind == "off_by_factor":
-        ratio = doubt.numbers["ratio"]
-        times, part = significant(ratio), significant(1 / ratio)
-        off = f"{times} times" if ratio > 1 else f"1/{part} of"
-        off += " the prediction for"
-    else:
-        late = doubt.numbers["late_s"]
-        off = f"{seconds(abs(late))} too {'late' if late > 0 else 'early'} for"
-    return (
-        f"{reading(doubt, log)} is {off} {kilograms(doubt.numbers['mass_kg'])}, on "
-        "which the other rows agree"
-    )
-
-
-def _wrong_position(doubt: Doubt, log: Observations) -> str:
-    sensor, cause = doubt.names[0], POSITION_CAUSES[doubt.kind]
-    return f"{sensor} agrees with the position {place(doubt, log)}: {cause}?"
-
-
-def _unit(doubt: Doubt, log: Observations) -> str:
-    """Return a sentence on the unit of one reading, or of a whole quantity."""
-    quantity, name = doubt.names
-    looks = (
-        f"looks like {name}" if "written" in name else f"looks {name} the true value"
-    )
-    if doubt.kind == "unit_slip":
-        return f"{reading(doubt, log)} {looks}, compared with the other rows"
-    return (
-        f"every {quantity_words(quantity)} ({len(doubt.rows)} rows) {looks}: "
-        "with that corrected all rows agree"
-    )
-
-
-def _zone(doubt: Doubt, _: Observations) -> str:
-    late = doubt.numbers["late_s"]
-    sign = "fast" if late > 0 else "slow"
-    return (
-        f"the clock of {doubt.names[0]} looks {seconds(abs(late))} {sign}: is it in "
-        "another time zone, or in summer time?"
-    )
-
-
-POSITION_CAUSES = {
-    "east_north_swapped": "are east and north swapped",
-    "place_in_feet": "is it in feet",
-    "place_in_km": "is it in km",
-    "sign_of_east": "is a sign wrong",
-    "sign_of_north": "is a sign wrong",
-}
-SENTENCES: dict[str, str | Callable[[Doubt, Observations], str]] = {
+SENTENCES = {
     "sensor_copied": "{names[1]} and {names[0]} have the same position and the same "
     "values to the last digit: is it one sensor with two names?",
-    "two_sensors_at_one_place": _together,
-    "sensor_at_two_places": "{names[0]} is {apart_m} from its position in an earlier "
-    "row",
-    "since_1970": _since_1970,
-    "shot_unheard": _unheard,
+    "two_sensors_at_one_place": "{sensor} and {other_sensor} have the same position, "
+    "but {quantity} {value} and {other_value}",
+    "sensor_at_two_places": "{sensor} is {apart_m} from its position in an earlier row",
+    "since_1970": "{sensor}: {quantity} looks like {names[0]} since 1970, here "
+    "{names[1]}; without a date the value is read as seconds after an unknown time "
+    "zero; write dates in the column value_utc, like this one",
+    "shot_unheard": "{shot} has a flash but no reading of the blast: light "
+    "constrains no mass",
     "clock_of_one_row": "clock {names[0]} has only this reading: with a free clock "
     "offset the reading constrains nothing else",
     "arrival_before_flash": "{reading} is {early_s} before the flash on the same clock",
@@ -446,51 +321,99 @@ SENTENCES: dict[str, str | Callable[[Doubt, Observations], str]] = {
     "that of any gauge: sigma is in the unit of the value",
     "sigma_large": "{reading} has a sigma of {share} times its value: sigma is in the "
     "unit of the value",
-    "lat_lon_swapped": "{names[0]} is {apart_m} from the other sensors, at latitude "
+    "lat_lon_swapped": "{sensor} is {apart_m} from the other sensors, at latitude "
     "{lat_deg:.6g}, longitude {lon_deg:.6g}; with the two swapped it would be among "
     "them",
-    "no_mass_gives_it": _no_mass,
-    "mass_of_no_blast": "{reading} at {distance_m} corresponds to {mass_kg}, which is "
-    "impossible",
-    "in_the_fireball": "{reading} at {distance_m} corresponds to {mass_kg}, with a "
-    "fireball radius of {fireball_m}: is the unit right?",
-    "peak_rises": "{reading} at {distance_m} is larger than {nearer} at {nearer_m}: "
-    "peaks decrease with distance; a factor of 2 to 8 suggests a reflected pressure",
-    "radius_shrinks": "{reading} follows one of {before}: shock radii never decrease",
-    "too_slow_between": _slow_between,
+    "no_mass_gives_it": "{reading}{at}: larger than any law gives{there}, {largest} at "
+    "most",
+    "mass_of_no_blast": "{reading}{at} corresponds to {mass_kg}, which is impossible",
+    "in_the_fireball": "{reading}{at} corresponds to {mass_kg}, with a fireball radius "
+    "of {fireball_m}: is the unit right?",
+    "peak_rises": "{reading}{at} is larger than {other_value} at {nearer_m}: peaks "
+    "decrease with distance; a factor of 2 to 8 suggests a reflected pressure",
+    "radius_shrinks": "{reading} follows one of {other_value}: shock radii never "
+    "decrease",
+    "too_slow_between": "{sensor} and {other_sensor} are {apart_m} apart, and their "
+    "arrivals {late_s}: {mean_m_s} m/s; no wave in air is slower than "
+    "{slowest_m_s:.0f} m/s: a clock, a position or a unit is wrong",
     "slow_together": "the {n_rows} air arrivals together imply a speed of "
     "{speed_m_s:.0f} m/s from one position, slower than sound ({slowest_m_s:.0f} m/s "
     "or more): positions, a unit, or temperature and wind of the scene are wrong",
-    "too_slow": _slow,
-    "too_fast": "{reading}: {distance_m} in {took_s}; no blast wave is faster than "
+    "too_slow": "{reading}: {apart_m} in {late_s} is {mean_m_s} m/s; no wave in air is "
+    "slower than {slowest_m_s:.0f} m/s",
+    "too_fast": "{reading}: {apart_m} in {late_s}; no blast wave is faster than "
     "{fastest_m_s} m/s",
-    "unit_slip": _unit,
-    "units_of_a_quantity": _unit,
-    "clock_of_another_zone": _zone,
-    **dict.fromkeys(POSITION_CAUSES, _wrong_position),
-    "off_in_time": _other_rows,
-    "off_by_factor": _other_rows,
-    "of_no_one_blast": _divided,
-    "not_at_the_origin": _elsewhere,
+    "unit_slip": "{reading} {looks}, compared with the other rows",
+    "units_of_a_quantity": "every {quantity} ({n_rows} rows) {looks}: with that "
+    "corrected all rows agree",
+    "clock_of_another_zone": "the clock of {sensor} looks {fast}: is it in another "
+    "time zone, or in summer time?",
+    "east_north_swapped": "{sensor} agrees with the position {place}: are east and "
+    "north swapped?",
+    "place_in_feet": "{sensor} agrees with the position {place}: is it in feet?",
+    "place_in_km": "{sensor} agrees with the position {place}: is it in km?",
+    "sign_of_east": "{sensor} agrees with the position {place}: is a sign wrong?",
+    "sign_of_north": "{sensor} agrees with the position {place}: is a sign wrong?",
+    "off_in_time": "{reading} is {too_late} for {mass_kg}, on which the other rows "
+    "agree",
+    "off_by_factor": "{reading} is {times} the prediction for {mass_kg}, on which the "
+    "other rows agree",
+    "of_no_one_blast": "one blast explains at most {agree:.0f} of {rows:.0f} rows, and "
+    "not those of {sensors}",
+    "not_at_the_origin": "the log does not agree with a charge at the origin at time "
+    "0, but with one near {place}: set or free position and time in a scene, or use "
+    "--free",
     "not_at_time_0": "the log does not agree with a charge at time 0, but with one at "
     "another time: set or free the origin time in a scene, or use --free origin_time_s",
 }
-"""Template of a warning, or function that words it, by its kind."""
+"""Template of a warning, by its kind."""
 
 
 def sentence(doubt: Doubt, observations: Observations) -> str:
     """Return a warning as a sentence, without its lines."""
-    words = SENTENCES[doubt.kind]
-    if callable(words):
-        return words(doubt, observations)
-    facts: dict[str, Any] = {"names": doubt.names, "n_rows": len(doubt.rows)}
-    facts["reading"] = reading(doubt, observations)
-    for key, number in doubt.numbers.items():
+    log, numbers, rows = observations, doubt.numbers, doubt.rows
+    sensors = [log.sensor[row] for row in rows]
+    quantity = log.quantity[rows[0]]
+    values = [printed_number(log.quantity[row], log.value[row], 4) for row in rows[:2]]
+    facts: dict[str, Any] = {
+        "names": doubt.names,
+        "n_rows": len(rows),
+        "sensor": sensors[0],
+        "sensors": joined(list(dict.fromkeys(sensors))[:5]),
+        "other_sensor": sensors[-1],
+        "shot": f"shot {log.shot[rows[0]]}" if log.shot[rows[0]] else "the shot",
+        "quantity": quantity_words(quantity),
+        "value": values[0],
+        "other_value": values[-1],
+        "reading": reading(log, rows[0]),
+        "at": "",
+        "there": "",
+    }
+    for key, number in numbers.items():
         # speeds keep their number: their templates round them to whole m/s
         suffix = split_name(key)[1]
         show = PRINTED.get(key) or PRINTED.get(suffix) or (lambda value: value)
-        facts[key] = _of_quantity(doubt, key) if key == "nearer" else show(number)
-    return words.format_map(facts)
+        facts[key] = show(number)
+    if "distance_m" in numbers:
+        facts |= {"at": f" at {facts['distance_m']}", "there": " there"}
+    if "largest" in numbers:
+        facts["largest"] = printed_number(quantity, numbers["largest"], 3)
+    if "late_s" in numbers:
+        late, size = numbers["late_s"] > 0, seconds(abs(numbers["late_s"]))
+        facts["too_late"] = f"{size} too {'late' if late else 'early'}"
+        facts["fast"] = f"{size} {'fast' if late else 'slow'}"
+    if "ratio" in numbers:
+        ratio = numbers["ratio"]
+        times, part = significant(ratio), significant(1 / ratio)
+        facts["times"] = f"{times} times" if ratio > 1 else f"1/{part} of"
+    if "factor" in numbers:
+        unit = doubt.names[-1]
+        facts["looks"] = f"looks {unit} the true value"
+        if "written" in unit:
+            facts["looks"] = f"looks like {unit}"
+    if "east_m" in numbers:
+        facts["place"] = place(numbers["east_m"], numbers["north_m"], log)
+    return SENTENCES[doubt.kind].format_map(facts)
 
 
 def seconds(number: float) -> str:
@@ -515,21 +438,15 @@ PRINTED: dict[str, Callable[[float], str]] = {
     "_s": seconds,
     "_m": metres,
     "_kg": kilograms,
-    "before": metres,
     "share": significant,
+    "mean_m_s": significant,
     "fastest_m_s": significant,
 }
 """Functions that print the numbers of a warning, by name or by suffix."""
 
 
-def _of_quantity(doubt: Doubt, key: str) -> str:
-    """Return one of a warning's numbers in the unit of its quantity."""
-    return printed_number(doubt.names[0], doubt.numbers[key], 3)
-
-
-def reading(doubt: Doubt, log: Observations) -> str:
-    """Return sensor, quantity and value of a warning's first row."""
-    row = doubt.rows[0]
+def reading(log: Observations, row: int) -> str:
+    """Return sensor, quantity and value of a row."""
     quantity = log.quantity[row]
     if log.epoch is not None and quantity in CLOCK_TIMES:
         when = utc(log.epoch, float(log.value[row]))
@@ -544,9 +461,8 @@ def utc(epoch: datetime, seconds_since: float) -> str:
     return f"{when:%H:%M:%S}.{when.microsecond // 1000:03d} UTC"
 
 
-def place(doubt: Doubt, log: Observations) -> str:
-    """Return the position of a warning, in degrees if the log is in degrees."""
-    east, north = doubt.numbers["east_m"], doubt.numbers["north_m"]
+def place(east: float, north: float, log: Observations) -> str:
+    """Return a position, in degrees if the log is in degrees."""
     if log.frame is not None:
         from jblast.report.fit.place import degrees
 

@@ -32,18 +32,14 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import ndtri
 
-from jblast.constants import (
-    AIR_HEAT_CAPACITY_RATIO,
-    DRY_AIR_GAS_CONSTANT,
-    STANDARD_SOUND_SPEED,
-)
+from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.inference.answer import STEP, Answer
 from jblast.inference.consensus import STRATOSPHERE_RANGE
 from jblast.inference.density import WIND as WINDS
 from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
 from jblast.inference.identify import requested
-from jblast.inference.sanity import COLDEST
+from jblast.inference.sanity import COLDEST_SOUND
 from jblast.observations import Observations
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
 from jblast.quantities import TIMES, made_with
@@ -215,8 +211,7 @@ def _sound_speeds(
     air = scene.air
     speed = float(sound_speed_of(air))
     if not {"air_sound_speed_m_s", "air_temperature_k"}.isdisjoint(names):
-        coldest = AIR_HEAT_CAPACITY_RATIO * DRY_AIR_GAS_CONSTANT * COLDEST
-        speed = max(speed, float(np.sqrt(coldest)))
+        speed = max(speed, COLDEST_SOUND)
     charges = np.array([np.asarray(charge.position_m) for charge in scene.charges])
     away = np.asarray(layout.position) - charges[np.array(layout.shot)]
     wind = np.array([float(air.wind_east), float(air.wind_north), 0.0])
