@@ -33,7 +33,7 @@ from jblast.inference import (
     solve,
 )
 from jblast.inference.fitting.goodness_of_fit import suspected_outliers
-from jblast.inference.identify import AMBIGUITY, pseudo_covariance
+from jblast.inference.identify import AMBIGUITY
 from jblast.inference.mcmc import Convergence, convergence
 from jblast.inference.posterior.parameters import NORMAL_Q95
 from jblast.inference.sample import NEAR
@@ -568,7 +568,7 @@ def bare_likelihood(solution: Solution) -> Callable[[Array], Array]:
 
 def about(solution: Solution) -> tuple[Callable[[Array], Array], np.ndarray]:
     """Return the likelihood in standard deviations about an answer, and their axes."""
-    z, root = solution.answer.z, np.linalg.cholesky(pseudo_covariance(solution.answer))
+    z, root = solution.answer.z, np.linalg.cholesky(solution.answer.inverse.covariance)
     likelihood = bare_likelihood(solution)
     return lambda w: likelihood(jnp.asarray(z) + jnp.asarray(root) @ w), root
 

@@ -55,7 +55,6 @@ from jblast.cli.jax_start import start_jax
 from jblast.inference import batch_of, fit_many, solve
 from jblast.inference.answer import Answer as AtNumbers
 from jblast.inference.density import Density, density_of
-from jblast.inference.identify import pseudo_covariance
 from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.sample import RELIABLE, Mixture, pareto_smoothed
 from jblast.observations import Observations
@@ -470,7 +469,7 @@ def at_truth(
     """Return where the truth lies, and the least covariance there."""
     values = np.array([truth[name] for name in density.parameters.names])
     known = AtNumbers(density, values, np.zeros(len(values)))  # sds unknown
-    return known.z, pseudo_covariance(known)
+    return known.z, known.inverse.covariance
 
 
 def weighted(

@@ -26,7 +26,12 @@ from jblast.inference.likelihood import (
     log_likelihoods,
 )
 from jblast.inference.noise import information_of_row
-from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
+from jblast.inference.posterior.fisher_information import (
+    NULL,
+    Inverse,
+    inverted,
+    unit_diagonal,
+)
 from jblast.quantities import ADDITIVE
 from jblast.scene import Free, Scene, parameter_named, with_values
 
@@ -275,6 +280,12 @@ class Answer:
         """Information of the data about the coordinates, without priors."""
         known = self.slopes.T @ self.weigh(self.slopes)
         return 0.5 * (known + known.T)
+
+    @cached_property
+    def inverse(self) -> Inverse:
+        """Inverse of the information of data and priors."""
+        known = self.information + np.diag(self.has_prior)
+        return inverted(known, self.has_prior, self.steps)
 
 
 def joint_mode(answer: Answer) -> Float[np.ndarray, " name"]:

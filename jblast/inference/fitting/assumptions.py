@@ -54,7 +54,7 @@ from jblast.inference.fitting.findings import (
 )
 from jblast.inference.fitting.goodness_of_fit import POOR
 from jblast.inference.fitting.solution import Solution
-from jblast.inference.identify import pseudo_covariance, requested
+from jblast.inference.identify import requested
 from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
 from jblast.inference.posterior.parameters import Finding
 from jblast.inference.sanity import COLDEST
@@ -165,7 +165,7 @@ def wider_with_wind(answer: Answer, sd: float = WIND) -> dict[str, float] | None
     to_wind = answer.slopes_by(dict.fromkeys(WINDS, STEP * WIND))
     if not to_wind.any():
         return None
-    covariance = pseudo_covariance(answer)
+    covariance = answer.inverse.covariance
     sds = np.sqrt(np.diag(covariance))
     weighted = answer.weigh(to_wind)
     gain = covariance @ answer.slopes.T @ weighted
