@@ -88,7 +88,7 @@ def added_data(plan: Planned) -> tuple[AddedDatum, ...]:
     """
     parameters, posterior, planned = plan.parameters, plan.posterior, len(plan.log)
     z = jnp.asarray(plan.z)
-    more, sensors = candidates(plan)
+    more = candidates(plan)
     # reversed, so that the first row of a quantity gives its sigma
     pairs = zip(posterior.layout.quantity, posterior.sigma.tolist(), strict=True)
     sigmas = dict(reversed([*pairs]))
@@ -110,7 +110,7 @@ def added_data(plan: Planned) -> tuple[AddedDatum, ...]:
     entries = [
         AddedDatum(
             quantity=quantity,
-            sensor=sensors[i],
+            sensor=more.clock[i],
             position=np.asarray(more.position[i]) if charge.range_m is None else None,
             charge=charge.name,
             sigma=sigma[i],
@@ -125,44 +125,47 @@ def added_data(plan: Planned) -> tuple[AddedDatum, ...]:
     return tuple(sorted(entries, key=lambda e: (not e.law_valid, e.left.width)))
 
 
-def candidates(plan: Planned) -> tuple[Layout, list[str]]:
+def candidates(plan: Planned) -> Layout:
     """Return the rows to try: each quantity at each sensor and at a new position.
 
-    Returns:
-        The rows, and the name of each row's sensor; "" at the new position.
+    The clock of a row is its sensor; "" at the new position.
     """
-    layout, log, distance = plan.posterior.layout, plan.log, plan.misfit.slant_range
-    taken = set(zip(log.sensor, log.quantity, layout.shot, strict=True))
-    rows: list[int] = []
-    quantities, sensors = [], []
-    for shot in dict.fromkeys(layout.shot):
-        of_sensor = {log.sensor[i]: i for i, s in enumerate(layout.shot) if s == shot}
-        ranked = sorted(of_sensor.values(), key=lambda row: distance[row])
-        picked = np.unique(np.linspace(0, len(ranked) - 1, MAX_SENSORS).astype(int))
-        places = [(log.sensor[ranked[k]], ranked[k]) for k in picked]
-        if plan.parameters.scene.charges[shot].range_m is None:
-            places.append(("", ranked[0]))
-        for quantity in ADDABLE:
-            for name, row in places:
-                if (name, quantity, shot) not in taken:
-                    rows.append(row)
-                    quantities.append(quantity)
-                    sensors.append(name)
-    like, is_new = layout.only(np.array(rows, int)), np.array(sensors) == ""
+    layout = plan.posterior.layout
+    taken = set(zip(layout.clock, layout.quantity, layout.shot, strict=True))
+    rows = [
+        (quantity, sensor, row)
+        for shot in dict.fromkeys(layout.shot)
+        for quantity in ADDABLE
+        for sensor, row in _places(plan, shot)
+        if (sensor, quantity, shot) not in taken
+    ]
+    quantity, sensor, row = zip(*rows, strict=True) if rows else ((), (), ())
+    like, is_new = layout.only(np.array(row, int)), np.array(sensor, str) == ""
     unknown = jnp.full(len(rows), jnp.nan)
-    new = aside(plan.density, float(np.median(distance)))
+    new = aside(plan.density, float(np.median(plan.misfit.slant_range)))
     # a new path for each shot
     paths = max(layout.group) + 1 + np.array(like.shot)
-    more = Layout(
-        quantity=tuple(quantities),
+    return Layout(
+        quantity=quantity,
         position=jnp.asarray(np.where(is_new[:, None], new, like.position)),
         slant_range=unknown,
         time=unknown,
         group=tuple(np.where(is_new, paths, like.group).tolist()),
         shot=like.shot,
-        clock=tuple(np.where(is_new, "", like.clock).tolist()),
+        clock=sensor,
     )
-    return more, sensors
+
+
+def _places(plan: Planned, shot: int) -> list[tuple[str, int]]:
+    """Return sensors, with a row of each, and "" for a new position."""
+    layout, distance = plan.posterior.layout, plan.misfit.slant_range
+    rows = {layout.clock[i]: i for i, s in enumerate(layout.shot) if s == shot}
+    ranked = sorted(rows, key=lambda sensor: distance[rows[sensor]])
+    picked = np.unique(np.linspace(0, len(ranked) - 1, MAX_SENSORS).astype(int))
+    places = [(ranked[k], rows[ranked[k]]) for k in picked]
+    if plan.parameters.scene.charges[shot].range_m is None:
+        places.append(("", places[0][1]))
+    return places
 
 
 def leans_on(plan: Planned) -> tuple[Sensitivity, ...]:

@@ -163,7 +163,7 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
             f"{expected}; the information of a layout depends on it"
         )
     return {
-        name: _checked(name, float(at[name]), belief, uncertain.scene)
+        name: _checked(name, float(at[name]), belief)
         if name in at
         else float(belief.constrain(jnp.zeros(())))
         for name, belief in beliefs.items()
@@ -189,7 +189,7 @@ def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
     }
 
 
-def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
+def _checked(name: str, value: float, belief: Belief) -> float:
     """Return a number within its bounds and its prior.
 
     Raises:

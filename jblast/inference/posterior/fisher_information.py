@@ -25,7 +25,7 @@ from jblast.sensors.simulated_readings import Noise
 NULL = 1e-10
 """An eigenvalue of the unit-diagonal information below this is a null direction: a
 standard deviation 100,000 times that of the numbers one by one. Rounding gives 1e-15.
-Candidates are confirmed by a finite step (`identifiability`)."""
+Candidates are confirmed by draws (`identify`)."""
 TAKES_PART = 1e-5
 """A smaller component of a null direction is rounding: the root of `NULL`."""
 

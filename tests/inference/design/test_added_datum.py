@@ -49,8 +49,8 @@ def test_a_new_place_shares_no_path_with_another_sensor_or_another_charge():
     beliefs = {f"charge_mass_kg.{charge.name}": Free(positive=True) for charge in pair}
     at = dict.fromkeys(beliefs, 1.0)
     plan = plan_of(UncertainScene(scene, beliefs), at, "gaussian")
-    more, sensors = candidates(plan)
-    rows = zip(more.shot, more.group, sensors, strict=True)
+    more = candidates(plan)
+    rows = zip(more.shot, more.group, more.clock, strict=True)
     new = {shot: group for shot, group, sensor in rows if not sensor}
     assert set(new) == {0, 1}
     assert len({*new.values(), *plan.posterior.layout.group}) == 2 + 8
