@@ -568,7 +568,7 @@ def bare_likelihood(solution: Solution) -> Callable[[Array], Array]:
 
 def about(solution: Solution) -> tuple[Callable[[Array], Array], np.ndarray]:
     """Return the likelihood in standard deviations about an answer, and their axes."""
-    z, root = solution.answer.z, np.linalg.cholesky(solution.answer.covariance())
+    z, root = solution.answer.z, np.linalg.cholesky(solution.answer.inverse.covariance)
     likelihood = bare_likelihood(solution)
     return lambda w: likelihood(jnp.asarray(z) + jnp.asarray(root) @ w), root
 

@@ -469,7 +469,7 @@ def at_truth(
     """Return where the truth lies, and the least covariance there."""
     values = np.array([truth[name] for name in density.parameters.names])
     known = AtNumbers(density, values, np.zeros(len(values)))  # sds unknown
-    return known.z, known.covariance(null=np.inf)
+    return known.z, known.inverse.covariance
 
 
 def weighted(

@@ -17,11 +17,8 @@ from docs.generate import documents
 from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
-from jblast.inference.design.cramer_rao import (
-    AddedDatum,
-    BoundSummary,
-    Sensitivity,
-)
+from jblast.inference.design.added_data import AddedDatum, Sensitivity
+from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.wrong import (
     ExchangedSensors,
     WrongClock,

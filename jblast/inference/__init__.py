@@ -6,9 +6,6 @@ take decisions in Python between such programs, so they take one log. For severa
 there are `fit_many`, which compiles its own program, and `fit_each`.
 """
 
-from jblast.inference.design.covariance import (
-    information_of_layout as information_of_layout,
-)
 from jblast.inference.design.cramer_rao import Bound as Bound, bound as bound
 from jblast.inference.design.sensor_map import (
     BoundMap as BoundMap,
@@ -28,6 +25,9 @@ from jblast.inference.many.fit_many import (
 )
 from jblast.inference.many.lanes import ManyFits as ManyFits
 from jblast.inference.mcmc import Ensemble as Ensemble, ensemble as ensemble
+from jblast.inference.posterior.fisher_information import (
+    information_of_layout as information_of_layout,
+)
 from jblast.inference.posterior.posterior import (
     Posterior as Posterior,
     posterior_of as posterior_of,

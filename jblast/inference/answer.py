@@ -26,7 +26,12 @@ from jblast.inference.likelihood import (
     log_likelihoods,
 )
 from jblast.inference.noise import information_of_row
-from jblast.inference.posterior.fisher_information import NULL, unit_diagonal
+from jblast.inference.posterior.fisher_information import (
+    NULL,
+    Inverse,
+    inverted,
+    unit_diagonal,
+)
 from jblast.quantities import ADDITIVE
 from jblast.scene import Free, Scene, parameter_named, with_values
 
@@ -282,18 +287,16 @@ class Answer:
         *,
         sd: float = np.inf,
         used: Bool[np.ndarray, " row"] | None = None,
-        null: float = NULL,
     ) -> Float[np.ndarray, "name name"]:
         """Return the covariance of the coordinates for linear predictions.
 
-        Without finite slopes it is NaN.
+        Null directions have a huge but finite variance. Without finite slopes it is
+        NaN.
 
         Args:
             beside: Slopes of the rows by further unknowns, which are integrated out.
             sd: Their standard deviation before the data.
             used: Rows that count.
-            null: Information of null directions, relative to a typical one: tiny for a
-                huge variance, infinite for none.
         """
         count = len(self.names)
         more = self.slopes[:, :0] if beside is None else beside
@@ -305,7 +308,13 @@ class Answer:
         steps = np.append(self.steps, np.ones(more.shape[1]))
         size, values, vectors = unit_diagonal(0.5 * (known + known.T), steps)
         part = (vectors / size[:, None])[:count]
-        return (part / np.where(values > NULL, values, null)) @ part.T
+        return (part / np.maximum(values, NULL)) @ part.T
+
+    @cached_property
+    def inverse(self) -> Inverse:
+        """Inverse of the information of data and priors."""
+        known = self.information + np.diag(self.has_prior)
+        return inverted(known, self.has_prior, self.steps)
 
 
 def joint_mode(answer: Answer) -> Float[np.ndarray, " name"]:

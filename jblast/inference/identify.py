@@ -35,11 +35,7 @@ from jblast.inference.answer import (
     unconstrained,
 )
 from jblast.inference.density import Density, seen_at
-from jblast.inference.posterior.fisher_information import (
-    NULL,
-    TAKES_PART,
-    unit_diagonal,
-)
+from jblast.inference.posterior.fisher_information import TAKES_PART
 from jblast.inference.posterior.parameters import GROWTH, Estimate
 from jblast.inference.regions import arcs, quantiles, regions
 from jblast.inference.sample import RELIABLE, Draws
@@ -325,21 +321,16 @@ class Identified:
     @cached_property
     def _null(self) -> tuple[np.ndarray, np.ndarray]:
         """Null directions in units of a typical size, and the sizes."""
-        answer = self.answer
-        known = answer.information + np.diag(answer.has_prior)
-        # the information once more where there is a prior, so that a weak one counts
-        judged = known + np.diag(answer.has_prior * np.diag(known))
-        if not np.isfinite(judged).all():
-            return np.zeros((0, len(known))), np.ones(len(known))
-        size, values, vectors = unit_diagonal(judged, answer.steps)
+        null, size = self.answer.inverse.null, self.answer.inverse.size
         # with fewer readings than numbers a curve is left open, however short it is
-        fewer = len(known) - len(self.density.rows.measured) - answer.has_prior.sum()
+        restricted = len(self.density.rows.measured) + self.answer.has_prior.sum()
         kept = [
             vector
-            for k, (value, vector) in enumerate(zip(values, vectors.T, strict=True))
-            if value < NULL and (k < fewer or self.is_left_open(vector))
+            for k, vector in enumerate(null.T)
+            if vector.any()
+            and (k < len(size) - restricted or self.is_left_open(vector))
         ]
-        return echelon(np.reshape(kept, (len(kept), len(known)))), size
+        return echelon(np.reshape(kept, (len(kept), len(size)))), size
 
     def is_left_open(self, vector: Float[np.ndarray, " name"]) -> bool:
         """Return True if the draws leave a number of a direction open."""
@@ -391,7 +382,7 @@ class Identified:
         """The estimable combinations of unidentified numbers."""
         space, answer = self.density.parameters.space(), []
         inside, weights = self.chosen, self._of(self.chosen)
-        linear = self.answer.covariance(null=np.inf)
+        linear = self.answer.inverse.covariance
         for form in estimable_forms(self.null, self.determined):
             text, is_product = combination(self.names, space, form)
             value = float(form @ self.answer.z)
@@ -550,6 +541,15 @@ class Identified:
         """True if the log determines a single answer."""
         single = all(place.is_single for place in self.places)
         return single and not self.null_directions and not self.other_modes
+
+
+def identified(
+    density: Density, draws: Draws, values: Float[np.ndarray, " name"]
+) -> Identified:
+    """Return what draws identify, with given numbers as the answer."""
+    z = unconstrained(density, draws.values)
+    sds = np.sqrt(draws.weights @ (z - draws.weights @ z) ** 2)
+    return Identified(Answer(density, values, sds), draws)
 
 
 def requested(names: tuple[str, ...]) -> tuple[str, ...]:

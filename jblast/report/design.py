@@ -9,11 +9,8 @@ from typing import ClassVar, Literal
 import numpy as np
 from jaxtyping import Float
 
-from jblast.inference.design.cramer_rao import (
-    AddedDatum,
-    Bound,
-    BoundSummary,
-)
+from jblast.inference.design.added_data import AddedDatum
+from jblast.inference.design.cramer_rao import Bound, BoundSummary
 from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Spread
 from jblast.quantities import ADDITIVE
 from jblast.report.estimates import printed_estimate
@@ -71,7 +68,7 @@ def bound_text(
     lines += section("Warnings", sentences_of(found.warnings))
     lines += section("Assumptions", _assumptions(bound))
     if verbose:
-        lines += law_lines(found, bound.posterior.parameters.scene.scatter)
+        lines += law_lines(found, bound.plan.parameters.scene.scatter)
     if plot is not None:
         lines += ["", f"Map: {plot}"]
     return "\n".join(line.rstrip() for line in lines) + "\n"
@@ -126,7 +123,7 @@ def _table(found: BoundSummary, estimates: Mapping[str, Estimate]) -> list[str]:
 def _assumptions(bound: Bound) -> list[str]:
     """Return the laws, the distribution of errors and the slopes in the mass."""
     found = bound.summary
-    laws = quantities_by_law(found.law, bound.posterior.parameters.scene.scatter)
+    laws = quantities_by_law(found.law, bound.plan.parameters.scene.scatter)
     noise = found.noise.capitalize().replace("Student", "Student-t")
     lines = [f"Laws: {laws}", f"{noise} errors"]
     slopes = [

@@ -8,36 +8,35 @@ neglected.
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
-from jblast.fidelity import TakenLaw
-from jblast.inference.density import Density, density_of
+from jblast.inference.density import density_of
+from jblast.inference.design.plan import Planned
+from jblast.inference.posterior.fisher_information import linearised, silent_posterior
 from jblast.inference.posterior.parameters import (
     GROWTH,
     as_seen,
     own_growth,
     parameters_of,
 )
-from jblast.inference.posterior.posterior import Posterior, posterior_of
-from jblast.observations import Observations, resolve_positions
+from jblast.observations import resolve_positions
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import TIMED
 from jblast.scene import (
     Free,
     Scene,
     UncertainScene,
-    VehicleSpec,
     parameter_named,
     with_values,
 )
 from jblast.scene.uncertain import Belief, names_in, value_of
-from jblast.sensors import layout_of, planned_layout, resolve_laws
+from jblast.sensors import planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names, settled
 from jblast.sensors.simulated_readings import Noise, written
 
@@ -69,26 +68,6 @@ class Centred(eqx.Module):
         return self.belief.log_density(z)
 
 
-class Planned(NamedTuple):
-    """A layout and its planned log.
-
-    Attributes:
-        values: Assumed values by name of `scene.PARAMETERS`.
-        z: The same in the fitted coordinates.
-        posterior: Readings of the log.
-        density: Posterior density of the log.
-        laws: The law of each quantity, with the reason for its choice.
-        log: Readings without error.
-    """
-
-    values: Mapping[str, float]
-    z: Float[np.ndarray, " free"]
-    posterior: Posterior
-    density: Density
-    laws: Mapping[str, TakenLaw]
-    log: Observations
-
-
 def planned(
     uncertain: UncertainScene, at: Mapping[str, float], noise: Noise
 ) -> Planned:
@@ -107,7 +86,11 @@ def planned(
             bounds, or the sensors cannot record what they should.
     """
     stated = uncertain
-    uncertain = _as_seen(stated)
+    # as a fit of the planned log would use the scene
+    sensors = stated.scene.sensors
+    quantity = [q for one in sensors for q, _ in one.records for _ in one.times_s]
+    times = [time for one in sensors for _ in one.records for time in one.times_s]
+    uncertain = as_seen(stated, quantity, np.array(times))
     # a growth time that only the fit frees has the value of its law
     if GROWTH in set(uncertain.beliefs) - set(stated.beliefs) - set(at):
         likely = with_values(stated.scene, values_at(stated, at))
@@ -120,46 +103,33 @@ def planned(
         for name, belief in uncertain.beliefs.items()
     }
     scene = hovering(with_values(uncertain.scene, values))
-    drawn, sigma, sensors = planned_layout(scene)
+    drawn, sigma, of_sensor = planned_layout(scene)
     scene, drawn = settled(scene, drawn)
     z = jnp.stack([b.unconstrain(jnp.asarray(values[n])) for n, b in beliefs.items()])
     parameters = parameters_of(UncertainScene(scene, beliefs))
     laws = resolve_laws(scene, drawn, np.asarray(sigma))
-    names = tuple(sorted(law_names(laws).items()))
-    # readings of zero: it only predicts the log
-    blank = Posterior(parameters, drawn, jnp.zeros_like(sigma), sigma, names, noise)
-    value = np.asarray(blank.misfit(z).predicted)
+    posterior = silent_posterior(parameters, drawn, sigma, law_names(laws), noise)
+    misfit, slopes = jax.tree.map(np.asarray, linearised(posterior, z))
+    value = misfit.predicted
     source = uncertain.source or "the planned layout"
-    log = written(scene, drawn, value, np.asarray(sigma), sensors)
+    log = written(scene, drawn, value, np.asarray(sigma), of_sensor)
     log = replace(log, source=source)
     # the position has an assumed value here, so a sensor must not be at it
     kept = [name for name in beliefs if name.partition(".")[0] not in CHARGE_POSITION]
     # an overflow for a charge at a huge distance is rejected below
     with np.errstate(over="ignore"):
         log = resolve_positions(log, scene, kept)
-    for row in np.flatnonzero(~np.isfinite(value)):
+    finite = np.isfinite(np.column_stack([value, slopes])).all(axis=1)
+    for row in np.flatnonzero(~finite):
+        shown = ", ".join(f"{name} = {value:g}" for name, value in values.items())
         raise InputError(
-            f"{source}: sensor {log.sensor[row]!r}: {log.quantity[row]} is {value[row]}"
-            f" at {_shown(values)}; expected values that allow a reading"
+            f"{source}: sensor {log.sensor[row]!r}: {log.quantity[row]} is "
+            f"{value[row]:g} with slopes {slopes[row]} at {shown}; expected values "
+            "that allow a reading"
         )
-    # the curve sets of the planned layout, not those that the log would choose
-    layout = replace(layout_of(log, scene), free_air=drawn.free_air)
-    posterior = posterior_of(parameters, layout, log, law_names(laws), noise)
-    named = replace(scene, law=tuple(law_names(laws).items()))
+    named = replace(scene, law=posterior.laws)
     density = density_of(log, UncertainScene(named, beliefs), noise)
-    return Planned(values, np.asarray(z), posterior, density, laws, log)
-
-
-def _as_seen(uncertain: UncertainScene) -> UncertainScene:
-    """Return the scene as a fit of the planned log would use it."""
-    planned = [
-        (quantity, time)
-        for sensor in uncertain.scene.sensors
-        for quantity, _ in sensor.records
-        for time in sensor.times_s
-    ]
-    quantity, time = zip(*planned, strict=True) if planned else ((), ())
-    return as_seen(uncertain, quantity, np.array(time, float))
+    return Planned(values, np.asarray(z), posterior, misfit, slopes, density, laws, log)
 
 
 def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, float]:
@@ -193,7 +163,7 @@ def values_at(uncertain: UncertainScene, at: Mapping[str, float]) -> dict[str, f
             f"{expected}; the information of a layout depends on it"
         )
     return {
-        name: _checked(name, float(at[name]), belief, uncertain.scene)
+        name: _checked(name, float(at[name]), belief)
         if name in at
         else float(belief.constrain(jnp.zeros(())))
         for name, belief in beliefs.items()
@@ -219,7 +189,7 @@ def _shown_by_clocks(uncertain: UncertainScene) -> dict[str, float]:
     }
 
 
-def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
+def _checked(name: str, value: float, belief: Belief) -> float:
     """Return a number within its bounds and its prior.
 
     Raises:
@@ -238,10 +208,6 @@ def _checked(name: str, value: float, belief: Belief, scene: Scene) -> float:
     return value
 
 
-def _shown(values: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:g}" for name, value in values.items())
-
-
 def hovering(scene: Scene) -> Scene:
     """Return a scene with mounted sensors at their positions on the level vehicle.
 
@@ -254,23 +220,12 @@ def hovering(scene: Scene) -> Scene:
     if scene.vehicle is None:
         return scene
     vehicle = scene.vehicle
+    cos, sin = math.cos(vehicle.yaw), math.sin(vehicle.yaw)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     sensors = tuple(
-        replace(one, position_m=place_on(vehicle, one.offset_m))
+        replace(one, position_m=vehicle.held + turn @ one.offset_m)
         if one.mount and not np.isfinite(np.asarray(one.position_m)).all()
         else one
         for one in scene.sensors
     )
     return replace(scene, sensors=sensors)
-
-
-def place_on(vehicle: VehicleSpec, offset_m: Float[Array, "3"]) -> Float[Array, "3"]:
-    """Return the position of a point of a level vehicle at its set point.
-
-    Args:
-        vehicle: Vehicle with set point and yaw (from east to north).
-        offset_m: Forward, left, up [m].
-    """
-    forward, left, up = jnp.asarray(offset_m, float)
-    cos, sin = jnp.cos(vehicle.yaw), jnp.sin(vehicle.yaw)
-    turned = [cos * forward - sin * left, sin * forward + cos * left, up]
-    return vehicle.held + jnp.stack(turned)

@@ -5,20 +5,17 @@ same errors, on a clock that is right. At each position of a grid the Cramer-Rao
 of layout and new sensor is computed, at the assumed values of the parameters.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError
-from jblast.inference.design.covariance import information_of_layout, worst
 from jblast.inference.design.cramer_rao import Bound
-from jblast.inference.posterior.fisher_information import known_covariance
+from jblast.inference.posterior.fisher_information import information_of_layout
 from jblast.inference.posterior.posterior import Posterior
-from jblast.inference.posterior.starts import typical_step
 from jblast.kept_programs import kept
 from jblast.sensors import Layout, record
 
@@ -78,72 +75,55 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
     Raises:
         InputError: The scene has no positions, or neither mass nor position is free.
     """
-    posterior, log, z = bound.posterior, bound.log, jnp.asarray(bound.z)
-    parameters, layout = posterior.parameters, posterior.layout
-    scene = parameters.scene_at(z)
-    mass, place = _wanted(bound)
+    plan, log = bound.plan, bound.log
+    layout, z = plan.posterior.layout, jnp.asarray(plan.z)
+    names, scene = plan.parameters.names, plan.parameters.scene_at(z)
+    target = names[plan.target]
+    mass = target if target.partition(".")[0] == "charge_mass_kg" else ""
+    level = [n for n in names if n.startswith(("charge_east_m", "charge_north_m"))]
+    place = tuple(n for n in level if n.partition(".")[2] == level[0].partition(".")[2])
     if any(charge.range_m is not None for charge in scene.charges):
         raise InputError(
             f"{log.source}: a map needs positions: expected [charge] position_m, got a "
             "range only"
         )
-    if mass is None and not place:
+    if not mass and not place:
         raise InputError(
             f"{log.source}: a map shows the uncertainty of the mass or position of a "
             "charge: expected one of these to be free, got "
-            f"{', '.join(parameters.names)} only"
+            f"{', '.join(names)} only"
         )
     rows = np.array([i for i, s in enumerate(log.sensor) if s == log.sensor[0]])
-    new = Layout(
-        quantity=tuple(layout.quantity[i] for i in rows),
-        position=layout.position[rows],
-        slant_range=layout.slant_range[rows],
-        time=layout.time[rows],
-        # a new path for each shot: its scatter is independent of that of the other
-        # sensors
-        group=tuple(max(layout.group) + 1 + layout.shot[i] for i in rows),
-        shot=tuple(layout.shot[i] for i in rows),
-        clock=("",) * len(rows),
-    )
-    # the instrument of the first sensor, at the new position
-    sigma = jnp.concatenate([posterior.sigma, posterior.sigma[rows]])
+    like = layout.only(rows)
+    # a path of its own: its scatter is independent of that of the other sensors
+    group = tuple(max(layout.group) + 1 + shot for shot in like.shot)
+    new = replace(like, group=group, clock=("",) * len(rows), free_air=())
     charges = np.array([[float(c.east), float(c.north)] for c in scene.charges])
     east, north = _grid(np.asarray(layout.position)[:, :2], charges, points)
     places = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)
-    covariance, unknown, valid = map(
-        np.asarray, _over(posterior, new, sigma, z, jnp.asarray(places))
+    over = _over(
+        plan.posterior, new, plan.posterior.sigma[rows], z, jnp.asarray(places)
     )
-    before = known_covariance(
-        jnp.asarray(bound.information), parameters.has_prior(), typical_step(posterior)
-    )
-    # all coordinates in one direction: each number depends on its own coordinate alone,
-    # so this gives the derivative of every number
-    values, slopes = jax.jvp(
-        lambda step: parameters.values(z + step), (0 * z,), (jnp.ones_like(z),)
-    )
-    shape = (points, points)
+    known, valid = map(np.asarray, over)
+    # the last one without a new sensor
+    known = np.concatenate([known, plan.information[None]])
     drawn: dict[str, np.ndarray] = {}
     now: dict[str, float] = {}
-    for what, names in (("mass", (mass,) if mass else ()), ("place", place)):
-        if not names:
-            continue
-        index = [parameters.names.index(name) for name in names]
-        unit = np.array([float(slopes[name]) for name in names])
-        if what == "mass":
-            unit = unit / np.array([float(values[name]) for name in names])
-        drawn[what] = _sd(covariance, unknown, index, unit).reshape(shape)
-        alone, hidden = (np.asarray(part)[None] for part in before)
-        now[what] = float(_sd(alone, hidden, index, unit)[0])
+    for what, numbers in {"mass": (mass,) if mass else (), "place": place}.items():
+        each = [[s.width for s in plan.left(names.index(n), known)] for n in numbers]
+        if each:
+            *sds, now[what] = np.linalg.norm(each, axis=0).tolist()
+            drawn[what] = np.reshape(sds, (points, points))
     return BoundMap(
         east=east,
         north=north,
         up=float(layout.position[0, 2]),
         log_sd_mass=drawn.get("mass"),
         place_sd=drawn.get("place"),
-        mass=mass or "",
+        mass=mass,
         place=place,
         now=now,
-        valid=valid.reshape(shape),
+        valid=valid.reshape(points, points),
         like=log.sensor[0],
         records=tuple(dict.fromkeys(new.quantity)),
         sensors={
@@ -152,17 +132,6 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
         },
         charges=charges,
     )
-
-
-def _wanted(bound: Bound) -> tuple[str | None, tuple[str, ...]]:
-    """Return the least certain mass, and the free coordinates of the first charge."""
-    names = bound.posterior.parameters.names
-    mass = names[worst(bound.posterior, bound.z)]
-    is_mass = mass.partition(".")[0] == "charge_mass_kg"
-    horizontal = [n for n in names if n.startswith(("charge_east_m", "charge_north_m"))]
-    first = horizontal[0].partition(".")[2] if horizontal else ""
-    place = tuple(n for n in horizontal if n.partition(".")[2] == first)
-    return mass if is_mass else None, place
 
 
 def _grid(sensors, charges, points: int):
@@ -183,27 +152,15 @@ def _over(
     z: Float[Array, " free"],
     places: Float[Array, "place 2"],
 ):
-    """Return covariance, unidentified numbers and validity for each position."""
-    parameters, noise = posterior.parameters, posterior.noise
-    laws = dict(posterior.laws)
-    has_prior, scale = parameters.has_prior(), typical_step(posterior)
+    """Return information and validity with new rows at each position."""
+    parameters, laws = posterior.parameters, dict(posterior.laws)
+    both = jnp.concatenate([posterior.sigma, sigma])
 
     def one(place: Float[Array, "2"]):
-        there = eqx.tree_at(
-            lambda n: n.position, new, new.position.at[:, :2].set(place[None, :])
-        )
-        layout = posterior.layout.beside(there)
-        known = information_of_layout(parameters, layout, sigma, laws, z, noise)
-        holds = record(parameters.scene_at(z), there, laws).valid.all()
-        return *known_covariance(known, has_prior, scale), holds
+        there = replace(new, position=new.position.at[:, :2].set(place[None, :]))
+        layout, noise = posterior.layout.beside(there), posterior.noise
+        known = information_of_layout(parameters, layout, both, laws, z, noise)
+        return known, record(parameters.scene_at(z), there, laws).valid.all()
 
     # one program for all positions: only the position of the new sensor changes
     return jax.lax.map(one, places, batch_size=BATCH)
-
-
-def _sd(covariance, unknown, index, unit) -> np.ndarray:
-    """Return the root of a sum of variances; infinite if one is unidentified."""
-    variance = np.diagonal(covariance, axis1=1, axis2=2)[:, index] * unit**2
-    return np.where(
-        unknown[:, index].any(axis=1), np.inf, np.sqrt(variance.sum(axis=1))
-    )

@@ -124,7 +124,7 @@ def wider_with_wind(answer: Answer, sd: float = WIND) -> dict[str, float] | None
     if not to_wind.any():
         return None
     alone, beside = (
-        np.sqrt(np.diag(answer.covariance(columns, sd=sd, null=np.inf)))
+        np.sqrt(np.diag(answer.covariance(columns, sd=sd)))
         for columns in (None, to_wind)
     )
     return {

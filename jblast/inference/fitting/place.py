@@ -49,9 +49,6 @@ the area of a region is 5 % too large; fewer neighbours give ragged outlines."""
 FILLED = 0.8
 """Share of a 90 % ellipse filled by the 90 % region below which the ellipse
 misleads."""
-KURTOSIS, SKEWNESS = 0.5, 0.15
-"""Largest distances of Mardia's measures (1970) from those of a normal, 8 and 0, for a
-sample of a few hundred. Within both the ellipse is used without a further test."""
 MIN_PART = 0.01
 """Smallest area of a part or a hole, relative to the largest part. Smaller ones are
 chance: of 8000 draws they contain about `NEIGHBOURS` or fewer."""
@@ -239,9 +236,7 @@ def credible_regions(
     centre = np.array([ellipse.east, ellipse.north])
     # in units of the ellipse: distances in all directions count alike
     x = (np.stack([east, north], axis=-1) - centre) @ turned  # the ellipse: |x| = 1
-    if _seems_normal(x):
-        return ()
-    # imported here, as is contourpy below: an ellipse does not need it
+    # imported here, as is contourpy below: a fit without a map needs neither
     from scipy.spatial import KDTree
 
     # Weighted draws are resampled with repetition. With fewer neighbours than the
@@ -269,16 +264,6 @@ def credible_regions(
     return tuple(regions)
 
 
-def _seems_normal(x: Float[np.ndarray, "draw 2"]) -> bool:
-    """Return True if Mardia's measures are consistent with a normal density."""
-    away = x - x.mean(axis=0)
-    white = away @ np.linalg.inv(np.linalg.cholesky(np.cov(away.T))).T
-    kurtosis = np.mean(np.sum(white**2, axis=1) ** 2)
-    # sum over i, j of (x_i . x_j)^3 is that of the squared third moments
-    third = np.einsum("da,db,dc->abc", white, white, white) / len(white)
-    return bool(abs(kurtosis - 8.0) < KURTOSIS and np.sum(third**2) < SKEWNESS)
-
-
 def _outlines(inside, sparse, limit: float, axes, centre):
     """Return the outlines of the region where draws are denser than a limit."""
     from contourpy import FillType, contour_generator
@@ -292,20 +277,15 @@ def _outlines(inside, sparse, limit: float, axes, centre):
     contours = contour_generator(across, along, field, fill_type=FillType.OuterOffset)
     found = []
     for points, starts in zip(*contours.filled(-np.inf, np.log(limit)), strict=True):
-        # contourpy repeats the first point at the end of a ring
-        rings = [points[i : j - 1] @ axes + centre for i, j in pairwise(starts)]
-        found.append([_turned(ring, left=k == 0) for k, ring in enumerate(rings)])
+        # contourpy turns outer rings anticlockwise and holes clockwise, as do the axes,
+        # and repeats the first point at the end of a ring
+        found.append([points[i : j - 1] @ axes + centre for i, j in pairwise(starts)])
     least = MIN_PART * max(_area(outer) for outer, *_ in found)
     return tuple(
         (outer, tuple(hole for hole in holes if -_area(hole) > least))
         for outer, *holes in found
         if _area(outer) > least
     )
-
-
-def _turned(ring: Float[np.ndarray, "point 2"], left: bool):
-    """Return a ring in anticlockwise (`left`) or clockwise order."""
-    return ring if (_area(ring) > 0.0) == left else ring[::-1]
 
 
 def _area(ring: Float[np.ndarray, "point 2"]) -> float:

@@ -21,7 +21,7 @@ from jblast.errors import InputError, argument
 from jblast.fidelity import TakenLaw
 from jblast.inference.answer import Answer, constrained, unconstrained
 from jblast.inference.density import Density, density_of
-from jblast.inference.identify import Identified
+from jblast.inference.identify import Identified, identified
 from jblast.inference.posterior.posterior import posterior_of
 from jblast.inference.posterior.record_likelihood import (
     SampledRecords,
@@ -149,14 +149,11 @@ def solution_of(
     if samples_known is not None:  # the modes are those of the picks
         z = unconstrained(density, draws.values)
         best = constrained(density, (draws.weights @ z)[None])[0]
-    z = unconstrained(density, draws.values)
-    sds = np.sqrt(draws.weights @ (z - draws.weights @ z) ** 2)
-    answer = Answer(density, best, sds)
     there = density.choices_at(best)
     return Solution(
         density=density,
         draws=draws,
-        identified=Identified(answer, draws),
+        identified=identified(density, draws, best),
         laws={
             quantity: TakenLaw(name, there.laws[quantity].choice)
             for quantity, name in density.laws.items()

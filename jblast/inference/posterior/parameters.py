@@ -17,13 +17,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jblast.kept_programs import kept
 from jblast.quantities import BY_CAMERA, FIREBALL_RADII
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
 from jblast.scene.uncertain import Belief
@@ -57,13 +55,6 @@ class Parameters(eqx.Module):
                 zip(self.names, self.beliefs, strict=True)
             )
         }
-
-    @kept
-    def values_of_each(
-        self, z: Float[Array, "draw free"]
-    ) -> dict[str, Float[Array, " draw"]]:
-        """Return the numbers by name, for many places."""
-        return jax.vmap(self.values)(z)
 
     def scene_at(self, z: Float[Array, " free"]) -> Scene:
         """Return the scene with the numbers at $z$."""

@@ -2,15 +2,13 @@
 
 import dataclasses
 import functools
-from types import SimpleNamespace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.inference import bound, bound_map
-from jblast.inference.design.cramer_rao import candidates
+from jblast.inference.design.added_data import candidates
 from jblast.inference.design.planned_log import planned as plan_of
 from jblast.scene import Charge, Free, LogNormal, Sensor, UncertainScene
 from jblast.waves import kingery_bulmash_pressure
@@ -51,8 +49,9 @@ def test_a_new_place_shares_no_path_with_another_sensor_or_another_charge():
     beliefs = {f"charge_mass_kg.{charge.name}": Free(positive=True) for charge in pair}
     at = dict.fromkeys(beliefs, 1.0)
     plan = plan_of(UncertainScene(scene, beliefs), at, "gaussian")
-    found: Any = SimpleNamespace(density=plan.density)
-    new = {d.shot: d.group for d in candidates(plan, found) if not d.sensor}
+    more = candidates(plan)
+    rows = zip(more.shot, more.group, more.clock, strict=True)
+    new = {shot: group for shot, group, sensor in rows if not sensor}
     assert set(new) == {0, 1}
     assert len({*new.values(), *plan.posterior.layout.group}) == 2 + 8
 

@@ -5,7 +5,10 @@ import pytest
 
 from jblast.inference import posterior_of
 from jblast.inference.identify import echelon, estimable_forms
-from jblast.inference.posterior.fisher_information import information
+from jblast.inference.posterior.fisher_information import (
+    information_with_each,
+    linearised,
+)
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.scene import Free, LogNormal, Scene, UncertainScene
 from jblast.sensors import layout_of
@@ -49,8 +52,12 @@ def test_information_is_that_of_the_whole_covariance(noise, weight):
     )
     slopes = np.asarray(jax.jacfwd(lambda z: asked.misfit(z).residual)(Z))
     expected = slopes.T @ np.linalg.solve(covariance, slopes) + np.diag([0, 0, 1])
-    # two routes through the same algebra: rounding only
-    np.testing.assert_allclose(information(asked, Z), expected, rtol=1e-9)
+    # routes through the same algebra: rounding only
+    linear = linearised(asked, Z)
+    (whole,) = information_with_each(asked, *linear, 4)
+    np.testing.assert_allclose(whole, expected, rtol=1e-9)
+    _, with_last = information_with_each(asked, *linear, 3)
+    np.testing.assert_allclose(with_last, expected, rtol=1e-9)
 
 
 def test_echelon_rows_lead_with_a_one_of_their_own():
