@@ -95,14 +95,17 @@ def fit_many(
     # imported here: it needs optimistix, which takes longer to import than the stored
     # programs of a single fit to load
     from jblast.inference.many.engine import engine_for
+    from jblast.inference.many.residuals import checked
 
     begin = stages({"preparing": 1.0, "fitting": 4.0})
     begin("preparing")
-    engine = engine_for(uncertain, layout, laws, noise, devices)
+    values, sigma = checked(layout, values, relative_sigma)
+    common = sigma if isinstance(sigma, np.ndarray) else None
+    engine = engine_for(uncertain, layout, laws, noise, devices, common)
     begin("fitting")
     return engine.fit(
         values,
-        relative_sigma,
+        sigma,
         starts=starts,
         tries=tries,
         seed=seed,

@@ -123,21 +123,19 @@ def fold(
 def over_cells(
     function: Callable[..., Any],
     arguments: Sequence[Cell],
-    whole: Callable[..., Any] | None = None,
 ) -> list[Array | np.ndarray]:
     """Run a function of numbers over cells by `fold`, or if that fails by `vmap`.
 
     Args:
         function: Function of scalars that returns a flat sequence of scalars.
         arguments: One cell for each scalar.
-        whole: The same function in a form that suits `vmap`; None for the same.
     """
     try:
         return fold(function, arguments)
     except CannotFoldError:
         shape = np.broadcast_shapes(*(a.shape for a in arguments))
         full = [jnp.broadcast_to(a, shape) for a in arguments]
-        return list(jax.vmap(jax.vmap(whole or function))(*full))
+        return list(jax.vmap(jax.vmap(function))(*full))
 
 
 class Operations:
