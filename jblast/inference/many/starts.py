@@ -187,7 +187,7 @@ class ClosedForm(NamedTuple):
             ]
         )
         ln_d = jnp.log(jnp.maximum(d, 1e-9))
-        square = jnp.exp(_polynomial(self.square_range, ln_d))
+        square = jnp.exp(jnp.polyval(self.square_range.astype(d.dtype), ln_d))
         rest = self.rest.astype(square.dtype)
         known = np.sum(self.place**2, axis=1).astype(square.dtype)
         s = jnp.ones_like(square[0])
@@ -205,7 +205,7 @@ class ClosedForm(NamedTuple):
         }
         away = self.place.astype(square.dtype)[:, :, None] - x[None, :2]
         ln_square = jnp.log(jnp.maximum(jnp.sum(away * away, axis=1), 1e-6))
-        travel = jnp.exp(_polynomial(self.early_time, ln_square))
+        travel = jnp.exp(jnp.polyval(self.early_time.astype(d.dtype), ln_square))
         first = jnp.stack([measured[g] for g in self.early])
         numbers["origin_time_s"] = jnp.mean(first - travel, axis=0)
         beliefs = zip(rows.parameters.names, rows.parameters.beliefs, strict=True)
@@ -296,13 +296,6 @@ def _travel(rows: LaneRows, scene: Scene, ranges: np.ndarray, mass: float):
     air, ground = times("air_arrival_s"), times("ground_arrival_s")
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.log(air - ground), np.log(ground)
-
-
-def _polynomial(coefficients: np.ndarray, x: Array) -> Array:
-    total = jnp.full_like(x, coefficients[0])
-    for c in coefficients[1:]:
-        total = total * x + float(c)
-    return total
 
 
 def _product(matrix: np.ndarray, x: Array) -> Array:
