@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, shown
+from jblast.inference.many.engine import engine_for
 from jblast.inference.many.lanes import COST_Z_MAX, ManyFits
+from jblast.inference.many.residuals import checked
 from jblast.inference.posterior.posterior import refuse_exact
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, resolve_positions
@@ -51,7 +53,7 @@ def fit_many(
     r"""Fit many logs of one layout.
 
     For each log, minus ln of the joint density of readings and shared effects is
-    minimised by Levenberg-Marquardt (`LaneLevenbergMarquardt`). `fit` integrates the
+    minimised by Levenberg-Marquardt (`solver.levenberg_marquardt`). `fit` integrates the
     effects out instead: where laws scatter, its optimum differs by the variation of
     ln det of their curvature.
 
@@ -92,11 +94,6 @@ def fit_many(
     Example:
         `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
     """
-    # imported here: it needs optimistix, which takes longer to import than the stored
-    # programs of a single fit to load
-    from jblast.inference.many.engine import engine_for
-    from jblast.inference.many.residuals import checked
-
     begin = stages({"preparing": 1.0, "fitting": 4.0})
     begin("preparing")
     values, sigma = checked(layout, values, relative_sigma)
