@@ -53,9 +53,9 @@ def fit_many(
     r"""Fit many logs of one layout.
 
     For each log, minus ln of the joint density of readings and shared effects is
-    minimised by Levenberg-Marquardt (`solver.levenberg_marquardt`). `fit` integrates the
-    effects out instead: where laws scatter, its optimum differs by the variation of
-    ln det of their curvature.
+    minimised by Levenberg-Marquardt (`many.solver`). `fit` integrates the effects out
+    instead: where laws scatter, its optimum differs by the variation of ln det of their
+    curvature.
 
     If `burst` follows from the height, the curve sets are chosen once at the scene's
     own numbers, for all logs. A log whose answer would change them is not marked.
