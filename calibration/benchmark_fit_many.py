@@ -101,7 +101,14 @@ def _text() -> str:
             tries=tries,
         )
 
-    straight = jax.jit(engine_for(uncertain, layout, LAWS, "gaussian").straight)
+    engine = engine_for(uncertain, layout, LAWS, "gaussian")
+    form = engine.form
+    assert form is not None
+
+    @jax.jit
+    def straight(readings: Array) -> Array:
+        return form.start(engine.rows, engine.rows.to_error_scale(readings)).T
+
     lines = [
         f"Fits a second: {platform}, {name}, {len(jax.devices())} devices of JAX "
         f"{jax.__version__}, {len(host):,} logs, float64"

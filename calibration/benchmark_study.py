@@ -1,6 +1,6 @@
 """Samples a second of studies, and what the engine adds to what it runs.
 
-    python -m calibration.benchmark_study [air|flights|fits|host ...] [--seconds N]
+    python -m calibration.benchmark_study [air|flights|fits ...] [--seconds N]
 
 On a GPU by the wall clock; on a CPU by processor time over the number of cores, which
 is the wall clock of an idle machine, and tells alike beside others. The best of a few.
@@ -24,11 +24,6 @@ precision: float64 on a CPU, float32 on a GPU.
 Fits: logs a second of the outcome `fit_error`, against `fit_many` of readings that lie
 on the host, its answer copied back, and the draws of the readings alone.
 
-Host: `fit_from_host`, which copies while it fits and brings back what was asked,
-against `fit_many` and its whole answer; logs of `calibration.six_stations`. Pieces of
-several sizes, numbers that come back in float64 and float32, arrays that are new or
-were filled before.
-
 The table of a CPU goes to calibration/results/benchmark_study.txt, that of a GPU to
 benchmark_study_gpu.txt, as each part is done.
 """
@@ -49,10 +44,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration import benchmark_flights
-from calibration.six_stations import LAWS, columns_of, draw, scene_of
 from jblast.files import write_text
 from jblast.inference import fit_many
-from jblast.inference.many.fit_many import fit_from_host
 from jblast.scene import Charge, Scene
 from jblast.sensors import planned_layout
 from jblast.study import Study, read_study
@@ -93,8 +86,6 @@ AIR_TILES = {"cpu": 1 << 21, "gpu": 1 << 29}
 
 
 FITTED = {"cpu": 1 << 16, "gpu": 1 << 22}
-LOGS = {"cpu": 1 << 16, "gpu": 1 << 23}
-PIECES = {"cpu": (1 << 13, 1 << 14), "gpu": (1 << 18, 1 << 19, 1 << 20)}
 
 
 FLOWN = {"cpu": 1 << 7, "gpu": 1 << 16}
@@ -102,7 +93,7 @@ STEP_S = 1e-3
 
 
 RESULTS = Path(__file__).parent / "results"
-PARTS = ("air", "flights", "fits", "host")
+PARTS = ("air", "flights", "fits")
 """Each may be named on the command line."""
 
 
@@ -121,12 +112,7 @@ def study_text(
     before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", True)
     start = time.perf_counter()
-    measure = {
-        "air": air_lines,
-        "flights": flight_lines,
-        "fits": fit_lines,
-        "host": host_lines,
-    }
+    measure = {"air": air_lines, "flights": flight_lines, "fits": fit_lines}
     try:
         device = jax.devices()[0]
         name = device.device_kind if platform() == "gpu" else f"{os.cpu_count()} cores"
@@ -342,52 +328,6 @@ def fit_lines() -> list[str]:
         f"  draws of the readings alone          {count / draws:14,.0f}"
         f"   (its share of draws and fit_many: {(same + draws) / ours:.1%})",
     ]
-
-
-def host_lines() -> list[str]:
-    """Measure fits from host to host."""
-    problem = draw(LOGS[platform()])
-    uncertain = scene_of(problem)
-    layout, sigma, _ = planned_layout(uncertain.scene)
-    readings = np.ascontiguousarray(problem.readings[:, columns_of(layout)])
-    given = (uncertain, layout, readings, np.asarray(sigma), LAWS)
-    count = len(readings)
-    names: list[str] = []
-    calls: list[Callable[[], Any]] = []
-
-    def whole() -> None:
-        jax.device_get(jax.tree.leaves(fit_many(*given, noise="gaussian")))
-
-    names.append("fit_many, the whole answer")
-    calls.append(whole)
-    here = jax.device_put(readings[: PIECES[platform()][-1]])
-
-    def there() -> Any:
-        fits = fit_many(uncertain, layout, here, given[3], LAWS, noise="gaussian")
-        return fits.z, fits.covariance
-
-    def add(name: str, **how: Any) -> None:
-        names.append(name)
-        calls.append(lambda: fit_from_host(*given, noise="gaussian", **how))
-
-    for piece in PIECES[platform()]:
-        add(f"z, sd, converged, {piece:,}", piece=piece)
-    for piece in PIECES[platform()]:
-        add(f"likewise in float32, {piece:,}", piece=piece, dtype=np.float32)
-    for piece in PIECES[platform()]:
-        for dtype in (None, np.float32):
-            out = fit_from_host(*given, noise="gaussian", piece=piece, dtype=dtype)
-            word = " float32," if dtype else ""
-            add(f"into old arrays,{word} {piece:,}", piece=piece, dtype=dtype, out=out)
-    add("z alone", keep=("z",))
-    took = best(*calls)
-    (on_device,) = best(there)
-    lines = [
-        f"fits from host to host, 12 readings, 4 unknowns: {count:,} logs",
-        f"  {'fit_many, from device to device':38s}{len(here) / on_device:14,.0f}",
-    ]
-    rates = zip(names, took, strict=True)
-    return [*lines, *(f"  {name:38s}{count / one:14,.0f}" for name, one in rates)]
 
 
 def flight_lines() -> list[str]:

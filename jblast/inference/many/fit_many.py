@@ -2,24 +2,18 @@
 
 `batch_of` joins logs of equal rows into the arrays that `fit_many` takes. Logs whose
 rows differ, lower bounds and correlated errors are refused.
-
-`fit_from_host` fits logs in host memory in chunks. While the device fits one chunk, the
-next is copied to it and the results of the previous one are copied back, so copies take
-no extra time until they take longer than the fits.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jblast.errors import InputError, nearest, shown
+from jblast.errors import InputError, shown
+from jblast.inference.many.engine import engine_for
 from jblast.inference.many.lanes import COST_Z_MAX, ManyFits
-from jblast.inference.many.residuals import checked_shapes
+from jblast.inference.many.residuals import checked
 from jblast.inference.posterior.posterior import refuse_exact
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, resolve_positions
@@ -34,23 +28,6 @@ from jblast.sensors import Layout, layout_of, resolve_laws
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import Noise
 
-PIECE = {"cpu": 1 << 14, "gpu": 1 << 20}
-"""Logs of a chunk, by platform: one call of the compiled program (`engine.LANES`)."""
-COPIES = 2
-"""Chunks that are copied back simultaneously: more would fill the device's memory."""
-KEPT: dict[str, Callable[[ManyFits], Array]] = {
-    "z": lambda fits: fits.z,
-    "sd": lambda fits: fits.sd(),
-    "cost": lambda fits: fits.cost,
-    "misfit": lambda fits: fits.misfit,
-    "covariance": lambda fits: fits.covariance,
-    "converged": lambda fits: fits.converged,
-    "doubtful": lambda fits: fits.doubtful,
-    "beyond_array": lambda fits: fits.beyond_array,
-    "steps": lambda fits: fits.steps,
-    "bad": lambda fits: fits.bad,
-}
-"""Results that can be requested: fields of `ManyFits`, and standard deviations."""
 # columns of a log, and its arrays, that the logs of a batch have in common
 SHARED_COLUMNS = ("sensor", "quantity", "path", "shot", "clock")
 PLACED = ("position", "slant_range", "time")
@@ -76,9 +53,9 @@ def fit_many(
     r"""Fit many logs of one layout.
 
     For each log, minus ln of the joint density of readings and shared effects is
-    minimised by Levenberg-Marquardt (`LaneLevenbergMarquardt`). `fit` integrates the
-    effects out instead: where laws scatter, its optimum differs by the variation of
-    ln det of their curvature.
+    minimised by Levenberg-Marquardt (`many.solver`). `fit` integrates the effects out
+    instead: where laws scatter, its optimum differs by the variation of ln det of their
+    curvature.
 
     If `burst` follows from the height, the curve sets are chosen once at the scene's
     own numbers, for all logs. A log whose answer would change them is not marked.
@@ -117,143 +94,20 @@ def fit_many(
     Example:
         `jblast.fit_many(uncertain, *jblast.inference.batch_of(logs, uncertain))`
     """
-    # imported here: it needs optimistix, which takes longer to import than the stored
-    # programs of a single fit to load
-    from jblast.inference.many.engine import engine_for
-
     begin = stages({"preparing": 1.0, "fitting": 4.0})
     begin("preparing")
-    engine = engine_for(uncertain, layout, laws, noise, devices)
+    values, sigma = checked(layout, values, relative_sigma)
+    common = sigma if isinstance(sigma, np.ndarray) else None
+    engine = engine_for(uncertain, layout, laws, noise, devices, common)
     begin("fitting")
     return engine.fit(
         values,
-        relative_sigma,
+        sigma,
         starts=starts,
         tries=tries,
         seed=seed,
         again_z=again_z,
     )
-
-
-def fit_from_host(
-    uncertain: UncertainScene,
-    layout: Layout,
-    values: Float[np.ndarray, "log row"],
-    relative_sigma: Float[np.ndarray, "..."],
-    laws: Mapping[str, str],
-    *,
-    keep: Sequence[str] = ("z", "sd", "converged"),
-    piece: int | None = None,
-    dtype: Any = None,
-    out: Mapping[str, np.ndarray] | None = None,
-    **options: Any,
-) -> dict[str, np.ndarray]:
-    """Fit many logs of one layout from host memory to host memory.
-
-    Args:
-        uncertain: As for `fit_many`.
-        layout: As for `fit_many`.
-        values: The readings.
-        relative_sigma: Their errors, of each row or of each row of each log.
-        laws: Names of laws by quantity.
-        keep: Results to return: names of `KEPT`.
-        piece: Number of logs that are fitted together.
-        dtype: Type of the returned numbers; `numpy.float32` halves the copies. It does
-            not change the precision of the fits.
-        out: Arrays to fill, as returned by an earlier call: their memory is reused.
-        **options: Options of `fit_many`: noise, tries, seed, devices.
-
-    Returns:
-        The requested results by name, one row per log.
-
-    Raises:
-        InputError: As for `fit_many`, or `keep` has an unknown name, or `out` has
-            another shape.
-
-    Example:
-        `fit_from_host(uncertain, layout, readings, sigma, laws, keep=("z", "sd"))`
-    """
-    _refuse_other(keep, piece)
-    shape = np.shape(values)
-    checked_shapes(layout, shape, np.shape(relative_sigma))
-    platform = "cpu" if jax.default_backend() == "cpu" else "gpu"
-    size = min(piece or PIECE[platform], max(1, len(values)))
-    # without logs one dummy is fitted: it gives the types of the results
-    if not len(values):
-        values = np.ones((1, shape[1]))
-        relative_sigma = np.broadcast_to(relative_sigma, (1, shape[1]))
-        options |= {"tries": 1}
-    begins = range(0, len(values), size)
-    each = np.ndim(relative_sigma) == 2
-
-    def cut(begin: int) -> tuple[Array, Any]:
-        """Return a chunk on the device; the last one is padded to the same size."""
-        # the last log is repeated: all chunks have one size, which is compiled once
-        rows = np.minimum(np.arange(begin, begin + size), len(values) - 1)
-        whole = begin + size <= len(values)
-        some = values[begin : begin + size] if whole else values[rows]
-        return jax.device_put(some), relative_sigma[rows] if each else relative_sigma
-
-    def back(found: Mapping[str, Array], begin: int) -> None:
-        end = min(begin + size, shape[0])
-        for name, part in found.items():
-            whole[name][begin:end] = np.asarray(part)[: end - begin]
-
-    whole: dict[str, np.ndarray] = {}
-    with ThreadPoolExecutor(1) as there, ThreadPoolExecutor(COPIES) as returning:
-        coming = there.submit(cut, 0)
-        waiting = []
-        for begin in begins:
-            here, sigma = coming.result()
-            # the next copy starts before this chunk is fitted
-            if begin + size < len(values):
-                coming = there.submit(cut, begin + size)
-            fits = fit_many(uncertain, layout, here, sigma, laws, **options)
-            found = {name: KEPT[name](fits) for name in keep}
-            if dtype is not None:  # flags and counts keep their type
-                found = {
-                    name: x.astype(dtype)
-                    if jnp.issubdtype(x.dtype, jnp.floating)
-                    else x
-                    for name, x in found.items()
-                }
-            if not whole:
-                whole |= {n: _filled(n, x, shape[0], out) for n, x in found.items()}
-            for part in found.values():
-                # the copy overlaps with the fit of the next chunk
-                part.copy_to_host_async()
-            waiting.append(returning.submit(back, found, begin))
-            while len(waiting) > COPIES:  # bounds the results in device memory
-                waiting.pop(0).result()
-        for one in waiting:
-            one.result()
-    return whole
-
-
-def _refuse_other(keep: Sequence[str], piece: int | None) -> None:
-    """Reject unknown names of results, and chunks without logs."""
-    for name in keep:
-        if name not in KEPT:
-            raise InputError(
-                f"keep: expected names of {', '.join(KEPT)}, got "
-                f"{name!r}{nearest(name, KEPT)}"
-            )
-    if piece is not None and piece < 1:
-        raise InputError(f"piece: expected a positive whole number, got {piece}")
-
-
-def _filled(
-    name: str, like: Array, logs: int, out: Mapping[str, np.ndarray] | None
-) -> np.ndarray:
-    """Return the array for the results of a name."""
-    shape, dtype = (logs, *like.shape[1:]), np.dtype(like.dtype)
-    if out is None:
-        return np.empty(shape, dtype)
-    given = out.get(name)
-    if given is None or (given.shape, given.dtype) != (shape, dtype):
-        got = "nothing" if given is None else f"{given.shape} of {given.dtype}"
-        raise InputError(f"out, {name}: expected {shape} of {dtype}, got {got}")
-    return given
 
 
 class Batch(NamedTuple):

@@ -12,9 +12,12 @@ same result. Sums with zero and products with zero and one are omitted (zero tim
 anything is zero), known branches are resolved, common subexpressions are computed once,
 and a derivative's $x^{c-1}$ is $x^c / x$. Elementwise arithmetic remains, with the
 lanes last, which XLA vectorises best. Primitives that cannot be written in cells raise
-`CannotFoldError`.
+`CannotFoldError`. Measured by processor time, fits of 12 arrivals are 1.3 times as fast
+as with nested `vmap` (1.5 with one over rows and lanes), and those of 12 arrivals and
+pressures by Kingery and Bulmash 1.5 times (3.9).
 """
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -123,21 +126,19 @@ def fold(
 def over_cells(
     function: Callable[..., Any],
     arguments: Sequence[Cell],
-    whole: Callable[..., Any] | None = None,
 ) -> list[Array | np.ndarray]:
     """Run a function of numbers over cells by `fold`, or if that fails by `vmap`.
 
     Args:
         function: Function of scalars that returns a flat sequence of scalars.
         arguments: One cell for each scalar.
-        whole: The same function in a form that suits `vmap`; None for the same.
     """
     try:
         return fold(function, arguments)
     except CannotFoldError:
         shape = np.broadcast_shapes(*(a.shape for a in arguments))
         full = [jnp.broadcast_to(a, shape) for a in arguments]
-        return list(jax.vmap(jax.vmap(whole or function))(*full))
+        return list(jax.vmap(jax.vmap(function))(*full))
 
 
 class Operations:
@@ -212,15 +213,20 @@ def _equation(
         return [contracted(operation, *inputs, *params["dimension_numbers"])]
     if name in NOT_ELEMENTWISE or equation.effects or len(equation.outvars) > 1:
         raise CannotFoldError(name)
-    shape = equation.outvars[0].aval.shape
-    try:
-        spread = [np.broadcast_to(x, shape) for x in inputs]
-    except ValueError:
-        raise CannotFoldError(name) from None
+    shapes = [x.shape for x in inputs]
+    if np.broadcast_shapes(*shapes) != equation.outvars[0].aval.shape:
+        raise CannotFoldError(name)
+    return [elementwise(operation, equation.primitive, inputs, params)]
+
+
+def elementwise(operation: Operations, primitive, inputs, params) -> np.ndarray:
+    """Combine arrays of cells entry by entry."""
+    shape = np.broadcast_shapes(*(x.shape for x in inputs))
+    spread = [np.broadcast_to(x, shape) for x in inputs]
     out = np.empty(shape, object)
     for at in np.ndindex(shape):
-        out[at] = operation(equation.primitive, [x[at] for x in spread], params)
-    return [out]
+        out[at] = operation(primitive, [x[at] for x in spread], params)
+    return out
 
 
 def shortcut(name: str, cells: list[Cell], params) -> Cell | None:
@@ -302,22 +308,22 @@ def scattered(operation: Operations, equation, inputs: list[np.ndarray]) -> np.n
 
 
 def contracted(operation: Operations, a, b, contract, batch) -> np.ndarray:
-    """Multiply small matrices of cells."""
-    if batch != ((), ()):
-        raise CannotFoldError("dot_general over a batch")
-    (left, right) = (list(c) for c in contract)
-    a = np.moveaxis(a, left, range(-len(left), 0))
-    b = np.moveaxis(b, right, range(-len(right), 0))
-    free_a, free_b = a.shape[: a.ndim - len(left)], b.shape[: b.ndim - len(right)]
-    products = np.empty(
-        (*free_a, *free_b, int(np.prod(a.shape[len(free_a) :]))), object
-    )
-    for i in np.ndindex(free_a):
-        for j in np.ndindex(free_b):
-            pairs = zip(a[i].ravel(), b[j].ravel(), strict=True)
-            for k, pair in enumerate(pairs):
-                products[(*i, *j, k)] = operation(lax.mul_p, list(pair), {})
-    return reduced(operation, lax.add_p, products, [products.ndim - 1])
+    """Multiply small matrices of cells, for each element of a batch."""
+
+    def matrices(x: np.ndarray, batch, contract) -> tuple[np.ndarray, list[int]]:
+        free = [d for d in range(x.ndim) if d not in (*batch, *contract)]
+        sizes = [
+            math.prod(x.shape[d] for d in dims) for dims in (batch, free, contract)
+        ]
+        shape = [x.shape[d] for d in (*batch, *free)]
+        return x.transpose(*batch, *free, *contract).reshape(sizes), shape
+
+    left, shape = matrices(a, batch[0], contract[0])
+    right, ahead = matrices(b, batch[1], contract[1])
+    pairs = [left[:, :, None], right[:, None]]
+    products = elementwise(operation, lax.mul_p, pairs, {})
+    out = reduced(operation, lax.add_p, products, [3])
+    return out.reshape(*shape, *ahead[len(batch[1]) :])
 
 
 def rearranged(equation, inputs: list[np.ndarray]) -> list[np.ndarray]:

@@ -1,34 +1,30 @@
-r"""Levenberg-Marquardt for many small problems together, as an optimistix solver.
+r"""Levenberg-Marquardt for many small problems together.
 
 The unknowns $y$ have a first axis of unknowns. Any further axes are lanes, each lane a
 problem of its own: its residuals, a first axis of rows and the same lanes, depend on
-its own unknowns alone. So `optimistix.least_squares` solves one problem with $y$ of
-shape (free,), under `vmap` or not, and a batch in one loop with $y$ of shape
-(free, lane). The latter is faster: the lane is the last axis of every array.
+its own unknowns alone.
 
 $H = J^T W J$ is stored as the rows of its lower triangle, each entry an array over
 lanes. The Cholesky factorisation of few unknowns is a few dozen products of such
-arrays, and no small matrix is ever assembled. The step is
-$-(H + \lambda\,\mathrm{diag}\,H)^{-1} g$ (Marquardt), and $1/\lambda$ is the step size
-of optimistix. At the optimum the cost falls by less than its rounding, and a trust
-region that requires it to fall rejects step after step, which delayed the slowest lane
-and so the whole batch: this one accepts there.
+arrays, and no small matrix is ever assembled: 21 times as many fits per second of
+processor time as `optimistix.LevenbergMarquardt` under `vmap` (12 arrivals, 4
+unknowns). The step is $-(H + \lambda\,\mathrm{diag}\,H)^{-1} g$ (Marquardt). $\lambda$
+follows the ratio of the actual to the predicted fall of the cost (Nielsen 1999, report
+IMM-REP-1999-05, Technical University of Denmark, eq. 2.4). It settles where the step is
+that of Newton, also where Gauss-Newton omits most of the curvature: across a line of
+sensors, where readings depend on the square of an offset.
 
-Gauss-Newton omits $\sum_i r_i \nabla^2 r_i$. Where that is more than twice what it
-keeps (across a line of sensors, where readings depend on the square of an offset, and
-only the prior curves the approximated cost), its steps end as far on the other side or
-farther. Such lanes, which are few, are continued by Newton's method with the whole
-curvature, which takes one pass per unknown.
+At the optimum the cost falls by less than its rounding. A search that requires it to
+fall rejects step after step there, which delays the slowest lane and so the whole
+batch: this one accepts.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
-from jaxtyping import Array, Bool, Float, Int, ScalarLike
+from jaxtyping import Array, Bool, Float, Int
 
 TOLERANCE = 1e-8
 """Largest whitened gradient of an optimum, in standard deviations; or four times the
@@ -36,29 +32,23 @@ rounding error, if that is larger."""
 COARSEST = 0.1
 """Largest such tolerance of a converged lane [sd]: with more rounding the optimum is
 not resolved within its error."""
-Loss = Callable[[Array], tuple[Array, Array, Array]]
-# 1 / lambda: nearly undamped, since most lanes start in the basin of their optimum
-FIRST_STEP_SIZE = 100.0
-# of Newton's method, a fixed number for all lanes: it doubles the digits in each
-STEPS = 24
-SHARES = (1.0, 0.25, 0.0625, 0.015625)
-"""Trial lengths of a Newton step. The lowest cost is used; if none is lower the step is
-rejected."""
-FLATTEST = 1e-9
-"""Smallest curvature relative to the largest: along a flat direction the step is
-finite."""
-Cost = Callable[
-    [Float[Array, "unknown lane"]],
-    tuple[Float[Array, " lane"], Float[Array, "unknown lane"]],
-]
-"""Function that returns cost and gradient of each lane."""
 MAX_UNKNOWNS = 16
 """Largest number of unknowns: the written-out program grows with its cube."""
+FIRST_DAMPING = 0.01
+r"""First $\lambda$: nearly undamped, since most lanes start in the basin of their
+optimum."""
+LEAST_FALL = 0.01
+"""Smallest ratio of the actual to the predicted fall of an accepted step."""
+LESS, MORE = 0.01, 4.0
+r"""Factors of $\lambda$ after a step as predicted, and after a rejected one."""
 Lanes = Float[Array, "..."]
 Triangle = tuple[tuple[Lanes, ...], ...]
+Loss = Callable[[Array], tuple[Array, Array, Array | None, Array | None]]
+"""Cost, slope, curvature and weight of each residual; None for a curvature of 1, and
+for a weight that is the curvature."""
 
 
-class Expansion(optx.FunctionInfo):
+class Expansion(NamedTuple):
     """The cost about a place, to second order.
 
     Attributes:
@@ -66,16 +56,15 @@ class Expansion(optx.FunctionInfo):
         grad: Gradient.
         hessian: Lower triangle of the Gauss-Newton curvature.
         floor: Rounding error of the length of the vector of residuals.
+        convex: True where the curvature is that of the cost, False where that is not
+            positive, and the curvature that of reweighted residuals.
     """
 
     f: Lanes
     grad: tuple[Lanes, ...]
     hessian: Triangle
     floor: Lanes
-
-    def as_min(self) -> Lanes:
-        """Return the cost."""
-        return self.f
+    convex: Bool[Array, "..."]
 
     def slack(self) -> Lanes:
         """Return the rounding error of the cost."""
@@ -84,192 +73,117 @@ class Expansion(optx.FunctionInfo):
         rounded = 8 * jnp.finfo(cost.dtype).eps * cost
         return self.floor * (jnp.sqrt(2 * cost) + self.floor) + rounded
 
+    def change(self, step: Float[Array, "unknown ..."]) -> Lanes:
+        """Return the change of the cost by a step in this expansion."""
+        total = jnp.zeros_like(self.f)
+        for i, row in enumerate(self.hessian):
+            total = total + self.grad[i] * step[i]
+            for j, h in enumerate(row):
+                total = total + (0.5 if i == j else 1.0) * h * step[i] * step[j]
+        return total
 
-class SolverState(eqx.Module):
-    """State of the solver.
+    def square_tolerance(self) -> Lanes:
+        """Return the square of the largest whitened gradient at an optimum."""
+        return jnp.maximum(TOLERANCE, 4 * self.floor) ** 2
+
+    def square_gradient(self) -> Lanes:
+        """Return the square of the whitened gradient, the length of a Newton step."""
+        return squared(forward(cholesky(self.hessian), self.grad))
+
+    def at_optimum(self) -> Bool[Array, "..."]:
+        """Return True for lanes at an optimum, within rounding."""
+        least = self.square_tolerance()
+        near = (self.square_gradient() <= least) & (least <= COARSEST**2)
+        sure = self.convex & cholesky(self.hessian).positive
+        return jnp.isfinite(self.f) & sure & near
+
+
+class Search(NamedTuple):
+    r"""State of a search.
 
     Attributes:
-        first_step: True before the first evaluation.
-        y_eval: Next place to try.
-        info: Expansion about the last accepted place.
-        search: State of the trust region.
+        y: Last accepted place.
+        here: Expansion about it.
+        tried: Next place to try.
+        damping: $\lambda$.
         done: True for lanes that have ended.
         steps: Number of places tried by each lane.
     """
 
-    first_step: Bool[Array, ""]
-    y_eval: Float[Array, "free ..."]
-    info: Expansion
-    search: Any
+    y: Float[Array, "unknown ..."]
+    here: Expansion
+    tried: Float[Array, "unknown ..."]
+    damping: Lanes
     done: Bool[Array, "..."]
     steps: Int[Array, "..."]
 
 
-class FloorTrustRegion(optx.ClassicalTrustRegion):
-    """A classical trust region that ignores increases within rounding."""
+def levenberg_marquardt(
+    expand: Callable[[Float[Array, "unknown ..."]], Expansion],
+    y: Float[Array, "unknown ..."],
+    *,
+    skip: Bool[Array, "..."] | bool = False,
+    stragglers: Float[Array, ""] | float = 0.0,
+    max_steps: int,
+) -> Search:
+    """Minimise the cost of every lane; `Expansion.at_optimum` returns convergence.
 
-    high_constant: ScalarLike = 100.0
-    low_constant: ScalarLike = 0.1
-    high_cutoff: ScalarLike = 0.5
-
-    def init(self, y, f_info_struct):
-        """Start nearly undamped in every lane."""
-        state = super().init(y, f_info_struct)
-        size = jnp.full(y.shape[1:], FIRST_STEP_SIZE, y.dtype)
-        return eqx.tree_at(lambda s: s.step_size, state, size)
-
-    def predict_reduction(self, y_diff, f_info: Any):
-        """Return the change of the cost in the quadratic model."""
-        slope = [g * d for g, d in zip(f_info.grad, y_diff, strict=True)]
-        bend = [
-            (0.5 if i == j else 1.0) * h * y_diff[i] * y_diff[j]
-            for i, row in enumerate(f_info.hessian)
-            for j, h in enumerate(row)
-        ]
-        return sum(slope[1:] + bend, start=slope[0])
-
-    def step(self, first_step, y, y_eval, f_info: Any, f_eval_info: Any, state):
-        """Compare predicted and actual change as optimistix does, less rounding."""
-        promised = self.predict_reduction(y_eval - y, f_info)
-        change = f_eval_info.as_min() - f_info.as_min()
-        slack = f_info.slack() + f_eval_info.slack()
-        # NaN compares as False, so a cost that is not finite is rejected
-        accept = (change <= self.low_cutoff * promised + slack) | first_step
-        good = change <= self.high_cutoff * promised + slack
-        grow = jnp.where(good & ~first_step, self.high_constant, 1.0)
-        size = state.step_size * jnp.where(accept, grow, self.low_constant)
-        state = eqx.tree_at(lambda s: s.step_size, state, size)
-        return size, accept, optx.RESULTS.successful, state
-
-
-class MarquardtDescent(optx.AbstractDescent):
-    """The damped Gauss-Newton step; its state is the last accepted expansion."""
-
-    def init(self, y, f_info_struct):
-        """Return a state of the right shape."""
-        del y
-        return f_info_struct
-
-    def query(self, y, f_info, state):
-        """Return the expansion as the state."""
-        del y, state
-        return f_info
-
-    def step(self, step_size, state):
-        """Return the step."""
-        factor = cholesky(state.hessian, 1 / step_size)
-        step = backward(factor, forward(factor, state.grad))
-        return -jnp.stack(step), optx.RESULTS.successful
-
-
-def half_square(residual: Float[Array, "..."]) -> tuple[Array, Array, Array]:
-    """Return the cost of normal errors, its slope and its curvature."""
-    return 0.5 * residual * residual, residual, jnp.ones_like(residual)
-
-
-class LaneLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
-    """Levenberg-Marquardt over lanes; see the top of this file.
-
-    `options` may have, for each lane, `floor` (rounding error of the length of the
-    vector of residuals, default 0) and `skip` (do not move the lane), and `stragglers`:
-    the share of lanes for which the loop does not wait. The state contains the lanes
-    that have ended; `at_optimum` returns those at an optimum.
-
-    Attributes:
-        tolerance: Largest whitened gradient of an optimum, unless rounding is larger.
-        loss: Cost, slope and (positive) curvature of each residual; default half of the
-            square.
-        jacobian: "fwd", or "aux" if the function returns the Jacobian as auxiliary
-            output: one array per unknown that broadcasts to the residuals.
+    Args:
+        expand: Function that returns the expansion about a place.
+        y: Starts.
+        skip: True for lanes that are not moved.
+        stragglers: Share of lanes for which the loop does not wait.
+        max_steps: Largest number of places tried.
     """
+    lanes = y.shape[1:]
+    empty = jax.tree.map(
+        lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(expand, y)
+    )
+    damping = jnp.full(lanes, FIRST_DAMPING, y.dtype)
+    steps = jnp.zeros(lanes, jnp.int32)
+    first = Search(y, empty, y, damping, jnp.broadcast_to(skip, lanes), steps)
 
-    tolerance: float = TOLERANCE
-    loss: Loss = eqx.field(static=True, default=half_square)
-    jacobian: Literal["fwd", "aux"] = eqx.field(static=True, default="fwd")
-    descent: MarquardtDescent = eqx.field(default_factory=MarquardtDescent)
-    search: FloorTrustRegion = eqx.field(default_factory=FloorTrustRegion)
-    rtol: float = TOLERANCE
-    atol: float = TOLERANCE
-    norm: Callable = eqx.field(static=True, default=optx.max_norm)
+    def goes_on(state: tuple[Int[Array, ""], Search]):
+        count, search = state
+        left = jnp.mean(~search.done, dtype=y.dtype)
+        return (count < max_steps) & (left > stragglers)
 
-    def evaluate(self, fn, y, args, options) -> tuple[Expansion, Any]:
-        """Return the cost about a place, and the function's aux."""
-        if self.jacobian == "aux":
-            residual, aux = fn(y, args)
-            columns = aux
-        else:
-            residual, push, aux = jax.linearize(lambda y: fn(y, args), y, has_aux=True)
-            units = [jnp.zeros_like(y).at[k].set(1.0) for k in range(y.shape[0])]
-            columns = [push(unit) for unit in units]
-        floor = options.get("floor", 0.0)
-        return expansion(self.loss, y, residual, columns, floor), aux
+    def step(state: tuple[Int[Array, ""], Search]):
+        return state[0] + 1, _step(expand, state[1])
 
-    def init(self, fn, y, args, options, f_struct, aux_struct, tags):
-        """Return the state before the first step."""
-        del f_struct, aux_struct, tags
-        shape = jax.eval_shape(lambda y: self.evaluate(fn, y, args, options)[0], y)
-        info = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shape)
-        lanes = y.shape[1:]
-        return SolverState(
-            first_step=jnp.array(True),
-            y_eval=y,
-            info=info,
-            search=self.search.init(y, info),
-            done=jnp.broadcast_to(options.get("skip", jnp.array(False)), lanes),
-            steps=jnp.zeros(lanes, jnp.int32),
-        )
+    return jax.lax.while_loop(goes_on, step, (jnp.zeros((), jnp.int32), first))[1]
 
-    def step(self, fn, y, args, options, state, tags):
-        """Try one place in every lane that has not ended."""
-        del tags
-        tried, aux = self.evaluate(fn, state.y_eval, args, options)
-        size, accept, _, search = self.search.step(
-            state.first_step, y, state.y_eval, state.info, tried, state.search
-        )
-        lost = state.first_step & ~jnp.isfinite(tried.f)
-        accept = accept & ~state.done
-        y = jnp.where(accept, state.y_eval, y)
-        info = jax.tree.map(
-            lambda new, old: jnp.where(accept, new, old), tried, state.info
-        )
-        size = jnp.where(state.done, state.search.step_size, size)
-        diff, _ = self.descent.step(size, self.descent.query(y, info, None))
-        # whitened gradient, the length of the undamped step: a damped step is short
-        # even far from the optimum
-        length = squared(forward(cholesky(info.hessian), info.grad))
-        ended = lost | ~(length > self.square_tolerance(info))
-        state = SolverState(
-            first_step=jnp.array(False),
-            y_eval=jnp.where(jnp.isfinite(diff), y + diff, y),
-            info=info,
-            search=eqx.tree_at(lambda s: s.step_size, search, size),
-            done=state.done | ended,
-            steps=state.steps + jnp.where(state.done, 0, 1),
-        )
-        return y, state, aux
 
-    def square_tolerance(self, info: Expansion) -> Lanes:
-        """Return the square of the largest whitened gradient at an optimum."""
-        return jnp.maximum(self.tolerance, 4 * info.floor) ** 2
+def _step(expand: Callable[..., Expansion], old: Search) -> Search:
+    """Try one place in every lane that has not ended."""
+    there, is_first = expand(old.tried), old.steps == 0
+    promised = old.here.change(old.tried - old.y)
+    change, slack = there.f - old.here.f, there.slack() + old.here.slack()
+    # NaN compares as False, so a cost that is not finite is rejected
+    accept = is_first | (change <= LEAST_FALL * promised + slack)
+    accept = accept & ~old.done
+    # within rounding the share is 1/2, which leaves lambda as it is
+    share = jnp.clip((0.5 * slack - change) / (slack - promised), 0.0, 1.0)
+    factor = jnp.where(accept, jnp.maximum(LESS, 1 - (2 * share - 1) ** 3), MORE)
+    damping = old.damping * jnp.where(is_first | old.done, 1.0, factor)
 
-    def at_optimum(self, info: Expansion) -> Bool[Array, "..."]:
-        """Return True for lanes at an optimum, within rounding."""
-        factor = cholesky(info.hessian)
-        least = self.square_tolerance(info)
-        length = squared(forward(factor, info.grad))
-        near = (length <= least) & (least <= COARSEST**2)
-        return jnp.isfinite(info.f) & factor.positive & near
+    def chosen(new, old):
+        return jnp.where(accept, new, old)
 
-    def terminate(self, fn, y, args, options, state, tags):
-        """Return True if all lanes but the stragglers have ended."""
-        del fn, args, tags
-        left = jnp.mean(~state.done, dtype=y.dtype)
-        return left <= options.get("stragglers", 0.0), optx.RESULTS.successful
-
-    def postprocess(self, fn, y, aux, args, options, state, tags, result):
-        """Return the inputs: convergence of lanes is in the state."""
-        del fn, args, options, state, tags, result
-        return y, aux, {}
+    y, here = chosen(old.tried, old.y), jax.tree.map(chosen, there, old.here)
+    factored = cholesky(here.hessian, damping)
+    move = -jnp.stack(backward(factored, forward(factored, here.grad)))
+    # the length of the undamped step: a damped one is short even far from the optimum
+    ended = ~(here.square_gradient() > here.square_tolerance())
+    lost = is_first & ~jnp.isfinite(there.f)
+    return Search(
+        y=y,
+        here=here,
+        tried=jnp.where(jnp.isfinite(move), y + move, y),
+        damping=damping,
+        done=old.done | ended | lost,
+        steps=old.steps + jnp.where(old.done, 0, 1),
+    )
 
 
 def expansion(
@@ -288,10 +202,18 @@ def expansion(
         columns: Derivative of the residuals by each unknown.
         floor: Rounding error of the length of the vector of residuals.
     """
-    value, slope, curvature = loss(residual)
+    value, slope, curvature, weight = loss(residual)
     cost = jnp.sum(value, axis=0)
     grad = tuple(jnp.sum(column * slope, axis=0) for column in columns)
-    hessian = triangle(columns, None if loss is half_square else curvature)
+    hessian = triangle(columns, curvature)
+    convex = jnp.ones_like(cost, dtype=bool)
+    if weight is not None:
+        convex = cholesky(hessian).positive
+        hessian = jax.tree.map(
+            lambda true, safe: jnp.where(convex, true, safe),
+            hessian,
+            triangle(columns, weight),
+        )
     eps = jnp.finfo(residual.dtype).eps
     # rounding of the unknowns changes the residuals as well
     moved = [
@@ -299,7 +221,7 @@ def expansion(
         for row, x in zip(hessian, y, strict=True)
     ]
     rounded = floor + eps * sum(moved[1:], start=moved[0])
-    return Expansion(cost, grad, hessian, rounded)
+    return Expansion(cost, grad, hessian, rounded, convex)
 
 
 def triangle(columns, weight=None) -> Triangle:
@@ -314,59 +236,6 @@ def triangle(columns, weight=None) -> Triangle:
         weighted = column if weight is None else column * weight
         rows.append(tuple(jnp.sum(c * weighted, axis=0) for c in columns[: k + 1]))
     return tuple(rows)
-
-
-def newton(
-    cost: Cost, y: Float[Array, "unknown lane"], floor: Float[Array, " lane"]
-) -> Float[Array, "unknown lane"]:
-    """Minimise a cost by Newton's method; a step is accepted only if it descends.
-
-    Negative curvatures are replaced by their magnitude, so saddles are left.
-
-    Args:
-        cost: Cost and gradient of each lane.
-        y: Starts of the lanes.
-        floor: Rounding error of the cost: a larger increase is rejected.
-    """
-    units = jnp.eye(y.shape[0], dtype=y.dtype)
-
-    def step(y: Float[Array, "unknown lane"], _: None):
-        def along(unit: Float[Array, " unknown"]):
-            moved = jnp.broadcast_to(unit[:, None], y.shape)
-            return jax.jvp(lambda y: cost(y)[1], (y,), (moved,))[1]
-
-        f, gradient = cost(y)
-        whole = jnp.moveaxis(jax.vmap(along)(units), 2, 0)
-        ahead = jax.vmap(_direction)(whole, gradient.T).T
-        shares = jnp.array(SHARES, y.dtype)[:, None, None]
-        places = y[None] + shares * ahead[None]
-        there = jax.vmap(lambda y: cost(y)[0])(places)
-        there = jnp.where(jnp.isfinite(there), there, jnp.inf)
-        which = jnp.argmin(there, axis=0)
-        lowest = jnp.take_along_axis(there, which[None], axis=0)[0]
-        # Within rounding of the cost all shares are equal: the whole step is used,
-        # which converges in the gradient.
-        level = there[0] <= f + floor
-        which = jnp.where(level & (lowest > f - floor), 0, which)
-        best = jnp.take_along_axis(places, which[None, None], axis=0)[0]
-        return jnp.where(level | (lowest < f), best, y), None
-
-    return jax.lax.scan(step, y, None, length=STEPS)[0]
-
-
-def _direction(
-    curvature: Float[Array, "unknown unknown"], gradient: Float[Array, " unknown"]
-) -> Float[Array, " unknown"]:
-    """Return the Newton step with eigenvalues replaced by their magnitudes."""
-    curvature = 0.5 * (curvature + curvature.T)
-    # scaled to a unit diagonal: the signs of eigenvalues do not depend on units
-    scale = jnp.sqrt(jnp.abs(jnp.diagonal(curvature)))
-    scale = jnp.where(scale > 0, scale, 1.0)
-    values, vectors = jnp.linalg.eigh(curvature / (scale[:, None] * scale[None, :]))
-    values = jnp.abs(values)
-    values = jnp.maximum(values, FLATTEST * jnp.max(values))
-    step = vectors @ ((vectors.T @ (gradient / scale)) / values) / scale
-    return jnp.where(jnp.isfinite(step).all(), -step, 0.0)
 
 
 class Factor(NamedTuple):
@@ -403,7 +272,7 @@ def cholesky(matrix: Triangle, damping: Lanes | float = 0.0) -> Factor:
             out.append(rest * inverse[j])
         pivot = row[k] + damping * row[k]
         # a pivot within rounding of zero counts as zero
-        least = 8 * (k + 1) * jnp.finfo(pivot.dtype).eps * pivot
+        least = 8 * (k + 1) * jnp.finfo(pivot.dtype).eps * jnp.abs(pivot)
         for entry in out:
             pivot = pivot - entry * entry
         good = pivot > least

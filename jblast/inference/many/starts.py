@@ -14,7 +14,6 @@ is left out of the comparison, and set to make the log's mean lateness zero.
 """
 
 import functools
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -23,7 +22,6 @@ import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from jblast.errors import InputError
-from jblast.inference.many.lanes import gather_lanes
 from jblast.inference.many.residuals import LaneRows
 from jblast.inference.posterior.posterior import Posterior
 from jblast.inference.posterior.starts import starts
@@ -69,22 +67,6 @@ class ReferenceSet(NamedTuple):
     late: Float[Array, " row"]
     late_of_place: Float[Array, " place"]
     clock: Float[Array, " free"]
-
-    def nearest(
-        self, measured: Float[Array, "row lane"], skipped: int = 0
-    ) -> Float[Array, "free lane"]:
-        """Return the nearest places to logs, after `skipped` nearer ones."""
-        return jax.lax.map(
-            lambda log: self._nearest(log, skipped), measured.T, batch_size=BATCH
-        ).T
-
-    def _nearest(self, log: Float[Array, " row"], skipped: int):
-        # half the squared distance, without the square of the log's own readings
-        away = self.half_square - (self.weight @ log) @ self.projected
-        for _ in range(skipped):
-            away = away.at[jnp.argmin(away)].set(jnp.inf)
-        best = jnp.argmin(away)
-        return self.z[best] + self.clock * (self.late @ log - self.late_of_place[best])
 
 
 def reference_set(
@@ -137,45 +119,22 @@ def reference_set(
     )
 
 
-class Starts(NamedTuple):
-    """Starting points of the tries of logs.
-
-    Attributes:
-        given: Places by try, if the caller gives them.
-        in_closed_form: True if the loop computes the first start itself.
-        reference_set: Function that draws the reference set when it is needed.
-    """
-
-    given: Float[Array, "try free log"] | None
-    in_closed_form: bool
-    reference_set: Callable[[], ReferenceSet]
-
-    def at(
-        self, which: int, measured: Float[Array, "row lane"], lanes: np.ndarray
-    ) -> Z:
-        """Return the starts of another try of some logs.
-
-        Args:
-            which: Number of the try, 1 or more.
-            measured: Readings of these logs.
-            lanes: Indices of these logs.
-        """
-        if self.given is not None:
-            return gather_lanes(self.given[which], lanes)
-        return _nearest(self.reference_set(), measured, which - self.in_closed_form)
-
-    def first(self, measured: Float[Array, "row lane"]) -> Z | None:
-        """Return the first starts of all logs; None for the closed form."""
-        if self.given is not None:
-            return self.given[0]
-        return (
-            None if self.in_closed_form else _nearest(self.reference_set(), measured, 0)
-        )
-
-
 @functools.partial(jax.jit, static_argnums=2)
-def _nearest(references: ReferenceSet, measured, skipped: int) -> Z:
-    return references.nearest(measured, skipped)
+def nearest(
+    references: ReferenceSet, measured: Float[Array, "row lane"], skipped: int
+) -> Z:
+    """Return the nearest places to logs, after `skipped` nearer ones."""
+
+    def of_log(log: Float[Array, " row"]):
+        # half the squared distance, without the square of the log's own readings
+        away = references.half_square - (references.weight @ log) @ references.projected
+        for _ in range(skipped):
+            away = away.at[jnp.argmin(away)].set(jnp.inf)
+        best = jnp.argmin(away)
+        late = references.late @ log - references.late_of_place[best]
+        return references.z[best] + references.clock * late
+
+    return jax.lax.map(of_log, measured.T, batch_size=BATCH).T
 
 
 def given_starts(starts, logs: int, free: int) -> Float[Array, "try free log"]:
@@ -228,7 +187,7 @@ class ClosedForm(NamedTuple):
             ]
         )
         ln_d = jnp.log(jnp.maximum(d, 1e-9))
-        square = jnp.exp(_polynomial(self.square_range, ln_d))
+        square = jnp.exp(jnp.polyval(self.square_range.astype(d.dtype), ln_d))
         rest = self.rest.astype(square.dtype)
         known = np.sum(self.place**2, axis=1).astype(square.dtype)
         s = jnp.ones_like(square[0])
@@ -246,7 +205,7 @@ class ClosedForm(NamedTuple):
         }
         away = self.place.astype(square.dtype)[:, :, None] - x[None, :2]
         ln_square = jnp.log(jnp.maximum(jnp.sum(away * away, axis=1), 1e-6))
-        travel = jnp.exp(_polynomial(self.early_time, ln_square))
+        travel = jnp.exp(jnp.polyval(self.early_time.astype(d.dtype), ln_square))
         first = jnp.stack([measured[g] for g in self.early])
         numbers["origin_time_s"] = jnp.mean(first - travel, axis=0)
         beliefs = zip(rows.parameters.names, rows.parameters.beliefs, strict=True)
@@ -337,13 +296,6 @@ def _travel(rows: LaneRows, scene: Scene, ranges: np.ndarray, mass: float):
     air, ground = times("air_arrival_s"), times("ground_arrival_s")
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.log(air - ground), np.log(ground)
-
-
-def _polynomial(coefficients: np.ndarray, x: Array) -> Array:
-    total = jnp.full_like(x, coefficients[0])
-    for c in coefficients[1:]:
-        total = total * x + float(c)
-    return total
 
 
 def _product(matrix: np.ndarray, x: Array) -> Array:

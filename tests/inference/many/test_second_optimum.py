@@ -44,11 +44,16 @@ def test_a_fit_that_starts_again_sooner_finds_the_better_optimum(tmp_path):
     layout, sigma, _ = planned_layout(uncertain.scene)
     readings = np.ravel(np.column_stack([TIMES_S, PRESSURES_PA]))[None]
     assert layout.quantity[:2] == ("air_arrival_s", "peak_overpressure_pa")
+    given = (uncertain, layout, readings, np.asarray(sigma), LAWS)
+    own = fit_many(*given)
+    # the first start is on the line of sensors, where the cost is level across it; the
+    # coordinates are ln of the mass, then east, north, time and temperature in sd
+    starts = [[[4.2, 0.0, 0.0, 0.0, 0.0]], [[4.2, -1.0, 1.5, 1.3, 1.0]]]
     late, soon = (
-        fit_many(uncertain, layout, readings, np.asarray(sigma), LAWS, again_z=z)
-        for z in (6.0, 3.0)
+        fit_many(*given, starts=np.array(starts), again_z=z) for z in (6.0, 2.0)
     )
-    assert late.converged.all()
-    assert soon.converged.all()
-    assert soon.cost[0] < late.cost[0] - 5
-    assert late.values["charge_mass_kg"][0] < 20 < 50 < soon.values["charge_mass_kg"][0]
+    for found in (own, late, soon):
+        assert found.converged.all()
+        assert found.values["charge_mass_kg"][0] > 50
+    assert soon.cost[0] < late.cost[0] - 2
+    np.testing.assert_allclose(own.cost, soon.cost, rtol=1e-9)
