@@ -446,23 +446,13 @@ def bands_of(
     none.
     """
     size = count // 2 + 1
+    number, edges = np.arange(size), [SKIPPED]
     # one edge more than bands
-    edges = np.geomspace(SKIPPED, size - 1, BANDS + 1)
-    number = np.arange(size)
-    band = np.searchsorted(edges, number, side="right") - 1
-    band[(number < SKIPPED) | (number >= size - 1)] = -1
-    merged, held, current = np.full(size, -1), [], 0
-    for one in range(BANDS):
-        inside = band == one
-        if not inside.any():
-            continue
-        merged[inside] = current
-        total = np.count_nonzero(merged == current)
-        if total >= MIN_COEFFICIENTS:
-            held.append(total)
-            current += 1
+    for edge in np.ceil(np.geomspace(SKIPPED, size - 1, BANDS + 1)[1:]):
+        if edge - edges[-1] >= MIN_COEFFICIENTS:
+            edges.append(int(edge))
     # the remainder after the last full band joins that band
-    if held and (rest := np.count_nonzero(merged == current)):
-        merged[merged == current] = current - 1
-        held[-1] += rest
-    return merged, np.array(held, float)
+    edges[-1] = size - 1
+    band = np.searchsorted(edges, number, side="right") - 1
+    band[number >= size - 1] = -1
+    return band, np.diff(edges).astype(float)
