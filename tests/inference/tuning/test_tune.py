@@ -11,7 +11,6 @@ from jblast.errors import InputError
 from jblast.inference.tuning import recorded_sound, tune_sound
 from jblast.inference.tuning.result import NothingHeardError
 from jblast.inference.tuning.search import identified_and_null
-from jblast.inference.tuning.sound import around_limit
 from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import Between
@@ -140,14 +139,6 @@ def test_events_are_paired_with_those_before_them_at_their_pixel():
     time = np.array([0.1, 0.2, 0.3, 0.4])
     pairs = paired(x, y, time, np.ones(4, int), 0.0)
     np.testing.assert_array_equal(pairs.before, [0.0, 0.0, 0.1, 0.0])
-
-
-def test_what_a_recorder_cut_off_is_bridged():
-    clipped = np.array([False, False, True, True, False, True])
-    beside, share = around_limit(clipped)
-    left = np.array([0.0, 3.0, 9.0, 9.0, 6.0, 9.0])
-    bridged = left[beside[0]] + share * (left[beside[1]] - left[beside[0]])
-    np.testing.assert_allclose(bridged, [0.0, 3.0, 4.0, 5.0, 6.0, 6.0])
 
 
 @pytest.mark.parametrize("value", [0.05, 0.5, 0.95])
