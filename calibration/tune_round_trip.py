@@ -290,7 +290,7 @@ def counted(case: Case, seeds: int) -> list[list[str]]:
         for number, one in enumerate(tuned.problem.unknowns):
             found = tuned.numbers[one.name]
             value = held_by(truth, tuned.problem.evidence.index, one.name)
-            if found.value is None or found.q05 is None or found.q95 is None:
+            if not found.identified:
                 continue
             z_true = float(one.belief.unconstrain(np.asarray(value)))
             z_high = float(one.belief.unconstrain(np.asarray(found.q95)))

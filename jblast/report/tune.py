@@ -6,18 +6,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
+from jblast.inference.posterior.parameters import Estimate
 from jblast.inference.tuning.result import (
     POOR,
     Explained,
     Note,
+    NotIdentified,
     Tuned,
-    TunedNumber,
 )
-from jblast.inference.tuning.unknowns import TUNABLES, names_known, tuned_value
-from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
-from jblast.report.words import aligned, hanging, joined, parameter_words, rounded
+from jblast.inference.tuning.unknowns import (
+    IDENTIFIED_BY,
+    TUNABLES,
+    row_named,
+    tuned_value,
+)
+from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS
+from jblast.report.words import aligned, hanging, joined, rounded
 from jblast.results import AMONG, Document, among
-from jblast.scene import parameter_named
 
 NOT_IDENTIFIED = "not identified"
 TESTS = {
@@ -27,18 +34,11 @@ TESTS = {
     "error": "size of the residuals",
 }
 """Names of the tests of the residuals."""
-
-
-@dataclass(frozen=True)
-class NotIdentified:
-    """A change of several parameters that does not change the record.
-
-    Attributes:
-        parameters: Component of each parameter in it, by name, in units of a large
-            change of each.
-    """
-
-    parameters: Mapping[str, float]
+LEVELS = {
+    "ambient_level_pa": "level of the ambient sound on the ground",
+    "noise_pa": "noise of the sensor",
+}
+"""Levels that are also printed in decibels."""
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,16 @@ class TunedEstimate:
     """A tuned parameter.
 
     Attributes:
-        found: Its value with an interval, and its values before the search and in the
-            tuned scene.
+        found: Its value with an interval.
+        before: Value in the scene, or start of the search.
+        fitted: Value in the tuned scene, identified or not.
         unit: Unit of these numbers.
         key: Its key in a scene file.
     """
 
-    found: TunedNumber = field(
-        metadata=among("value", "sd", "q05", "q95", "before", "fitted")
-    )
+    found: Estimate = field(metadata=among("value", "sd", "q05", "q95"))
+    before: float
+    fitted: float
     unit: str
     key: str
 
@@ -101,14 +102,13 @@ def tune_text(answer: TuneAnswer) -> str:
     rows = [["", "value", "90 % interval", "unit", "before", ""]]
     for name, one in answer.estimates.items():
         value, interval, found = NOT_IDENTIFIED, "", one.found
-        if found.value is not None and found.sd is not None:
+        if found.identified:
             # digits past the twelfth are rounding errors of the search
             sd = max(found.sd, 1e-12 * abs(found.value))
             value = rounded(found.value, sd)
-            ends = [rounded(x, sd) for x in (found.q05, found.q95) if x is not None]
-            interval = " to ".join(ends)
+            interval = f"{rounded(found.q05, sd)} to {rounded(found.q95, sd)}"
         unit = "" if one.unit == "1" else one.unit
-        rows.append([name, value, interval, unit, f"{found.before:.4g}", one.key])
+        rows.append([name, value, interval, unit, f"{one.before:.4g}", one.key])
     by = "the camera" if answer.sensor is None else f"sensor {answer.sensor!r}"
     title = f"{answer.recorded}: {answer.kind} of {by} of {answer.scene}"
     lines = [title, *aligned(rows, right=(1, 4))]
@@ -137,10 +137,9 @@ def list_text() -> str:
     """Return every tunable parameter, with unit, default and key in a scene file."""
     rows = [["name", "unit", "default", "identified by", "in the scene file"]]
     for name, row in TUNABLES.items():
-        default = "from the record" if math.isnan(row.start) else f"{row.start:g}"
-        rows.append(
-            [name, row.unit, default, ", ".join(row.identified_by), _place(row.key)]
-        )
+        default = "from the record" if math.isnan(row.default) else f"{row.default:g}"
+        kinds = ", ".join(IDENTIFIED_BY[name])
+        rows.append([name, row.unit, default, kinds, _place(row.key)])
     for name, one in {**PARAMETERS, f"{CLOCK.name}.NAME": CLOCK}.items():
         rows.append([name, one.unit, f"{one.default:g}", "priors", _place(one.key)])
     return "\n".join(aligned(rows)) + "\n"
@@ -154,14 +153,13 @@ def _place(key) -> str:
 def _decibels(answer: TuneAnswer) -> str:
     """Return sound levels in decibels, as they are usually given."""
     levels = []
-    for name in ("ambient_level_pa", "noise_pa"):
+    for name, words in LEVELS.items():
         one = answer.estimates.get(name)
-        value = None if one is None else one.found.value
         # silence has no decibels
-        if value is not None and value > 0:
+        if one is not None and one.found.value > 0:
             # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
-            level = 20.0 * math.log10(value / 20e-6)
-            levels.append(f"{words_of(name)} {level:.1f} dB")
+            level = 20.0 * math.log10(one.found.value / 20e-6)
+            levels.append(f"{words} {level:.1f} dB")
     return f"{', '.join(levels)} re 20 µPa" if levels else ""
 
 
@@ -179,12 +177,18 @@ def tune_answer(
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
     estimates = {
-        name: TunedEstimate(one, unit_of(name), key_words(name, sensor))
+        name: TunedEstimate(
+            found=one,
+            before=float(np.asarray(tuned_value(tuned.before, index, name))),
+            fitted=float(np.asarray(tuned_value(tuned.scene, index, name))),
+            unit=row_named(name).unit,
+            key=key_words(name, sensor),
+        )
         for name, one in tuned.numbers.items()
     }
     fixed = {}
-    for name in names_known(tuned.scene, tuned.kind):
-        if name in TUNABLES and name not in tuned.numbers:
+    for name, kinds in IDENTIFIED_BY.items():
+        if tuned.kind in kinds and name not in tuned.numbers:
             value = tuned_value(tuned.before, index, name)
             fixed[name] = None if value is None else float(value)
     return TuneAnswer(
@@ -196,9 +200,7 @@ def tune_answer(
         free=tuple(tuned.numbers),
         fixed=fixed,
         identifiable=tuned.is_identifiable,
-        null_directions=tuple(
-            NotIdentified(one.parameters) for one in tuned.null_directions
-        ),
+        null_directions=tuned.null_directions,
         explained=tuned.explained,
         converged=tuned.converged,
         warnings=tuple(warnings_of(tuned)),
@@ -206,24 +208,9 @@ def tune_answer(
     )
 
 
-def words_of(name: str) -> str:
-    """Return the name of a parameter in a sentence."""
-    return TUNABLES[name].words if name in TUNABLES else parameter_words(name)
-
-
-def unit_of(name: str) -> str:
-    """Return the unit of a parameter; "1" if it has none."""
-    return TUNABLES[name].unit if name in TUNABLES else parameter_named(name).unit
-
-
-def key_of(name: str) -> Key:
-    """Return the key of a parameter in a scene file."""
-    return TUNABLES[name].key if name in TUNABLES else parameter_named(name).key
-
-
 def key_words(name: str, sensor: str | None) -> str:
     """Return the key of a parameter in a scene file, as text."""
-    key, label = key_of(name), name.partition(".")[2]
+    key, label = row_named(name).key, name.partition(".")[2]
     index = "" if key.index is None else f"[{key.index}]"
     if key.table == "sensor" and not label:
         label = sensor or ""
@@ -246,14 +233,14 @@ def warnings_of(tuned: Tuned) -> list[str]:
             f"the record does not separate {joined(names)}: a joint change leaves it "
             "unchanged; fix one of them"
         )
-    for name, one in tuned.numbers.items():
-        if one.prior_decides:
-            found.append(f"{name}: its interval is nearly that of the prior")
-        if one.at_bound:
-            found.append(
-                f"{name} is at its bound, {one.fitted:.4g} {unit_of(name)}: the best "
-                "value lies outside the permitted range"
-            )
+    for name in tuned.by_prior:
+        found.append(f"{name}: its interval is nearly that of the prior")
+    for name in tuned.at_bound:
+        value = tuned_value(tuned.scene, tuned.problem.evidence.index, name)
+        found.append(
+            f"{name} is at its bound, {float(np.asarray(value)):.4g} "
+            f"{row_named(name).unit}: the best value lies outside the permitted range"
+        )
     poor = [TESTS[name] for name, p in tuned.explained.tests.items() if p < POOR]
     if tuned.explained.is_poor and not poor:
         # residuals can be too large while every test of their pattern passes

@@ -19,6 +19,7 @@ from jblast.files import write_text
 from jblast.inference.tuning.result import Tuned
 from jblast.inference.tuning.sound import SoundEvidence
 from jblast.inference.tuning.tune_sight import EventsEvidence, FramesEvidence, camera_of
+from jblast.inference.tuning.unknowns import row_named, tuned_value
 from jblast.parameters import CLOCK_OFFSET
 from jblast.report.figure_files import write_drawn
 from jblast.report.figure_style import (
@@ -30,7 +31,7 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.report.tune import key_of, tune_answer
+from jblast.report.tune import tune_answer
 from jblast.results import Document
 from jblast.scene.reader.tables import LISTS
 
@@ -265,8 +266,11 @@ def write_tuned(
     document = moved(tomllib.loads(Path(scene).read_text("utf-8")), scene, directory)
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
-    values = {name: one.fitted for name, one in tuned.numbers.items()}
-    unknown = [name for name, one in tuned.numbers.items() if one.value is None]
+    values = {
+        name: float(np.asarray(tuned_value(tuned.scene, index, name)))
+        for name in tuned.numbers
+    }
+    unknown = [name for name, one in tuned.numbers.items() if not one.identified]
     comments = [
         f"tuned by jblast {jblast.__version__}: {', '.join(values)} of "
         f"{Path(scene).name} to {Path(recorded).name}",
@@ -319,7 +323,7 @@ def tuned_document(
     """
     tuned = copy.deepcopy(dict(document))
     for name, value in values.items():
-        key, label = key_of(name), name.partition(".")[2]
+        key, label = row_named(name).key, name.partition(".")[2]
         written = key.name
         if name.startswith(CLOCK_OFFSET):
             named = [one for one in tuned.get("sensor", []) if one["name"] == label]

@@ -7,15 +7,17 @@ marked as decided by the prior.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from jblast.inference.posterior.parameters import NORMAL_Q95
+from jblast.inference.identify import UNLEARNED
+from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate
 from jblast.inference.tuning.search import Problem, Solution, identified_and_null
-from jblast.inference.tuning.unknowns import Between, Unknown, tuned_value
+from jblast.inference.tuning.unknowns import Between, Unknown
 from jblast.scene import Scene
 
 Kind = Literal["sound", "frames", "events"]
@@ -31,9 +33,6 @@ square."""
 AT_BOUND = 6.0
 """Logistic coordinate beyond which a number is at its bound: within 0.25 % of the
 interval."""
-NEARLY_PRIOR = 0.95
-"""Ratio of a number's sd to that of its prior above which the prior decides: the record
-contains less than a tenth of the information."""
 NoteKind = Literal[
     "reading",
     "noise_added",
@@ -45,31 +44,6 @@ NoteKind = Literal[
 
 class NothingHeardError(Exception):
     """No blast was found in a record."""
-
-
-@dataclass(frozen=True)
-class TunedNumber:
-    """A tuned number.
-
-    Attributes:
-        value: The most probable value; null if the record does not identify it.
-        sd: Standard deviation, in its unit.
-        q05: 5 % quantile.
-        q95: 95 % quantile.
-        before: Value in the scene, or start of the search.
-        fitted: Value in the tuned scene, identified or not.
-        prior_decides: True if the record adds nearly nothing to the prior.
-        at_bound: True if the result is at a bound.
-    """
-
-    value: float | None
-    sd: float | None
-    q05: float | None
-    q95: float | None
-    before: float
-    fitted: float
-    prior_decides: bool
-    at_bound: bool
 
 
 @dataclass(frozen=True)
@@ -103,11 +77,12 @@ class Explained:
 
 
 @dataclass(frozen=True)
-class NullDirection:
-    """A change of several numbers that leaves the record as it is.
+class NotIdentified:
+    """A change of several parameters that does not change the record.
 
     Attributes:
-        parameters: Component of each number, in large changes.
+        parameters: Component of each parameter in it, by name, in units of a large
+            change of each.
     """
 
     parameters: Mapping[str, float]
@@ -131,32 +106,56 @@ class Tuned:
 
     Attributes:
         kind: Kind of the record: "sound", "frames" or "events".
-        numbers: The tuned numbers by name.
+        numbers: Estimate of each tuned number by name.
         null_directions: Directions that the record does not identify.
         explained: Goodness of fit.
         converged: True if the search converged.
-        scene: The tuned scene.
-        before: The scene before, or at the start of the search.
         problem: The problem.
         z: Coordinates of the result.
+        sd: Standard deviation of each coordinate.
         notes: Remarks.
     """
 
     kind: Kind
-    numbers: Mapping[str, TunedNumber]
-    null_directions: tuple[NullDirection, ...]
+    numbers: Mapping[str, Estimate]
+    null_directions: tuple[NotIdentified, ...]
     explained: Explained
     converged: bool
-    scene: Scene
-    before: Scene
     problem: Problem
     z: Float[np.ndarray, " unknown"]
+    sd: Float[np.ndarray, " unknown"]
     notes: tuple[Note, ...] = ()
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The tuned scene; numbers that are not identified have the best value."""
+        return self.problem.scene_at(jnp.asarray(self.z))
+
+    @cached_property
+    def before(self) -> Scene:
+        """The scene before, or at the start of the search."""
+        return self.problem.scene_at(self.problem.start)
 
     @property
     def is_identifiable(self) -> bool:
         """True if the record identifies all requested numbers."""
         return not self.null_directions
+
+    @property
+    def by_prior(self) -> tuple[str, ...]:
+        """Numbers to whose priors the record adds nearly nothing."""
+        pairs = zip(self.problem.unknowns, self.sd, strict=True)
+        return tuple(one.name for one, sd in pairs if one.has_prior and sd > UNLEARNED)
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Numbers at a bound, which only logistic coordinates have."""
+        pairs = zip(self.problem.unknowns, self.z, strict=True)
+        return tuple(
+            one.name
+            for one, z in pairs
+            if isinstance(one.belief, Between) and abs(z) > AT_BOUND
+        )
 
 
 def answer(
@@ -165,7 +164,7 @@ def answer(
     kind: Kind,
     explained: Explained,
     notes: Sequence[Note] = (),
-    wider: Float[np.ndarray, " unknown"] | None = None,
+    wider: Float[np.ndarray, " unknown"] | float = 1.0,
 ) -> Tuned:
     """Return the result: numbers with intervals, and null directions.
 
@@ -177,75 +176,44 @@ def answer(
         notes: Remarks.
         wider: Factor of standard deviations over those of independent residuals.
     """
-    unknowns, z = problem.unknowns, found.z
-    total = found.record_information + found.prior_information
-    _, null, covariance = identified_and_null(total)
-    steps = np.asarray(problem.steps())
+    names = [one.name for one in problem.unknowns]
+    _, null, covariance = identified_and_null(found.information)
+    sd = np.sqrt(np.diag(covariance)) * np.asarray(problem.steps()) * wider
     # by the squared components over all null directions: it does not depend on the
     # choice of their basis
-    in_null = (np.square(null).sum(axis=0) > TAKES_PART**2) if len(null) else None
-    before = problem.scene_at(problem.start)
-    index = problem.evidence.index
-    numbers = {}
-    for number, one in enumerate(unknowns):
-        sd = float(np.sqrt(max(covariance[number, number], 0.0)) * steps[number])
-        if wider is not None:
-            sd *= float(wider[number])
-        is_identified = in_null is None or not in_null[number]
-        numbers[one.name] = _number(
-            one,
-            float(z[number]),
-            sd,
-            is_identified,
-            tuned_value(before, index, one.name),
-        )
-    directions = tuple(
-        NullDirection(
-            {
-                one.name: float(part)
-                for one, part in zip(unknowns, vector, strict=True)
-                if abs(part) > TAKES_PART
-            }
-        )
-        for vector in null
-    )
+    is_lost = np.square(null).sum(axis=0) > TAKES_PART**2
     return Tuned(
         kind=kind,
-        numbers=numbers,
-        null_directions=directions,
+        numbers={
+            one.name: Estimate() if lost else _estimate(one, *at)
+            for one, lost, *at in zip(
+                problem.unknowns, is_lost, found.z, sd, strict=True
+            )
+        },
+        null_directions=tuple(
+            NotIdentified(
+                {
+                    name: float(part)
+                    for name, part in zip(names, vector, strict=True)
+                    if abs(part) > TAKES_PART
+                }
+            )
+            for vector in null
+        ),
         explained=explained,
         converged=found.converged,
-        scene=problem.scene_at(jnp.asarray(z)),
-        before=before,
         problem=problem,
-        z=z,
+        z=found.z,
+        sd=sd,
         notes=tuple(notes),
     )
 
 
-def _number(
-    one: Unknown,
-    z: float,
-    sd: float,
-    is_identified: bool,
-    before: Float[Array, ""] | None,
-) -> TunedNumber:
+def _estimate(one: Unknown, z: float, sd: float) -> Estimate:
     """Return a number with its interval, in its own unit."""
     # bounds are transformed from the coordinate, so they respect the limits of the
     # number
-    value, low, high, one_up, one_down = (
-        float(one.belief.constrain(jnp.asarray(z + away * sd)))
-        for away in (0.0, -NORMAL_Q95, NORMAL_Q95, 1.0, -1.0)
-    )
-    # only a logistic coordinate has bounds
-    at_bound = isinstance(one.belief, Between) and abs(z) > AT_BOUND
-    return TunedNumber(
-        value=value if is_identified else None,
-        sd=0.5 * (one_up - one_down) if is_identified else None,
-        q05=low if is_identified else None,
-        q95=high if is_identified else None,
-        before=float(np.asarray(before)),
-        fitted=value,
-        prior_decides=bool(one.has_prior and sd > NEARLY_PRIOR),
-        at_bound=at_bound,
-    )
+    away = np.array([0.0, -NORMAL_Q95, NORMAL_Q95, -1.0, 1.0])
+    at = np.asarray(one.belief.constrain(z + sd * away))
+    value, low, high, one_down, one_up = map(float, at)
+    return Estimate(value, 0.5 * (one_up - one_down), q05=low, q95=high)

@@ -64,7 +64,7 @@ FLOAT_STEP = 2.0**-24
 """Relative rounding of 32-bit floats: a floor of the noise of a noiseless file."""
 MAX_FILLED = 2048
 """Largest number of clipped samples that are inferred. The inverse of their matrix
-takes a time of the third power; more are interpolated linearly (`around_limit`)."""
+takes a time of the third power; more are interpolated linearly."""
 CLIPPED_BLOCK = 64
 """Records share a program if their numbers of clipped samples round up to the same
 multiple of this.
@@ -106,9 +106,9 @@ class SoundEvidence(eqx.Module):
         pascals: Pressure of a sample of 1 otherwise [Pa].
         at_limit: Samples at the recorder's limit. Their residuals are inferred from all
             others.
-        beside: Samples from which the residual of each sample is interpolated: itself,
-            or with too many clipped samples the ones before and after.
-        share: Weight of the second of these.
+        unclipped: With too many clipped samples to infer, all others, between which
+            residuals are interpolated; else none. Noise is strongest at low
+            frequencies, so a line approximates it.
         bands: Band of each Fourier coefficient; -1 for none.
         counts: Number of coefficients of each band.
     """
@@ -119,8 +119,7 @@ class SoundEvidence(eqx.Module):
     by_full_scale: bool = eqx.field(static=True)
     pascals: Float[Array, ""]
     at_limit: Int[Array, " limit"]
-    beside: Int[Array, "2 sample"]
-    share: Float[Array, " sample"]
+    unclipped: Float[Array, " unclipped"]
     bands: Int[Array, " frequency"]
     counts: Float[Array, " band"]
 
@@ -158,8 +157,10 @@ class SoundEvidence(eqx.Module):
     def left(self, scene: Scene, weights: Weights) -> Complex[Array, " frequency"]:
         """Return the Fourier coefficients of the residual."""
         left = self.samples - self.predicted(scene)
-        before, after = left[self.beside[0]], left[self.beside[1]]
-        left = (before + self.share * (after - before)) * self._taper()
+        if self.unclipped.size:
+            every = jnp.arange(left.size, dtype=left.dtype)
+            left = jnp.interp(every, self.unclipped, left[self.unclipped.astype(int)])
+        left = left * self._taper()
         return jnp.fft.rfft(filled(left, self.at_limit, weights.sd, weights.limit))
 
     def noise(self, scene: Scene) -> Float[Array, " frequency"]:
@@ -261,7 +262,8 @@ def sound_evidence(
     """
     clipped = np.abs(samples) >= limit
     at_limit = padded_places(clipped)
-    beside, share = around_limit(clipped & (at_limit.size == 0))
+    is_bridged = clipped.any() and not at_limit.size
+    unclipped = np.flatnonzero(~clipped) if is_bridged else []
     bands, counts = bands_of(samples.size)
     return SoundEvidence(
         samples=jnp.asarray(samples, float),
@@ -270,8 +272,7 @@ def sound_evidence(
         by_full_scale=pascals is None,
         pascals=jnp.asarray(1.0 if pascals is None else pascals, float),
         at_limit=jnp.asarray(at_limit),
-        beside=jnp.asarray(beside),
-        share=jnp.asarray(share, float),
+        unclipped=jnp.asarray(unclipped, float),
         bands=jnp.asarray(bands),
         counts=jnp.asarray(counts),
     )
@@ -417,25 +418,6 @@ def filled(
     return others.at[places].set(-held @ pulls, mode="drop")
 
 
-def around_limit(
-    clipped: Bool[np.ndarray, " sample"],
-) -> tuple[Int[np.ndarray, "2 sample"], Float[np.ndarray, " sample"]]:
-    """Return the two samples between which each is interpolated, and the weight.
-
-    The weight is that of the second. Noise is strongest at low frequencies, so a line
-    between the samples before and after approximates it where the recorder was clipped.
-    """
-    number = np.arange(clipped.size)
-    if not clipped.any() or clipped.all():
-        return np.stack([number, number]), np.zeros(clipped.size)
-    alive = number[~clipped]
-    after = np.minimum(np.searchsorted(alive, number), alive.size - 1)
-    before = np.maximum(np.searchsorted(alive, number, side="right") - 1, 0)
-    first, last = alive[before], alive[after]
-    apart = np.maximum(last - first, 1)
-    return np.stack([first, last]), np.where(clipped, (number - first) / apart, 0.0)
-
-
 def bands_of(
     count: int,
 ) -> tuple[Int[np.ndarray, " frequency"], Float[np.ndarray, " band"]]:
@@ -446,23 +428,13 @@ def bands_of(
     none.
     """
     size = count // 2 + 1
+    number, edges = np.arange(size), [SKIPPED]
     # one edge more than bands
-    edges = np.geomspace(SKIPPED, size - 1, BANDS + 1)
-    number = np.arange(size)
-    band = np.searchsorted(edges, number, side="right") - 1
-    band[(number < SKIPPED) | (number >= size - 1)] = -1
-    merged, held, current = np.full(size, -1), [], 0
-    for one in range(BANDS):
-        inside = band == one
-        if not inside.any():
-            continue
-        merged[inside] = current
-        total = np.count_nonzero(merged == current)
-        if total >= MIN_COEFFICIENTS:
-            held.append(total)
-            current += 1
+    for edge in np.ceil(np.geomspace(SKIPPED, size - 1, BANDS + 1)[1:]):
+        if edge - edges[-1] >= MIN_COEFFICIENTS:
+            edges.append(int(edge))
     # the remainder after the last full band joins that band
-    if held and (rest := np.count_nonzero(merged == current)):
-        merged[merged == current] = current - 1
-        held[-1] += rest
-    return merged, np.array(held, float)
+    edges[-1] = size - 1
+    band = np.searchsorted(edges, number, side="right") - 1
+    band[number >= size - 1] = -1
+    return band, np.diff(edges).astype(float)

@@ -4,7 +4,6 @@
 recording, and fits the free parameters to it.
 """
 
-import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ from jblast.inference.tuning.tune_sight import (
 from jblast.inference.tuning.tune_sound import recorded_sound, tune_sound
 from jblast.observations.records.clips import VIDEOS
 from jblast.observations.records.formats import is_record
-from jblast.scene import Camera, UncertainScene, read_scene
+from jblast.scene import Camera, read_scene
 from jblast.sensors.camera.files.backgrounds import background_named
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, read_events
 from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
@@ -72,77 +71,43 @@ def tune(
     suffix = Path(path).suffix.lower()
     # a text may be a record of sound or of events: here it is one of sound
     is_sound = suffix == ".txt" or suffix not in (*EVENT_FORMATS, *VIDEOS)
-    of_sound = {"sensor": sensor, "full_scale": full_scale}
-    of_sight = {"fps": fps, "start": start, "background": background}
     if is_sound and is_record(Path(path)) and not Path(path).is_dir():
+        of_sight = {"fps": fps, "start": start, "background": background}
         _refuse(of_sight, path, "frames or events")
         uncertain, _ = with_ambient(uncertain)
         sound = recorded_sound(path, uncertain.scene, source, sensor, full_scale)
         return tune_sound(uncertain, sound, list(freed))
-    _refuse(of_sound, path, "sound")
+    _refuse({"sensor": sensor, "full_scale": full_scale}, path, "sound")
     camera = uncertain.scene.camera
     if camera is None:
         raise InputError(f"{source}: expected the [camera] of {path}, got none")
     # frames and events have no common clock with the scene, so time 0 is an assumption
     if start is None:
         start = min(float(charge.time_s) for charge in uncertain.scene.charges)
-        if not math.isfinite(start):
-            raise InputError(
-                f"{source}: [charge] time_s: expected a blast, got one that never "
-                "happens"
-            )
     if suffix in EVENT_FORMATS:
-        if fps is not None:
-            raise InputError(
-                f"{argument('fps')}: expected it with frames or a video only, got "
-                f"{path}"
-            )
-        return _events(uncertain, camera, source, path, freed, start, background)
-    return _frames(uncertain, camera, source, path, freed, start, background, fps)
-
-
-def _frames(
-    uncertain: UncertainScene,
-    camera: Camera,
-    source: str,
-    path: str,
-    freed: Sequence[str],
-    start: float,
-    background: str | None,
-    fps: float | None,
-) -> Tuned:
-    hz = float(camera.frames_hz) if fps is None else fps
-    film = open_recording(path, hz, srgb=True)
+        _refuse({"fps": fps}, path, "frames or a video")
+        events = read_events(path, size=(camera.width, camera.height))
+        _check_size(source, path, camera, events.width, events.height)
+        if not len(events.t):
+            raise InputError(f"{path}: expected events, got none")
+        time = start + 1e-6 * np.asarray(events.t, float)
+        # polarity 0 or 1 to -1 or 1
+        sign = 2 * np.asarray(events.p, int) - 1
+        x, y = (np.asarray(place, int) for place in (events.x, events.y))
+        # the record begins at its time 0, or at an event before it
+        pairs = paired(x, y, time, sign, min(start, float(time[0])))
+        # a still background is the same at any time
+        behind = _background(background, camera, np.array([0.0]))
+        return tune_events(uncertain, pairs, list(freed), behind)
+    film = open_recording(
+        path, float(camera.frames_hz) if fps is None else fps, srgb=True
+    )
     _check_size(source, path, camera, film.width, film.height)
     # the reader gives linear light; residuals are uniform in grey values of the file
     light = np.concatenate([np.asarray(part, float) for _, part in film.blocks()])
     values = STEPS * linear_to_srgb(light)
     behind = _background(background, camera, film.times)
     return tune_frames(uncertain, values, start + film.times, list(freed), behind)
-
-
-def _events(
-    uncertain: UncertainScene,
-    camera: Camera,
-    source: str,
-    path: str,
-    freed: Sequence[str],
-    start: float,
-    background: str | None,
-) -> Tuned:
-    events = read_events(path, size=(camera.width, camera.height))
-    _check_size(source, path, camera, events.width, events.height)
-    if not len(events.t):
-        raise InputError(f"{path}: expected events, got none")
-    time = start + 1e-6 * np.asarray(events.t, float)
-    # polarity 0 or 1 to -1 or 1
-    sign = 2 * np.asarray(events.p, int) - 1
-    x, y = (np.asarray(place, int) for place in (events.x, events.y))
-    # a still background is the same at any time
-    behind = _background(background, camera, np.array([0.0]))
-    # the record begins at its time 0, or at an event before it
-    pairs = paired(x, y, time, sign, min(start, float(time[0])))
-    return tune_events(uncertain, pairs, list(freed), behind)
 
 
 def _background(word: str | None, camera: Camera, times: np.ndarray) -> Any:

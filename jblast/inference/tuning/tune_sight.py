@@ -13,13 +13,18 @@ holds as exactly as the time stamps. It is linear in the thresholds and smooth i
 other numbers, while counts of events are step functions. Residuals are weighted as
 Student-t errors of their own scale, so that events from noise have little weight.
 
+The rim of a fireball at another position than expected has no slope towards it, and
+clipped white has none at all: a search from afar can end where nothing fits. So the
+residual is evaluated at several points, up to a few large changes away, and a search
+begins at the best one, or at the next where that does not lead to a fit.
+
 Pixels that do not change are left out, and frames, pixels and events are thinned to
 fixed maximum numbers.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,6 +33,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from jblast.errors import InputError
+from jblast.inference.posterior.parameters import GROWTH, own_growth
 from jblast.inference.tuning.result import (
     TO_MEDIAN,
     Explained,
@@ -39,9 +45,9 @@ from jblast.inference.tuning.result import (
 from jblast.inference.tuning.search import (
     Problem,
     Solution,
-    best_of_several,
+    identified_and_null,
     problem_from,
-    widening,
+    solve,
 )
 from jblast.inference.tuning.unknowns import Unknown, filled, unknowns_of
 from jblast.scene import Camera, Scene, UncertainScene
@@ -50,7 +56,6 @@ from jblast.sensors.camera.events.scene import pixel_light
 from jblast.sensors.camera.fireball import WHITE, Appearance
 from jblast.sensors.camera.image import BACKGROUND, linear_to_srgb, luminance, toned
 from jblast.sensors.camera.rendering import render
-from jblast.waves.fireball import fireball_growth_time
 
 # Largest numbers of frames, pixel values and events that are used: rounding averages
 # out over far fewer, and each value is evaluated for every unknown in every step.
@@ -69,6 +74,11 @@ rounding."""
 EVENT_ERROR = 0.05
 """Largest typical residual of well-explained events, in thresholds. A real camera
 leaves more: noise, latency, thresholds that differ between pixels."""
+PLACES, TRIED = 96, 3
+"""Number of places at which the residual is evaluated, and of searches from the best of
+them. An evaluation costs much less than a search."""
+SPREAD = 0.7
+"""Standard deviation of these places in large changes."""
 STEPS = 255.0  # largest grey value of 8 bits
 FREEDOM = 4.0
 """Degrees of freedom of the Student-t errors of events, as for readings."""
@@ -99,7 +109,7 @@ def tune_frames(
         InputError: A name is unknown, there is nothing to tune, no explosion, or no
             change in the frames.
     """
-    uncertain, unknowns, scene = _begun(uncertain, names, "frames")
+    scene, unknowns = _begun(uncertain, names, "frames")
     # frames before the first explosion show the background alone
     chosen = _evenly(np.flatnonzero(times > _first(scene)), MAX_FRAMES)
     if not chosen.size:
@@ -126,14 +136,8 @@ def tune_frames(
         pixels=jnp.asarray(pixels),
         background=jnp.asarray(background, float),
     )
-    problem = problem_from(evidence, scene, unknowns)
-    used = max(int(counted.sum()), 1)
-    found, rms = best_of_several(problem, FRAME_ERROR)
-    left = _left(problem, found)
-    wider = widening(problem, found.z)
     notes = _thinned(len(chosen), len(times), "frames")
-    explained = Explained(float(np.square(left).sum()), used, {}, rms, FRAME_ERROR)
-    return answer(problem, found, "frames", explained, notes, wider)
+    return _tuned(evidence, scene, unknowns, "frames", FRAME_ERROR, notes)
 
 
 class EventPairs(NamedTuple):
@@ -172,7 +176,7 @@ def tune_events(
         InputError: A name is unknown, there is nothing to tune, no explosion, or no
             event.
     """
-    uncertain, unknowns, scene = _begun(uncertain, names, "events")
+    scene, unknowns = _begun(uncertain, names, "events")
     count = len(events.x)
     if not count:
         raise InputError("events: expected some, got none")
@@ -181,19 +185,9 @@ def tune_events(
     # pixels
     chosen = np.sort(np.random.default_rng(0).permutation(count)[:most])
     some = EventPairs(*(jnp.asarray(np.asarray(field)[chosen]) for field in events))
-    camera = scene.camera
-    assert camera is not None, "`_begun` requires a camera"
-    size = camera.height, camera.width
-    evidence = EventsEvidence(some, size, jnp.asarray(background, float))
-    problem = problem_from(evidence, scene, unknowns)
-    found, typical = best_of_several(problem, EVENT_ERROR)
-    left = _left(problem, found)
-    explained = Explained(
-        float(np.square(left).sum()), left.size, {}, typical, EVENT_ERROR
-    )
-    notes = _thinned(len(chosen), count, "events")
-    wider = widening(problem, found.z)
-    return answer(problem, found, "events", explained, notes, wider)
+    evidence = EventsEvidence(some, jnp.asarray(background, float))
+    notes = _thinned(most, count, "events")
+    return _tuned(evidence, scene, unknowns, "events", EVENT_ERROR, notes)
 
 
 def paired(
@@ -219,37 +213,104 @@ def paired(
 
 def _begun(
     uncertain: UncertainScene, names: Sequence[str], kind: Kind
-) -> tuple[UncertainScene, tuple[Unknown, ...], Scene]:
-    """Return the numbers to tune, and a scene with a value for each."""
-    source = uncertain.source or "scene"
-    scene = uncertain.scene
-    if scene.camera is None:
+) -> tuple[Scene, tuple[Unknown, ...]]:
+    """Return a scene with a value for each number to tune, and these numbers."""
+    source, camera = uncertain.source or "scene", uncertain.scene.camera
+    if camera is None:
         raise InputError(f"{source}: expected a [camera] that saw it, got none")
-    if scene.camera.mount:
+    if camera.mount:
         raise InputError(
             f"{source}: [camera] mount: expected a camera that stands still, got one "
-            f"on a {scene.camera.mount}"
+            f"on a {camera.mount}"
         )
-    if all(bool(np.asarray(charge.never)) for charge in scene.charges):
-        raise InputError(
-            f"{source}: [charge] time_s: expected a blast, got one that never happens"
-        )
-    if any(charge.range_m is not None for charge in scene.charges):
-        raise InputError(
-            f"{source}: [charge] range_m: expected position_m, which the image of a "
-            "camera depends on; got a range"
-        )
-    grows = scene.fireball_growth
-    uncertain, unknowns = unknowns_of(uncertain, names, kind, None)
-    if not unknowns:
-        raise InputError(f"{source}: expected something to tune, got nothing free")
-    scene = uncertain.scene
+    scene, unknowns = unknowns_of(uncertain, names, kind, math.nan)
     # a growth time without a value starts at that of its law
-    if grows is None and "fireball_growth_s" in names:
-        mass = scene.charge.tnt_mass("fireball_radius_m")
-        scene = with_values(scene, {"fireball_growth_s": fireball_growth_time(mass)})
-    scene = filled(scene, -1, names, 1.0)
-    return replace(uncertain, scene=scene), unknowns, scene
+    if uncertain.scene.fireball_growth is None and GROWTH in names:
+        scene = with_values(scene, {GROWTH: own_growth(scene)})
+    return filled(scene, -1, names, 1.0), unknowns
+
+
+def _tuned(
+    evidence: Any,
+    scene: Scene,
+    unknowns: tuple[Unknown, ...],
+    kind: Kind,
+    allowed: float,
+    notes: Sequence[Note],
+) -> Tuned:
+    """Return the result of searches from several places.
+
+    Args:
+        evidence: Frames or events.
+        scene: The scene.
+        unknowns: The numbers to tune.
+        kind: Kind of the record.
+        allowed: Largest error of a record that is well explained.
+        notes: Remarks.
+    """
+    problem = problem_from(evidence, scene, unknowns)
+    found, error = best_of_several(problem, allowed)
+    chi2 = float(np.square(found.left[0]).sum())
+    explained = Explained(chi2, evidence.used(), {}, error, allowed)
+    wider = widening(found, np.asarray(evidence.groups()))
+    return answer(problem, found, kind, explained, notes, wider)
+
+
+def best_of_several(problem: Problem, allowed: float) -> tuple[Solution, float]:
+    """Return the best result of searches from several places, and its error.
+
+    Args:
+        problem: The problem.
+        allowed: Error (`misfit`) at which no further search is made.
+    """
+    # reproducible places, of which the first is the start of the problem
+    drawn = np.random.default_rng(0).normal(size=(PLACES, problem.start.size))
+    drawn[0] = 0.0
+    start, steps = np.asarray(problem.start), np.asarray(problem.steps())
+    places = start + SPREAD * drawn * steps
+    ended = []
+    for place in places[np.argsort(_misfits(problem, places), kind="stable")[:TRIED]]:
+        found = solve(problem, place)
+        (error,) = _misfits(problem, found.z[None])
+        ended.append((float(error), found))
+        # a result within its error needs no further search
+        if error <= allowed:
+            break
+    error, found = min(ended, key=lambda one: one[0])
+    return found, error
+
+
+@eqx.filter_jit
+def _each_misfit(
+    problem: Problem, places: Float[Array, "place unknown"]
+) -> Float[Array, " place"]:
+    return jax.lax.map(lambda z: problem.evidence.misfit(problem.scene_at(z)), places)
+
+
+def _misfits(
+    problem: Problem, places: Float[np.ndarray, "place unknown"]
+) -> Float[np.ndarray, " place"]:
+    """Return the error at each place; infinite where it is not finite."""
+    found = np.asarray(_each_misfit(problem, jnp.asarray(places)))
+    return np.where(np.isfinite(found), found, np.inf)
+
+
+def widening(found: Solution, groups: Int[np.ndarray, " value"]) -> Any:
+    """Return the factor by which correlated residuals widen standard deviations.
+
+    Residuals of one group need not be independent: rounding of slowly varying values is
+    similar all over a frame, and thresholds are common to the events of a pixel. The
+    scatter of the groups' scores is used: $A^{-1} B A^{-1}$ with $B$ the sum over
+    groups of the square of the score (White 1980; Liang and Zeger 1986, both from
+    memory), where that is more than $A^{-1}$.
+    """
+    scores = np.array(
+        [np.bincount(groups, row * found.left[0]) for row in found.slopes[0]]
+    )
+    _, _, covariance = identified_and_null(found.information)
+    # sandwich covariance; the diagonal of the plain covariance is its lower limit
+    together = covariance @ (scores @ scores.T) @ covariance
+    return np.sqrt(np.maximum(np.diag(together) / np.diag(covariance), 1.0))
 
 
 def _first(scene: Scene) -> float:
@@ -272,17 +333,6 @@ def _thinned(used: int, count: int, what: str) -> list[Note]:
     if used == count:
         return []
     return [Note("thinned", {"used": used, "count": count, "what": what})]
-
-
-def _left(problem: Problem, found: Solution) -> Float[np.ndarray, " value"]:
-    (left,) = _residuals(problem, jnp.asarray(found.z))
-    return np.asarray(left).ravel()
-
-
-@eqx.filter_jit
-def _residuals(problem: Problem, z):
-    scene = problem.scene_at(z)
-    return problem.evidence.residuals(scene, problem.evidence.weights(scene))
 
 
 class FramesEvidence(eqx.Module):
@@ -320,10 +370,14 @@ class FramesEvidence(eqx.Module):
         values = STEPS * linear_to_srgb(luminance(toned(frames)))
         return values.reshape(len(self.times), -1)[:, self.pixels]
 
-    def groups(self) -> tuple[Int[Array, " value"], int]:
-        """Return the frame of each value, and how many frames there are."""
+    def groups(self) -> Int[Array, " value"]:
+        """Return the frame of each value."""
         frames, pixels = self.values.shape
-        return jnp.repeat(jnp.arange(frames), pixels), frames
+        return jnp.repeat(jnp.arange(frames), pixels)
+
+    def used(self) -> int:
+        """Return the number of values that count."""
+        return max(int(self.counted.sum()), 1)
 
     def misfit(self, scene: Scene) -> Float[Array, ""]:
         """Return the rms residual, in steps of 8 bits."""
@@ -348,13 +402,11 @@ class EventsEvidence(eqx.Module):
 
     Attributes:
         events: Events of a camera.
-        size: Rows and columns of the image.
         background: Linear light behind the fireball.
         index: -1: no sensor.
     """
 
     events: EventPairs
-    size: tuple[int, int] = eqx.field(static=True)
     background: Float[Array, "..."]
     index: int = eqx.field(static=True, default=-1)
 
@@ -375,10 +427,13 @@ class EventsEvidence(eqx.Module):
         time, before = jnp.asarray(events.time), jnp.asarray(events.before)
         return light(time + later, x, y) - light(before, x, y)
 
-    def groups(self) -> tuple[Ints, int]:
-        """Return the pixel of each event, and how many pixels there are."""
-        height, width = self.size
-        return self.events.y * width + self.events.x, height * width
+    def groups(self) -> Ints:
+        """Return the pixel of each event."""
+        return self.events.y * (1 + self.events.x.max()) + self.events.x
+
+    def used(self) -> int:
+        """Return the number of events."""
+        return len(self.events.x)
 
     def left(self, scene: Scene) -> Float[Array, " event"]:
         """Return the residual change, in thresholds."""

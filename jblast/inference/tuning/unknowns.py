@@ -8,7 +8,7 @@ logistic coordinate, a free positive one its logarithm.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -18,7 +18,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, argument, nearest
-from jblast.parameters import CLOCK_OFFSET, Key
+from jblast.parameters import (
+    CLOCK_OFFSET,
+    POSITIVE,
+    Bounds,
+    Key,
+    Parameter,
+    Spread,
+)
 from jblast.scene import (
     Ambient,
     Free,
@@ -52,13 +59,13 @@ class Between(eqx.Module):
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
-        low, high = self._bounds()
+        low, high = self.limits
         part = low + (high - low) * jax.nn.sigmoid(jnp.asarray(z))
         return jnp.exp(part) if self.in_ln else part
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
-        low, high = self._bounds()
+        low, high = self.limits
         part = jnp.log(value) if self.in_ln else jnp.asarray(value)
         # a start at a bound would be at infinity, where the logistic has no slope
         part = jnp.clip((part - low) / (high - low), 1e-3, 1.0 - 1e-3)
@@ -68,7 +75,9 @@ class Between(eqx.Module):
         """Return zero: the density is improper."""
         return jnp.zeros_like(z)
 
-    def _bounds(self) -> tuple[float, float]:
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Bounds, of the logarithm with `in_ln`."""
         if self.in_ln:
             return math.log(self.low), math.log(self.high)
         return self.low, self.high
@@ -81,13 +90,11 @@ class Unknown(eqx.Module):
         name: Name as for `--free`.
         belief: Coordinate and prior.
         step: A large change of its coordinate.
-        is_tunable: True for a number of `TUNABLES`, False for one of `PARAMETERS`.
     """
 
     name: str = eqx.field(static=True)
     belief: Belief
     step: Float[Array, ""]
-    is_tunable: bool = eqx.field(static=True)
 
     @property
     def has_prior(self) -> bool:
@@ -96,8 +103,8 @@ class Unknown(eqx.Module):
 
 
 def unknowns_of(
-    uncertain: UncertainScene, names: Sequence[str], kind: str, rate: float | None
-) -> tuple[UncertainScene, tuple[Unknown, ...]]:
+    uncertain: UncertainScene, names: Sequence[str], kind: str, rate: float
+) -> tuple[Scene, tuple[Unknown, ...]]:
     """Return the scene with the named numbers free, and all numbers to tune.
 
     Numbers that the scene leaves free or gives a prior are tuned as well.
@@ -109,16 +116,26 @@ def unknowns_of(
         rate: Sampling rate, which bounds corners of filters [Hz].
 
     Raises:
-        InputError: A name is unknown or repeated, or a record of this kind cannot
-            identify it.
+        InputError: There is no blast or nothing to tune; a name is unknown or repeated,
+            or a record of this kind cannot identify it.
     """
+    source, charges = uncertain.source or "scene", uncertain.scene.charges
+    if all(bool(np.asarray(charge.never)) for charge in charges):
+        raise InputError(
+            f"{source}: [charge] time_s: expected a blast, got one that never happens"
+        )
+    if any(charge.range_m is not None for charge in charges):
+        raise InputError(
+            f"{source}: [charge] range_m: expected position_m, the source of sound and "
+            "light, got a range only"
+        )
     known = names_known(uncertain.scene, kind)
     for name in names:
-        if name in TUNABLES and kind not in TUNABLES[name].identified_by:
-            needed = " or ".join(TUNABLES[name].identified_by)
+        if kind not in IDENTIFIED_BY.get(name, (kind,)):
             raise InputError(
-                f"{argument('freed')} {name}: expected a record of {needed}, got "
-                f"{kind}; {kind} can identify {', '.join(known)}"
+                f"{argument('freed')} {name}: expected a record of "
+                f"{' or '.join(IDENTIFIED_BY[name])}, got {kind}; {kind} can identify "
+                f"{', '.join(known)}"
             )
         if name not in known and not name.startswith(f"{CLOCK_OFFSET}."):
             raise InputError(
@@ -129,32 +146,49 @@ def unknowns_of(
             raise InputError(
                 f"{argument('freed')} {name}: expected each name once, got it twice"
             )
-    own = [name for name in names if name in TUNABLES]
     uncertain = freed(uncertain, [name for name in names if name not in TUNABLES])
-    found = [
-        Unknown(name, belief, jnp.asarray(_step(name, belief)), False)
-        for name, belief in _bounded(uncertain.beliefs).items()
-    ]
-    for name in own:
-        belief = _belief(TUNABLES[name], rate)
-        step = TUNABLES[name].step
-        if isinstance(belief, Between):
-            low, high = belief._bounds()
-            step *= 4.0 / (high - low)  # slope of the logistic in its middle
-        found.append(Unknown(name, belief, jnp.asarray(step), True))
-    return uncertain, tuple(found)
+    beliefs = dict(uncertain.beliefs) | {
+        name: Free(positive=TUNABLES[name].positive)
+        for name in names
+        if name in TUNABLES
+    }
+    if not beliefs:
+        raise InputError(f"{source}: expected something to tune, got nothing free")
+    return uncertain.scene, tuple(
+        _unknown(name, belief, rate) for name, belief in beliefs.items()
+    )
 
 
-def names_known(scene: Scene, kind: str | None = None) -> tuple[str, ...]:
-    """Return the names that can be tuned in a scene by a kind of record, or by any.
+def _unknown(name: str, belief: Belief, rate: float) -> Unknown:
+    """Return a number to tune; a free one with two bounds has a logistic coordinate."""
+    row = row_named(name)
+    ends = row.bounds.at_least, row.bounds.at_most
+    if name in FILTER:
+        # just below half the rate, where the bilinear transform is infinite
+        belief = Between(1e-5 * rate, 0.499 * rate, in_ln=True)
+    elif isinstance(belief, Free) and np.isfinite(ends).all():
+        belief = Between(*ends)
+    own = {"layout": 1.0, "travel": TIME_STEP, "factor": math.log(2.0)}
+    step = own.get(row.spread.of, row.spread.amount)
+    if isinstance(belief, Between) and name in TUNABLES:
+        low, high = belief.limits
+        step *= 4.0 / (high - low)  # slope of the logistic in its middle
+    elif not isinstance(belief, Free):
+        step = 1.0
+    return Unknown(name, belief, jnp.asarray(step))
+
+
+def row_named(name: str) -> Parameter:
+    """Return the row of a number of `TUNABLES` or of `PARAMETERS`."""
+    return TUNABLES[name] if name in TUNABLES else parameter_named(name)
+
+
+def names_known(scene: Scene, kind: str) -> tuple[str, ...]:
+    """Return the names that can be tuned in a scene by a kind of record.
 
     A range without a position is excluded: it gives no path of sound or light.
     """
-    own = [
-        name
-        for name, row in TUNABLES.items()
-        if kind is None or kind in row.identified_by
-    ]
+    own = [name for name, kinds in IDENTIFIED_BY.items() if kind in kinds]
     rest = [name for name in names_in(scene) if not name.startswith("charge_range_m")]
     return (*own, *rest)
 
@@ -172,25 +206,22 @@ def filled(scene: Scene, index: int, names: Sequence[str], loudness: float) -> S
     if any(name.startswith("ambient_") for name in names) and scene.ambient is None:
         scene = replace(scene, ambient=Ambient(level=loudness))
     if index >= 0 and scene.sensors[index].instrument is None:
-        sensor = replace(scene.sensors[index], instrument=Instrument())
-        others = scene.sensors
-        sensors = (*others[:index], sensor, *others[index + 1 :])
-        scene = replace(scene, sensors=sensors)
+        sensors = list(scene.sensors)
+        sensors[index] = replace(sensors[index], instrument=Instrument())
+        scene = replace(scene, sensors=tuple(sensors))
     values = {}
     for name in names:
-        if name not in TUNABLES or name in ("ambient_slope_db_octave",):
-            continue
         held = tuned_value(scene, index, name)
-        # a noise of zero has no logarithm, so it counts as missing; an absorption of
-        # zero is a valid value
-        if held is not None and (float(held) > 0.0 or name == "absorption_scale"):
-            continue
-        start = TUNABLES[name].start
-        if name == "low_pass_hz":
-            instrument = scene.sensors[index].instrument or Instrument()
-            # well below half the rate, where it would have no effect
-            start = 0.2 * instrument.rate
-        values[name] = loudness if math.isnan(start) else start
+        # a positive number starts above zero, which has no logarithm
+        if name in TUNABLES and (
+            held is None or (TUNABLES[name].positive and not float(held) > 0.0)
+        ):
+            start = TUNABLES[name].default
+            if name == "low_pass_hz":
+                instrument = scene.sensors[index].instrument or Instrument()
+                # well below half the rate, where it would have no effect
+                start = 0.2 * instrument.rate
+            values[name] = loudness if math.isnan(start) else start
     return with_tuned(scene, index, values)
 
 
@@ -199,23 +230,21 @@ def tuned_value(scene: Scene, index: int, name: str) -> Float[Array, ""] | None:
     if name not in TUNABLES:
         return value_of(scene, name)
     row = TUNABLES[name]
-    leaf = _leaf(scene, index, row)
-    if leaf is None or not row.attribute.startswith("camera"):
-        return leaf
-    return leaf if row.key.index is None else leaf[row.key.index]
+    leaf, at = _leaf(scene, index, row), row.key.index
+    # both corners of a filter are leaves; the lists of a camera are arrays
+    return leaf if leaf is None or at is None or name in FILTER else leaf[at]
 
 
 def with_tuned(
     scene: Scene, index: int, values: Mapping[str, Float[Array, ""] | float]
 ) -> Scene:
     """Return a scene with replaced numbers of `TUNABLES` and `PARAMETERS`."""
-    own = {name: value for name, value in values.items() if name in TUNABLES}
-    rest = {name: value for name, value in values.items() if name not in own}
+    rest = {name: value for name, value in values.items() if name not in TUNABLES}
     scene = with_values(scene, rest) if rest else scene
-    for name, value in own.items():
+    for name in values.keys() - rest.keys():
         row = TUNABLES[name]
-        new = jnp.asarray(value, float)
-        if row.attribute.startswith("camera") and row.key.index is not None:
+        new = jnp.asarray(values[name], float)
+        if row.key.index is not None and name not in FILTER:
             new = _leaf(scene, index, row).at[row.key.index].set(new)
         scene = eqx.tree_at(
             lambda s, row=row: _leaf(s, index, row),
@@ -227,40 +256,7 @@ def with_tuned(
     return scene
 
 
-@dataclass(frozen=True, kw_only=True)
-class Tunable:
-    """A number of a sensor or a medium.
-
-    Attributes:
-        name: Name for `--free` and in results.
-        unit: SI unit, "1" without one.
-        words: Description in a sentence.
-        attribute: Path in a scene; `sensor` is the one that recorded.
-        key: Key in a scene file.
-        identified_by: Kinds of records that can identify it: "sound", "frames",
-            "events".
-        above: Lower bound of the search.
-        below: Upper bound of the search; infinite for none.
-        in_ln: Search in its logarithm.
-        step: A large change of it, of its logarithm with `in_ln`. If two such steps do
-            not change a record, it is not identified.
-        start: Start of a search if the scene has no value; NaN for one from the record.
-    """
-
-    name: str
-    unit: str
-    words: str
-    attribute: str
-    key: Key
-    identified_by: tuple[str, ...]
-    above: float = 0.0
-    below: float = math.inf
-    in_ln: bool = True
-    step: float = math.log(2.0)
-    start: float = math.nan
-
-
-def _leaf(scene: Any, index: int, row: Tunable) -> Any:
+def _leaf(scene: Any, index: int, row: Parameter) -> Any:
     """Return the leaf of a scene with a number; None if the scene has no such part."""
     held = scene
     for part in row.attribute.split("."):
@@ -270,153 +266,53 @@ def _leaf(scene: Any, index: int, row: Tunable) -> Any:
     return held
 
 
-def _belief(row: Tunable, rate: float | None) -> Belief:
-    """Return the coordinate of a tunable number, logistic if it has two bounds."""
-    low, high = row.above, row.below
-    if row.name in ("high_pass_hz", "low_pass_hz") and rate is not None:
-        # just below half the rate, where the bilinear transform is infinite
-        low, high = 1e-5 * rate, 0.499 * rate
-    if math.isfinite(high):
-        return Between(low, high, row.in_ln)
-    return Free(positive=row.in_ln)
+def _row(text: str) -> Parameter:
+    """Return a row of `_TABLES`: name, unit, field of the scene, key, start."""
+    name, unit, field, key, start = text.split()
+    table, *rest = key.split(".")
+    holder = {"sensor": "sensor.instrument"}.get(table, table)
+    is_slope = name == "ambient_slope_db_octave"
+    return Parameter(
+        name=name,
+        unit=unit,
+        words=name.replace("_", " "),
+        attribute=f"{holder}.{field}",
+        key=Key(table, rest[0], *map(int, rest[1:])),
+        spread=Spread(3.0, "unit") if is_slope else Spread(2.0, "factor"),
+        default=float(start),
+        bounds=Bounds(at_least=-12.0, at_most=12.0) if is_slope else POSITIVE,
+    )
 
 
-def _bounded(beliefs: Mapping[str, Belief]) -> dict[str, Belief]:
-    """Return beliefs; free numbers with two bounds get a logistic coordinate."""
-    found = dict(beliefs)
-    for name, belief in beliefs.items():
-        bounds = parameter_named(name).bounds
-        ends = bounds.at_least, bounds.at_most
-        if isinstance(belief, Free) and np.isfinite(ends).all():
-            found[name] = Between(*ends)
-    return found
-
-
-def _step(name: str, belief: Belief) -> float:
-    """Return a large change of the coordinate of a number of `PARAMETERS`."""
-    if not isinstance(belief, Free):
-        return 1.0
-    spread = parameter_named(name).spread
-    if spread.of == "factor":
-        return math.log(2.0)
-    return {"unit": spread.amount, "layout": 1.0, "travel": TIME_STEP}[spread.of]
-
-
-_ROWS = (
-    Tunable(
-        name="absorption_scale",
-        unit="1",
-        words="absorption of the air over that of ISO 9613-1",
-        attribute="air.absorption_scale",
-        key=Key("air", "absorption_scale"),
-        identified_by=(SOUND,),
-        start=1.0,
-    ),
-    Tunable(
-        name="ambient_level_pa",
-        unit="Pa",
-        words="level of the ambient sound on the ground",
-        attribute="ambient.level",
-        key=Key("ambient", "level_pa"),
-        identified_by=(SOUND,),
-    ),
-    Tunable(
-        name="ambient_slope_db_octave",
-        unit="dB/octave",
-        words="slope of the ambient sound",
-        attribute="ambient.slope",
-        key=Key("ambient", "slope_db_octave"),
-        identified_by=(SOUND,),
-        above=-12.0,
-        below=12.0,
-        in_ln=False,
-        step=3.0,
-        start=0.0,
-    ),
-    Tunable(
-        name="ambient_height_m",
-        unit="m",
-        words="height over which the ambient sound falls",
-        attribute="ambient.height",
-        key=Key("ambient", "height_m"),
-        identified_by=(SOUND,),
-    ),
-    Tunable(
-        name="high_pass_hz",
-        unit="Hz",
-        words="high-pass corner of the sensor",
-        attribute="sensor.instrument.high_pass",
-        key=Key("sensor", "filter_hz", 0),
-        identified_by=(SOUND,),
-        start=20.0,
-    ),
-    Tunable(
-        name="low_pass_hz",
-        unit="Hz",
-        words="low-pass corner of the sensor",
-        attribute="sensor.instrument.low_pass",
-        key=Key("sensor", "filter_hz", 1),
-        identified_by=(SOUND,),
-    ),
-    Tunable(
-        name="noise_pa",
-        unit="Pa",
-        words="noise of the sensor",
-        attribute="sensor.instrument.noise",
-        key=Key("sensor", "noise_pa"),
-        identified_by=(SOUND,),
-    ),
-    Tunable(
-        name="full_scale_pa",
-        unit="Pa",
-        words="full scale of the sensor",
-        attribute="sensor.instrument.full_scale",
-        key=Key("sensor", "full_scale_pa"),
-        identified_by=(SOUND,),
-    ),
-    Tunable(
-        name="camera_threshold_brighter",
-        unit="1",
-        words="threshold of brighter events",
-        attribute="camera.threshold",
-        key=Key("camera", "threshold", 0),
-        identified_by=(EVENTS,),
-        start=0.2,
-    ),
-    Tunable(
-        name="camera_threshold_darker",
-        unit="1",
-        words="threshold of darker events",
-        attribute="camera.threshold",
-        key=Key("camera", "threshold", 1),
-        identified_by=(EVENTS,),
-        start=0.2,
-    ),
-    Tunable(
-        name="camera_daylight_lux",
-        unit="lx",
-        words="light of day that the picture is exposed for",
-        attribute="camera.daylight",
-        key=Key("camera", "daylight_lux"),
-        identified_by=SIGHT,
-        start=math.pi * 3e4,
-    ),
-    Tunable(
-        name="camera_focal_x_px",
-        unit="px",
-        words="focal length along rows",
-        attribute="camera.focal",
-        key=Key("camera", "focal_px", 0),
-        identified_by=SIGHT,
-    ),
-    Tunable(
-        name="camera_focal_y_px",
-        unit="px",
-        words="focal length along columns",
-        attribute="camera.focal",
-        key=Key("camera", "focal_px", 1),
-        identified_by=SIGHT,
-    ),
-)
-TUNABLES: dict[str, Tunable] = {row.name: row for row in _ROWS}
-"""Tunable numbers by name."""
+FILTER = ("high_pass_hz", "low_pass_hz")
+_TABLES = {
+    (SOUND,): """
+absorption_scale           1          absorption_scale  air.absorption_scale     1
+ambient_level_pa           Pa         level             ambient.level_pa         nan
+ambient_slope_db_octave    dB/octave  slope             ambient.slope_db_octave  0
+ambient_height_m           m          height            ambient.height_m         nan
+high_pass_hz               Hz         high_pass         sensor.filter_hz.0       20
+low_pass_hz                Hz         low_pass          sensor.filter_hz.1       nan
+noise_pa                   Pa         noise             sensor.noise_pa          nan
+full_scale_pa              Pa         full_scale        sensor.full_scale_pa     nan
+""",
+    (EVENTS,): """
+camera_threshold_brighter  1          threshold         camera.threshold.0       0.2
+camera_threshold_darker    1          threshold         camera.threshold.1       0.2
+""",
+    SIGHT: """
+camera_daylight_lux        lx         daylight          camera.daylight_lux      94247.8
+camera_focal_x_px          px         focal             camera.focal_px.0        nan
+camera_focal_y_px          px         focal             camera.focal_px.1        nan
+""",
+}
+_ROWS = [
+    (_row(line), kinds)
+    for kinds, text in _TABLES.items()
+    for line in text.strip().splitlines()
+]
+TUNABLES = {row.name: row for row, _ in _ROWS}
+"""Tunable numbers of sensors and media by name. A default of NaN is a start from the
+record; the spread is a large change."""
+IDENTIFIED_BY = {row.name: kinds for row, kinds in _ROWS}
+"""Kinds of records that can identify each."""
