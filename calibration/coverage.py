@@ -1,18 +1,13 @@
 """Do 90 % intervals of `jblast fit` contain the truth in 90 of 100 logs?
 
     python -m calibration.coverage > calibration/results/coverage.txt
-    python -m calibration.coverage default > calibration/results/coverage_default.txt
     python -m calibration.coverage bounds > calibration/results/lower_bounds.txt
 
 Each log is fitted by the default method, weighted draws, with the errors that it was
 simulated with.
 
-Five microphones, four unknowns (mass, place in the plane, time), no prior: few readings
-more than unknowns. 400 logs of exact and of scattering laws, with normal and with
-Student-t errors, seed 11.
-
-Default: seven microphones about a charge, the same unknowns, laws that scatter,
-Student-t errors. 400 logs, seed 11.
+Seven microphones about a charge, four unknowns (mass, place in the plane, time), no
+prior, laws that scatter, Student-t errors. 400 logs, seed 11.
 
 Bounds: clipped peaks as lower bounds, and how wide intervals are.
 
@@ -42,7 +37,7 @@ from jblast.inference import Solution, solve
 from jblast.inference.fitting.suspects import LEFT_OUT_SIGMA
 from jblast.observations import Observations
 from jblast.scene import Scene, Sensor, UncertainScene, freed, with_laws, with_values
-from jblast.sensors.simulated_readings import Noise, readings
+from jblast.sensors.simulated_readings import readings
 
 LOGS = 400
 SEVEN = (*POSITIONS, (-90, -60), (30, 150))
@@ -66,12 +61,10 @@ PEAK = "peak_overpressure_pa"
 PEAK_LAWS = {PEAK: "kingery_bulmash"}
 
 
-def logs_of(
-    scene: Scene, seed: int, count: int, noise: Noise = "student"
-) -> list[Observations]:
+def logs_of(scene: Scene, seed: int, count: int) -> list[Observations]:
     """Return simulated logs of a scene."""
     keys = jax.random.split(jax.random.key(seed), count)
-    return [readings(key, scene, noise=noise) for key in keys]
+    return [readings(key, scene) for key in keys]
 
 
 def ends(solution: Solution, names: Sequence[str]) -> Float[np.ndarray, "number end"]:
@@ -88,45 +81,23 @@ def inside(
     return np.mean((every[..., 0] <= known) & (known <= every[..., 2]), axis=0)
 
 
-def coverage(
-    scene: Scene, count: int, noise: Noise
-) -> tuple[Float[np.ndarray, " number"], int]:
+def coverage(scene: Scene, count: int) -> tuple[Float[np.ndarray, " number"], int]:
     """Return the share of logs whose interval contains each truth.
 
     Returns:
         The shares, and the number of logs whose weights are reliable.
     """
     uncertain = freed(with_laws(UncertainScene(scene), MICROPHONE_LAWS), list(TRUTH))
-    fits = [
-        solve(log, uncertain, noise=noise)
-        for log in logs_of(uncertain.scene, 11, count, noise)
-    ]
+    fits = [solve(log, uncertain) for log in logs_of(uncertain.scene, 11, count)]
     every = np.array([ends(fit, list(TRUTH)) for fit in fits])
     return inside(every, TRUTH), sum(fit.draws.reliable for fit in fits)
 
 
 def main(count: int = LOGS) -> None:
-    """Print the table of five microphones."""
-    start_jax()
-    print(f"share of {count} logs whose 90 % interval contains the truth (+- 0.015)")
-    names = "".join(f"{name:>16s}" for name in TRUTH)
-    print(f"{'laws':9s}{'errors':10s}{names}{'reliable':>10s}")
-    noises: tuple[Noise, ...] = ("gaussian", "student")
-    for scatter in (False, True):
-        for noise in noises:
-            shares, reliable = coverage(scene_with(scatter=scatter), count, noise)
-            print(
-                f"{'scatter' if scatter else 'exact':9s}{noise:10s}"
-                + "".join(f"{x:16.3f}" for x in shares)
-                + f"{reliable:10d}"
-            )
-
-
-def default(count: int = LOGS) -> None:
     """Print the table of seven microphones."""
     start_jax()
     scene = scene_with(scatter=True, positions=SEVEN)
-    shares, reliable = coverage(scene, count, "student")
+    shares, reliable = coverage(scene, count)
     print(f"share of {count} logs whose 90 % interval contains the truth (+- 0.015)")
     print(f"{'':24s}" + "".join(f"{name:>16s}" for name in TRUTH))
     print(f"{'weighted':24s}" + "".join(f"{x:16.3f}" for x in shares))
@@ -195,4 +166,4 @@ def _answer(solution: Solution) -> np.ndarray:
 
 
 if __name__ == "__main__":
-    run_part({"five": main, "default": default, "bounds": bounds})
+    run_part({"seven": main, "bounds": bounds})
