@@ -391,31 +391,24 @@ def shortfalls(
     judged: Convergence, names: Sequence[str], precision: float
 ) -> list[Note]:
     """Return the requirements of convergence that a chain does not meet."""
-
-    def missed(kind: str, row: int, **numbers: float) -> Note:
-        return warning(kind, parameter=names[row], **numbers)
-
-    found: list[Note] = []
+    notes: list[Note] = []
     worst = int(np.argmax(judged.error))
-    error = float(judged.error[worst])
+    named, error = names[worst], float(judged.error[worst])
     if not error <= precision:
-        found.append(
-            missed("quantiles_uncertain", worst, error=error, wanted=precision)
-        )
-    worst = int(np.argmax(judged.tau))
-    times = float(judged.steps / judged.tau[worst])
-    if not times >= LONG_ENOUGH:
-        found.append(
-            missed(
-                "chain_too_short",
-                worst,
-                steps=judged.steps,
-                times=times,
-                wanted=LONG_ENOUGH,
+        notes.append(
+            warning(
+                "quantiles_uncertain", parameter=named, error=error, wanted=precision
             )
         )
+    worst = int(np.argmax(judged.tau))
+    named, times = names[worst], float(judged.steps / judged.tau[worst])
+    if not times >= LONG_ENOUGH:
+        length = {"steps": judged.steps, "times": times, "wanted": LONG_ENOUGH}
+        notes.append(warning("chain_too_short", parameter=named, **length))
     worst = int(np.argmax(judged.r_hat))
-    r_hat = float(judged.r_hat[worst])
+    named, r_hat = names[worst], float(judged.r_hat[worst])
     if not r_hat <= ALIKE:
-        found.append(missed("chains_disagree", worst, r_hat=r_hat, wanted=ALIKE))
-    return found
+        notes.append(
+            warning("chains_disagree", parameter=named, r_hat=r_hat, wanted=ALIKE)
+        )
+    return notes

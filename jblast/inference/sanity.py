@@ -99,6 +99,8 @@ MAX_COMPARED = 1000
 """Largest number of readings that are compared in pairs: 8 MB for each array."""
 HALF_HOUR = 1800.0
 """Step of time zones [s]: they differ by quarters of an hour, nearly all by halves."""
+LATEST = 26 * 3600.0
+"""Largest difference of two zones [s]: from UTC-12 to UTC+14."""
 MISTAKE_MARGIN = 0.6
 """Largest residual after the correction of a mistake, relative to the tolerance. Below
 1 it separates neighbouring factors: a psi is 6.9 kPa, and a factor of 3 is
@@ -262,8 +264,8 @@ def _corrections(
         return
     readings = blast.readings
     timed = off[readings.timed[off]]
-    if timed.size:
-        late = HALF_HOUR * float(np.round(blast.residual[timed[0]] / HALF_HOUR))
+    zones = HALF_HOUR * np.round(blast.residual[timed[:1]] / HALF_HOUR)
+    for late in zones[np.abs(zones) <= LATEST].tolist():
         own = readings.only(timed)
         doubt = Doubt("clock_of_another_zone", (), {"late_s": late})
         yield timed, replace(own, value=own.value - late), doubt
@@ -314,20 +316,17 @@ def speeds_doubted(blast: Blast, laws: ScaledLaws) -> list[Doubt]:
         else:
             found.append(("too_slow_between", i, other))
         too_slow[i] = too_slow[:, i] = False
-    return [
-        Doubt(
-            kind,
-            tuple(readings.row[[i, other] if other < len(here) else [i]].tolist()),
-            {
-                "late_s": float(late[i, other]),
-                "apart_m": float(apart[i, other]),
-                "mean_m_s": float(apart[i, other] / late[i, other]),
-                "slowest_m_s": float(slowest[i, other]),
-                "fastest_m_s": laws.fastest(),
-            },
-        )
-        for kind, i, other in found
-    ]
+    doubts = []
+    for kind, i, other in found:
+        numbers = {"late_s": float(late[i, other]), "apart_m": float(apart[i, other])}
+        if kind == "too_fast":  # perhaps at time 0, without a mean speed
+            numbers["fastest_m_s"] = laws.fastest()
+        else:
+            numbers["mean_m_s"] = numbers["apart_m"] / numbers["late_s"]
+            numbers["slowest_m_s"] = float(slowest[i, other])
+        both = [i, other] if other < len(here) else [i]
+        doubts.append(Doubt(kind, tuple(readings.row[both].tolist()), numbers))
+    return doubts
 
 
 def slow_together(blast: Blast, slowest: float) -> list[Doubt]:

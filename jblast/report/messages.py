@@ -34,14 +34,16 @@ MESSAGES = {
     "extrapolated": "outside the laws: most of the information about "
     "{parameters:parameter} is from recordings outside the range of their laws; do "
     "not use these values",
-    "wrong_sensor": "wrong sensor or clock: {names:or}; do not use the numbers below",
-    "weights_unreliable": "uncertain intervals: few draws have most of the weight; do "
-    "not use those below; --posterior emcee runs MCMC",
+    "wrong_sensor": "wrong sensor or clock ({names:or}): do not use the numbers below",
+    "uncertain_intervals": "uncertain intervals: do not use those below; the warnings "
+    "name the reason; --posterior emcee runs MCMC",
     "not_identifiable": "not identified: the recordings leave {parameters:parameter} "
     "open",
     # warnings
     "mode_found_once": "the best solution was found by one search only; there may be "
     "a better one",
+    "weights_unreliable": "few draws have most of the weight (k-hat {k_hat:.2f}, "
+    "effective sample size {effective:.0f})",
     "quantiles_uncertain": "the quantiles of {parameter:parameter} have a standard "
     "error of {error:.2g} sd, required {wanted:g}",
     "chain_too_short": "{steps} steps are {times:.0f} autocorrelation times of "
@@ -66,9 +68,9 @@ MESSAGES = {
     "prior_conflict": "without priors the log fits well, at {values}, which a prior "
     "excludes; correct or widen the prior, or correct the readings",
     "law_out_of_range": "{rows} of {of} rows lie outside their law's range "
-    "({quantities:quantity}); ranges: {ranges}",
+    "({quantities:quantity}); {ranges:ranges}",
     "law_out_of_range_below": "{rows} of {of} rows lie outside their law's range at "
-    "the lower bound of the 90 % interval ({quantities:quantity}); ranges: {ranges}",
+    "the lower bound of the 90 % interval ({quantities:quantity}); {ranges:ranges}",
     "laws_unsettled": "the automatic choice of law at the answer differs from the law "
     "of the fit; its choice there: {laws:law}",
     "bursts_unsettled": "the curve sets for the height of burst at the answer differ "
@@ -78,8 +80,8 @@ MESSAGES = {
     "height_of_burst": "{note}",
     "deep_charge": "the {charge} was {scaled_depth:.2g} m/kg^(1/3) deep; of its "
     "burial the laws used include the longer path only",
-    "no_point_source": "{laws} applies to a point source, and a charge of {explosive} "
-    "is not one: near the charge the estimated mass can be many times too small; for "
+    "no_point_source": "{laws} is for a point source, and a charge of {explosive} is "
+    "not one: near the charge the estimated mass can be many times too small; for "
     'a nuclear burst set explosive = "nuclear"',
     "flat_ground": "flat ground was assumed: at {sensor}, {range_m} away, the error of "
     "the distance is {error_m}, {sigmas:.2g} sigma of its {quantity}",
@@ -145,7 +147,7 @@ def alarm(problem: Note) -> str:
 
 def alarm_name(problem: Note) -> str:
     """Return the name of a problem, which is the start of its sentence."""
-    return sentence_of(problem).partition(":")[0].partition(" (")[0]
+    return sentence_of(problem).partition(":")[0]
 
 
 def printed_p(p: float) -> str:
@@ -182,6 +184,8 @@ class _Sentences(Formatter):
             return printed_number(value.name, value.number, 2)
         if format_spec == "option":
             return ",".join(value)
+        if format_spec == "ranges":
+            return "; ".join(value)
         if format_spec == "law":
             return " ".join(f"--law {law}" for law in value)
         if format_spec == "beside":

@@ -55,7 +55,7 @@ def test_numbers_are_printed_with_units_and_lists_are_short():
     )
     assert MAX_NAMED == 5
     assert sentence_of(problem("wrong_sensor", names=("gate", "roof"))).startswith(
-        "wrong sensor or clock: gate or roof;"
+        "wrong sensor or clock (gate or roof): do not"
     )
 
 

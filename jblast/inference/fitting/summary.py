@@ -40,6 +40,7 @@ from jblast.inference.identify import (
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations import Observations
 from jblast.observations.table import Understood
+from jblast.parameters import CHARGE_POSITION
 from jblast.results import Note, plain, problem
 from jblast.scene import UncertainScene
 from jblast.sensors.law_choice import law_names
@@ -155,11 +156,14 @@ def _problems(found: Summary) -> Iterator[Note]:
     if found.explained_by:
         yield problem("wrong_sensor", names=tuple(map(str, found.explained_by)))
     if found.unchecked:
-        yield problem("weights_unreliable")
+        yield problem("uncertain_intervals")
     if not found.identifiable or found.identifies_nothing:
         several = (mode.differ for mode in found.ambiguities)
         curves = (direction.parameters for direction in found.null_directions)
-        open_ones = (found.unidentified, *several, *curves)
+        # of several regions the estimates are those of one
+        place = [n for n in found.free if n.partition(".")[0] in CHARGE_POSITION]
+        places = place if found.regions else ()
+        open_ones = (found.unidentified, *several, *curves, places)
         names = dict.fromkeys(name for names in open_ones for name in names)
         yield problem("not_identifiable", parameters=tuple(names))
 

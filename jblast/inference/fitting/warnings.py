@@ -72,6 +72,9 @@ def notes_of(
         notes.append(outside(observations, solution.laws, valid, answer.valid))
     if not solution.converged:
         notes.append(warning("mode_found_once"))
+    if not found.is_reliable:
+        k_hat, effective = solution.draws.k_hat, solution.draws.effective
+        notes.append(warning("weights_unreliable", k_hat=k_hat, effective=effective))
     # None: no samples
     if (error := solution.samples_known or 0.0) > ROUGH:
         notes.append(warning("samples_roughly_counted", error=error, wanted=ROUGH))
@@ -121,7 +124,7 @@ def outside(
     rows = np.flatnonzero(~valid)
     quantities = dict.fromkeys(observations.quantity[row] for row in rows)
     ranges = dict.fromkeys(
-        f"{law} {law_for(part, law).range}"
+        f"range of {law}: {law_for(part, law).range}"
         for quantity in quantities
         for part, _ in components(quantity)
         for law in (laws[part].name,)

@@ -25,8 +25,8 @@ from jblast.report.fit.terminal import (
     laws_used,
     limits,
     validity_sentence,
+    warnings_of,
 )
-from jblast.report.messages import sentences_of
 from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
@@ -101,7 +101,7 @@ def _warnings(fit: Fit) -> list[str]:
     The page may be passed on, and a path can contain private names.
     """
     source = fit.observations.source
-    texts = sentences_of(fit.summary.warnings)
+    texts = warnings_of(fit.summary)
     return [t.replace(source, log_name(fit)) if source else t for t in texts]
 
 

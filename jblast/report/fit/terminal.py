@@ -79,6 +79,8 @@ MAX_TITLE = 4
 """Parameters that the first line names: with more it would not be one line, and the
 table below it has their names."""
 MASS = "charge_mass_kg"
+REMEDIES = ("more_to_free", "clock_to_free")
+"""Warnings that are printed with the problems, as they name what to do."""
 
 
 def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
@@ -94,7 +96,7 @@ def answers_text(answers: Mapping[str, Fit | InputError]) -> str:
         ]
         chance = "-" if p is None else significant(p)
         goodness = f"{found.chi2:.3g}/{found.dof} ({chance})"
-        rows.append((name, *cells, goodness, _warnings_of(fit)))
+        rows.append((name, *cells, goodness, _faults(fit)))
     failed = [
         line
         for name, error in answers.items()
@@ -129,7 +131,7 @@ def _cell(name: str, estimate: Estimate) -> str:
     return f"{printed.value} [{printed.interval}]"
 
 
-def _warnings_of(fit: Fit) -> str:
+def _faults(fit: Fit) -> str:
     """Return the warnings of one log, for its line of the table."""
     found = fit.summary
     warnings = [alarm_name(problem) for problem in found.problems]
@@ -174,9 +176,7 @@ def summary(
     lines += section("Reliability", _reliability(fit))
     lines += section("Identified combinations", determined_lines(found.determined))
     lines += section("Suspected outliers", outlier_lines(found.suspected_outliers))
-    lines += section(
-        "Warnings", [capitalised(one) for one in sentences_of(found.warnings)]
-    )
+    lines += section("Warnings", [capitalised(one) for one in warnings_of(found)])
     assumptions = [capitalised(one) for one in sentences_of(found.assumptions)]
     lines += section("Assumptions", [law_sentence(fit).rstrip("."), *assumptions])
     conversions = understood_lines(found.understood)
@@ -523,9 +523,14 @@ def headline(fit: Fit) -> list[str]:
     lines += [
         f"{capitalised(sentence_of(note))}."
         for note in found.warnings
-        if note.kind in ("more_to_free", "clock_to_free")
+        if note.kind in REMEDIES
     ]
     return lines + details
+
+
+def warnings_of(found: Summary) -> list[str]:
+    """Return the warnings that are not printed with the problems."""
+    return sentences_of(n for n in found.warnings if n.kind not in REMEDIES)
 
 
 def assumed_place(fit: Fit) -> list[str]:
