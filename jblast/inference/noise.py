@@ -75,11 +75,11 @@ def row_slopes(
 
 
 def reweighted(
-    u: Float[Array, " row"],
-    curvature: Float[Array, " row"],
+    u: Float[Array, "row ..."],
+    curvature: Float[Array, "row ..."],
     noise: Noise,
-    lower_bound: Bool[Array, " row"] | None,
-) -> Float[Array, " row"]:
+    lower_bound: Bool[Array, "row ..."] | None,
+) -> Float[Array, "row ..."]:
     """Return positive curvatures of minus ln of each row's probability.
 
     Steps with them always climb. Student-t readings are reweighted as normal ones
