@@ -54,6 +54,8 @@ POINTS = 128
 within a tenth in ln of that of 4,096."""
 ROUNDS = 3
 """Rounds of the mean field; 1 to 6 lead to equally many effective draws."""
+ROUNDED = 1e-12
+"""Part of a variance below which it is rounding: pivots are at least as large."""
 SHAPE_BEFORE, SHAPE = STUDENT_FREEDOM / 2, (STUDENT_FREEDOM + 1) / 2
 """Shapes of the Gamma distribution of a scale, before and after its reading."""
 SAME_PATH = 1.5e-8
@@ -438,7 +440,9 @@ def _normal(
     """
     read = rows.is_read
     pairs = read[:, :, None] & read[:, None]
-    diagonal = xp.where(read, _members(variance, rows), 1.0)
+    # of a charge so far away that its paths are one, rounding leaves no own error
+    least = ROUNDED * xp.diagonal(errors.shared, axis1=-2, axis2=-1)
+    diagonal = xp.where(read, xp.maximum(_members(variance, rows), least), 1.0)
     unit = np.eye(read.shape[1])
     matrix = errors.shared * pairs + diagonal[..., None] * unit
     inverse = _inverse(xp, matrix)
@@ -653,7 +657,7 @@ def _root(xp: ModuleType, matrix):
     """Return the Cholesky factor of small matrices, which may be singular."""
     columns = []
     # what rounding leaves of a singular matrix is no pivot
-    least = 1e-12 * xp.diagonal(matrix, axis1=-2, axis2=-1) + 1e-30
+    least = ROUNDED * xp.diagonal(matrix, axis1=-2, axis2=-1) + 1e-30
     for i in range(matrix.shape[-1]):
         pivot = xp.sqrt(xp.maximum(matrix[..., i, i], least[..., i]))
         column = matrix[..., i] / pivot[..., None] * (np.arange(matrix.shape[-1]) >= i)

@@ -158,6 +158,17 @@ def test_paths_apart_are_the_same_in_blocks_and_as_a_whole():
     np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
+@pytest.mark.parametrize("noise", ["gaussian", "student"])
+def test_a_charge_so_far_that_its_paths_are_one_has_a_density(noise):
+    far = np.full((1, 6, 6), 7e3**2)  # an effect of 7,000 s in all rows
+    found = [
+        value(spread * RESIDUAL, 1e-5, np.zeros((6, 0)), noise, whole=True, shared=far)
+        for spread in (0.0, 1.0, 10.0)
+    ]
+    assert np.isfinite(found).all()
+    assert found[0] > found[1] > found[2]
+
+
 def test_anchors_share_what_neighbours_share():
     # forty paths in eight bundles: anchors explain most of each bundle
     count = 40
