@@ -633,7 +633,15 @@ def _inverse(xp: ModuleType, matrix):
     """Invert positive definite matrices, or triangular ones."""
     if matrix.shape[-1] == 1:
         return 1 / matrix
-    return np.linalg.inv(matrix) if xp is np else _eliminated(matrix)[0]
+    if xp is not np:
+        return _eliminated(matrix)[0]
+    try:
+        return np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        # a singular one among them has no finite size, so its place has no density
+        sign, _ = np.linalg.slogdet(matrix)
+        one = np.eye(matrix.shape[-1])
+        return np.linalg.inv(np.where(sign[..., None, None] == 0, one, matrix))
 
 
 def _log_size(xp: ModuleType, matrix):

@@ -12,6 +12,8 @@ from jblast.inference.likelihood import (
     Paths,
     Rows,
     Seen,
+    _inverse,
+    _log_size,
     exact_gain,
     log_likelihoods,
 )
@@ -162,11 +164,24 @@ def test_paths_apart_are_the_same_in_blocks_and_as_a_whole():
 def test_a_charge_so_far_that_its_paths_are_one_has_a_density(noise):
     far = np.full((1, 6, 6), 7e3**2)  # an effect of 7,000 s in all rows
     found = [
-        value(spread * RESIDUAL, 1e-5, np.zeros((6, 0)), noise, whole=True, shared=far)
+        value(
+            spread * RESIDUAL,
+            np.full(6, 1e-5),
+            np.zeros((6, 0)),
+            noise,
+            whole=True,
+            shared=far,
+        )
         for spread in (0.0, 1.0, 10.0)
     ]
     assert np.isfinite(found).all()
     assert found[0] > found[1] > found[2]
+
+
+def test_a_singular_matrix_leaves_the_other_places_their_inverse():
+    both = np.stack([np.ones((2, 2)), np.diag([2.0, 4.0])])
+    np.testing.assert_allclose(_inverse(np, both)[1], np.diag([0.5, 0.25]))
+    assert not np.isfinite(_log_size(np, both)[0])
 
 
 def test_anchors_share_what_neighbours_share():
