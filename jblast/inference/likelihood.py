@@ -54,12 +54,11 @@ POINTS = 128
 within a tenth in ln of that of 4,096."""
 ROUNDS = 3
 """Rounds of the mean field; 1 to 6 lead to equally many effective draws."""
-ROUNDED = 1e-12
-"""Part of a variance below which it is rounding: pivots are at least as large."""
 SHAPE_BEFORE, SHAPE = STUDENT_FREEDOM / 2, (STUDENT_FREEDOM + 1) / 2
 """Shapes of the Gamma distribution of a scale, before and after its reading."""
 SAME_PATH = 1.5e-8
-"""Variance added to that of each path, so that coinciding paths can be inverted."""
+"""Variance added to that of each path: the paths of a far charge coincide, and rounding
+of their differences must not make a covariance negative."""
 
 Array = Any
 """Of NumPy or JAX."""
@@ -375,7 +374,7 @@ def _correlations(xp: ModuleType, rows: Rows, seen: Seen):
     apart = (apart + ROOT_GUARD)[:, None]
     known = (placed[..., :, None] & placed[..., None, :])[:, None]
     found = xp.concatenate([_kernel(xp, apart, one) for one in rows.kernels], 1)
-    return xp.where(rows.same_path, 1.0, xp.where(known, found, 0.0))
+    return xp.where(rows.same_path, 1.0 + SAME_PATH, xp.where(known, found, 0.0))
 
 
 def _kernel(xp: ModuleType, apart, kernel):
@@ -398,8 +397,8 @@ def _split(xp: ModuleType, rows: Rows, seen: Seen, name: str, correlation):
         block, member = rows.place
         among = correlation[:, :, block[first][0]]
         at = member[first]
-        among = among[..., at[:, None], at] + SAME_PATH * np.eye(len(at))
-        alone = 1 / xp.abs(_inverse(xp, among)).sum(-1)
+        # at most the smallest eigenvalue: the covariance without it stays positive
+        alone = 1 / xp.abs(_inverse(xp, among[..., at[:, None], at])).sum(-1)
         return correlation, [], xp.where(paths.recorded, alone[..., paths.path], one)
     if not rows.anchored or len(paths.first) <= ANCHORS:
         return correlation, [], one
@@ -440,9 +439,7 @@ def _normal(
     """
     read = rows.is_read
     pairs = read[:, :, None] & read[:, None]
-    # of a charge so far away that its paths are one, rounding leaves no own error
-    least = ROUNDED * xp.diagonal(errors.shared, axis1=-2, axis2=-1)
-    diagonal = xp.where(read, xp.maximum(_members(variance, rows), least), 1.0)
+    diagonal = xp.where(read, _members(variance, rows), 1.0)
     unit = np.eye(read.shape[1])
     matrix = errors.shared * pairs + diagonal[..., None] * unit
     inverse = _inverse(xp, matrix)
@@ -633,15 +630,7 @@ def _inverse(xp: ModuleType, matrix):
     """Invert positive definite matrices, or triangular ones."""
     if matrix.shape[-1] == 1:
         return 1 / matrix
-    if xp is not np:
-        return _eliminated(matrix)[0]
-    try:
-        return np.linalg.inv(matrix)
-    except np.linalg.LinAlgError:
-        # a singular one among them has no finite size, so its place has no density
-        sign, _ = np.linalg.slogdet(matrix)
-        one = np.eye(matrix.shape[-1])
-        return np.linalg.inv(np.where(sign[..., None, None] == 0, one, matrix))
+    return np.linalg.inv(matrix) if xp is np else _eliminated(matrix)[0]
 
 
 def _log_size(xp: ModuleType, matrix):
@@ -665,7 +654,7 @@ def _root(xp: ModuleType, matrix):
     """Return the Cholesky factor of small matrices, which may be singular."""
     columns = []
     # what rounding leaves of a singular matrix is no pivot
-    least = ROUNDED * xp.diagonal(matrix, axis1=-2, axis2=-1) + 1e-30
+    least = 1e-12 * xp.diagonal(matrix, axis1=-2, axis2=-1) + 1e-30
     for i in range(matrix.shape[-1]):
         pivot = xp.sqrt(xp.maximum(matrix[..., i, i], least[..., i]))
         column = matrix[..., i] / pivot[..., None] * (np.arange(matrix.shape[-1]) >= i)

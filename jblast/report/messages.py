@@ -4,11 +4,12 @@ A template names the numbers of its note. A number with a unit in its name is pr
 with it, a list is joined, and shortened if it is long.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from string import Formatter
 from typing import Any
 
 from jblast.inference.fitting.goodness_of_fit import POOR
+from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock, WrongSensor
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report.estimates import printed_estimate
 from jblast.report.words import (
@@ -32,12 +33,13 @@ MESSAGES = {
     "no_law_applies": "outside the laws: no recording lies within the range of its "
     "law; do not use the numbers below",
     "extrapolated": "outside the laws: most of the information about "
-    "{parameters:parameter} is from recordings outside the range of their laws; do "
+    "{parameters:parameters} is from recordings outside the range of their laws; do "
     "not use these values",
-    "wrong_sensor": "wrong sensor or clock ({names:or}): do not use the numbers below",
+    "wrong_sensor": "wrong sensor or clock ({wrong:wrong}): do not use the numbers "
+    "below",
     "uncertain_intervals": "uncertain intervals: do not use those below; the warnings "
     "name the reason; --posterior emcee runs MCMC",
-    "not_identifiable": "not identified: the recordings leave {parameters:parameter} "
+    "not_identifiable": "not identified: the recordings leave {parameters:parameters} "
     "open",
     # warnings
     "mode_found_once": "the best solution was found by one search only; there may be "
@@ -53,24 +55,25 @@ MESSAGES = {
     "samples_roughly_counted": "the log-likelihood of the samples is accurate to "
     "{error:.2g} between the points where it was computed, required {wanted:g}: the "
     "intervals are rough; fit the picks instead",
-    "more_to_free": "with {parameters:parameter} free the recordings fit (p "
-    "{p_value:p}){masses:beside}; repeat the command with --free {parameters:option}",
-    "clock_to_free": "with {parameters:parameter} free (the clock of {clock} is wrong) "
-    "the recordings fit (p {p_value:p}){masses:beside}; repeat the command with --free "
+    "more_to_free": "with {parameters:parameters} free the recordings fit (p "
+    "{p_value:p}): {masses:estimates}; repeat the command with --free "
     "{parameters:option}",
+    "clock_to_free": "with {parameters:parameters} free (the clock of {clock} is "
+    "wrong) the recordings fit (p {p_value:p}): {masses:estimates}; repeat the "
+    "command with --free {parameters:option}",
     "look_closer": "`jblast check {log}` searches for wrong units, clocks and "
     "positions; `jblast scene {log}` writes a scene to which air, ground and priors "
     "can be added",
-    "slower_than_sound": "slower than sound: the arrivals at {sensors} imply mean "
-    "speeds down to {speed_m_s:.0f} m/s (speed of sound {sound_m_s:.0f} m/s), more "
-    "than scatter explains; check clocks, distances, and temperature and wind of the "
-    "scene",
-    "prior_conflict": "without priors the log fits well, at {values}, which a prior "
-    "excludes; correct or widen the prior, or correct the readings",
+    "slower_than_sound": "slower than sound: the arrivals at {sensors:names} imply "
+    "mean speeds down to {speed_m_s:.0f} m/s (speed of sound {sound_m_s:.0f} m/s), "
+    "more than scatter explains; check clocks, distances, and temperature and wind "
+    "of the scene",
+    "prior_conflict": "without priors the log fits well, at {values:values}, which a "
+    "prior excludes; correct or widen the prior, or correct the readings",
     "law_out_of_range": "{rows} of {of} rows lie outside their law's range "
-    "({quantities:quantity}); {ranges:ranges}",
+    "({quantities:quantities}); {ranges:ranges}",
     "law_out_of_range_below": "{rows} of {of} rows lie outside their law's range at "
-    "the lower bound of the 90 % interval ({quantities:quantity}); {ranges:ranges}",
+    "the lower bound of the 90 % interval ({quantities:quantities}); {ranges:ranges}",
     "laws_unsettled": "the automatic choice of law at the answer differs from the law "
     "of the fit; its choice there: {laws:law}",
     "bursts_unsettled": "the curve sets for the height of burst at the answer differ "
@@ -80,18 +83,18 @@ MESSAGES = {
     "height_of_burst": "{note}",
     "deep_charge": "the {charge} was {scaled_depth:.2g} m/kg^(1/3) deep; of its "
     "burial the laws used include the longer path only",
-    "no_point_source": "{laws} is for a point source, and a charge of {explosive} is "
-    "not one: near the charge the estimated mass can be many times too small; for "
-    'a nuclear burst set explosive = "nuclear"',
+    "no_point_source": "{laws:names} is for a point source, and a charge of "
+    "{explosive} is not one: near the charge the estimated mass can be many times "
+    'too small; for a nuclear burst set explosive = "nuclear"',
     "flat_ground": "flat ground was assumed: at {sensor}, {range_m} away, the error of "
     "the distance is {error_m}, {sigmas:.2g} sigma of its {quantity}",
-    "clocks_taken_to_agree": "clocks were assumed to agree: {clocks}; --free "
+    "clocks_taken_to_agree": "clocks were assumed to agree: {clocks:names}; --free "
     "{parameters:option} fits their offsets",
-    "rests_on_clocks": "{parameters:parameter} would not be identified without the "
+    "rests_on_clocks": "{parameters:parameters} would not be identified without the "
     "assumption that clocks agree",
-    "flashes_set_aside": "the flash times of the clocks {clocks} were not used: no "
-    "other reading relates these clocks to the others; if they agree, write the same "
-    "name in the column clock, or set offset_s in the scene; --free "
+    "flashes_set_aside": "the flash times of the clocks {clocks:names} were not "
+    "used: no other reading relates these clocks to the others; if they agree, write "
+    "the same name in the column clock, or set offset_s in the scene; --free "
     "{parameters:option} fits their offsets",
     "several_explanations": "the recordings of {suspected} are suspected, but without "
     "those of {others:or} the log fits as well; the log does not determine which is "
@@ -103,10 +106,10 @@ MESSAGES = {
     "small; fit {limit:,} paths or fewer to include the correlation",
     # assumptions
     "no_scene": "no scene was given: a surface charge of TNT in the standard "
-    "atmosphere at {altitude_m:.0f} m; also free: {free:parameter}",
+    "atmosphere at {altitude_m:.0f} m; also free: {free:parameters}",
     "no_scene_nor_place": "no scene was given: a surface charge of TNT at the origin "
     "at time 0, in the standard atmosphere at {altitude_m:.0f} m",
-    "nothing_learned": "intervals of {parameters:parameter} are those of the prior: "
+    "nothing_learned": "intervals of {parameters:parameters} are those of the prior: "
     "the log does not narrow them",
     "paths_independent": "the scatter of {paths:,} paths was assumed independent "
     "(correlation is modelled for at most {limit:,} paths); the scatter of "
@@ -157,66 +160,63 @@ def printed_p(p: float) -> str:
     return f"> {1 - POOR}" if p > 1 - POOR else f"= {p:.2g}"
 
 
-def listed(parts: Iterable[str], word: str = "and") -> str:
+def listed(parts: Iterable[str]) -> str:
     """Return a list for a sentence, shortened if it is long."""
     parts = list(parts)
-    more = len(parts) - MAX_NAMED
-    if more > 0:
+    if (more := len(parts) - MAX_NAMED) > 0:
         parts = [*parts[:MAX_NAMED], f"{more} more"]
-    if word == "or" and more <= 0:
-        return " or ".join(parts)
     return joined(parts)
 
 
+def _named(wrong: WrongSensor) -> str:
+    """Return what is wrong of a log: a clock, a sensor, or the order of two."""
+    if isinstance(wrong, ExchangedSensors):
+        return f"the order of {wrong.name} and {wrong.other}"
+    kind = "clock" if isinstance(wrong, WrongClock) else "sensor"
+    return f"the {kind} {wrong.name}"
+
+
+def _with_interval(name: str, estimate: Estimate) -> str:
+    printed = printed_estimate(name, estimate)
+    return f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"
+
+
+FORMS: Mapping[str, Callable[[Any], str]] = {
+    "p": printed_p,
+    "names": listed,
+    "or": " or ".join,
+    "option": ",".join,
+    "ranges": "; ".join,
+    "law": lambda laws: " ".join(f"--law {law}" for law in laws),
+    "parameter": parameter_words,
+    "parameters": lambda names: listed(map(parameter_words, names)),
+    "quantity": quantity_words,
+    "quantities": lambda names: listed(map(quantity_words, names)),
+    "wrong": lambda wrong: " or ".join(map(_named, wrong)),
+    "values": lambda values: listed(
+        f"{parameter_words(name)} {printed_number(name, value)}"
+        for name, value in values.items()
+    ),
+    "times": lambda factors: listed(
+        f"{parameter_words(name)} {factor:.2g} times"
+        for name, factor in factors.items()
+    ),
+    "estimates": lambda found: listed(_with_interval(*pair) for pair in found.items()),
+}
+"""Forms of numbers and names in a template, beside those of Python."""
+
+
 class _Sentences(Formatter):
-    """Formats numbers by the unit of their name, and lists."""
+    """Formats fields by `FORMS`; a number without a form has the unit of its name."""
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, Any]:
         value, key = super().get_field(field_name, args, kwargs)
-        return (_Named(field_name, value) if isinstance(value, float) else value), key
+        return (field_name, value), key
 
     def format_field(self, value: Any, format_spec: str) -> str:
-        if isinstance(value, _Named):
-            if format_spec == "p":
-                return printed_p(value.number)
-            if format_spec or not split_name(value.name)[1]:
-                return format(value.number, format_spec)
-            return printed_number(value.name, value.number, 2)
-        if format_spec == "option":
-            return ",".join(value)
-        if format_spec == "ranges":
-            return "; ".join(value)
-        if format_spec == "law":
-            return " ".join(f"--law {law}" for law in value)
-        if format_spec == "beside":
-            return f": {listed(map(_pair, value.items()))}" if value else ""
-        if format_spec in ("parameter", "quantity"):
-            words = parameter_words if format_spec == "parameter" else quantity_words
-            names = (value,) if isinstance(value, str) else value
-            return listed(words(one) for one in names)
-        if format_spec == "times":
-            each = (f"{parameter_words(n)} {x:.2g} times" for n, x in value.items())
-            return listed(each)
-        if isinstance(value, Mapping):
-            return listed(map(_pair, value.items()))
-        if isinstance(value, tuple):
-            return listed(value, format_spec or "and")
-        return super().format_field(value, format_spec)
-
-
-class _Named:
-    """A number with its name, by which its unit is known."""
-
-    def __init__(self, name: str, number: float):
-        self.name, self.number = name, number
-
-
-def _pair(pair: tuple[str, Any]) -> str:
-    """Return a name with its number, factor, estimate or text."""
-    name, value = pair
-    if isinstance(value, Estimate):
-        printed = printed_estimate(name, value)
-        return f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"
-    if isinstance(value, str):
-        return f"{name} {value}"
-    return f"{parameter_words(name)} {printed_number(name, value)}"
+        name, number = value
+        if format_spec in FORMS:
+            return FORMS[format_spec](number)
+        if not format_spec and isinstance(number, float) and split_name(name)[1]:
+            return printed_number(name, number, 2)
+        return format(number, format_spec)

@@ -1,5 +1,6 @@
 """The likelihood of rows with shared effects: against SciPy and by quadrature."""
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -12,8 +13,7 @@ from jblast.inference.likelihood import (
     Paths,
     Rows,
     Seen,
-    _inverse,
-    _log_size,
+    errors_of,
     exact_gain,
     log_likelihoods,
 )
@@ -160,28 +160,23 @@ def test_paths_apart_are_the_same_in_blocks_and_as_a_whole():
     np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
-@pytest.mark.parametrize("noise", ["gaussian", "student"])
-def test_a_charge_so_far_that_its_paths_are_one_has_a_density(noise):
-    far = np.full((1, 6, 6), 7e3**2)  # an effect of 7,000 s in all rows
-    found = [
-        value(
-            spread * RESIDUAL,
-            np.full(6, 1e-5),
-            np.zeros((6, 0)),
-            noise,
-            whole=True,
-            shared=far,
-        )
-        for spread in (0.0, 1.0, 10.0)
-    ]
-    assert np.isfinite(found).all()
-    assert found[0] > found[1] > found[2]
-
-
-def test_a_singular_matrix_leaves_the_other_places_their_inverse():
-    both = np.stack([np.ones((2, 2)), np.diag([2.0, 4.0])])
-    np.testing.assert_allclose(_inverse(np, both)[1], np.diag([0.5, 0.25]))
-    assert not np.isfinite(_log_size(np, both)[0])
+@pytest.mark.parametrize("far", [7.0, 7e3, 7e6])
+def test_paths_that_coincide_have_a_positive_covariance(far):
+    rows, seen = made(
+        RESIDUAL, np.full(6, 1e-5), np.zeros((6, 0)), "student", whole=True
+    )
+    every = np.arange(6)
+    rows = replace(rows, paths={"a": Paths(every, every, np.ones(6, bool))})
+    sd = np.full((1, 6), far)
+    # what rounding leaves of the directions to a charge far away
+    place = 1e-9 * np.random.default_rng(1).normal(size=(1, 6, 4))
+    placed = np.ones((1, 6), bool)
+    seen = seen._replace(arrival={"a": sd}, record_sd=sd, place=place, placed=placed)
+    errors = errors_of(np, rows, seen)
+    # a Student-t error may be smaller than its scale by a fifth
+    matrix = errors.shared[0, 0, 0] + 0.8 * np.diag(errors.own[0, 0])
+    assert np.linalg.eigvalsh(matrix).min() > 1e-9 * far**2
+    assert np.isfinite(log_likelihoods(np, rows, seen)[0]).all()
 
 
 def test_anchors_share_what_neighbours_share():

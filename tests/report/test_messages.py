@@ -8,6 +8,7 @@ from string import Formatter
 import pytest
 
 import jblast
+from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock, WrongSensor
 from jblast.report.messages import MAX_NAMED, MESSAGES, alarm, sentence_of
 from jblast.results import problem, warning
 
@@ -54,8 +55,15 @@ def test_numbers_are_printed_with_units_and_lists_are_short():
         warning("slower_than_sound", sensors=names, **speeds)
     )
     assert MAX_NAMED == 5
-    assert sentence_of(problem("wrong_sensor", names=("gate", "roof"))).startswith(
-        "wrong sensor or clock (gate or roof): do not"
+    rest = (2.5, 3, 0.4, 4, {})
+    wrong = (
+        WrongClock("gate", *rest, -0.8, 0.01, None),
+        WrongSensor("gate", *rest),
+        ExchangedSensors("e", *rest, "f"),
+    )
+    assert sentence_of(problem("wrong_sensor", wrong=wrong)).startswith(
+        "wrong sensor or clock (the clock gate or the sensor gate or the order of e "
+        "and f): do not"
     )
 
 

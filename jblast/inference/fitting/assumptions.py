@@ -9,10 +9,10 @@ arc, longer than the chord d by d^3 / 24 R^2 (8 mm at 20 km), and a charge fixed
 up = 0 at a distance s from the origin is s^2 / 2R above the ground (31 m at 20 km).
 
 Speed: a shock runs at the speed of sound or faster. The excess of each air arrival over
-the travel time of sound tau is fitted by b + e tau, weighted by the
-covariance of the arrivals, with a constant b for each time of detonation and each
-clock that is fitted. The log is slower than sound if e is significantly
-positive, at the level of a poor fit (`POOR`).
+the travel time of sound tau is fitted by b + e tau, weighted by the covariance of the
+arrivals, with a constant b for each time of detonation and each clock that is fitted.
+The log is slower than sound if e is significantly positive, at the level of a poor fit
+(`POOR`).
 
 Ranges of laws: a number is extrapolated if rows outside the range of their laws have
 more than half of its information. Laws of buried charges are checked at the depth that

@@ -154,7 +154,7 @@ def _problems(found: Summary) -> Iterator[Note]:
     elif found.extrapolated:
         yield problem("extrapolated", parameters=found.extrapolated)
     if found.explained_by:
-        yield problem("wrong_sensor", names=tuple(map(str, found.explained_by)))
+        yield problem("wrong_sensor", wrong=found.explained_by)
     if found.unchecked:
         yield problem("uncertain_intervals")
     if not found.identifiable or found.identifies_nothing:

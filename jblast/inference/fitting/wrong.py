@@ -41,9 +41,6 @@ class WrongSensor:
     law_valid_rows: int
     estimates: Mapping[str, Estimate]
 
-    def __str__(self) -> str:
-        return f"the sensor {self.name}"
-
 
 @dataclass(frozen=True)
 class WrongClock(WrongSensor):
@@ -59,9 +56,6 @@ class WrongClock(WrongSensor):
     offset_sd: float
     parameter: str | None
 
-    def __str__(self) -> str:
-        return f"the clock {self.name}"
-
 
 @dataclass(frozen=True)
 class ExchangedSensors(WrongSensor):
@@ -72,6 +66,3 @@ class ExchangedSensors(WrongSensor):
     """
 
     other: str
-
-    def __str__(self) -> str:
-        return f"the order of {self.name} and {self.other}"
