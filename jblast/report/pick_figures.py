@@ -5,16 +5,13 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import jblast
 from jblast.files import write_text
-from jblast.kept_programs import kept
 from jblast.observations import write
 from jblast.report.figure_files import picture_of, write_drawn
 from jblast.report.figure_style import (
@@ -38,10 +35,6 @@ from jblast.report.picks import (
 from jblast.report.provenance import Provenance, provenance_lines
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
 from jblast.signals.picks import NAMES, Gathered, PickLog, RecordPick
-from jblast.signals.picks.preparation import Bins
-from jblast.signals.picks.pulse_means import means_over
-from jblast.signals.picks.unknowns import Form
-from jblast.waves.pulse import Pulse
 
 JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
 PICTURE = "records_{}.png"
@@ -178,16 +171,15 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
         axes.axhline(0.0, color=MUTED, linewidth=0.7)
     above.fill_between(curve.time, low, high, color="#9a9a9a", linewidth=0.8)
     above.plot(curve.time, fitted, color=BLUE, linewidth=1.4)
-    arrival = float(one.pick.air_arrival_s)
-    end = arrival + float(one.pick.positive_duration_s)
+    arrival = one.pick.air_arrival_s
+    end = arrival + one.pick.positive_duration_s
     above.axvline(arrival, color=VERMILLION, linewidth=1.0, zorder=0)
     above.axvline(end, color=VERMILLION, linewidth=1.0, linestyle=":", zorder=0)
-    for later in np.asarray(one.pick.later_arrivals_s):
-        if np.isfinite(later):
-            above.axvline(later, color=COLOURS[4], linewidth=1.0, zorder=0)
-    clipped = float(one.pick.clipped_at_pa)
+    if np.isfinite(one.pick.later_arrival_s):
+        above.axvline(one.pick.later_arrival_s, color=COLOURS[4], linewidth=1, zorder=0)
+    clipped = one.pick.clipped_at_pa
     if np.isfinite(clipped):
-        level = (clipped - float(one.pick.baseline_pa)) / unit.size
+        level = (clipped - one.pick.baseline_pa) / unit.size
         above.axhline(level, color=INK, linewidth=0.8, linestyle="--")
         # a clipped sample is a lower bound, so that it has no residual
         residual[high >= (1.0 - CLIPPED_WITHIN) * level] = np.nan
@@ -205,50 +197,17 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
 
 def curves(picks: Sequence[RecordPick]) -> list[Curve]:
     """Return the curves of picks that keep their samples."""
-    edges = [_edges(one) for one in picks]
-    pulses = [_pulse(one, edge) for one, edge in zip(picks, edges, strict=True)]
-    made = jax.tree.map(lambda *of: np.array(of, float), *pulses)
-    fitted = np.asarray(_means(*jax.device_put(made)))
-    return [
-        _curve(one, edge, means)
-        for one, edge, means in zip(picks, edges, fitted, strict=True)
-    ]
-
-
-@kept
-def _means(pulses: Pulse, forms: Form) -> Float[Array, "pick bin"]:
-    # the same bins for all picks, so that one program is compiled
-    bins = Bins(np.arange(BINS), np.ones(BINS, int))
-    return jax.vmap(partial(means_over, bins))(pulses, forms)
-
-
-def _pulse(one: RecordPick, edges: Int[np.ndarray, " edge"]) -> tuple[Pulse, Form]:
-    """Return a pulse and its formulas, with times in bins from the first bin on."""
-    pick, record = one.pick, one.record
-    rate = record.rate_hz / int(edges[1] - edges[0])
-    # a sample, and a bin, is the mean over an interval about its time
-    start_s = record.start_s + (int(edges[0]) - 0.5) / record.rate_hz + 0.5 / rate
-    pulse = Pulse(
-        arrival_time=jnp.asarray((float(pick.air_arrival_s) - start_s) * rate),
-        peak=pick.peak_overpressure_pa,
-        rise_time=pick.rise_time_s * rate,
-        duration=pick.positive_duration_s * rate,
-        decay=pick.decay,
-        suction=pick.negative_pressure_pa,
-        suction_duration=pick.negative_duration_s * rate,
-        hold_time=jnp.asarray(0.0),
-    )
-    return pulse, pick.form
+    return [_curve(one, _edges(one)) for one in picks]
 
 
 def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     """Return the first samples of bins of equal size, at most `BINS`, and the end."""
     pick, record = one.pick, one.record
-    arrival, duration = float(pick.air_arrival_s), float(pick.positive_duration_s)
+    arrival, duration = pick.air_arrival_s, pick.positive_duration_s
     # an onset without a pulse has no duration: the whole record is drawn
     if np.isnan(duration):
         arrival, duration = record.start_s, record.seconds
-    wave = duration + float(np.nan_to_num(pick.negative_duration_s))
+    wave = duration + np.nan_to_num(pick.negative_duration_s)
     first = int((arrival - BEFORE * duration - record.start_s) * record.rate_hz) - 1
     last = int((arrival + AFTER * wave - record.start_s) * record.rate_hz) + 2
     first, last = max(first, 0), min(last, record.samples.size)
@@ -258,13 +217,15 @@ def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     return np.arange(first, last + 1, size)
 
 
-def _curve(
-    one: RecordPick,
-    edges: Int[np.ndarray, " edge"],
-    fitted: Float[np.ndarray, " bins"],
-) -> Curve:
+def _curve(one: RecordPick, edges: Int[np.ndarray, " edge"]) -> Curve:
+    """Return the curve of a pick in bins of samples."""
     record = one.record
-    own = record.samples[edges[0] : edges[-1]] - float(one.pick.baseline_pa)
+    own = record.samples[edges[0] : edges[-1]] - one.pick.baseline_pa
+    fitted = np.zeros(edges.size - 1)
+    if one.pick.pulse is not None:
+        # sample i covers i - 1/2 to i + 1/2
+        ends_s = record.start_s + (edges - 0.5) / record.rate_hz
+        fitted = np.diff(one.pick.pulse.impulse_until(ends_s)) / np.diff(ends_s)
     bins = own.reshape(edges.size - 1, -1)
     middle = 0.5 * (edges[:-1] + edges[1:] - 1)
     return Curve(
@@ -272,7 +233,7 @@ def _curve(
         bins.mean(axis=1),
         bins.min(axis=1),
         bins.max(axis=1),
-        _through_high_pass(one, fitted[: len(bins)], int(edges[1] - edges[0])),
+        _through_high_pass(one, fitted, int(edges[1] - edges[0])),
     )
 
 

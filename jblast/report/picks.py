@@ -40,17 +40,15 @@ NOTES: dict[NoteKind, str] = {
     "nothing_found": "nothing found",
     "onset_alone": "no blast pulse fits the samples; the arrival is the onset of the "
     "signal",
-    "not_converged": "the fit of the pulse did not converge",
     "clipped": "clipped at {clipped_at}",
+    "hopeless": "the samples do not have the form of a blast pulse (misfit {misfit}, "
+    "expected 1)",
     "misfit": "the samples do not have the form of a blast pulse (misfit {misfit}, "
     "expected 1)",
     "few_quiet_samples": "too few quiet samples before the front to estimate the noise",
     "under_sampled": "fewer than eight samples in the positive phase",
     "sharp_front": "the front rises within one sample",
     "cut_short": "the record ends before the positive phase does",
-    "drifting": "the baseline drifts",
-    "curved_baseline": "the baseline is curved: duration and impulse depend on its "
-    "form",
     "resonating": "the sensor rings at {rings}",
     "high_passed": "the record after the pulse looks high-passed, and no corner was "
     "given; a Friedlander pulse that stays below zero looks the same",
@@ -61,6 +59,7 @@ NOTES: dict[NoteKind, str] = {
     "front_alone": "the record after the front does not have the form of a blast "
     "pulse: arrival and peak are from the front only",
     "duration_unsure": "the duration is poorly constrained",
+    "duration_lost": "the pulse is too faint for a duration",
     "faint": "the pulse is faint",
     "continued_decay": "below zero the pressure follows Friedlander's formula, which "
     "has no end; the negative duration is that of a phase of equal depth and impulse",
@@ -71,10 +70,10 @@ REASONS: dict[Reason, str] = {
     "onset_alone": "no pulse fits the samples",
     "uncalibrated": "the samples have no known scale in pascals",
     "high_passed": "distorted by a high-pass of unknown corner",
-    "curved_baseline": "the baseline is curved",
     "cut_short": "the record ends too early",
     "zero_shift": "the zero of the gauge shifts at the front",
     "front_alone": "the record after the front is not a blast pulse",
+    "duration_lost": "the pulse is too faint",
     "weaker": "weaker than another pick of the same bang: possibly an echo",
 }
 """Reason for quantities that the log does not contain."""
@@ -300,7 +299,7 @@ def picks_answer(found: Gathered, log: PickLog) -> PicksAnswer:
 
 
 def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
-    later = zip(one.pick.later_arrivals_s, one.pick.later_sigmas_s, strict=True)
+    later = PickedValue(one.pick.later_arrival_s, one.pick.later_sigma_s)
     return PickAnswer(
         record=name,
         sensor=one.record.name,
@@ -308,12 +307,8 @@ def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
         bang=order,
         shot=shot,
         **{quantity: _estimate(one, quantity) for quantity in NAMES},
-        lower_bound=bool(one.pick.lower_bound),
-        later_arrivals_s=tuple(
-            PickedValue(float(time), float(sd))
-            for time, sd in later
-            if not math.isnan(float(time))
-        ),
+        lower_bound=one.pick.lower_bound,
+        later_arrivals_s=() if math.isnan(later.value) else (later,),
         quality=one.quality,
         notes=tuple(note_words(one)),
     )
@@ -327,15 +322,14 @@ def _estimate(one: RecordPick, quantity: str) -> PickedValue | None:
 
 def note_words(one: RecordPick) -> list[str]:
     """Return the notes on a pick, as sentences."""
-    later = [float(time) for time in one.pick.later_arrivals_s if time == time]
-    scale = float(one.pick.clipped_at_pa)
+    scale = one.pick.clipped_at_pa
     level = f"{scale:.3g} of full scale"
     if one.record.calibrated and scale == scale:
         level = printed_number("clipped_at_pa", scale, 3)
     values = {
         "clipped_at": level,
-        "rings": f"{float(one.pick.resonance_hz):.3g} Hz",
-        "misfit": f"{float(one.pick.misfit):.3g}",
-        "later": f"{joined([f'{time:.6g}' for time in later])} s",
+        "rings": f"{one.pick.resonance_hz:.3g} Hz",
+        "misfit": f"{one.pick.misfit:.3g}",
+        "later": f"{one.pick.later_arrival_s:.6g} s",
     }
     return [NOTES[kind].format(**values) for kind in one.notes]

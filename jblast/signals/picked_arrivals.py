@@ -22,8 +22,8 @@ from jaxtyping import Float
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.matched_filter import Detection
-from jblast.signals.picks import RecordPick, pick_records
-from jblast.signals.picks.pick import LEAST_SAMPLES, filled_length
+from jblast.signals.picks import pick_records
+from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.search import OTHER_FRONT
 
 BEFORE_S, AFTER_S = 0.25, 0.75
@@ -54,33 +54,14 @@ def picked_arrivals(channels: Sequence[SearchedChannel]) -> list[tuple[Detection
     Args:
         channels: Arrivals with the samples about them.
     """
-    records = [list(_intervals(channel)) for channel in channels]
-    rates = {channel.rate_hz for channel in channels}
-    # one length for all arrivals of one rate, however close to each other: each length
-    # is another program to compile
-    picks = {
-        rate: iter(
-            pick_records(
-                [
-                    record
-                    for own, channel in zip(records, channels, strict=True)
-                    for record in own
-                    if channel.rate_hz == rate and _can_be_picked(record)
-                ],
-                least_length=filled_length(round((BEFORE_S + AFTER_S) * rate)),
-            )
-        )
-        for rate in rates
-    }
     return [
         tuple(
-            _timed(
-                arrival,
-                next(picks[channel.rate_hz]) if _can_be_picked(record) else None,
+            _timed(arrival, record)
+            for arrival, record in zip(
+                channel.arrivals, _intervals(channel), strict=True
             )
-            for arrival, record in zip(channel.arrivals, own, strict=True)
         )
-        for own, channel in zip(records, channels, strict=True)
+        for channel in channels
     ]
 
 
@@ -111,13 +92,15 @@ def _can_be_picked(record: PressureRecord) -> bool:
     return record.samples.size >= LEAST_SAMPLES and bool(np.ptp(record.samples) > 0)
 
 
-def _timed(arrival: Detection, picked: RecordPick | None) -> Detection:
+def _timed(arrival: Detection, record: PressureRecord) -> Detection:
     """Return an arrival with the time of its pick, or with a larger error."""
-    if picked is not None and picked.quality != "poor":
-        time_s = float(picked.pick.air_arrival_s)
-        if abs(time_s - arrival.time_s) <= arrival.template_s:
+    if _can_be_picked(record):
+        (picked,) = pick_records([record])
+        time_s = picked.pick.air_arrival_s
+        near = abs(time_s - arrival.time_s) <= arrival.template_s
+        if picked.quality != "poor" and near:
             # a sample may be an instant or the mean over an interval
-            unknown_s = OTHER_FRONT / picked.record.rate_hz
-            sigma_s = math.hypot(float(picked.pick.spread[0]), unknown_s)
+            unknown_s = OTHER_FRONT / record.rate_hz
+            sigma_s = math.hypot(picked.pick.sd("air_arrival_s"), unknown_s)
             return arrival._replace(time_s=time_s, sigma_s=sigma_s)
     return arrival._replace(sigma_s=math.hypot(arrival.sigma_s, arrival.spread_s))

@@ -34,7 +34,7 @@ from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.imu import Felt, JoltPick, base_of, felt, pick_jolt, read
 from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
-from jblast.signals.picks.pick_log import log_value, omitted_quantities
+from jblast.signals.picks.pick_log import kept_quantities, log_value
 from jblast.vehicle import State, Trajectory, vehicle_of
 from jblast.vehicle.quadrotor import required_body
 from jblast.waves import kingery_bulmash_blast_wind
@@ -363,12 +363,11 @@ def picked_readings(
     places: list[np.ndarray] = []
     missed = 0
     for (sensor, shot), one in zip(of, pick_records(records), strict=True):
-        lost = [quantity for _, gone in omitted_quantities(one) for quantity in gone]
-        kept = [q for q in PICKED_QUANTITIES if one.pick.found and q not in lost]
+        kept = [q for q in kept_quantities(one)[0] if q in PICKED_QUANTITIES]
         missed += not kept
         for quantity in kept:
             value, sigma = _value(one, quantity)
-            bound = quantity == PEAK and bool(one.pick.lower_bound)
+            bound = quantity == PEAK and one.pick.lower_bound
             name = world.scene.charges[shot].name
             rows.append((sensor.name, quantity, value, sigma, name, bound))
             row = arrivals.entities.index(sensor.name)
@@ -421,5 +420,5 @@ def _value(one: RecordPick, quantity: str) -> tuple[float, float]:
     if quantity == AIR:
         return value + 0.5 * step, math.hypot(sigma, unknown)
     # Slope of Friedlander's pulse at its peak, relative to the peak: (1 + b) / t_d.
-    fall = (1.0 + float(one.pick.decay)) / float(one.pick.positive_duration_s)
+    fall = (1.0 + one.pick.decay) / one.pick.positive_duration_s
     return value, math.hypot(sigma, value * fall * unknown)

@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         from jblast.signals.picks.pick_log import picked_log
 
         scale, high = scaling_of(options), options.high_pass
-        readings = picked_log(log, scale, high_pass_hz=high, faults=faults).observations
+        readings = picked_log(log, scale, high_pass_hz=high, faults=faults)
     # All faults are collected, so that one run is enough to correct a log.
     faults += refusals(readings, uncertain) if len(readings) else []
     # Positions come from the scene where the log has none, as in a fit.

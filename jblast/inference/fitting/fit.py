@@ -57,12 +57,11 @@ STAGES = {
     "reading samples": 14.0,
     "choosing laws": 0.7,
     "searching": 1.0,
-    "counting samples": 8.0,
     "walking": 10.0,
     "collecting results": 0.3,
 }
 """Stages of a fit with their approximate duration [s], most of it compilation."""
-OF_SAMPLES = ("reading samples", "counting samples")
+OF_SAMPLES = ("reading samples",)
 """Stages of logs with records of samples only."""
 OF_WALKERS = ("walking",)
 # points of a band, evenly spaced in ln: 5 % apart for a span of a factor of 50
@@ -254,9 +253,8 @@ def fit(
     Args:
         log: A table of any form that `jblast.read` accepts (a file, a data frame),
             several files with `one_event`, a folder or files of pressure records with
-            `positions`, the result of `jblast.pick_files`, or `Observations`. If a row
-            names a record, the likelihood is that of its samples
-            (`inference.sampled_records`).
+            `positions`, the result of `jblast.pick_files`, or `Observations`. A row
+            that names a record is replaced by the readings of its pick.
         scene: The scene and its unknown parameters, or its file. The default is a
             surface charge of unknown mass in sea-level air, at a free position and time
             if the log can identify them, else at the origin at time 0
@@ -322,22 +320,12 @@ def _fit(
     left_out = () if SAMPLES in observations.quantity else OF_SAMPLES
     left_out += () if posterior == "emcee" else OF_WALKERS
     begin = stages({k: v for k, v in STAGES.items() if k not in left_out})
-    sampled = None
     if SAMPLES in observations.quantity:
-        if posterior == "emcee":
-            raise InputError(
-                f"{observations.source or 'observations'}: expected the posterior "
-                "'weighted' for a log that names records of samples, got 'emcee'"
-            )
         begin("reading samples")
-        # importing picks takes a second, which logs without samples do not need
-        from jblast.inference.sampled_records import sampled_records
+        # logs without samples do not need the import of picks
         from jblast.signals.picks.pick_log import picked_log
 
-        observations, picks = picked_log(
-            observations, scaling, high_pass_hz=high_pass_hz
-        )
-        sampled = sampled_records(observations, picks)
+        observations = picked_log(observations, scaling, high_pass_hz=high_pass_hz)
     # in this order: the log decides which numbers are free, then its positions are
     # resolved, then the fireball
     uncertain = for_log(uncertain, observations)
@@ -357,9 +345,7 @@ def _fit(
         uncertain.beliefs,
         is_default=uncertain.source == NO_SCENE,
     )
-    solution = solve(
-        observations, uncertain, noise=noise, seed=seed, records=sampled, begin=begin
-    )
+    solution = solve(observations, uncertain, noise=noise, seed=seed, begin=begin)
     drawn = solution.draws
     reason = assumption("draws_weighted", k_hat=drawn.k_hat, effective=drawn.effective)
     walkers = None

@@ -75,9 +75,6 @@ def notes_of(
     if not found.is_reliable:
         k_hat, effective = solution.draws.k_hat, solution.draws.effective
         notes.append(warning("weights_unreliable", k_hat=k_hat, effective=effective))
-    # None: no samples
-    if (error := solution.samples_known or 0.0) > ROUGH:
-        notes.append(warning("samples_roughly_counted", error=error, wanted=ROUGH))
     if solution.other_laws:
         others = tuple(f"{k}={name}" for k, name in solution.other_laws.items())
         notes.append(warning("laws_unsettled", laws=others))

@@ -2,7 +2,10 @@
 
 from jblast.signals.picks.pick import (
     NAMES as NAMES,
+    NOTES as NOTES,
+    NoteKind as NoteKind,
     Pick as Pick,
+    Quality as Quality,
     pick as pick,
 )
 from jblast.signals.picks.pick_files import (
@@ -20,8 +23,6 @@ from jblast.signals.picks.pick_log import (
     pick_estimate as pick_estimate,
 )
 from jblast.signals.picks.record_picks import (
-    NoteKind as NoteKind,
-    Quality as Quality,
     RecordPick as RecordPick,
     pick_records as pick_records,
 )

@@ -1,33 +1,45 @@
-r"""The pick of a pressure record: its pulse, with covariance.
+r"""The pick of a pressure record: values of its pulse, averaged over all hypotheses.
 
-A Friedlander pulse with a finite rise and a negative phase (`waves/pulse.py`)
-and a drift are fitted to the samples, with the noise of the quiet part before the
-front. `unknowns` has the priors, `preparation` the noise and the bins, `lanes` the fit.
-All of it is one pure function of arrays, batched, and differentiable through the
-optimum.
+A pulse with a finite rise and a negative phase (`pulse`) is fitted with the drift of
+the baseline, in the noise of the quiet part before the front (`preparation`). Forms of
+the pulse, and effects like a ringing sensor (`effects`), are hypotheses with weights by
+their evidence (`evidence`). Values are the mean over all; the covariance is that within
+them plus the spread between them, plus the place of an unresolved front within its
+sample.
 
-Records are padded to a power of two and picked in chunks of `LANES`, so that few
-programs serve records of any length and number. Each device runs its own program:
-partitioned as one program, the small systems of equations of the search would be
-gathered from all devices.
+Where no hypothesis fits, the record is tried again with shorter pulses (a drift may be
+the largest one), with its flat top as clipped, and by its front alone.
 """
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
-from jaxtyping import Array, ArrayLike as ArrayOrNumber, Bool, Float
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError, argument
-from jblast.kept_programs import kept
-from jblast.signals.picks.lanes import LanePicks, pick_lanes
-from jblast.signals.picks.preparation import clipped_samples
-from jblast.signals.picks.unknowns import CONTINUED, Form
+from jblast.observations.table import RECORD_QUANTITIES
+from jblast.signals.picks.evidence import (
+    MISFIT,
+    Modes,
+    covariance,
+    high_passed,
+    levels,
+    modes_of,
+    widening,
+)
+from jblast.signals.picks.preparation import Prepared, Window
+from jblast.signals.picks.pulse import (
+    CHANGES,
+    CONTINUED,
+    OUTPUTS,
+    PEAK,
+    natural,
+    outputs,
+    primitive,
+)
 
 LEAST_SAMPLES = 16
 """Smallest number of samples of a record: pulse and drift have 11 unknowns, and the
@@ -35,25 +47,47 @@ noise before the front has its own."""
 CLOCK_TOLERANCE = 1e-3
 """Largest deviation from even times, as a share of a sample. Deviations of up to half a
 sample pass where the digits of the times explain them."""
-SHORTEST_PADDED = 512
-"""Shortest padded record [samples]. Records are padded to powers of two from here on,
-so that few programs serve records of any length: each compiles for 40 to 50 s."""
+HOPELESS = 30.0
+"""Squared misfit above which the model explains next to nothing."""
+SLIGHT_RESIDUAL = 1e-3
+"""Root mean square residual, over the peak, that is accepted whatever the misfit. In a
+record with hardly any noise a ground tremor before the front is a hundred standard
+deviations, but changes no value of the pick."""
+SHORTER = 0.5
+"""Longest start of another attempt, over that of the last."""
+FLAT_TOP_SD, FLAT_TOP_SAMPLES = 6.0, 8
+"""Depth of a flat top [standard deviations of a sample], about the range of thousands
+of samples of noise, and its smallest number of samples."""
+FRONT_PARTS = 8, 32
+"""Parts of the usual window in which the front alone is fitted: up to a half and a
+seventh of the positive phase, before any disturbance."""
+LEAST_FRONT = 24
+"""Shortest fitted interval behind a front alone [samples]."""
+OTHER_FORMS = 0.02
+"""Standard deviation of arrival and end of the rise due to forms beyond the families
+[rise times]."""
+LEAST_WEIGHT = 3e-4
+"""Smallest weight of a mode that counts."""
+STEP_LEVEL, STEP_SAMPLES = 0.5, 16
+"""A record is a step, not a pulse, if the mean of its last 16 samples is above half of
+its largest sample."""
+FOUND_SD = 0.2
+"""Largest standard deviation of ln peak of a detected pulse: noise has five standard
+deviations in 1 of 3 million records at one arrival, in 1 of 1,000 over all arrivals."""
 FEW_SAMPLES = 8.0
-"""Duration below which a pulse is marked as under-sampled [samples]: there are no more
-samples than unknowns of the pulse, so the priors of its form matter."""
-LONG_SUCTION = 6.0
-"""Ratio of negative to positive phase from which on a high-pass is the more probable
-cause: laws have 1.8 to 4.5 (`unknowns`)."""
-DEEP_SUCTION = 0.1
-"""Depth times duration of such a phase, over the positive impulse, from which on it
-counts: a shallower one is noise, and its duration is no sign."""
+"""Duration below which a pulse is marked as under-sampled: there are no more samples
+than unknowns of the pulse, so the priors of its form matter."""
 BOUND_PEAK_SD = 0.05
 """Standard deviation of ln peak from which on a clipped peak is a lower bound. A better
 one, reconstructed from the decay, is used with its error."""
-LANES = 32
-"""Records of one chunk. Another number would be another program to compile; each
-device runs chunks of its own."""
-Result = TypeVar("Result")
+UNSURE_DURATION = 0.2
+"""Standard deviation of ln duration from which on a pick is doubtful. A 90 % interval
+then spans a factor of 1.9, which hardly constrains a charge."""
+FAINT_PEAK_SD = 0.1
+"""Standard deviation of ln peak from which on a pulse is noted as faint: a signal to
+noise ratio of about ten, where steps of coloured noise may be taken for the front."""
+PROBABLE = 0.5
+"""Weight from which on an effect is reported."""
 NAMES = (
     "air_arrival_s",
     "peak_overpressure_pa",
@@ -64,92 +98,123 @@ NAMES = (
     "negative_pressure_pa",
     "negative_duration_s",
 )
-"""Picked values, in the order of `Pick.spread`."""
+"""Picked values; the first four are quantities of a log."""
 IN_LOG = 4
-"""Number of values, the first of `NAMES`, that a log contains with their covariance."""
+IN_LN = np.array([False, True, True, True, False, True, False, True])
+"""Values that are averaged as logarithms."""
+Quality = Literal["good", "doubtful", "poor"]
+NoteKind = Literal[
+    "nothing_found",
+    "hopeless",
+    "onset_alone",
+    "reversed_polarity",
+    "misfit",
+    "front_alone",
+    "clipped",
+    "few_quiet_samples",
+    "under_sampled",
+    "sharp_front",
+    "cut_short",
+    "resonating",
+    "later_arrival",
+    "zero_shift",
+    "high_passed",
+    "continued_decay",
+    "duration_unsure",
+    "duration_lost",
+    "faint",
+]
+"""Kinds of notes on a pick."""
 
 
-class Pick(eqx.Module):
-    """The pulse of a record, or of each record of a batch.
+@dataclass(frozen=True)
+class FittedPulse:
+    """The most probable pulse: forms, unknowns and amounts, in samples from a front."""
 
-    Errors are those of the posterior with rise, suction and drift free. Values are NaN
-    if no pulse was found.
+    unknowns: Float[np.ndarray, "1 unknown"]
+    rise: np.ndarray
+    negative: np.ndarray
+    amounts: Float[np.ndarray, " column"]
+    first_s: float
+    step_s: float
+    scale: float
+
+    def impulse_until(self, time_s: Float[np.ndarray, " time"]):
+        """Return the impulse since the arrival at rising times [Pa s]."""
+        at = (time_s - self.first_s) / self.step_s
+        made = primitive(self.unknowns, self.rise, self.negative, at)[0]
+        return self.scale * self.step_s * (self.amounts @ made)
+
+
+@dataclass(frozen=True)
+class Pick:
+    """The pulse of a record.
+
+    Errors are those of the posterior with all hypotheses, rise, suction and drift free.
+    Values are NaN if no pulse was found.
 
     Attributes:
         air_arrival_s: Start of the rise, on the clock of the samples [s].
-        peak_overpressure_pa: Overpressure behind the front [Pa].
-        positive_duration_s: Duration of the positive phase, rise included [s].
-        positive_impulse_pa_s: Impulse of the positive phase [Pa s].
-        decay: Friedlander's $b$ behind the rise [-].
-        rise_time_s: Rise time from zero to the peak [s].
-        negative_pressure_pa: Greatest underpressure; noise may make it negative in a
+        peak_overpressure_pa: Overpressure behind the front [Pa]. positive_duration_s:
+        Duration of the positive phase, rise included [s]. positive_impulse_pa_s:
+        Impulse of the positive phase [Pa s]. decay: Friedlander's $b$ behind the rise
+        [-]. rise_time_s: Rise time from zero to the peak; of an exponential rise to 95
+        % [s]. negative_pressure_pa: Greatest underpressure; noise may make it negative
+        in a
             record without a negative phase [Pa].
         negative_duration_s: Duration of the negative phase [s].
         covariance: Covariance of arrival [s], ln peak, ln duration and ln impulse.
-        spread: Standard deviations of the eight values in the order of `NAMES`: of
-            arrival [s], decay [-] and the logarithms of the others.
-        found: True if there is a pulse.
-        converged: True if the search ended at an optimum.
+        sds: Standard deviations of the eight values in the order of `NAMES`, in their
+            units.
+        notes: Kinds of findings, in the order of `NOTES`.
         lower_bound: True if samples were clipped at the peak, so that only
             `clipped_at_pa` and the prior constrain it.
         clipped_at_pa: Largest absolute value of a clipped sample; NaN without any [Pa].
-        under_sampled: True if the positive phase has fewer than eight samples.
-        sharp: True if the rise is shorter than a sample, so that the arrival may be
-            anywhere within one.
-        high_passed: True if the record looks high-passed and no corner was specified.
-        resonating: True if the record contains a resonance of the sensor.
-        drifting: True if the baseline moves by more than 2 % of the peak.
-        curving: True if it bends by more than 3 % of the peak within the fitted
-            interval, where a cubic may not describe it.
-        cut_short: True if the record ends before the positive phase.
-        noise_known: True if there were enough quiet samples before the front.
-        shifted: True if the baseline steps at the front and stays there.
-        front_alone: True if the pressure behind the front is no blast pulse, so that
-            the front alone was fitted and only arrival and peak are identified.
         resonance_hz: Undamped frequency of the resonance; NaN without one [Hz].
-        later_arrivals_s: Arrival of a further front within the fitted interval, at most
-            one; NaN without one [s].
-        later_sigmas_s: Their standard deviations [s].
-        misfit: Squared misfit per degree of freedom, about 1 where the model holds [-].
-            Above 1, errors are widened by its root.
+        later_arrival_s: Arrival of a further front within the fitted interval; NaN
+            without one [s].
+        later_sigma_s: Its standard deviation [s].
+        misfit: Squared misfit per degree of freedom, about 1 where the model fits [-].
         noise_pa: Standard deviation of the noise of a sample [Pa].
         baseline_pa: Baseline at the arrival [Pa].
-        form: Formulas of the likeliest pulse.
+        pulse: The most probable pulse; None if only an onset was found.
     """
 
-    air_arrival_s: Float[Array, "*batch"]
-    peak_overpressure_pa: Float[Array, "*batch"]
-    positive_duration_s: Float[Array, "*batch"]
-    positive_impulse_pa_s: Float[Array, "*batch"]
-    decay: Float[Array, "*batch"]
-    rise_time_s: Float[Array, "*batch"]
-    negative_pressure_pa: Float[Array, "*batch"]
-    negative_duration_s: Float[Array, "*batch"]
-    covariance: Float[Array, "*batch 4 4"]
-    spread: Float[Array, "*batch 8"]
-    found: Bool[Array, "*batch"]
-    converged: Bool[Array, "*batch"]
-    lower_bound: Bool[Array, "*batch"]
-    clipped_at_pa: Float[Array, "*batch"]
-    under_sampled: Bool[Array, "*batch"]
-    sharp: Bool[Array, "*batch"]
-    high_passed: Bool[Array, "*batch"]
-    resonating: Bool[Array, "*batch"]
-    drifting: Bool[Array, "*batch"]
-    curving: Bool[Array, "*batch"]
-    cut_short: Bool[Array, "*batch"]
-    noise_known: Bool[Array, "*batch"]
-    shifted: Bool[Array, "*batch"]
-    front_alone: Bool[Array, "*batch"]
-    resonance_hz: Float[Array, "*batch"]
-    later_arrivals_s: Float[Array, "*batch later"]
-    later_sigmas_s: Float[Array, "*batch later"]
-    misfit: Float[Array, "*batch"]
-    noise_pa: Float[Array, "*batch"]
-    baseline_pa: Float[Array, "*batch"]
-    form: Form
+    air_arrival_s: float
+    peak_overpressure_pa: float
+    positive_duration_s: float
+    positive_impulse_pa_s: float
+    decay: float
+    rise_time_s: float
+    negative_pressure_pa: float
+    negative_duration_s: float
+    covariance: Float[np.ndarray, "4 4"]
+    sds: Float[np.ndarray, " 8"]
+    notes: tuple[NoteKind, ...]
+    lower_bound: bool
+    clipped_at_pa: float
+    resonance_hz: float
+    later_arrival_s: float
+    later_sigma_s: float
+    misfit: float
+    noise_pa: float
+    baseline_pa: float
+    pulse: FittedPulse | None
 
-    def sd(self, name: str) -> Float[Array, "*batch"]:
+    @property
+    def quality(self) -> Quality:
+        """Good, doubtful or poor: the worst that a note makes it."""
+        worst = max(
+            (QUALITIES.index(NOTES[kind].quality) for kind in self.notes), default=0
+        )
+        return QUALITIES[worst]
+
+    @property
+    def found(self) -> bool:
+        """True if there is a pulse or an onset."""
+        return "nothing_found" not in self.notes
+
+    def sd(self, name: str) -> float:
         """Return the standard deviation of a value, in its own unit.
 
         Args:
@@ -160,10 +225,7 @@ class Pick(eqx.Module):
         """
         if name not in NAMES:
             raise ValueError(f"expected one of {', '.join(NAMES)}, got {name}")
-        sd = self.spread[..., NAMES.index(name)]
-        if name in ("air_arrival_s", "decay"):
-            return sd
-        return sd * jnp.abs(getattr(self, name))
+        return float(self.sds[NAMES.index(name)])
 
 
 def pick(
@@ -173,21 +235,18 @@ def pick(
     full_scale_pa: float | None = None,
     high_pass_hz: float | None = None,
 ) -> Pick:
-    """Return the pulses of records.
-
-    The function is pure. Under `jit`, `vmap` and `grad` its input is not checked.
+    """Return the pulse of a record.
 
     Args:
-        time_s: Middle of each sample on one even clock [s], [sample].
-        pressure_pa: Overpressure [Pa], [*batch, sample]. In another unit, peak, impulse
-            and suction are in that unit.
+        time_s: Middle of each sample on an even clock [s], [sample].
+        pressure_pa: Overpressure [Pa], [sample]. In another unit, peak, impulse and
+            suction are in that unit.
         full_scale_pa: Largest absolute value of a sample; samples at it are clipped.
             None if not specified: equal samples in a row at the extreme are clipped.
         high_pass_hz: Corner of the instrument's first-order high-pass [Hz].
 
     Returns:
-        Arrival, peak, duration, impulse and more, with their covariance, for each
-        record.
+        Arrival, peak, duration, impulse and more, with their covariance.
 
     Raises:
         InputError: Times are uneven or do not rise, lengths differ, a value is not
@@ -198,64 +257,47 @@ def pick(
         and `found.sd("positive_impulse_pa_s")`.
     """
     time, pressure = _checked(time_s, pressure_pa)
-    n, batch = pressure.shape[-1], pressure.shape[:-1]
-    step = (time[-1] - time[0]) / (n - 1)
-    flat = pressure.reshape(-1, n)
-    # NumPy pads without compiling a program for each length
-    if filled_length(n) > n:
-        pad = np.pad if isinstance(flat, np.ndarray) else jnp.pad
-        flat = pad(flat, [(0, 0), (0, filled_length(n) - n)], mode="edge")
     for name, what, value, unit in (
         ("high_pass_hz", "a positive corner", high_pass_hz, "Hz"),
         ("full_scale_pa", "a positive pressure", full_scale_pa, "Pa"),
     ):
         if value is not None and not (0 < value < np.inf):
             raise InputError(f"{argument(name)}: expected {what}, got {value:g} {unit}")
-    made = picks_of(
-        flat,
-        np.full(flat.shape[0], n),
-        time[0],
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    return picked(
+        pressure,
+        float(time[0]),
         step,
-        full_scale_pa,
-        None if high_pass_hz is None else step * high_pass_hz,
+        full_scale=full_scale_pa,
+        high_pass_hz=high_pass_hz,
     )
-    return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), made)
 
 
 def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
-    """Return checked times, in double precision unless traced, and samples."""
-    pressure = (
-        pressure_pa if isinstance(pressure_pa, Tracer) else np.asarray(pressure_pa)
-    )
-    time = time_s if isinstance(time_s, Tracer) else np.asarray(time_s, dtype=float)
+    """Return checked times and samples in double precision."""
+    time, pressure = np.asarray(time_s, float), np.asarray(pressure_pa, float)
     if time.ndim != 1:
         raise InputError(
-            f"{argument('time_s')}: expected [sample], one clock for all records, got "
-            f"the shape {time.shape}"
+            f"{argument('time_s')}: expected [sample], got the shape {time.shape}"
         )
-    if pressure.ndim < 1 or time.shape[0] != pressure.shape[-1]:
+    if pressure.shape != time.shape:
         raise InputError(
-            f"{argument('pressure_pa')}: expected [..., sample] with as many samples "
-            f"as {argument('time_s')}, got {pressure.shape} and {time.shape}"
+            f"{argument('pressure_pa')}: expected one record with as many samples as "
+            f"{argument('time_s')}, got {pressure.shape} and {time.shape}"
         )
-    if time.shape[0] < LEAST_SAMPLES:
+    if time.size < LEAST_SAMPLES:
         raise InputError(
             f"{argument('pressure_pa')}: expected {LEAST_SAMPLES} samples or more, got "
-            f"{time.shape[0]}"
+            f"{time.size}"
         )
-    if not isinstance(time, Tracer):
-        _check_even(time)
-    if not isinstance(pressure, Tracer):
-        bad = np.argwhere(~np.isfinite(pressure))
-        if bad.size:
-            place = ", ".join(str(i) for i in bad[0])
-            raise InputError(
-                f"{argument('pressure_pa')}: expected finite samples, got "
-                f"{pressure[tuple(bad[0])]} at [{place}]"
-            )
-    # samples of few bits (int16, float32) need the enabled precision all the same: the
-    # search subtracts large numbers
-    return time, pressure.astype(jax.dtypes.canonicalize_dtype(float))
+    _check_even(time)
+    bad = np.flatnonzero(~np.isfinite(pressure))
+    if bad.size:
+        raise InputError(
+            f"{argument('pressure_pa')}: expected finite samples, got "
+            f"{pressure[bad[0]]} at [{bad[0]}]"
+        )
+    return time, pressure
 
 
 def _check_even(time: Float[np.ndarray, " sample"]) -> None:
@@ -289,151 +331,351 @@ def _check_even(time: Float[np.ndarray, " sample"]) -> None:
         )
 
 
-def filled_length(samples: int) -> int:
-    """Return the length to which a record is padded."""
-    return max(SHORTEST_PADDED, 1 << (samples - 1).bit_length())
+class _Weighted(NamedTuple):
+    """Modes of one effect and sampling, with their weights."""
+
+    window: Window
+    modes: Modes
+    weights: Float[np.ndarray, " mode"]
+    widened: float
 
 
-def picks_of(
-    samples: Float[Array, "lane sample"] | Float[np.ndarray, "lane sample"],
-    counts: ArrayOrNumber,
-    start: Float[ArrayOrNumber, "..."],
-    step: Float[ArrayOrNumber, "..."],
-    full_scale: Float[ArrayOrNumber, "..."] | None,
-    high_pass: Float[ArrayOrNumber, "..."] | None,
+@dataclass(frozen=True)
+class _Fit:
+    """A fit of a record by all hypotheses.
+
+    Attributes:
+        window: Window of the fit without a high-pass.
+        groups: Modes with their weights.
+        misfit: Squared misfit of the best.
+        alone: True if the front alone was fitted.
+    """
+
+    window: Window
+    groups: list[_Weighted]
+    misfit: float
+    alone: bool = False
+
+    def best(self, effect: str | None = None) -> tuple[_Weighted, Modes]:
+        """Return the most probable mode, of all or of an effect, and its group."""
+        groups = [
+            g for g in self.groups if effect is None or g.modes.effect.name == effect
+        ]
+        group = max(groups, key=lambda g: g.weights.max())
+        return group, group.modes[[int(np.argmax(group.weights))]]
+
+    def share(self, of: Callable[[Modes], np.ndarray]) -> float:
+        """Return the weight of modes with a property."""
+        return float(sum(np.sum(g.weights * of(g.modes)) for g in self.groups))
+
+
+def picked(
+    samples: Float[np.ndarray, " sample"],
+    start_s: float,
+    step_s: float,
+    *,
+    full_scale: float | None = None,
+    high_pass_hz: float | None = None,
 ) -> Pick:
-    """Return the picks of records; each number is one for all or one per record.
+    """Return the pick of checked samples.
 
     Args:
-        samples: Samples of records of one length, padded with their last sample.
-        counts: Number of samples of each.
-        start: Time of the first sample [s].
-        step: Sample interval [s].
-        full_scale: Largest absolute value of a sample; None or NaN if not specified.
-        high_pass: Corner of a first-order high-pass [cycles/sample]; None without one.
+        samples: The samples.
+        start_s: Time of the first one [s].
+        step_s: Sample interval [s].
+        full_scale: Largest absolute value of a sample; None if not specified.
+        high_pass_hz: Corner of the instrument's first-order high-pass [Hz].
     """
-    many, kind = jnp.shape(samples)[:1], samples.dtype
-
-    def of_each(number):
-        if isinstance(number, Tracer):
-            return jnp.broadcast_to(number.astype(kind), many)
-        return np.broadcast_to(np.asarray(number, kind), many)
-
-    scale = of_each(np.nan if full_scale is None else full_scale)
-    arrays = (samples, counts, of_each(start), of_each(step), scale)
-    if high_pass is not None:
-        arrays = (*arrays, of_each(2.0 * np.pi * high_pass))
-    return in_chunks(_picks, arrays)
+    corner = None if high_pass_hz is None else 2 * np.pi * high_pass_hz * step_s
+    return _pick_of(_fitted(samples, full_scale, corner), start_s, step_s)
 
 
-@kept
-def _picks(samples, counts, start, step, full_scale, high_pass=None) -> Pick:
-    """Pick records as `picks_of` does, with an array for each number."""
-    scale = full_scale[:, None]
-    by_scale = clipped_samples(samples, counts, scale)
-    by_runs = clipped_samples(samples, counts, None)
-    clipped = jnp.where(jnp.isnan(scale), by_runs, by_scale)
-    return pick_of(pick_lanes(samples, clipped, counts, high_pass), start, step)
+def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
+    """Return the best of several attempts."""
+    record = Prepared(samples, full_scale, high_pass=high_pass)
+    longest, best = np.inf, _weighed(*modes_of(record))
+    for _ in range(2):
+        longest = SHORTER * record.start_duration(longest)
+        if best.misfit < MISFIT or longest < 0.5 * FEW_SAMPLES:
+            break
+        tried = _weighed(*modes_of(record, longest=longest))
+        best = min(best, tried, key=lambda fit: fit.misfit)
+    if best.misfit > MISFIT:
+        top = record.samples.max()
+        flat = (record.samples > top - FLAT_TOP_SD * record.sigma) * 1.0
+        high = top > 2 * FLAT_TOP_SD * record.sigma
+        if high and flat.sum() >= FLAT_TOP_SAMPLES:
+            clipped = np.maximum(record.clipped, flat)
+            other = Prepared(samples, full_scale, clipped, high_pass)
+            tried = _weighed(*modes_of(other))
+            best = tried if tried.misfit < MISFIT else best
+    for part in FRONT_PARTS:
+        if best.misfit < MISFIT:
+            break
+        front, duration = record.front, record.start_duration(longest)
+        until = int(front + max(4.5 * duration / part, LEAST_FRONT))
+        # samples behind the front must not decide where the search begins, either
+        near = np.where(np.arange(samples.size) < until, samples, samples[0])
+        other = Prepared(near, full_scale, high_pass=high_pass)
+        tried = _weighed(*modes_of(other, longest=duration, until=until))
+        if tried.misfit < MISFIT and _peak_sd(tried) < FOUND_SD:
+            best = replace(tried, alone=True)
+    return best
 
 
-def pick_of(
-    lanes: LanePicks, start: Float[Array, "..."], step: Float[Array, "..."]
-) -> Pick:
-    """Return picks in seconds and pascals.
-
-    Args:
-        lanes: Picks in samples.
-        start: Time of the first sample [s].
-        step: Sample interval [s].
-    """
-    natural, scale = lanes.natural, lanes.scale
-    nan = jnp.full_like(scale, jnp.nan)
-
-    def where_found(value):
-        return jnp.where(lanes.found, value, nan)
-
-    seconds = jnp.broadcast_to(step, scale.shape)
-    in_units = jnp.ones((*scale.shape, 8), scale.dtype).at[:, 0].set(seconds)
-    found = lanes.found[:, None, None]
-    covariance = jnp.where(
-        found, lanes.covariance * in_units[:, :, None] * in_units[:, None, :], jnp.nan
-    )
-    spread = jnp.sqrt(jnp.diagonal(covariance, axis1=1, axis2=2))
-    front = lanes.front.astype(scale.dtype)
-    high = lanes.offset + scale * lanes.clipped_level
-    low = jnp.abs(lanes.offset - scale * lanes.clipped_level)
-    longer = natural.suction_duration > LONG_SUCTION * natural.duration
-    # the duration of a negative phase as shallow as the noise has no meaning
-    deep = natural.suction * natural.suction_duration > DEEP_SUCTION * natural.impulse
-    longer &= deep
-    continued = lanes.form.negative == CONTINUED
-    return Pick(
-        air_arrival_s=where_found(start + step * (front + natural.arrival)),
-        peak_overpressure_pa=where_found(scale * natural.peak),
-        positive_duration_s=where_found(step * natural.duration),
-        positive_impulse_pa_s=where_found(scale * step * natural.impulse),
-        decay=where_found(natural.decay),
-        rise_time_s=where_found(step * natural.rise),
-        negative_pressure_pa=where_found(scale * natural.suction),
-        negative_duration_s=where_found(step * natural.suction_duration),
-        covariance=covariance[:, :4, :4],
-        spread=spread,
-        found=lanes.found,
-        converged=lanes.converged,
-        lower_bound=lanes.clipped & ~(spread[:, 1] < BOUND_PEAK_SD),
-        clipped_at_pa=jnp.where(
-            lanes.clipped, high, jnp.where(lanes.clipped_low, low, nan)
-        ),
-        under_sampled=natural.duration < FEW_SAMPLES,
-        sharp=natural.rise < 1.0,
-        high_passed=lanes.passed | (lanes.found & longer & ~continued),
-        shifted=lanes.shifted,
-        front_alone=lanes.front_alone,
-        resonating=lanes.rings,
-        resonance_hz=jnp.where(
-            lanes.rings, lanes.frequency / (2.0 * np.pi) / seconds, jnp.nan
-        ),
-        drifting=lanes.drifting,
-        curving=lanes.curving,
-        cut_short=lanes.cut_short,
-        noise_known=lanes.noise_known,
-        later_arrivals_s=where_found(start + step * (front + lanes.later))[:, None],
-        later_sigmas_s=where_found(
-            jnp.where(jnp.isnan(lanes.later), jnp.nan, step * lanes.later_sd)
-        )[:, None],
-        misfit=lanes.misfit,
-        noise_pa=scale * lanes.noise,
-        baseline_pa=lanes.offset + scale * lanes.level,
-        form=lanes.form,
+def _weighed(window: Window, groups: list[Modes]) -> _Fit:
+    """Return modes with weights by their evidence; an unstated high-pass may be one."""
+    widened = widening(window, *groups)
+    level = [levels(window, modes, widened) for modes in groups]
+    total = np.logaddexp.reduce(np.concatenate(level))
+    found = [
+        _Weighted(window, modes, np.exp(x - total), widened)
+        for modes, x in zip(groups, level, strict=True)
+    ]
+    misfit = 2 * min(modes.cost.min() for modes in groups) / window.count
+    fit = _Fit(window, found, misfit)
+    rings = fit.best()[1].effect.name == "resonating"
+    passed = high_passed(window, groups) if widened < MISFIT and not rings else None
+    if passed is None:
+        return fit
+    share = 1 / (1 + np.exp(-np.clip(passed.ln_odds, -50, 50)))
+    own = np.exp(passed.level - np.logaddexp.reduce(passed.level))
+    return replace(
+        fit,
+        groups=[
+            *(g._replace(weights=g.weights * (1 - share)) for g in found),
+            _Weighted(passed.window, passed.modes, own * share, passed.widened),
+        ],
     )
 
 
-def in_chunks(made_of: Callable[..., Result], arrays: tuple[Any, ...]) -> Result:
-    """Return a function of each record of a batch, evaluated in chunks of `LANES`.
+def _moments(fit: _Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and covariance of the outputs over all modes."""
+    parts = [_of_group(group) for group in fit.groups]
+    weights, values, covariances = (np.concatenate(x) for x in zip(*parts, strict=True))
+    weights = weights / weights.sum()
+    mean = weights @ values
+    apart = values - mean
+    within = np.einsum("k,kij->ij", weights, covariances)
+    return mean, within + (weights[:, None] * apart).T @ apart
 
-    Args:
-        made_of: Compiled function of a chunk; takes and returns arrays with a first
-            axis of lanes. Results of padding lanes, which are zero, are discarded.
-        arrays: Arguments for all records.
+
+def _of_group(group: _Weighted):
+    """Return weights, outputs and their covariances, of the modes that count."""
+    some = group.weights > LEAST_WEIGHT
+    modes, weights = group.modes[some], group.weights[some]
+    many, p = modes.unknowns.shape
+    values = outputs(modes.unknowns, modes.rise, modes.negative, modes.linear)
+    used = [*range(5), *range(p, p + 2 + CHANGES)]
+    slopes = np.zeros((many, OUTPUTS, len(used)))
+    for k, of in enumerate(used):
+        unknowns, linear = modes.unknowns.copy(), modes.linear.copy()
+        if of < p:
+            unknowns[:, of] += 1e-4
+        else:
+            linear[:, of - p] += 1e-4
+        ahead = outputs(unknowns, modes.rise, modes.negative, linear)
+        slopes[:, :, k] = (ahead - values) / 1e-4
+    own = covariance(modes)[:, used][:, :, used] * max(group.widened, 1.0)
+    own = slopes @ own @ slopes.transpose(0, 2, 1)
+    _, duration, b, tau, _ = natural(modes.unknowns, modes.rise)
+    one, zero, rest = np.ones(many), np.zeros(many), np.zeros((many, 4))
+    drop = (1 + b) / duration
+    share = modes.linear[:, PEAK] / np.exp(values[:, 3])
+    # a front within one sample is uniform there, and with it all that follows
+    sharp = np.sqrt((1 - np.clip(tau - 1, 0, 1)) / 12)
+    for size, change in (
+        (sharp, (one, -drop, -1 / duration, -share)),
+        (OTHER_FORMS * tau, (one, zero, -1 / duration, zero)),
+        (OTHER_FORMS * tau, (zero, drop, zero, zero)),
+    ):
+        change = size[:, None] * np.concatenate(
+            [np.stack(change, axis=1), rest], axis=1
+        )
+        own = own + change[:, :, None] * change[:, None, :]
+    return weights, values, own
+
+
+def _peak_sd(fit: _Fit) -> float:
+    return float(np.sqrt(_moments(fit)[1][1, 1]))
+
+
+class _Found(NamedTuple):
+    """What notes are tests of."""
+
+    fit: _Fit
+    record: Prepared
+    values: Float[np.ndarray, " 8"]
+    sd: Float[np.ndarray, " 8"]
+
+    def shows(self, effect: str) -> bool:
+        """Return True if an effect is probable."""
+        return (
+            self.fit.share(lambda modes: np.array(modes.effect.name == effect))
+            > PROBABLE
+        )
+
+    def is_found(self) -> bool:
+        """Return True if there is a pulse."""
+        step = self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL
+        clear = self.sd[1] < FOUND_SD or bool(np.any(self.record.clipped > 0))
+        return clear and not step
+
+    def is_hopeless(self) -> bool:
+        """Return True if the best hypothesis explains next to nothing."""
+        left = np.sqrt(self.fit.misfit) * self.record.sigma
+        return self.fit.misfit > HOPELESS and left > SLIGHT_RESIDUAL
+
+    def loses_duration(self) -> bool:
+        """Return True if neither duration nor peak is well known."""
+        return not (self.sd[2] < UNSURE_DURATION or self.sd[1] < FAINT_PEAK_SD)
+
+
+class NoteRow(NamedTuple):
+    """A row of the table of notes.
+
+    Attributes:
+        test: True if a pick has the note.
+        withheld: Quantities that a log does not get.
+        quality: Best quality with the note.
     """
-    if any(isinstance(x, Tracer) for x in arrays):
-        return made_of(*arrays)
-    count = arrays[0].shape[0]
-    # without records one chunk is evaluated for the shapes of the results
-    chunks = max(-(-count // LANES), 1)
-    filled = tuple(_filled(np.asarray(x), chunks) for x in arrays)
-    devices = jax.devices()
-    # dispatch is asynchronous: every device has work before any result is awaited
-    parts = []
-    for k in range(chunks):
-        device = devices[k % len(devices)]
-        parts.append(made_of(*(jax.device_put(x[k], device) for x in filled)))
-    # NumPy concatenates without compiling a program for each number of records
-    parts = jax.tree.map(np.asarray, parts)
-    return jax.tree.map(lambda *x: jax.device_put(np.concatenate(x)[:count]), *parts)
+
+    test: Callable[[_Found], bool]
+    withheld: Set[str]
+    quality: Quality
 
 
-def _filled(x: np.ndarray, chunks: int) -> np.ndarray:
-    """Return lanes by chunk, padded with zeros."""
-    none = np.zeros((chunks * LANES - x.shape[0], *x.shape[1:]), x.dtype)
-    return np.concatenate([x, none]).reshape(chunks, LANES, *x.shape[1:])
+def _never(found: _Found) -> bool:
+    """Return False: the note is made for a record, not by a fit."""
+    return False
+
+
+QUALITIES: tuple[Quality, ...] = ("good", "doubtful", "poor")
+_ARRIVAL, _PEAK, _DURATION, _IMPULSE = RECORD_QUANTITIES
+ALL, NONE_WITHHELD = frozenset(RECORD_QUANTITIES), frozenset[str]()
+TAIL = frozenset({_DURATION, _IMPULSE})
+NOTES: dict[NoteKind, NoteRow] = {
+    "nothing_found": NoteRow(lambda f: not f.is_found(), ALL, "poor"),
+    "hopeless": NoteRow(_Found.is_hopeless, ALL, "poor"),
+    "onset_alone": NoteRow(_never, ALL - {_ARRIVAL}, "doubtful"),
+    "reversed_polarity": NoteRow(_never, NONE_WITHHELD, "doubtful"),
+    "misfit": NoteRow(
+        lambda f: f.fit.misfit > MISFIT and not f.is_hopeless(),
+        NONE_WITHHELD,
+        "doubtful",
+    ),
+    "front_alone": NoteRow(lambda f: f.fit.alone, TAIL, "doubtful"),
+    "clipped": NoteRow(
+        lambda f: bool(np.any(f.record.clipped)), NONE_WITHHELD, "doubtful"
+    ),
+    "few_quiet_samples": NoteRow(
+        lambda f: not f.record.known, NONE_WITHHELD, "doubtful"
+    ),
+    "under_sampled": NoteRow(
+        lambda f: np.exp(f.values[2]) < FEW_SAMPLES, NONE_WITHHELD, "doubtful"
+    ),
+    "sharp_front": NoteRow(lambda f: np.exp(f.values[5]) < 1, NONE_WITHHELD, "good"),
+    "cut_short": NoteRow(
+        lambda f: (
+            f.record.front + f.values[0] + np.exp(f.values[2]) > f.record.samples.size
+        ),
+        TAIL,
+        "doubtful",
+    ),
+    "resonating": NoteRow(lambda f: f.shows("resonating"), NONE_WITHHELD, "doubtful"),
+    "later_arrival": NoteRow(lambda f: f.shows("later_arrival"), NONE_WITHHELD, "good"),
+    "zero_shift": NoteRow(lambda f: f.shows("zero_shift"), TAIL, "doubtful"),
+    "high_passed": NoteRow(lambda f: f.shows("high_passed"), TAIL, "doubtful"),
+    "continued_decay": NoteRow(
+        lambda f: f.fit.share(lambda m: m.negative == CONTINUED) > PROBABLE,
+        NONE_WITHHELD,
+        "good",
+    ),
+    # "not less than" is also true of NaN
+    "duration_unsure": NoteRow(
+        lambda f: not f.sd[2] < UNSURE_DURATION and not f.loses_duration(),
+        NONE_WITHHELD,
+        "doubtful",
+    ),
+    "duration_lost": NoteRow(_Found.loses_duration, {_DURATION}, "doubtful"),
+    "faint": NoteRow(lambda f: not f.sd[1] < FAINT_PEAK_SD, NONE_WITHHELD, "doubtful"),
+}
+"""Notes on picks, in the order in which they are listed."""
+
+
+def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
+    """Return a pick in seconds and in the record's unit."""
+    record = fit.window.record
+    mean, covariance = _moments(fit)
+    found = _Found(fit, record, mean, np.sqrt(np.diag(covariance)))
+    notes: tuple[NoteKind, ...]
+    notes = tuple(kind for kind, row in NOTES.items() if row.test(found))
+    if "nothing_found" in notes:
+        notes = ("nothing_found",)
+    first_s, scale = start_s + step_s * record.front, record.scale
+    units = np.array(
+        [step_s, scale, step_s, scale * step_s, 1.0, step_s, scale, step_s]
+    )
+    values = units * np.where(IN_LN, np.exp(mean), mean)
+    sds = found.sd * np.where(IN_LN, np.abs(values), units)
+    values[0] += first_s
+    one_way = np.append(step_s, np.ones(IN_LOG - 1))
+    in_log = covariance[:IN_LOG, :IN_LOG] * np.outer(one_way, one_way)
+    group, best = fit.best()
+    baseline = best.linear[0, -4:] @ np.array(
+        [np.interp(mean[0], group.window.middle, line) for line in group.window.line]
+    )
+    high = bool(np.any(record.clipped > 0))
+    clipped = np.abs(record.offset + scale * record.samples[record.clipped != 0])
+    pulse = FittedPulse(
+        best.unknowns,
+        best.rise,
+        best.negative,
+        best.linear[0, : 2 + CHANGES],
+        first_s,
+        step_s,
+        scale,
+    )
+    frequency, later, later_sd = np.nan, np.nan, np.nan
+    if "resonating" in notes:
+        omega = np.exp(fit.best("resonating")[1].unknowns[0, 5])
+        frequency = float(omega / (2 * np.pi * step_s))
+    if "later_arrival" in notes:
+        later, later_sd = _later(*fit.best("later_arrival"))
+    pick = Pick(
+        *map(float, values),
+        covariance=in_log,
+        sds=sds,
+        notes=notes,
+        lower_bound=high and not found.sd[1] < BOUND_PEAK_SD,
+        clipped_at_pa=float(clipped.max()) if clipped.size else np.nan,
+        resonance_hz=frequency,
+        later_arrival_s=first_s + step_s * later,
+        later_sigma_s=step_s * later_sd,
+        misfit=float(fit.misfit),
+        noise_pa=scale * record.sigma,
+        baseline_pa=record.offset + scale * float(baseline),
+        pulse=pulse,
+    )
+    return pick if pick.found else without_values(pick)
+
+
+def _later(group: _Weighted, mode: Modes) -> tuple[float, float]:
+    """Return the arrival of a further front and its standard deviation [samples]."""
+    own = covariance(mode)[0] * max(group.widened, 1.0)
+    lag = float(np.exp(mode.unknowns[0, 5]))
+    arrival = float(natural(mode.unknowns, mode.rise)[0][0])
+    variance = own[0, 0] + 2 * lag * own[0, 5] + lag * lag * own[5, 5]
+    return arrival + lag, float(np.sqrt(variance))
+
+
+def without_values(pick: Pick) -> Pick:
+    """Return a pick whose values are NaN."""
+    return replace(
+        pick,
+        **dict.fromkeys(NAMES, np.nan),
+        covariance=np.full((IN_LOG, IN_LOG), np.nan),
+        sds=np.full(len(NAMES), np.nan),
+        lower_bound=False,
+        pulse=None,
+    )

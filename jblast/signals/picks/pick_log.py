@@ -3,23 +3,19 @@
 Each blast of each channel is picked, in batches. A file that cannot be used is reported
 and does not stop the others.
 
-Quantities that a record does not identify have no row, and are reported: peak and
-impulse of samples without a scale; duration and impulse behind an unknown high-pass,
-over a baseline that bends, or of a record that ends too early; all of a poor pick. (The
-tail of a pulse and a bend of the baseline differ by their form alone: the durations of
-textbook pulses with a long tail were off by 6 to 30 of their standard deviations.) The
-rows of a pick share its covariance.
+Quantities that a record does not identify have no row, and are reported: those that a
+note of the pick withholds (`pick.NOTES`), peak and impulse of samples without a scale,
+and all of a poor pick. The rows of a pick share its covariance.
 
 A row of a log may also name a record; `picked_log` replaces it by rows of its pick.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-import equinox as eqx
 import numpy as np
 
 from jblast.errors import InputError, argument, shown
@@ -30,37 +26,25 @@ from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.observations.records.stations import Station, started
 from jblast.observations.table import RECORD_QUANTITIES, SAMPLES, RecordCovariance
 from jblast.progress import each
-from jblast.quantities import ADDITIVE, CLOCK_TIMES
+from jblast.quantities import CLOCK_TIMES
 from jblast.signals.arrays import bangs
 from jblast.signals.matched_filter import Detection
 from jblast.signals.onsets import LEAST_PEAK_SHARE, Stretches, stretches
-from jblast.signals.picks.pick import LEAST_SAMPLES, NAMES
+from jblast.signals.picks.pick import LEAST_SAMPLES, NOTES, NoteKind
 from jblast.signals.picks.record_picks import RecordPick, pick_records
 
 BATCH_SAMPLES = 2**22
 """Samples that are read before they are picked, 32 MB in double precision: a folder of
-any size needs bounded memory, and chunks of `pick.LANES` records are mostly full."""
+any size needs bounded memory."""
 MAX_PRESSURE_PA = 1e9
 """Largest range of a record's samples [Pa]. The largest pressure of a blast in air is
 that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
 Bulmash begin (Z = 0.067 m/kg^(1/3)). A sensitivity given as its reciprocal is off by
 more than a factor of a million."""
 _, PEAK, DURATION, IMPULSE = RECORD_QUANTITIES
-Reason = Literal[
-    "poor",
-    "onset_alone",
-    "uncalibrated",
-    "high_passed",
-    "curved_baseline",
-    "cut_short",
-    "zero_shift",
-    "front_alone",
-    "weaker",
-]
-"""Reasons why quantities have no row; "weaker" than another pick of the same event at
-the same sensor."""
-SPREAD_IN_UNIT = ("air_arrival_s", "decay")
-"""Values whose spread is in their own unit; that of the others is of the logarithm."""
+Reason = Literal["poor", "uncalibrated", "weaker"] | NoteKind
+"""Reasons why quantities have no row: a poor pick, samples without a scale, a weaker
+one than another pick of the same event at the same sensor, or a note."""
 IN_PASCALS = ("peak_overpressure_pa", "positive_impulse_pa_s", "negative_pressure_pa")
 """Values that samples without a scale do not identify."""
 
@@ -403,12 +387,8 @@ def log_of(
     left_out = [LeftOut(names[at], RECORD_QUANTITIES, "weaker") for at in weaker]
     for at, shot in shots.items():
         one = found.picks[at]
-        kept = list(RECORD_QUANTITIES)
-        for reason, lost in omitted_quantities(one):
-            gone = tuple(quantity for quantity in kept if quantity in lost)
-            if gone:
-                left_out.append(LeftOut(names[at], gone, reason))
-                kept = [quantity for quantity in kept if quantity not in gone]
+        kept, gone = kept_quantities(one)
+        left_out += [LeftOut(names[at], lost, reason) for reason, lost in gone.items()]
         made = [_row(one, quantity, shot, names[at]) for quantity in kept]
         rows += made
         together = [row.quantity for row in made if not row.is_bound]
@@ -424,30 +404,28 @@ def log_of(
     return PickLog(observations, tuple(left_out), count, tuple(independent))
 
 
-def omitted_quantities(one: RecordPick) -> Iterator[tuple[Reason, tuple[str, ...]]]:
-    """Yield the reasons why quantities of a pick have no row, and the quantities."""
+def kept_quantities(
+    one: RecordPick,
+) -> tuple[tuple[str, ...], dict[Reason, tuple[str, ...]]]:
+    """Return the quantities of a pick that a log gets, and the others by reason."""
+    withheld: dict[Reason, Set[str]] = {}
     if one.quality == "poor":
-        yield "poor", RECORD_QUANTITIES
-    if "onset_alone" in one.notes:
-        yield "onset_alone", (PEAK, DURATION, IMPULSE)
+        withheld["poor"] = frozenset(RECORD_QUANTITIES)
     if not one.record.calibrated:
-        yield "uncalibrated", (PEAK, DURATION, IMPULSE)
-    if one.pick.high_passed:
-        yield "high_passed", (DURATION, IMPULSE)
-    if one.pick.curving:
-        yield "curved_baseline", (DURATION, IMPULSE)
-    if one.pick.cut_short:
-        yield "cut_short", (DURATION, IMPULSE)
-    if one.pick.shifted:
-        yield "zero_shift", (DURATION, IMPULSE)
-    if one.pick.front_alone:
-        yield "front_alone", (DURATION, IMPULSE)
+        withheld["uncalibrated"] = frozenset({PEAK, DURATION, IMPULSE})
+    withheld |= {kind: NOTES[kind].withheld for kind in one.notes}
+    kept, gone = RECORD_QUANTITIES, {}
+    for reason, lost in withheld.items():
+        if mine := tuple(quantity for quantity in kept if quantity in lost):
+            gone[reason] = mine
+            kept = tuple(quantity for quantity in kept if quantity not in mine)
+    return kept, gone
 
 
 def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:
     """Return the row of one quantity of a pick."""
     value, sigma = log_value(one, quantity)
-    is_bound = quantity == PEAK and bool(one.pick.lower_bound)
+    is_bound = quantity == PEAK and one.pick.lower_bound
     return _Row(one.record.name, quantity, value, sigma, is_bound, shot, record)
 
 
@@ -513,25 +491,13 @@ def _observations(
     )
 
 
-class PickedLog(NamedTuple):
-    """A log whose records of samples are replaced by readings.
-
-    Attributes:
-        observations: The log, with four rows for each record of samples.
-        picks: Picks of the samples by name of the record in the log.
-    """
-
-    observations: Observations
-    picks: tuple[tuple[str, RecordPick], ...]
-
-
 def picked_log(
     observations: Observations,
     scaling: Scaling | None = None,
     *,
     high_pass_hz: float | None = None,
     faults: list[InputError] | None = None,
-) -> PickedLog:
+) -> Observations:
     """Pick the records that a log names; a log without any is returned unchanged.
 
     Args:
@@ -546,7 +512,7 @@ def picked_log(
     """
     sampled = np.flatnonzero(np.isin(observations.quantity, SAMPLES))
     if not sampled.size:
-        return PickedLog(observations, ())
+        return observations
     picks: list[RecordPick] = []
     rows: list[int] = []
     for row in each(sampled.tolist(), "records"):
@@ -566,23 +532,15 @@ def picked_log(
             raise
         faults.append(fault)
         picks, rows = [], []
-    names = [observations.records()[row] for row in rows]
     others = np.setdiff1d(np.arange(len(observations)), sampled)
     # `stacked` needs at least one part, so a log without rows has an empty one
     parts = [some_rows(observations, others)] if others.size or not rows else []
-    parts += [
-        _rows(observations, row, one) for row, one in zip(rows, picks, strict=True)
-    ]
-    covariances = tuple(
-        covariance_of(one, name, RECORD_QUANTITIES)
-        for name, one in zip(names, picks, strict=True)
-    )
-    joined = replace(
-        _joined(observations, parts),
-        covariances=observations.covariances + covariances,
-        epoch=epoch,
-    )
-    return PickedLog(joined, tuple(zip(names, picks, strict=True)))
+    covariances = observations.covariances
+    for row, one in zip(rows, picks, strict=True):
+        kept, _ = kept_quantities(one)
+        parts.append(_rows(observations, row, one, kept))
+        covariances += (covariance_of(one, observations.records()[row], kept),)
+    return replace(_joined(observations, parts), covariances=covariances, epoch=epoch)
 
 
 def _pick(
@@ -657,24 +615,24 @@ def _on_one_clock(
         later = ((one.record.epoch or zero) - zero).total_seconds()
         record = replace(one.record, epoch=zero, start_s=one.record.start_s + later)
         arrival = one.pick.air_arrival_s + later
-        pick = eqx.tree_at(lambda pick: pick.air_arrival_s, one.pick, arrival)
-        moved.append(replace(one, record=record, pick=pick))
+        pick = replace(one.pick, air_arrival_s=arrival)
+        moved.append(RecordPick(record, pick))
     return zero, moved
 
 
-def _rows(observations: Observations, row: int, one: RecordPick) -> Observations:
+def _rows(
+    observations: Observations, row: int, one: RecordPick, kept: Sequence[str]
+) -> Observations:
     """Return the rows of a record's readings, with the position of its row."""
-    same = some_rows(observations, np.full(len(RECORD_QUANTITIES), row))
-    bound = bool(one.pick.lower_bound)
-    value, sigma = zip(
-        *(log_value(one, name) for name in RECORD_QUANTITIES), strict=True
-    )
+    same = some_rows(observations, np.full(len(kept), row))
+    bound = one.pick.lower_bound
+    value, sigma = zip(*(log_value(one, name) for name in kept), strict=True)
     return replace(
         same,
-        quantity=RECORD_QUANTITIES,
+        quantity=tuple(kept),
         value=np.array(value),
         sigma=np.array(sigma),
-        lower_bound=np.array([bound and "peak" in name for name in RECORD_QUANTITIES]),
+        lower_bound=np.array([bound and name == PEAK for name in kept]),
     )
 
 
@@ -688,13 +646,9 @@ def _joined(observations: Observations, parts: Sequence[Observations]) -> Observ
 
 def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
     """Return value and sigma; for a clipped peak the clipping level and the noise."""
-    if quantity == "peak_overpressure_pa" and bool(one.pick.lower_bound):
-        level = float(one.pick.clipped_at_pa - one.pick.baseline_pa)
-        return level, float(one.pick.noise_pa)
-    at = RECORD_QUANTITIES.index(quantity)
-    value = float(getattr(one.pick, quantity))
-    sd = float(np.sqrt(one.pick.covariance[at, at]))
-    return value, sd if quantity in ADDITIVE else sd * value
+    if quantity == PEAK and one.pick.lower_bound:
+        return one.pick.clipped_at_pa - one.pick.baseline_pa, one.pick.noise_pa
+    return getattr(one.pick, quantity), one.pick.sd(quantity)
 
 
 def covariance_of(
@@ -712,14 +666,14 @@ def covariance_of(
     Raises:
         ValueError: The covariance is not positive definite.
     """
-    bound = bool(one.pick.lower_bound)
+    bound = one.pick.lower_bound
     names = tuple(
         name
         for name in RECORD_QUANTITIES
         if name in quantities and not (bound and name == "peak_overpressure_pa")
     )
     at = [RECORD_QUANTITIES.index(name) for name in names]
-    matrix = np.asarray(one.pick.covariance, float)[np.ix_(at, at)]
+    matrix = one.pick.covariance[np.ix_(at, at)]
     return RecordCovariance(record, names, 0.5 * (matrix + matrix.T))
 
 
@@ -742,9 +696,5 @@ def pick_estimate(one: RecordPick, name: str) -> PickEstimate | None:
     """
     if name in IN_PASCALS and not one.record.calibrated:
         return None
-    value, spread = float(getattr(one.pick, name)), one.pick.spread[NAMES.index(name)]
-    if np.isnan(value):
-        return None
-    return PickEstimate(
-        value, float(spread) * (1.0 if name in SPREAD_IN_UNIT else abs(value))
-    )
+    value = getattr(one.pick, name)
+    return None if np.isnan(value) else PickEstimate(value, one.pick.sd(name))

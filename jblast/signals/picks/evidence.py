@@ -1,0 +1,634 @@
+r"""Fit of a pulse by all hypotheses, and the evidence of each.
+
+A hypothesis is a form of rise, a form of negative phase, at most one effect, and the
+sampling, by means or at instants. With $W$ the whitening matrix of the noise and $A$
+the columns of the model, all amounts $c$ (peak, suction, changes of shape, drift and
+what an effect adds) are linear and solved,
+
+$$c = \arg\min \tfrac12 |W(y - A^T c)|^2 + \tfrac12 c^T L c,$$
+
+and the five to seven others are searched by damped Gauss-Newton steps, for all
+hypotheses at once (variable projection, Golub and Pereyra 1973). By Laplace's
+approximation the evidence is
+
+$$\ln Z = \ln\pi - C/\rho - \tfrac12\ln|N|,$$
+
+with cost $C$, normal matrix $N$ of all unknowns, prior probability $\pi$, and the
+variance $\rho = (20 + 2 C_{\min})/(20 + n)$ of the noise: the quiet part states its
+level with 20 degrees of freedom, the best fit with the rest.
+
+A clipped bin is a lower bound: its term is $-\ln\Phi$ of the excess over the level, in
+standard deviations of a sample, expanded about the present solution.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Self, TypeVar
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jblast.signals.picks.effects import (
+    EFFECTS,
+    HIGH_PASSED,
+    NOTHING,
+    Effect,
+    through_high_pass,
+)
+from jblast.signals.picks.preparation import BANK, Prepared, Window
+from jblast.signals.picks.pulse import (
+    CENTRE,
+    CHANGES,
+    CHANGES_SD,
+    CONTINUED,
+    CUBIC,
+    FAMILY_PHASE,
+    FAMILY_RISE,
+    LN_PRIOR_NEGATIVE,
+    LN_PRIOR_RISE,
+    NEGATIVES,
+    NONE,
+    PEAK,
+    RISES,
+    SMOOTH,
+    SPREAD,
+    SUCTION,
+    VARIANCE,
+    moved,
+    natural,
+    outputs,
+)
+
+DRIFT_SD = np.array([1.0, 0.5, 0.3, 0.2])
+"""Prior standard deviations of the drift's cubic [largest sample]."""
+SUCTION_SHARE, SUCTION_SD = 0.3, 0.2
+"""Prior of the depth of the negative phase [peaks]: laws have 0.1 to 0.5."""
+NO_SUCTION = 0.02
+"""Suction below zero costs one standard deviation for this share of the peak: a pulse
+without a negative phase is a form of its own."""
+FREEDOM = 20.0
+"""Degrees of freedom with which the quiet part states the level of the noise."""
+MISFIT = 3.0
+"""Squared misfit above which no hypothesis fits: residuals of 1.7 times the noise."""
+LONGEST_STEP = np.array([4.0, 0.7, 0.7, 1.5, 0.7])
+FURTHER_STEP = 0.5
+"""Largest change of an unknown in one step, where the expansion is about right."""
+DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4])
+"""Differences for slopes, far above rounding and below any curvature."""
+ENOUGH = 0.05
+"""Expected gain in ln evidence at which a search ends."""
+HOPELESS = 20.0
+"""Lag in ln evidence behind the best at which a search is given up: the final weight
+would be below 1e-8."""
+LIKELY = 6.0
+"""Lag behind the best negative phase up to which all rises are tried with it."""
+LEAST_SIGN = 4.0
+"""Gain in ln likelihood of the best trial of a scan from which on an effect is
+searched. Noise has it in one record of three for a ring; the odds decide, not the
+sign."""
+START_RISES = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 13.0])
+START_SHIFTS = np.array([-1.5, -0.7, 0.0, 0.7, 1.5])
+START_LENGTHS = (0.35, 0.6, 1.0, 1.5, 2.3)
+START_DECAYS = (0.3, 0.9, 1.6)
+START_TAILS = ((CUBIC, 1.7), (CUBIC, 3.0), (CONTINUED, 2.4), (NONE, 2.4))
+"""Grid of starts: rises and shifts [samples], then factors on the duration, ln(1 + b),
+and negative phases with their durations."""
+STARTS = 5
+"""Starts that are searched, each of another length or tail."""
+FIRST_STEPS, WINDOWS = 6, 3
+"""Steps of the first searches, which need no end as all forms continue from there; and
+largest number of windows."""
+SHARPEST, SLOWEST = 1.5, 12.0
+"""Rises between which samples at instants differ from means [samples]."""
+INSTANT_MODES, INSTANT_LIKELY = 8, 5.0
+"""Number of modes that are tried at instants, and lag in ln evidence."""
+NET_SD, NET_SHARE, LEAST_HIGH_PASS = 2.0, 0.3, 6.0
+"""Net impulse from which on no high-pass is searched, in standard deviations and shares
+of the positive impulse, as it would remove all; and durations behind the front that a
+search needs."""
+
+
+@dataclass
+class Hypotheses:
+    """Hypotheses, one a row.
+
+    Attributes:
+        unknowns: Searched unknowns.
+        rise, negative: Forms.
+        ln_prior: ln of prior probability and densities.
+        effect: Effect of all rows.
+        instants: True if samples are instants.
+    """
+
+    unknowns: Float[np.ndarray, "mode unknown"]
+    rise: Int[np.ndarray, " mode"]
+    negative: Int[np.ndarray, " mode"]
+    ln_prior: Float[np.ndarray, " mode"]
+    effect: Effect
+    instants: bool
+
+    def __len__(self) -> int:
+        return len(self.unknowns)
+
+    def __getitem__(self, some) -> Self:
+        return replace(self, **{name: rows[some] for name, rows in self.rows()})
+
+    def rows(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Yield the fields that have a value for each."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                yield field.name, value
+
+
+@dataclass
+class Modes(Hypotheses):
+    """Hypotheses with their solution.
+
+    Attributes:
+        linear: Solved amounts.
+        cost: Half of the sum of squares, priors included.
+        normal: Normal matrix of searched and linear unknowns.
+        slope: Minus the slope of the cost by the searched ones.
+        residuals: Whitened residuals, then those of bounds.
+        jacobian: Slopes of the model, in rows of unknowns.
+    """
+
+    linear: Float[np.ndarray, "mode amount"]
+    cost: Float[np.ndarray, " mode"]
+    normal: Float[np.ndarray, "mode all all"]
+    slope: Float[np.ndarray, "mode unknown"]
+    residuals: Float[np.ndarray, "mode term"]
+    jacobian: Float[np.ndarray, "mode all term"]
+
+    def set(self, some, other: "Modes") -> None:
+        """Replace rows by those of others."""
+        for name, rows in other.rows():
+            getattr(self, name)[some] = rows
+
+
+Rows = TypeVar("Rows", bound=Hypotheses)
+
+
+def joined(*parts: Rows) -> Rows:
+    """Return the rows of several of one effect and sampling."""
+    names = [name for name, _ in parts[0].rows()]
+    return replace(
+        parts[0],
+        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in names},
+    )
+
+
+def hypotheses(unknowns, rise, negative, effect=NOTHING, instants=False) -> Hypotheses:
+    """Return hypotheses; one form stands for all rows."""
+    rise, negative = (np.broadcast_to(f, len(unknowns)) for f in (rise, negative))
+    prior = LN_PRIOR_RISE[rise] + LN_PRIOR_NEGATIVE[negative]
+    ln_prior = prior + effect.ln_odds + effect.ln_width
+    return Hypotheses(unknowns, rise, negative, ln_prior, effect, instants)
+
+
+def _linear_prior(peak: float, effect: Effect) -> Float[np.ndarray, "amount amount"]:
+    """Return the precision of peak, suction, changes, further columns and drift."""
+    changes, more = (
+        1 / (np.array(sd) * peak) ** 2 for sd in (CHANGES_SD, effect.heights)
+    )
+    prior = np.diag(np.concatenate([[1e-6, 0.0], changes, more, 1 / DRIFT_SD**2]))
+    tie = np.outer([-SUCTION_SHARE, 1.0], [-SUCTION_SHARE, 1.0])
+    prior[:2, :2] += tie / (SUCTION_SD * peak) ** 2
+    if len(more) == 2:  # peak and suction of a later pulse
+        prior[8, 8] = 0.0
+        prior[7:9, 7:9] += tie * more[1]
+    return prior
+
+
+def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
+    """Solve the linear unknowns of each; with slopes, expand the cost about it."""
+    effect, peak = modes.effect, window.peak
+    many, p = modes.unknowns.shape
+    centre = np.append(CENTRE, effect.centre)
+    spread = np.append(SPREAD, effect.spread)
+    if window.front_held:
+        # a front within clipped samples is near the first of them
+        centre[0], spread[0] = -0.5, 1.0
+    change = np.append(DIFFERENCE, np.full(p - 5, 1e-4))
+    trials = np.repeat(modes.unknowns[None], p + 1 if slopes else 1, axis=0)
+    if slopes:
+        trials[np.arange(1, p + 1), :, np.arange(p)] += change[:, None]
+    trials = trials.reshape(-1, p)
+    copies = len(trials) // many
+    rise, negative = np.tile(modes.rise, copies), np.tile(modes.negative, copies)
+    columns = window.means(trials, rise, negative, modes.instants)
+    columns = effect.columns(window, columns, trials, rise, negative)
+    if window.record.high_pass is not None:
+        corner = np.full(len(columns), window.record.high_pass)
+        columns = through_high_pass(window, columns, corner)
+    q, n = columns.shape[1:]
+    columns = columns.reshape(copies, many, q, n)
+    model = np.zeros((many, q + 4, n))
+    model[:, q:] = window.drift
+    own = [PEAK, SUCTION, *range(2 + CHANGES, q)]
+    model[:, own] = columns[0][:, own] @ window.whitener.T
+    families = np.flatnonzero(
+        (modes.rise == FAMILY_RISE) | (modes.negative == FAMILY_PHASE)
+    )
+    if families.size:  # the changes of others are zero
+        changes = columns[0][families, 2 : 2 + CHANGES]
+        model[families, 2 : 2 + CHANGES] = changes @ window.whitener.T
+    prior = _linear_prior(peak, effect)
+    normal = model @ model.transpose(0, 2, 1) + prior
+    right = model @ window.data
+    c = np.linalg.solve(normal, right[..., None])[..., 0]
+    held = np.flatnonzero(window.held)
+    bounds = None
+    if held.size:
+        bounds = _bounded(window, columns[0][..., held], held, normal, right, c)
+        c = bounds.linear
+    residuals = window.data - (c[:, None] @ model)[:, 0]
+    apart = (modes.unknowns - centre) / spread
+    cost = 0.5 * (
+        np.sum(residuals**2, axis=1)
+        + np.einsum("kc,cd,kd->k", c, prior, c)
+        + np.sum(apart**2, axis=1)
+        + (np.minimum(c[:, SUCTION], 0) / (NO_SUCTION * peak)) ** 2
+    )
+    if bounds is not None:
+        cost = cost + 0.5 * np.sum(bounds.short**2, axis=1)
+    cost = np.where(np.isfinite(cost) & (c[:, PEAK] > 0), cost, np.inf)
+    kind = {field.name: getattr(modes, field.name) for field in fields(Hypotheses)}
+    if not slopes:
+        none = np.zeros((many, 0))
+        return Modes(
+            **kind,
+            linear=c,
+            cost=cost,
+            normal=none[..., None],
+            slope=none,
+            residuals=none,
+            jacobian=none[..., None],
+        )
+    pulses = (c[:, None, :q] @ columns)[..., 0, :]
+    moved_by = ((pulses[1:] - pulses[0]) / change[:, None, None]).transpose(1, 0, 2)
+    jacobian = np.concatenate([moved_by @ window.whitener.T, model], axis=1)
+    if bounds is not None:
+        more = np.concatenate(
+            [moved_by[..., held] * bounds.slack[:, None], bounds.rows], axis=1
+        )
+        jacobian = np.concatenate([jacobian, more], axis=2)
+        residuals = np.concatenate([residuals, -bounds.short], axis=1)
+    normal = jacobian @ jacobian.transpose(0, 2, 1)
+    normal[:, p:, p:] += prior
+    normal[:, np.arange(p), np.arange(p)] += 1 / spread**2
+    slope = (jacobian[:, :p] @ residuals[..., None])[..., 0] - apart / spread
+    return Modes(
+        **kind,
+        linear=c,
+        cost=cost,
+        normal=normal,
+        slope=slope,
+        residuals=residuals,
+        jacobian=jacobian,
+    )
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Terms of clipped bins.
+
+    Attributes:
+        linear: The solution with them.
+        short: The terms.
+        slack: Their slopes by the model.
+        rows: Their slopes by the amounts.
+    """
+
+    linear: Float[np.ndarray, "mode amount"]
+    short: Float[np.ndarray, "mode bin"]
+    slack: Float[np.ndarray, "mode bin"]
+    rows: Float[np.ndarray, "mode amount bin"]
+
+
+def _bounded(window: Window, columns, held, normal, right, c) -> _Bounds:
+    """Solve again with the bounds of clipped bins."""
+    # SciPy is loaded for records with clipped samples alone
+    from scipy.special import log_ndtr
+
+    sign, level = window.held[held], np.abs(window.values[held])
+    sigma = window.record.sigma
+    drift = np.broadcast_to(window.line[:, held], (len(columns), 4, held.size))
+    model = np.concatenate([columns, drift], axis=1) * sign
+    for last in (False, False, False, True):
+        v = ((c[:, None] @ model)[:, 0] - level) / sigma
+        chance = log_ndtr(v)
+        short = np.sqrt(np.maximum(-2 * chance, 1e-12))
+        slope = -np.exp(-0.5 * v * v - chance) / np.sqrt(2 * np.pi) / short / sigma
+        rows = model * slope[:, None]
+        if not last:
+            to = (c[:, None] @ rows)[:, 0] - short
+            with_bounds = normal + rows @ rows.transpose(0, 2, 1)
+            pulled = right + (rows @ to[..., None])[..., 0]
+            c = np.linalg.solve(with_bounds, pulled[..., None])[..., 0]
+    return _Bounds(c, short, slope * sign, rows)
+
+
+def search(
+    window: Window, start: Hypotheses, steps: int = 12, against: float = np.inf
+) -> Modes:
+    """Return the optima of hypotheses by damped Gauss-Newton steps, all at once.
+
+    Args:
+        window: The bins.
+        start: Where the searches begin.
+        steps: Largest number of steps.
+        against: Cost above which a search is given up after five steps.
+    """
+    here = evaluate(window, start[np.arange(len(start))])  # a copy
+    many, p = here.unknowns.shape
+    damping, stalled = np.full(many, 0.03), np.zeros(many, int)
+    done, diagonal = ~np.isfinite(here.cost), np.arange(p)
+    largest = np.append(LONGEST_STEP, np.full(p - 5, FURTHER_STEP))
+    for step in range(steps):
+        some = np.flatnonzero(~done)
+        if not some.size:
+            break
+        normal, slope = here.normal[some], here.slope[some]
+        scale = 1 / np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
+        normal = normal * scale[:, :, None] * scale[:, None, :]
+        normal[:, diagonal, diagonal] += damping[some, None]
+        right = np.zeros(normal.shape[:2])
+        right[:, :p] = slope * scale[:, :p]
+        move = (np.linalg.solve(normal, right[..., None])[..., 0] * scale)[:, :p]
+        move /= np.maximum(np.max(np.abs(move) / largest, axis=1), 1.0)[:, None]
+        expected = 0.5 * np.sum(move * slope, axis=1)
+        before = here[some]
+        trial = evaluate(window, replace(before, unknowns=before.unknowns + move))
+        gain = before.cost - trial.cost
+        better = gain > -1e-9
+        here.set(some[better], trial[better])
+        damping[some] = np.clip(damping[some] * np.where(better, 0.1, 10.0), 1e-9, 1e5)
+        widened = widening(window, here)
+        stalled[some] = np.where(gain > 0.02 * widened, 0, stalled[some] + 1)
+        done[some] = (better & (expected < ENOUGH * widened)) | (stalled[some] > 2)
+        if step >= 2:
+            done |= here.cost > np.min(here.cost) + HOPELESS * widened
+        if step >= 5:
+            done |= here.cost > against
+    return here
+
+
+def widening(window: Window, *groups: Modes) -> float:
+    """Return the factor on the variance of the noise, by quiet part and best fit."""
+    least = min(np.min(modes.cost) for modes in groups)
+    return float((FREEDOM + 2 * least) / (FREEDOM + window.count))
+
+
+def covariance(modes: Modes) -> Float[np.ndarray, "mode all all"]:
+    """Return the covariance of all unknowns of each, for noise as stated."""
+    scale = 1 / np.sqrt(np.diagonal(modes.normal, axis1=1, axis2=2))
+    both = scale[:, :, None] * scale[:, None, :]
+    return np.linalg.inv(modes.normal * both) * both
+
+
+def levels(window: Window, modes: Modes, widened: float) -> Float[np.ndarray, " mode"]:
+    """Return ln evidence of each by Laplace's approximation."""
+    sign, size = np.linalg.slogdet(modes.normal)
+    heights = np.sum(np.log(np.array(modes.effect.heights) * window.peak))
+    level = modes.ln_prior - heights - modes.cost / widened - 0.5 * size
+    return np.where((sign > 0) & np.isfinite(level), level, -np.inf)
+
+
+def _starts(window: Window, member: int) -> Hypotheses:
+    """Return starts of different lengths and tails: rise and shift first."""
+    first, negative = BANK.unknowns[member], BANK.negative[member]
+    rise = np.append(START_RISES, np.exp(first[3]))
+    rise = np.minimum(rise, 0.5 * np.exp(first[1]))
+    trials = np.repeat(first[None], rise.size * START_SHIFTS.size, axis=0)
+    trials[:, 0] = np.tile(START_SHIFTS, rise.size) - 0.5
+    trials[:, 3] = np.log(np.repeat(rise, START_SHIFTS.size))
+    tried = evaluate(window, hypotheses(trials, SMOOTH, negative), slopes=False)
+    best = trials[int(np.argmin(tried.cost))]
+    grid = np.array(
+        [
+            (np.log(length), decay, tail, np.log(fall))
+            for length in START_LENGTHS
+            for decay in START_DECAYS
+            for tail, fall in START_TAILS
+        ]
+    )
+    trials = np.repeat(best[None], len(grid), axis=0)
+    trials[:, 1] += grid[:, 0]
+    trials[:, 2], trials[:, 4] = grid[:, 1], grid[:, 3]
+    trials[:, 3] = np.minimum(trials[:, 3], trials[:, 1] + np.log(0.4))
+    tails = grid[:, 2].astype(int)
+    tried = evaluate(window, hypotheses(trials, SMOOTH, tails), slopes=False)
+    chosen = _distinct(trials[:, 1], tails, np.argsort(tried.cost), 0.3)[:STARTS]
+    return hypotheses(trials[chosen], SMOOTH, tails[chosen])
+
+
+def _distinct(length, form, order, apart) -> list[int]:
+    """Return indices in order, without those of form and length of another."""
+    kept: list[int] = []
+    for i in order:
+        if all(form[i] != form[j] or abs(length[i] - length[j]) > apart for j in kept):
+            kept.append(int(i))
+    return kept
+
+
+def modes_of(
+    record: Prepared, *, longest: float = np.inf, until: int | None = None
+) -> tuple[Window, list[Modes]]:
+    """Return all hypotheses worth a weight, in groups of one effect and one sampling.
+
+    Args:
+        record: The record.
+        longest: Longest duration of the start [samples].
+        until: Sample at which the window ends at the latest.
+    """
+    member = record.best_member(longest)
+    duration = record.start_duration(longest)
+    window, best, found = _ends_in(record, duration, member, until)
+    for _ in range(WINDOWS - 1):
+        # the window follows the fitted duration where the pulse fits
+        follows = until is None and widening(window, best) < MISFIT
+        if not follows or 0.6 < found / duration < 1.7:
+            break
+        duration = float(np.clip(found, 3, record.samples.size))
+        window, best, found = _ends_in(record, duration, member, until)
+    plain = _all_forms(window, best)
+    instants = _at_instants(window, plain)
+    return window, [plain, *instants, *_with_effects(window, plain)]
+
+
+def _ends_in(
+    record: Prepared, duration: float, member: int, until: int | None
+) -> tuple[Window, Modes, float]:
+    """Return a window, the ends of the first searches in it and the best duration."""
+    window = record.window(duration, until=until)
+    best = search(window, _starts(window, member), FIRST_STEPS)
+    k = int(np.argmin(best.cost))
+    window.peak = float(np.clip(best.linear[k, PEAK], 0.02, 3.0))
+    return window, best, float(np.exp(best.unknowns[k, 1]))
+
+
+def _all_forms(window: Window, best: Modes) -> Modes:
+    """Return all negative phases from the best ends, then all rises."""
+    ends = best[np.argsort(best.cost)[:3]]
+    ends = ends[ends.cost < ends.cost[0] + 2 * LIKELY * widening(window, ends)]
+    many = len(NEGATIVES)
+    unknowns = np.repeat(ends.unknowns, many, axis=0)
+    forms = np.tile(np.arange(many), len(ends))
+    tails = search(window, hypotheses(unknowns, SMOOTH, forms))
+    # one end that is reached from several starts counts once
+    level = levels(window, tails, widening(window, tails))
+    order = np.argsort(-level)
+    kept = _distinct(tails.unknowns[:, 1], tails.negative, order, 0.1)
+    tails, level = tails[kept], level[kept]
+    likely = tails[level > level[0] - LIKELY]
+    rises = np.arange(1, len(RISES))
+    rise = np.tile(rises, len(likely))
+    unknowns = np.repeat(likely.unknowns, rises.size, axis=0)
+    unknowns = moved(unknowns, np.full(rise.size, SMOOTH), rise)
+    negative = np.repeat(likely.negative, rises.size)
+    return joined(tails, search(window, hypotheses(unknowns, rise, negative)))
+
+
+def _at_instants(window: Window, plain: Modes) -> list[Modes]:
+    """Return the likeliest modes with a resolved rise, for samples at instants."""
+    level = levels(window, plain, widening(window, plain))
+    tau = natural(plain.unknowns, plain.rise)[3]
+    best = np.argsort(-level)[:INSTANT_MODES]
+    likely = level[best] > level.max() - INSTANT_LIKELY
+    best = best[likely & (tau[best] > SHARPEST) & (tau[best] < SLOWEST)]
+    if not best.size:
+        return []
+    unknowns, rise = plain.unknowns[best].copy(), plain.rise[best]
+    # the average over a sample has made the rise longer
+    longer = np.sqrt(tau[best] ** 2 + 1 / 12 / VARIANCE[rise])
+    left = np.maximum(1 - longer / np.exp(unknowns[:, 1]), 0.1)
+    unknowns[:, 3] = np.log(longer / left)
+    start = hypotheses(unknowns, rise, plain.negative[best], instants=True)
+    found = search(window, start, 8)
+    # both samplings are equally probable; these stand for all modes of the other
+    rest = np.logaddexp.reduce(level) - np.logaddexp.reduce(level[best])
+    return [replace(found, ln_prior=found.ln_prior + rest)]
+
+
+def _sign(window: Window, effect: Effect, best: Modes) -> tuple[float, int]:
+    """Return the largest gain in ln likelihood of an effect's scan, and its trial."""
+    n = window.data.size
+    columns = effect.scan(window, best) @ window.whitener.T
+    basis = np.linalg.qr(best.jacobian[0, :, :n].T)[0]
+    columns = columns - (columns @ basis) @ basis.T
+    own = columns @ columns.transpose(0, 2, 1)
+    size = np.trace(own, axis1=1, axis2=2)[:, None, None]
+    own = own + (1e-9 * size + 1e-9) * np.eye(own.shape[1])
+    across = columns @ best.residuals[0, :n]
+    solved = np.linalg.solve(own, across[..., None])[..., 0]
+    gain = 0.5 * np.sum(across * solved, axis=1) / widening(window, best)
+    trial = int(np.argmax(gain))
+    return float(gain[trial]), trial
+
+
+def _with_effects(window: Window, plain: Modes) -> list[Modes]:
+    """Return modes with an effect, for those with a sign in the residuals."""
+    widened = widening(window, plain)
+    level = levels(window, plain, widened)
+    best = plain[[int(np.argmax(level))]]
+    groups = []
+    for effect in EFFECTS:
+        gain, trial = _sign(window, effect, best)
+        if gain < LEAST_SIGN and not effect.suspected(best):
+            continue
+        base = best
+        if not effect.all_forms:
+            usual = (plain.rise == SMOOTH) & (plain.negative == CUBIC)
+            base = plain[[int(np.argmax(np.where(usual, level, -np.inf)))]]
+        starts = effect.starts(window, base, trial)
+        trials = hypotheses(starts, base.rise[0], base.negative[0], effect)
+        if len(trials) > 1:  # the best of either half, which differ in length
+            halves = np.split(evaluate(window, trials, slopes=False).cost, 2)
+            places = [int(np.argmin(half)) for half in halves]
+            trials = trials[[places[0], len(halves[0]) + places[1]]]
+        found = search(window, trials, 20, against=best.cost[0] + 10 * widened)
+        reached = levels(window, found, widened)
+        if effect.all_forms and reached.max() > level.max() - 3:
+            # the best forms without the effect may only imitate it
+            found = _forms_with(window, found[[int(np.argmax(reached))]])
+        groups.append(found)
+    return groups
+
+
+def _forms_with(window: Window, found: Modes) -> Modes:
+    """Return an effect with all negative phases, then with all rises."""
+    many, effect = len(NEGATIVES), found.effect
+    unknowns = np.repeat(found.unknowns, many, axis=0)
+    start = hypotheses(unknowns, found.rise[0], np.arange(many), effect)
+    tails = search(window, start, 8)
+    best = tails[[int(np.argmin(tails.cost))]]
+    rise = np.setdiff1d(np.arange(len(RISES)), found.rise)
+    unknowns = np.repeat(best.unknowns, rise.size, axis=0)
+    same = np.full(rise.size, found.rise[0])
+    unknowns[:, :5] = moved(unknowns[:, :5], same, rise)
+    start = hypotheses(unknowns, rise, best.negative[0], effect)
+    return joined(tails, search(window, start, 8))
+
+
+@dataclass(frozen=True)
+class HighPassed:
+    """An unstated high-pass, over a longer window.
+
+    Attributes:
+        window: The window.
+        modes: Modes before the high-pass.
+        level: ln evidence of each.
+        widened: Factor on the variance of the noise.
+        ln_odds: ln of the odds of a high-pass against none.
+    """
+
+    window: Window
+    modes: Modes
+    level: Float[np.ndarray, " mode"]
+    widened: float
+    ln_odds: float
+
+
+def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
+    """Return modes before an unstated high-pass; None if there is no sign of one.
+
+    Args:
+        window: Window of the groups.
+        groups: Modes without a high-pass, those without an effect first.
+    """
+    record, plain = window.record, groups[0]
+    level = levels(window, plain, widening(window, plain))
+    best = plain[[int(np.argmax(level))]]
+    duration = float(np.exp(best.unknowns[0, 1]))
+    end = int(min(record.front + HIGH_PASSED.reach * duration, record.samples.size))
+    short = end < record.front + LEAST_HIGH_PASS * duration
+    if short or record.bound.any() or record.high_pass is not None:
+        return None
+    net = abs(record.samples[record.quiet : end].sum())
+    sd = np.sqrt(record.slow_variance(end - record.quiet))
+    impulse = float(
+        np.exp(outputs(best.unknowns, best.rise, best.negative, best.linear)[0, 3])
+    )
+    if net > NET_SD * sd + NET_SHARE * impulse:
+        return None
+    far = record.window(duration, reach=HIGH_PASSED.reach)
+    far.peak = window.peak
+    there = search(far, best, 4)
+    if _sign(far, HIGH_PASSED, there)[0] < LEAST_SIGN:
+        return None
+    many = len(NEGATIVES)
+    unknowns = np.repeat(best.unknowns, many, axis=0)
+    start = hypotheses(unknowns, best.rise[0], np.arange(many))
+    others = (m[[int(np.argmin(m.cost))]] for m in groups[1:] if m.effect.name)
+    without = [search(far, start, 10), *(search(far, m, 10) for m in others)]
+    starts = HIGH_PASSED.starts(far, best, 0)
+    trials = hypotheses(starts, best.rise[0], best.negative[0], HIGH_PASSED)
+    ends = search(far, trials, 15)
+    modes = _forms_with(far, ends[[int(np.argmin(ends.cost))]])
+    widened = widening(far, modes, *without)
+    level = levels(far, modes, widened)
+    against = np.concatenate([levels(far, m, widened) for m in without])
+    ln_odds = np.logaddexp.reduce(level) - np.logaddexp.reduce(against)
+    return HighPassed(far, modes, level, widened, float(ln_odds))
