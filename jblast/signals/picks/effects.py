@@ -18,7 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from jblast.signals.picks.preparation import BANK, BEHIND_DURATIONS, Window
-from jblast.signals.picks.pulse import CUBIC, PEAK, SUCTION, natural, primitive
+from jblast.signals.picks.pulse import (
+    CONTINUED,
+    CUBIC,
+    PEAK,
+    SUCTION,
+    natural,
+    primitive,
+)
 
 PER_SAMPLE = 4
 """Instants a sample at which the response of an oscillator is computed."""
@@ -273,5 +280,7 @@ HIGH_PASSED = Effect(
     columns=_passed,
     scan=_passed_scan,
     starts=_passed_starts,
+    # the formula that continues below zero looks like any other pulse behind one
+    suspected=lambda best: best.negative[0] == CONTINUED,
     reach=HIGH_PASS_REACH,
 )

@@ -102,10 +102,9 @@ SHARPEST, SLOWEST = 1.5, 12.0
 """Rises between which samples at instants differ from means [samples]."""
 INSTANT_MODES, INSTANT_LIKELY = 8, 5.0
 """Number of modes that are tried at instants, and lag in ln evidence."""
-NET_SD, NET_SHARE, LEAST_HIGH_PASS = 2.0, 0.3, 6.0
+NET_SD, NET_SHARE = 2.0, 0.3
 """Net impulse from which on no high-pass is searched, in standard deviations and shares
-of the positive impulse, as it would remove all; and durations behind the front that a
-search needs."""
+of the positive impulse, as it would remove all."""
 
 
 @dataclass
@@ -445,34 +444,51 @@ def modes_of(
     """
     member = record.best_member(longest)
     duration = record.start_duration(longest)
-    window, best, found = _ends_in(record, duration, member, until)
+    window, ends = _ends_in(record, duration, member, until)
     for _ in range(WINDOWS - 1):
-        # the window follows the fitted duration where the pulse fits
-        follows = until is None and widening(window, best) < MISFIT
-        if not follows or 0.6 < found / duration < 1.7:
+        if not _leaves(window, [ends], until):
             break
-        duration = float(np.clip(found, 3, record.samples.size))
-        window, best, found = _ends_in(record, duration, member, until)
-    plain = _all_forms(window, best)
+        window, ends = _ends_in(record, _duration([ends]), member, until)
+    if not np.isfinite(ends.cost).any():
+        return window, []
+    plain = _all_forms(window, ends)
     instants = _at_instants(window, plain)
-    return window, [plain, *instants, *_with_effects(window, plain)]
+    groups = [plain, *instants, *_with_effects(window, plain)]
+    if _leaves(window, groups, until):
+        peak, window = window.peak, record.window(_duration(groups))
+        window.peak = peak
+        groups = [search(window, modes) for modes in groups]
+    return window, groups
 
 
 def _ends_in(
     record: Prepared, duration: float, member: int, until: int | None
-) -> tuple[Window, Modes, float]:
-    """Return a window, the ends of the first searches in it and the best duration."""
+) -> tuple[Window, Modes]:
+    """Return a window and the ends of the first searches in it."""
     window = record.window(duration, until=until)
-    best = search(window, _starts(window, member), FIRST_STEPS)
-    k = int(np.argmin(best.cost))
-    window.peak = float(np.clip(best.linear[k, PEAK], 0.02, 3.0))
-    return window, best, float(np.exp(best.unknowns[k, 1]))
+    ends = search(window, _starts(window, member), FIRST_STEPS)
+    peak = float(ends.linear[int(np.argmin(ends.cost)), PEAK])
+    window.peak = float(np.clip(peak, 0.02, 3.0))
+    return window, ends
+
+
+def _duration(groups: list[Modes]) -> float:
+    """Return the duration of the mode of lowest cost."""
+    best = min(groups, key=lambda modes: modes.cost.min())
+    return float(np.exp(best.unknowns[int(np.argmin(best.cost)), 1]))
+
+
+def _leaves(window: Window, groups: list[Modes], until: int | None) -> bool:
+    """Return True if a pulse that fits has another length than its window is for."""
+    ratio = _duration(groups) / window.duration
+    fits = until is None and widening(window, *groups) < MISFIT
+    return fits and not 0.6 < ratio < 1.7
 
 
 def _all_forms(window: Window, best: Modes) -> Modes:
     """Return all negative phases from the best ends, then all rises."""
     ends = best[np.argsort(best.cost)[:3]]
-    ends = ends[ends.cost < ends.cost[0] + 2 * LIKELY * widening(window, ends)]
+    ends = ends[ends.cost <= ends.cost[0] + 2 * LIKELY * widening(window, ends)]
     many = len(NEGATIVES)
     unknowns = np.repeat(ends.unknowns, many, axis=0)
     forms = np.tile(np.arange(many), len(ends))
@@ -603,8 +619,7 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     best = plain[[int(np.argmax(level))]]
     duration = float(np.exp(best.unknowns[0, 1]))
     end = int(min(record.front + HIGH_PASSED.reach * duration, record.samples.size))
-    short = end < record.front + LEAST_HIGH_PASS * duration
-    if short or record.bound.any() or record.high_pass is not None:
+    if record.bound.any() or record.high_pass is not None:
         return None
     net = abs(record.samples[record.quiet : end].sum())
     sd = np.sqrt(record.slow_variance(end - record.quiet))
@@ -616,7 +631,8 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     far = record.window(duration, reach=HIGH_PASSED.reach)
     far.peak = window.peak
     there = search(far, best, 4)
-    if _sign(far, HIGH_PASSED, there)[0] < LEAST_SIGN:
+    sign, _ = _sign(far, HIGH_PASSED, there)
+    if sign < LEAST_SIGN and not HIGH_PASSED.suspected(there):
         return None
     many = len(NEGATIVES)
     unknowns = np.repeat(best.unknowns, many, axis=0)

@@ -30,7 +30,7 @@ from jblast.signals.picks.evidence import (
     modes_of,
     widening,
 )
-from jblast.signals.picks.preparation import Prepared, Window
+from jblast.signals.picks.preparation import BEHIND_DURATIONS, Prepared, Window
 from jblast.signals.picks.pulse import (
     CHANGES,
     CONTINUED,
@@ -356,6 +356,16 @@ class _Fit:
     misfit: float
     alone: bool = False
 
+    @property
+    def left(self) -> float:
+        """Root mean square residual of the best [largest sample]."""
+        return float(np.sqrt(self.misfit)) * self.window.record.sigma
+
+    @property
+    def fits(self) -> bool:
+        """True if a hypothesis explains the record."""
+        return self.misfit < MISFIT or self.left < SLIGHT_RESIDUAL
+
     def best(self, effect: str | None = None) -> tuple[_Weighted, Modes]:
         """Return the most probable mode, of all or of an effect, and its group."""
         groups = [
@@ -387,7 +397,9 @@ def picked(
         high_pass_hz: Corner of the instrument's first-order high-pass [Hz].
     """
     corner = None if high_pass_hz is None else 2 * np.pi * high_pass_hz * step_s
-    return _pick_of(_fitted(samples, full_scale, corner), start_s, step_s)
+    # hypotheses that overflow have an infinite cost
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _pick_of(_fitted(samples, full_scale, corner), start_s, step_s)
 
 
 def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
@@ -396,11 +408,11 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
     longest, best = np.inf, _weighed(*modes_of(record))
     for _ in range(2):
         longest = SHORTER * record.start_duration(longest)
-        if best.misfit < MISFIT or longest < 0.5 * FEW_SAMPLES:
+        if best.fits or longest < 0.5 * FEW_SAMPLES:
             break
         tried = _weighed(*modes_of(record, longest=longest))
         best = min(best, tried, key=lambda fit: fit.misfit)
-    if best.misfit > MISFIT:
+    if not best.fits:
         top = record.samples.max()
         flat = (record.samples > top - FLAT_TOP_SD * record.sigma) * 1.0
         high = top > 2 * FLAT_TOP_SD * record.sigma
@@ -408,23 +420,25 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
             clipped = np.maximum(record.clipped, flat)
             other = Prepared(samples, full_scale, clipped, high_pass)
             tried = _weighed(*modes_of(other))
-            best = tried if tried.misfit < MISFIT else best
+            best = tried if tried.fits else best
     for part in FRONT_PARTS:
-        if best.misfit < MISFIT:
+        if best.fits:
             break
         front, duration = record.front, record.start_duration(longest)
-        until = int(front + max(4.5 * duration / part, LEAST_FRONT))
+        until = int(front + max(BEHIND_DURATIONS * duration / part, LEAST_FRONT))
         # samples behind the front must not decide where the search begins, either
         near = np.where(np.arange(samples.size) < until, samples, samples[0])
         other = Prepared(near, full_scale, high_pass=high_pass)
         tried = _weighed(*modes_of(other, longest=duration, until=until))
-        if tried.misfit < MISFIT and _peak_sd(tried) < FOUND_SD:
+        if tried.fits and _peak_sd(tried) < FOUND_SD:
             best = replace(tried, alone=True)
     return best
 
 
 def _weighed(window: Window, groups: list[Modes]) -> _Fit:
     """Return modes with weights by their evidence; an unstated high-pass may be one."""
+    if not groups:
+        return _Fit(window, [], np.inf)
     widened = widening(window, *groups)
     level = [levels(window, modes, widened) for modes in groups]
     total = np.logaddexp.reduce(np.concatenate(level))
@@ -523,8 +537,7 @@ class _Found(NamedTuple):
 
     def is_hopeless(self) -> bool:
         """Return True if the best hypothesis explains next to nothing."""
-        left = np.sqrt(self.fit.misfit) * self.record.sigma
-        return self.fit.misfit > HOPELESS and left > SLIGHT_RESIDUAL
+        return self.fit.misfit > HOPELESS and self.fit.left > SLIGHT_RESIDUAL
 
     def loses_duration(self) -> bool:
         """Return True if neither duration nor peak is well known."""
@@ -606,12 +619,14 @@ NOTES: dict[NoteKind, NoteRow] = {
 def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
     """Return a pick in seconds and in the record's unit."""
     record = fit.window.record
+    if not fit.groups:
+        return _nothing_found(record)
     mean, covariance = _moments(fit)
     found = _Found(fit, record, mean, np.sqrt(np.diag(covariance)))
     notes: tuple[NoteKind, ...]
     notes = tuple(kind for kind, row in NOTES.items() if row.test(found))
     if "nothing_found" in notes:
-        notes = ("nothing_found",)
+        return _nothing_found(record)
     first_s, scale = start_s + step_s * record.front, record.scale
     units = np.array(
         [step_s, scale, step_s, scale * step_s, 1.0, step_s, scale, step_s]
@@ -642,7 +657,7 @@ def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
         frequency = float(omega / (2 * np.pi * step_s))
     if "later_arrival" in notes:
         later, later_sd = _later(*fit.best("later_arrival"))
-    pick = Pick(
+    return Pick(
         *map(float, values),
         covariance=in_log,
         sds=sds,
@@ -657,7 +672,6 @@ def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
         baseline_pa=record.offset + scale * float(baseline),
         pulse=pulse,
     )
-    return pick if pick.found else without_values(pick)
 
 
 def _later(group: _Weighted, mode: Modes) -> tuple[float, float]:
@@ -669,13 +683,25 @@ def _later(group: _Weighted, mode: Modes) -> tuple[float, float]:
     return arrival + lag, float(np.sqrt(variance))
 
 
-def without_values(pick: Pick) -> Pick:
+def without_values(notes: tuple[NoteKind, ...], noise_pa: float, baseline_pa: float):
     """Return a pick whose values are NaN."""
-    return replace(
-        pick,
+    return Pick(
         **dict.fromkeys(NAMES, np.nan),
         covariance=np.full((IN_LOG, IN_LOG), np.nan),
         sds=np.full(len(NAMES), np.nan),
+        notes=notes,
         lower_bound=False,
+        clipped_at_pa=np.nan,
+        resonance_hz=np.nan,
+        later_arrival_s=np.nan,
+        later_sigma_s=np.nan,
+        misfit=np.nan,
+        noise_pa=noise_pa,
+        baseline_pa=baseline_pa,
         pulse=None,
     )
+
+
+def _nothing_found(record: Prepared) -> Pick:
+    noise_pa = record.scale * record.sigma
+    return without_values(("nothing_found",), noise_pa, record.offset)

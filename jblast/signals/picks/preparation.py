@@ -150,7 +150,7 @@ def noise_powers(quiet: Float[np.ndarray, " sample"]) -> Float[np.ndarray, " pro
     for size in SCALES[n // 4 >= SCALES]:
         mean = (sums[size:] - sums[:-size]) / size
         second = mean[: -2 * size] - 2 * mean[size:-size] + mean[2 * size :]
-        seen.append(np.mean(second * second) + 1e-300)
+        seen.append(np.mean(second * second) + 6 / size * LEAST_SIGMA**2)
         freedom.append(max(second.size / (_OVERLAP * size), 1.0))
     seen, freedom = np.array(seen), np.array(freedom)
     by_process = DIFFERENCES[: seen.size]
@@ -391,9 +391,8 @@ class Prepared:
             self.front + FIRST + WIDTH <= last
         )
         start, stop = np.flatnonzero(inside)[[0, -1]] + [0, 1]
-        return Window(
-            self, slice(start, stop), slice(start - self._low, stop - self._low)
-        )
+        mine = slice(start - self._low, stop - self._low)
+        return Window(self, duration, slice(start, stop), mine)
 
 
 class Window:
@@ -401,6 +400,7 @@ class Window:
 
     Attributes:
         record: The record.
+        duration: Duration of the pulses that it is for [samples].
         ends, widths, middle: The bins, in samples from the front.
         values: Their means.
         held: +1 where all samples of a bin are lower bounds, -1 upper bounds, else 0.
@@ -412,8 +412,8 @@ class Window:
         peak: About the peak of the pulse, for priors in peaks.
     """
 
-    def __init__(self, record: Prepared, use: slice, mine: slice):
-        self.record, self.peak = record, 1.0
+    def __init__(self, record: Prepared, duration: float, use: slice, mine: slice):
+        self.record, self.duration, self.peak = record, duration, 1.0
         self.ends = ENDS[use.start : use.stop + 1]
         self.widths, self.middle = WIDTH[use], MIDDLE[use]
         self.values, self.held = record.binned[mine], record.bound[mine]

@@ -124,17 +124,11 @@ def _of_sign(
     onset = onset_of(samples) if pick.quality == "poor" else None
     if onset is None:
         return pick
-    pick = without_values(pick)
-    sds, covariance = pick.sds.copy(), pick.covariance.copy()
-    sds[0], covariance[0, 0] = step_s * onset.sigma, (step_s * onset.sigma) ** 2
-    return replace(
-        pick,
-        air_arrival_s=start_s + step_s * onset.sample,
-        sds=sds,
-        covariance=covariance,
-        notes=("onset_alone",),
-        baseline_pa=float(samples[: int(onset.sample)].mean()),
-    )
+    quiet = float(samples[: int(onset.sample)].mean())
+    alone = without_values(("onset_alone",), pick.noise_pa, quiet)
+    alone.sds[0] = step_s * onset.sigma
+    alone.covariance[0, 0] = alone.sds[0] ** 2
+    return replace(alone, air_arrival_s=start_s + step_s * onset.sample)
 
 
 def _stretch_begin(record: PressureRecord) -> int:

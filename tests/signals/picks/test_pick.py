@@ -1,122 +1,150 @@
-"""The pick of a record: exact without noise, and as sure as repetitions say."""
+"""The pick of a record: exact without noise, with the errors that repetitions have."""
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.signals.picks import pick
-from tests.signals.picks.simulated import (
-    RATE,
-    SAMPLES,
-    TIME,
-    Truth,
-    noisy,
-)
+from tests.signals.picks.simulated import RATE, SAMPLES, TIME, Truth, noisy, samples_of
 
-pytestmark = pytest.mark.slow  # a program of picks to compile
 TRUTH = Truth()
-MANY = 32
-VALUES = {
-    "air_arrival_s": TRUTH.arrival,
-    "peak_overpressure_pa": TRUTH.peak,
-    "positive_duration_s": TRUTH.duration,
-    "positive_impulse_pa_s": TRUTH.impulse,
-    "rise_time_s": TRUTH.rise,
-    "decay": TRUTH.decay,
-    "negative_pressure_pa": TRUTH.suction,
-    "negative_duration_s": TRUTH.suction_duration,
-}
+MANY = 16
+NAMES = (
+    *("air_arrival_s", "peak_overpressure_pa", "positive_duration_s"),
+    *("positive_impulse_pa_s", "rise_time_s", "decay", "negative_pressure_pa"),
+    "negative_duration_s",
+)
+VALUES = dict(
+    zip(
+        NAMES,
+        (
+            *(TRUTH.arrival, TRUTH.peak, TRUTH.duration, TRUTH.impulse, TRUTH.rise),
+            *(TRUTH.decay, TRUTH.suction, TRUTH.suction_duration),
+        ),
+        strict=True,
+    )
+)
 
 
 @pytest.fixture(scope="module")
 def repeated():
-    """Picks of one pulse under noise of 1 % of its peak, again and again."""
-    return pick(TIME, noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
+    """Picks of one pulse in noise of 1 % of its peak, drawn again and again."""
+    return [pick(TIME, x) for x in noisy(TRUTH, 0.01 * TRUTH.peak, MANY)]
 
 
 @pytest.fixture(scope="module")
 def exact():
-    """The pick of the same without noise."""
-    return pick(TIME, noisy(TRUTH, 0.0, MANY))
+    """The pick of the pulse without noise."""
+    return pick(TIME, samples_of(TRUTH))
 
 
-@pytest.mark.parametrize("name", VALUES)
-def test_without_noise_the_truth_comes_back(name, exact):
-    # means of 64 instants are off by 1e-4 of what changes within a sample
-    np.testing.assert_allclose(getattr(exact, name)[0], VALUES[name], rtol=1e-3)
-    assert bool(exact.found.all())
+@pytest.mark.parametrize("name", NAMES)
+def test_without_noise_the_truth_is_found(name, exact):
+    # means of 64 instants are off by 1e-4 of what changes within a sample; families of
+    # forms next to the true one move the mean by 1e-3
+    np.testing.assert_allclose(getattr(exact, name), VALUES[name], rtol=3e-3)
+    assert exact.found
 
 
-def test_a_record_alone_is_picked_as_among_others_and_none_as_none(repeated):
-    records = noisy(TRUTH, 0.01 * TRUTH.peak, MANY)
-    alone, none = pick(TIME, records[:1]), pick(TIME, records[:0])
-    np.testing.assert_array_equal(alone.covariance, repeated.covariance[:1])
-    np.testing.assert_array_equal(alone.air_arrival_s, repeated.air_arrival_s[:1])
-    assert none.covariance.shape == (0, 4, 4)
-
-
-@pytest.mark.parametrize("name", VALUES)
-def test_errors_are_as_large_as_repetitions_say(name, repeated):
-    apart = (getattr(repeated, name) - VALUES[name]) / repeated.sd(name)
-    # 32 repetitions: the mean of one to 0.18, their standard deviation to 0.13
-    assert abs(float(jnp.mean(apart))) < 4 * 0.18
-    assert 0.55 < float(jnp.std(apart)) < 1.5
+@pytest.mark.parametrize("name", NAMES)
+def test_errors_are_those_of_repetitions(name, repeated):
+    off = [(getattr(one, name) - VALUES[name]) / one.sd(name) for one in repeated]
+    # 16 repetitions: the mean to 0.25, the standard deviation to 0.18; errors contain
+    # forms next to the true one, so they are rather too large
+    assert abs(np.mean(off)) < 4 * 0.25
+    assert 0.2 < np.std(off) < 1.7
 
 
 def test_the_covariance_is_that_of_repetitions(repeated):
-    of_record = jnp.stack(
-        [
-            repeated.air_arrival_s,
-            jnp.log(repeated.peak_overpressure_pa),
-            jnp.log(repeated.positive_duration_s),
-            jnp.log(repeated.positive_impulse_pa_s),
-        ]
-    )
-    seen = np.corrcoef(np.asarray(of_record))
-    mean = np.asarray(repeated.covariance).mean(axis=0)
+    values = np.array([[getattr(one, name) for name in NAMES[:4]] for one in repeated])
+    values[:, 1:] = np.log(values[:, 1:])
+    mean = np.mean([one.covariance for one in repeated], axis=0)
     sd = np.sqrt(np.diag(mean))
-    # a correlation of 32 pairs has a standard error of 0.18 at most
-    np.testing.assert_allclose(mean / np.outer(sd, sd), seen, atol=4 * 0.18)
+    # a correlation of 16 pairs has a standard error of 0.25 at most
+    made = mean / np.outer(sd, sd)
+    np.testing.assert_allclose(made, np.corrcoef(values.T), atol=4 * 0.25)
 
 
-@pytest.mark.xfail(reason="the slopes of 2 in 32 samples disagree; why is not known")
-def test_slopes_by_the_samples_are_those_of_differences():
-    samples = jnp.asarray(noisy(TRUTH, 0.01 * TRUTH.peak, MANY))
-    way = np.random.default_rng(1).standard_normal(samples.shape)
-
-    def values(samples):
+@pytest.mark.parametrize("level", [None, 0.0, 101325.0])
+def test_in_noise_alone_and_in_nothing_nothing_is_found(level):
+    rng = np.random.default_rng(2)
+    for _ in range(6 if level is None else 1):
+        samples = rng.standard_normal(SAMPLES) if level is None else 0 * TIME + level
         found = pick(TIME, samples)
-        return jnp.log(found.positive_impulse_pa_s), found.air_arrival_s * RATE
-
-    _, slopes = jax.jvp(values, (samples,), (jnp.asarray(way),))
-    step = 3.0  # Pa, of noise of 300: the search ends within 1e-4 sd of the optimum
-    ahead, behind = values(samples + step * way), values(samples - step * way)
-    for slope, plus, minus in zip(slopes, ahead, behind, strict=True):
-        numeric = (plus - minus) / (2 * step)
-        # a front at the edge of a sample is a kink, beside which a search may end
-        np.testing.assert_allclose(slope, numeric, atol=0.04 * float(jnp.std(numeric)))
+        assert not found.found
+        assert np.isnan(found.air_arrival_s)
 
 
-def test_in_noise_alone_and_in_nothing_nothing_is_found():
-    noise = np.random.default_rng(2).standard_normal((MANY, SAMPLES))
-    noise[0] = 0.0
-    noise[1] = 101325.0
-    found = pick(TIME, noise)
-    assert int(found.found.sum()) == 0
-    assert np.isnan(np.asarray(found.air_arrival_s)).all()
+def test_a_faint_pulse_is_not_three_times_as_long_with_its_suction():
+    off = []
+    for samples in noisy(TRUTH, 0.25 * TRUTH.peak, 8):
+        found = pick(TIME, samples)
+        off.append(np.log(found.positive_duration_s / TRUTH.duration))
+        sd = found.sd("positive_duration_s") / found.positive_duration_s
+        # four standard deviations: once in 2,000 of 8 records
+        assert abs(off[-1]) < 4 * sd
+    assert np.median(np.abs(off)) < 0.25
 
 
-def test_a_faint_pulse_is_not_told_three_times_as_long_with_its_suction():
-    found = pick(TIME, noisy(TRUTH, 0.25 * TRUTH.peak, MANY))
-    off = np.log(np.asarray(found.positive_duration_s) / TRUTH.duration)
-    # four standard deviations: once in 500 of 32 records
-    assert np.all(np.abs(off) < 4.0 * np.asarray(found.spread[:, 2]))
-    assert np.median(np.abs(off)) < 0.2
+def test_pressures_scale_and_shift_and_so_do_clocks():
+    samples = noisy(TRUTH, 0.02 * TRUTH.peak, 1)[0]
+    usual = pick(TIME, samples)
+    found = pick(1e3 * (TIME + 7.0), 1e-6 * (samples + 4 * TRUTH.peak))
+    # the search ends within some thousandths of a standard deviation
+    sd = usual.sd("air_arrival_s")
+    assert abs(1e-3 * found.air_arrival_s - 7.0 - usual.air_arrival_s) < 0.02 * sd
+    for name, factor in (
+        ("positive_duration_s", 1e3),
+        ("peak_overpressure_pa", 1e-6),
+        ("positive_impulse_pa_s", 1e-3),
+    ):
+        expected = factor * getattr(usual, name)
+        close = 0.02 * usual.sd(name) * factor
+        np.testing.assert_allclose(getattr(found, name), expected, atol=close)
+        np.testing.assert_allclose(found.sd(name), factor * usual.sd(name), rtol=0.02)
 
 
-def test_a_slow_wave_of_the_baseline_is_told(repeated):
-    wave = 0.1 * TRUTH.peak * np.sin(2 * np.pi * TIME / (5 * TRUTH.duration))
-    found = pick(TIME, noisy(TRUTH, 0.01 * TRUTH.peak, MANY) + wave)
-    assert np.mean(np.asarray(found.curving)) > 0.8
-    assert not np.any(np.asarray(repeated.curving))
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda t, p: (t, np.where(t > 4e-3, np.nan, p)),
+            r"pressure_pa: .* nan at \[4",
+        ),
+        (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
+        (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
+        (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
+        (
+            lambda t, p: (np.stack([t, t]), np.stack([p, p])),
+            "time_s: expected .sample.,",
+        ),
+        (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
+    ],
+)
+def test_an_array_that_is_no_record_is_refused_by_name(change, message):
+    with pytest.raises(InputError, match=message):
+        pick(*change(TIME, samples_of(TRUTH)))
+
+
+@pytest.mark.parametrize("name", ["full_scale_pa", "high_pass_hz"])
+def test_a_scale_or_corner_that_is_not_positive_is_refused(name):
+    with pytest.raises(InputError, match=f"{name}: expected a positive"):
+        pick(TIME, samples_of(TRUTH), **{name: 0.0})
+
+
+def test_a_stated_high_pass_is_part_of_the_pulse():
+    from scipy.signal import bilinear, lfilter
+
+    corner, rng = 60.0, np.random.default_rng(4)
+    through = lfilter(
+        *bilinear([1.0, 0.0], [1.0, 2 * np.pi * corner], RATE), samples_of(TRUTH)
+    )
+    samples = np.asarray(through) + 0.005 * TRUTH.peak * rng.standard_normal(SAMPLES)
+    found = pick(TIME, samples, high_pass_hz=corner)
+    assert "high_passed" not in found.notes
+    for name in NAMES[:4]:
+        assert abs(getattr(found, name) - VALUES[name]) < 4 * found.sd(name)
+    # without it the phase is a tenth shorter or not written
+    wrong = pick(TIME, samples)
+    off = abs(wrong.positive_duration_s - TRUTH.duration) / TRUTH.duration
+    assert off > 0.05 or "high_passed" in wrong.notes

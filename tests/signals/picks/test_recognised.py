@@ -1,4 +1,4 @@
-"""What a record is besides one pulse is seen, told, and allowed for."""
+"""Effects next to one pulse are recognised, and errors allow for them."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,6 @@ from tests.signals.picks.simulated import (
     samples_of,
 )
 
-pytestmark = pytest.mark.slow  # a program to compile
 TRUTH = Truth()
 SIGMA = 100.0
 FULL_SCALE = 2e4
@@ -24,10 +23,6 @@ SLOW = TRUTH._replace(rise=7.6e-5)
 HIDDEN_HZ, HIDDEN_DAMPING, HIDDEN_SIGMA = 19.5e3, 0.05, 770.0
 SECOND = TRUTH._replace(arrival=TRUTH.arrival + 1.1e-3, peak=1.5e4, suction=3e3)
 CORNER_HZ = 30.0
-KINDS = (
-    *("plain", "clipped", "rings", "second", "high_passed", "cut", "drifts", "late"),
-    *("coarse", "clipped_low", "hidden_ring"),
-)
 
 
 def fine_pressure(truth=TRUTH):
@@ -43,43 +38,43 @@ def filtered(above, below, truth=TRUTH):
 
 
 def records():
-    """Return one record of each kind, and ordinary ones up to a batch of 32."""
+    """Return one record of each kind."""
     rng = np.random.default_rng(3)
     noise = SIGMA * rng.standard_normal((32, SAMPLES))
-    rows = np.array([samples_of(TRUTH)] * 32) + noise
-    omega = 2 * np.pi * RESONANCE_HZ
-    resonant = filtered([omega**2], [1.0, 2 * DAMPING * omega, omega**2])
-    passed = filtered([1.0, 0.0], [1.0, 2 * np.pi * CORNER_HZ])
-    rows[1] = np.clip(rows[1], None, FULL_SCALE)
-    rows[2] = resonant + noise[2]
-    rows[3] = samples_of(TRUTH) + samples_of(SECOND) + noise[3]
-    rows[4] = passed + noise[4]
-    short = samples_of(TRUTH._replace(arrival=(SAMPLES - 90) / RATE))
-    rows[5] = short + noise[5]
-    rows[6] += 0.2 * TRUTH.peak * np.cos(2 * np.pi * TIME / 0.04)
-    rows[7] = samples_of(TRUTH._replace(arrival=-1e-3)) + noise[7]
-    rows[8] = samples_of(TRUTH._replace(duration=6e-5, rise=5e-6)) + noise[8]
-    omega = 2 * np.pi * HIDDEN_HZ
-    poles = [1.0, 2 * HIDDEN_DAMPING * omega, omega**2]
+    plain, omega = samples_of(TRUTH), 2 * np.pi * RESONANCE_HZ
+    hidden = 2 * np.pi * HIDDEN_HZ
+    slow = filtered([hidden**2], [1.0, 2 * HIDDEN_DAMPING * hidden, hidden**2], SLOW)
     white = np.random.default_rng(13).standard_normal(SAMPLES)
-    rows[10] = filtered([omega**2], poles, SLOW) + HIDDEN_SIGMA * white
-    rows[9] = np.clip(rows[9], -4e3, None)
-    return rows
+    return {
+        "plain": plain + noise[0],
+        "clipped": np.clip(plain + noise[1], None, FULL_SCALE),
+        "rings": filtered([omega**2], [1.0, 2 * DAMPING * omega, omega**2]) + noise[2],
+        "second": plain + samples_of(SECOND) + noise[3],
+        "high_passed": filtered([1.0, 0.0], [1.0, 2 * np.pi * CORNER_HZ]) + noise[4],
+        "cut": samples_of(TRUTH._replace(arrival=(SAMPLES - 90) / RATE)) + noise[5],
+        "drifts": plain + noise[6] + 0.2 * TRUTH.peak * np.cos(2 * np.pi * TIME / 0.04),
+        "late": samples_of(TRUTH._replace(arrival=-1e-3)) + noise[7],
+        "coarse": samples_of(TRUTH._replace(duration=6e-5, rise=5e-6)) + noise[8],
+        "clipped_low": np.clip(plain + noise[9], -4e3, None),
+        "hidden_ring": slow + HIDDEN_SIGMA * white,
+        "shifted": plain + noise[10] + 0.1 * TRUTH.peak * (TRUTH.arrival < TIME),
+    }
 
 
 @pytest.fixture(scope="module")
 def found():
-    """The picks of all of them."""
-    return pick(TIME, records())
+    """The pick of each."""
+    return {kind: pick(TIME, samples) for kind, samples in records().items()}
 
 
 def apart(found, kind: str, name: str, truth: float) -> float:
     """Return how far a value is off, in its standard deviations."""
-    k = KINDS.index(kind)
-    return float((getattr(found, name)[k] - truth) / found.sd(name)[k])
+    return (getattr(found[kind], name) - truth) / found[kind].sd(name)
 
 
-@pytest.mark.parametrize("kind", ["plain", "clipped", "rings", "high_passed", "drifts"])
+@pytest.mark.parametrize(
+    "kind", ["plain", "clipped", "rings", "high_passed", "drifts", "shifted"]
+)
 def test_values_are_within_their_errors(kind, found):
     # four standard deviations: once in 15,000 by chance
     assert abs(apart(found, kind, "air_arrival_s", TRUTH.arrival)) < 4
@@ -88,53 +83,94 @@ def test_values_are_within_their_errors(kind, found):
     assert abs(apart(found, kind, "positive_impulse_pa_s", TRUTH.impulse)) < 4
 
 
-def test_each_is_called_what_it_is_and_no_other_is(found):
-    def kinds(flags):
-        return {
-            name for name, flag in zip(KINDS, np.asarray(flags), strict=False) if flag
-        }
+@pytest.mark.parametrize(
+    ("note", "kinds"),
+    [
+        ("resonating", {"rings", "hidden_ring"}),
+        ("clipped", {"clipped", "clipped_low"}),
+        ("zero_shift", {"shifted"}),
+        ("high_passed", {"high_passed"}),
+    ],
+)
+def test_each_is_named_and_no_other_is(note, kinds, found):
+    assert {kind for kind, one in found.items() if note in one.notes} == kinds
 
-    assert kinds(found.resonating) == {"rings", "hidden_ring"}
-    assert kinds(np.isfinite(found.clipped_at_pa)) == {"clipped", "clipped_low"}
-    assert "high_passed" in kinds(found.high_passed)
-    assert "plain" not in kinds(found.high_passed)
-    assert kinds(found.cut_short) >= {"cut"}
-    assert kinds(found.drifting) >= {"drifts"}
-    assert kinds(found.under_sampled) >= {"coarse"}
-    later = kinds(np.isfinite(found.later_arrivals_s[:, 0]))
+
+def test_a_further_front_or_a_short_record_is_named(found):
+    assert "cut_short" in found["cut"].notes
+    assert "under_sampled" in found["coarse"].notes
+    later = {kind for kind, one in found.items() if "later_arrival" in one.notes}
     assert "second" in later
     assert not later & {"plain", "clipped", "rings", "drifts"}
 
 
-def test_a_ring_tells_its_frequency(found):
-    np.testing.assert_allclose(found.resonance_hz[2], RESONANCE_HZ, rtol=1e-2)
+def test_a_ring_has_its_frequency(found):
+    np.testing.assert_allclose(found["rings"].resonance_hz, RESONANCE_HZ, rtol=1e-2)
 
 
-def test_a_further_front_is_where_it_is_and_leaves_the_first_as_it_was(found):
-    np.testing.assert_allclose(found.later_arrivals_s[3, 0], SECOND.arrival, atol=2e-5)
+def test_a_further_front_has_its_time_and_leaves_the_first_as_it_was(found):
+    one = found["second"]
+    np.testing.assert_allclose(one.later_arrival_s, SECOND.arrival, atol=2e-5)
     assert abs(apart(found, "second", "air_arrival_s", TRUTH.arrival)) < 4
-    # the search may end beside the optimum, and then widens its errors
-    np.testing.assert_allclose(found.peak_overpressure_pa[3], TRUTH.peak, rtol=0.03)
+    np.testing.assert_allclose(one.peak_overpressure_pa, TRUTH.peak, rtol=0.03)
 
 
-def test_a_clipped_record_tells_at_what_and_is_less_sure(found):
-    np.testing.assert_allclose(found.clipped_at_pa[1], FULL_SCALE, rtol=1e-2)
-    assert found.sd("peak_overpressure_pa")[1] > 2 * found.sd("peak_overpressure_pa")[0]
+def test_a_clipped_record_has_its_level_and_a_larger_error(found):
+    one, name = found["clipped"], "peak_overpressure_pa"
+    np.testing.assert_allclose(one.clipped_at_pa, FULL_SCALE, rtol=1e-2)
+    assert one.sd(name) > 1.5 * found["plain"].sd(name)
 
 
-def test_a_record_that_ends_early_hardly_knows_its_duration(found):
-    assert found.spread[5, 2] > 5 * found.spread[0, 2]
+def test_a_record_that_ends_early_hardly_determines_its_duration(found):
+    name = "positive_duration_s"
+    assert found["cut"].sd(name) > 5 * found["plain"].sd(name)
 
 
-def test_a_pulse_under_way_when_the_record_begins_is_not_trusted(found):
-    early = found.air_arrival_s[7] < 5 / RATE
-    assert bool(~found.found[7] | ~found.noise_known[7] | early)
+def test_a_pulse_that_began_before_the_record_is_not_trusted(found):
+    one = found["late"]
+    assert (
+        not one.found
+        or "few_quiet_samples" in one.notes
+        or (one.air_arrival_s < 5 / RATE)
+    )
 
 
 def test_a_ring_that_a_slow_front_hides_does_not_move_the_arrival(found):
-    k = KINDS.index("hidden_ring")
-    assert found.resonating[k]
-    assert found.resonance_hz[k] == pytest.approx(HIDDEN_HZ, rel=0.05)
-    # one pulse alone has it a sample late, six standard deviations by what it says
-    assert abs(found.air_arrival_s[k] - SLOW.arrival) < 0.2 / RATE
+    one = found["hidden_ring"]
+    assert one.resonance_hz == pytest.approx(HIDDEN_HZ, rel=0.05)
+    # one pulse alone is a sample late
+    assert abs(one.air_arrival_s - SLOW.arrival) < 0.5 / RATE
     assert abs(apart(found, "hidden_ring", "air_arrival_s", SLOW.arrival)) < 4.0
+
+
+def test_a_front_of_two_samples_is_not_a_sharp_one_that_rings():
+    # positions within a sample at which a search from a rise of half a sample once
+    # ended 0.4 to 0.7 samples early
+    rng = np.random.default_rng(3)
+    for rise, place in ((2.3, 0.625), (2.3, 0.75), (2.3, 0.875), (3.1, 0.375)):
+        truth = Truth(
+            rise=rise / RATE,
+            arrival=(300.0 + place) / RATE,
+            duration=2.2e-3,
+            suction_duration=4.4e-3,
+            suction=9e3,
+            decay=0.5,
+        )
+        noise = truth.peak / 184.0 * rng.standard_normal(SAMPLES)
+        one = pick(TIME, samples_of(truth) + noise)
+        off = abs(one.air_arrival_s - truth.arrival)
+        assert "resonating" not in one.notes
+        assert off * RATE < 0.25
+        assert off < 4.0 * one.sd("air_arrival_s")
+
+
+@pytest.mark.parametrize("seed", [7, 30, 87, 112])
+def test_a_faint_front_is_not_a_step_of_slow_noise_before_it(seed):
+    # the noise of these seeds steps up 10 to 20 samples before the front
+    truth, memory = Truth(rise=3e-5, duration=2.5e-3), 0.75
+    white = np.random.default_rng(seed).standard_normal(SAMPLES + 400)
+    slow = np.asarray(lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white))
+    one = pick(TIME, samples_of(truth) + truth.peak / 6.0 * slow[400:])
+    off = abs(one.air_arrival_s - truth.arrival)
+    assert off * RATE < 8.0
+    assert off < 3.0 * one.sd("air_arrival_s")
