@@ -4,7 +4,7 @@ r"""Effects that a record may contain next to one pulse: one row each of `EFFECT
 |---|---|
 | resonating | pulse through a damped oscillator, the sensor |
 | later_arrival | a second pulse of the same form, a reflection |
-| zero_shift | a step of the baseline at the front |
+| zero_shift | a step of the baseline at the front, or a relaxation (heat) |
 | high_passed | pulse behind a first-order high-pass that nobody stated |
 
 A row has prior odds, further searched unknowns with their priors, and columns. A linear
@@ -48,6 +48,10 @@ CORNERS = ((0.3, 1.3), (1.0, 2.0), (1.0, 4.0), (2.0, 3.0))
 SHIFT_LENGTHS = (1.0, 0.2, 0.35, 0.6, 1.6)
 """Factors on the duration, from which a shift is searched: the drift may have taken the
 step, and the length with it."""
+INSTANT = 1e-3
+"""Time of a step [samples]."""
+HEAT_TIMES = np.array([0.2, 0.5, 1.2])
+"""Scanned times in which the zero of a heated gauge shifts, over the duration."""
 DRIFTING = 0.02
 """Drift that is a sign of a shift [share of the peak]: a smaller one changes duration
 and impulse by less than the scatter of laws."""
@@ -171,21 +175,38 @@ def _second_starts(window: Window, best, trial):
     return np.append(best.unknowns[0], [lag, 0.0])[None]
 
 
+def _shift(window: Window, arrival, relaxation):
+    """Return means of 1 - exp(-t/T), a shift of the zero that takes a time T."""
+    since = np.maximum(window.ends - arrival[:, None], 0)
+    late = relaxation[:, None]
+    return (np.diff(since + late * np.expm1(-since / late)) / window.widths)[:, None]
+
+
+def _heated(window: Window, columns, unknowns, rise, negative):
+    relaxation = np.exp(unknowns[:, 5] + unknowns[:, 1])
+    return np.concatenate([columns, _shift(window, unknowns[:, 0], relaxation)], axis=1)
+
+
 def _step(window: Window, unknowns):
-    behind = np.clip(window.ends[1:] - unknowns[:, :1], 0, window.widths)
-    return (behind / window.widths)[:, None]
-
-
-def _shifted(window: Window, columns, unknowns, rise, negative):
-    return np.concatenate([columns, _step(window, unknowns)], axis=1)
+    return _shift(window, unknowns[:, 0], np.full(len(unknowns), INSTANT))
 
 
 def _shift_starts(window: Window, best, trial):
-    out = np.repeat(best.unknowns[:1], 2 * len(SHIFT_LENGTHS), axis=0)
+    out = np.repeat(best.unknowns[:1, :5], 2 * len(SHIFT_LENGTHS), axis=0)
     out[:, 1] += np.log(np.tile(SHIFT_LENGTHS, 2))
     out[len(SHIFT_LENGTHS) :, 2] = 0.7
     out[:, 3] = np.minimum(out[:, 3], out[:, 1] + np.log(0.4))
     return out
+
+
+def _heat_scan(window: Window, best):
+    arrival = np.repeat(best.unknowns[0, 0], len(HEAT_TIMES))
+    return _shift(window, arrival, np.exp(best.unknowns[0, 1]) * HEAT_TIMES)
+
+
+def _heat_starts(window: Window, best, trial):
+    starts = _shift_starts(window, best, trial)
+    return np.column_stack([starts, np.full(len(starts), np.log(HEAT_TIMES[trial]))])
 
 
 def _drifts(best):
@@ -266,10 +287,23 @@ EFFECTS = (
         "zero_shift",
         ln_odds=np.log(1 / 20),
         heights=(0.1,),
-        columns=_shifted,
+        columns=lambda window, columns, unknowns, rise, negative: np.concatenate(
+            [columns, _step(window, unknowns)], axis=1
+        ),
         scan=lambda window, best: _step(window, best.unknowns[:1]),
         starts=_shift_starts,
         suspected=_drifts,
+    ),
+    # the zero of a heated gauge: the same note
+    Effect(
+        "zero_shift",
+        ln_odds=np.log(1 / 300),
+        centre=(np.log(0.5),),  # ln of the time of the shift over the duration
+        spread=(0.7,),
+        heights=(0.3,),
+        columns=_heated,
+        scan=_heat_scan,
+        starts=_heat_starts,
     ),
 )
 HIGH_PASSED = Effect(

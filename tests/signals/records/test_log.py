@@ -48,12 +48,12 @@ def test_a_good_pick_gives_four_rows_and_their_covariance(tmp_path):
 @pytest.mark.parametrize(
     ("changed", "rows", "reasons"),
     [
-        ({"converged": False}, 0, {"poor"}),
+        ({"notes": ("hopeless",)}, 0, {"poor"}),
         ({"calibrated": False}, 1, {"uncalibrated"}),
-        ({"high_passed": True}, 2, {"high_passed"}),
-        ({"curving": True}, 2, {"curved_baseline"}),
-        ({"cut_short": True}, 2, {"cut_short"}),
-        ({"cut_short": True, "calibrated": False}, 1, {"uncalibrated"}),
+        ({"notes": ("high_passed",)}, 2, {"high_passed"}),
+        ({"notes": ("resonating", "cut_short")}, 2, {"cut_short"}),
+        ({"notes": ("cut_short",), "calibrated": False}, 1, {"uncalibrated"}),
+        ({"notes": ("duration_lost", "faint")}, 3, {"duration_lost"}),
     ],
 )
 def test_what_a_record_cannot_tell_is_left_out_and_named(changed, rows, reasons):

@@ -80,30 +80,27 @@ def test_all_rows_that_are_refused_are_told_where_that_is_asked_for(tmp_path):
         " line 2, column record",
         " line 3, column record",
     ]
-    assert picked.observations.quantity == ("air_arrival_s",)
+    assert picked.quantity == ("air_arrival_s",)
 
 
-@pytest.mark.slow
 def test_samples_of_full_scale_are_refused_until_it_is_said(tmp_path):
     samples = np.loadtxt(EXAMPLE / "g01.csv", delimiter=",", skiprows=4)
     log = read(made(tmp_path, TWO[0].replace("g01.csv", "g01.wav")))
     soundfile.write(tmp_path / "g01.wav", samples[:, 1] / 1e4, 20_000, "FLOAT")
     with pytest.raises(InputError, match=r"without a unit; add .*full_scale"):
         picked_log(log)
-    loud = picked_log(log, Scaling(full_scale_pa=1e4)).observations
-    twice = picked_log(log, Scaling(full_scale_pa=2e4)).observations
+    loud = picked_log(log, Scaling(full_scale_pa=1e4))
+    twice = picked_log(log, Scaling(full_scale_pa=2e4))
     np.testing.assert_allclose(twice.value[[1, 3]], 2 * loud.value[[1, 3]], rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_each_record_becomes_four_rows_with_their_covariance(tmp_path):
     log = read(made(tmp_path, *TWO, "m,air_arrival_s,0.3,1e-3,0,150,0,"))
     picked = picked_log(log)
-    assert len(picked.observations) == 9
-    assert picked.observations.record[1:] == ("g01.csv",) * 4 + ("g02.csv",) * 4
-    assert [of.record for of in picked.observations.covariances] == [
+    assert len(picked) == 9
+    assert picked.record[1:] == ("g01.csv",) * 4 + ("g02.csv",) * 4
+    assert [of.record for of in picked.covariances] == [
         "g01.csv",
         "g02.csv",
     ]
-    np.testing.assert_array_equal(picked.observations.position[5:, 1], 80.0)
-    assert [name for name, _ in picked.picks] == ["g01.csv", "g02.csv"]
+    np.testing.assert_array_equal(picked.position[5:, 1], 80.0)
