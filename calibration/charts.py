@@ -53,10 +53,8 @@ from jblast.inference import solve
 from jblast.inference.answer import unconstrained
 from jblast.inference.density import Density, density_of
 from jblast.inference.mcmc import walk
-from jblast.inference.posterior.record_likelihood import SampledRecords
 from jblast.inference.regions import quantiles
 from jblast.inference.sample import ORDINARY, sample
-from jblast.inference.sampled_records import sampled_records
 from jblast.observations import Observations
 from jblast.observations.table import RECORD_QUANTITIES
 from jblast.progress import in_words
@@ -851,11 +849,9 @@ class Estimate(NamedTuple):
     sd: float
 
 
-def mass_of(
-    log: Observations, uncertain: UncertainScene, samples: SampledRecords | None = None
-) -> Estimate:
-    """Return the estimate of a fit, by readings or by samples."""
-    draws = solve(log, uncertain, records=samples).draws
+def mass_of(log: Observations, uncertain: UncertainScene) -> Estimate:
+    """Return the estimate of a fit."""
+    draws = solve(log, uncertain).draws
     ln_mass = np.log(draws.values[:, 0])
     low, middle, high = quantiles(ln_mass, draws.weights)
     away = ln_mass - draws.weights @ ln_mass
@@ -889,19 +885,12 @@ def record_points() -> list[Point]:
         def picked(records) -> Observations:
             return cases.log_of_picks(pick_records(records))
 
-        def of_samples(records, uncertain=uncertain) -> Estimate:
-            picks = pick_records(records)
-            log = cases.log_of_picks(picks)
-            samples = sampled_records(log, [(one.record.name, one) for one in picks])
-            return mass_of(log, uncertain, samples)
-
         methods: dict[str, Callable[[Any], Estimate]] = {
             "by eye": lambda r, u=uncertain: mass_of(by_eye(r), u),
             "picks": lambda r, u=uncertain: mass_of(
                 replace(picked(r), covariances=()), u
             ),
             "picks, covariance": lambda r, u=uncertain: mass_of(picked(r), u),
-            "samples": of_samples,
         }
         # another layout is another program: logs with a poor pick are left out
         rng, drawn, count = np.random.default_rng(20), [], 0

@@ -76,14 +76,14 @@ def table() -> str:
         assert station.frame is not None
         charge = station.frame.to_enu(*CHARGE)
         distance = float(np.linalg.norm(charge - np.array(station.position)))
-        clock = float(one.pick.air_arrival_s) - since
+        clock = one.pick.air_arrival_s - since
         rows.append(
             (
                 name,
                 f"{published:.1f}",
                 f"{distance:.1f}",
                 f"{clock:.3f}",
-                f"{float(one.pick.spread[0]):.3f}",
+                f"{one.pick.sd('air_arrival_s'):.3f}",
                 f"{distance / SOUND:.2f}",
                 f"{clock - distance / SOUND:+.2f}",
                 offset,

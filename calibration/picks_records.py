@@ -15,6 +15,7 @@ from scipy.signal import bilinear, lfilter
 
 from jblast.scene import Charge, Scene
 from jblast.sensors import heard
+from jblast.signals.picks import NAMES, pick
 
 SAMPLES = 4096
 FINE = 32
@@ -169,3 +170,34 @@ def arrival_bound(made: Made) -> float:
     scale = 1.0 / np.sqrt(np.diag(information))
     inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-13)
     return float(scale[0] * np.sqrt(inverse[0, 0]))
+
+
+class Picked(NamedTuple):
+    """Picks of records, the record along the last axis.
+
+    Attributes:
+        value: Arrival in samples, the logarithms of the others.
+        sd: Their standard deviations.
+        quality: Of each pick.
+        notes: Of each pick, joined by commas.
+    """
+
+    value: np.ndarray
+    sd: np.ndarray
+    quality: np.ndarray
+    notes: np.ndarray
+
+
+def picked(samples) -> Picked:
+    """Return the picks of records."""
+    # in samples, whatever the rate: nothing in a pick depends on the unit of time
+    time = np.arange(samples.shape[1], dtype=float)
+    found = [pick(time, x) for x in samples]
+    value = np.array([[getattr(one, name) for name in NAMES[:4]] for one in found]).T
+    value[1:] = np.log(value[1:])
+    return Picked(
+        value,
+        np.array([np.sqrt(np.diag(one.covariance)) for one in found]).T,
+        np.array([one.quality for one in found]),
+        np.array([",".join(one.notes) for one in found]),
+    )

@@ -16,21 +16,21 @@ from functools import partial
 from multiprocessing import get_context
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from calibration.eye_pick import eye_pick
 from calibration.picks_records import (
     SAMPLES,
     Made,
+    Picked,
     arrival_bound,
     drawn,
     noise_of,
+    picked,
     signal_of,
 )
 from jblast.cli.jax_start import start_jax
 from jblast.report.words import aligned
-from jblast.signals.picks import Pick, pick
 
 MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""
@@ -53,7 +53,7 @@ class Seed(NamedTuple):
     """
 
     made: list[Made]
-    found: Pick
+    found: Picked
     bound: np.ndarray
     eye: np.ndarray
 
@@ -65,10 +65,9 @@ def of_seed(many: int, seed: int) -> Seed:
     made = drawn(many, rng)
     samples = np.array([signal_of(one) + noise_of(one, rng) for one in made])
     time = np.arange(SAMPLES, dtype=float)
-    # in samples, whatever the rate: nothing in a pick depends on the unit of time
-    found = jax.tree.map(np.asarray, pick(time, samples))
     bound = np.array([arrival_bound(one) for one in made])
-    return Seed(made, found, bound, np.array([eye_pick(time, x) for x in samples]))
+    eye = np.array([eye_pick(time, x) for x in samples])
+    return Seed(made, picked(samples), bound, eye)
 
 
 def main(many: int, workers: int) -> None:
@@ -77,20 +76,13 @@ def main(many: int, workers: int) -> None:
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         seeds = list(pool.map(partial(of_seed, many), SEEDS))
     made = [one for seed in seeds for one in seed.made]
-    found = jax.tree.map(lambda *x: np.concatenate(x), *(seed.found for seed in seeds))
+    parts = zip(*(seed.found for seed in seeds), strict=True)
+    found = Picked(*(np.concatenate(x, axis=-1) for x in parts))
     bound = np.concatenate([seed.bound for seed in seeds])
     eye = np.concatenate([seed.eye for seed in seeds]).T
     truth = np.array([[o.arrival, o.peak, o.duration, o.impulse] for o in made]).T
-    picked = np.array(
-        [
-            found.air_arrival_s,
-            found.peak_overpressure_pa,
-            found.positive_duration_s,
-            found.positive_impulse_pa_s,
-        ]
-    )
-    error = np.concatenate([picked[:1] - truth[:1], np.log(picked[1:] / truth[1:])])
-    sd = np.asarray(found.spread).T[:4]
+    expected = np.concatenate([truth[:1], np.log(truth[1:])])
+    error, sd = found.value - expected, found.sd
     with np.errstate(invalid="ignore", divide="ignore"):
         eye_error = np.concatenate([eye[:1] - truth[:1], np.log(eye[1:] / truth[1:])])
     groups = _groups(made, found)
@@ -150,15 +142,26 @@ def _groups(made, found):
         "rise of 2 samples or more": rise >= 2,
         "rise below 2 samples": rise < 2,
         "below 20 samples": length < 20,
-        "ring was found": np.asarray(found.resonating),
-        "further front was told": np.isfinite(np.asarray(found.later_arrivals_s)[:, 0]),
-        "high-pass was told": np.asarray(found.high_passed),
+        "ring was named": _noted(found, "resonating"),
+        "further front was named": _noted(found, "later_arrival"),
+        "high-pass was named": _noted(found, "high_passed"),
+        "shift was named": _noted(found, "zero_shift"),
     }
+
+
+def _noted(found: Picked, note: str) -> np.ndarray:
+    """Return which picks have a note."""
+    return np.array([note in notes.split(",") for notes in found.notes])
+
+
+def _found(found: Picked) -> np.ndarray:
+    """Return which records have a pulse."""
+    return np.isfinite(found.value[1])
 
 
 def _honesty(inside, found, error, sd):
     """Return cells of bias and coverage."""
-    some = inside & np.asarray(found.found)
+    some = inside & _found(found)
     cells = [f"{100 * some.sum() / max(inside.sum(), 1):.1f} %"]
     for e, s in zip(error, sd, strict=True):
         z = (e / s)[some]
@@ -172,8 +175,8 @@ def _arrivals(made, found, error, bound):
     """Return rows of the arrival's errors over their bounds."""
     rise = np.array([o.rise for o in made])
     rings = np.array([o.resonance > 0 for o in made])
-    seen = np.asarray(found.resonating)
-    sound = np.asarray(found.found)
+    seen = _noted(found, "resonating")
+    sound = _found(found)
     wide, sharp = sound & (rise >= 2), sound & (rise < 2)
     rows = []
     for name, some, against in (
@@ -202,22 +205,22 @@ def _arrivals(made, found, error, bound):
 
 def _worst_arrivals(made, found, error, sd, bound):
     """Return a table of the arrivals that are farthest off their bounds."""
-    wide = np.asarray(found.found) & (np.array([o.rise for o in made]) >= 2)
+    wide = _found(found) & (np.array([o.rise for o in made]) >= 2)
     ratio = np.where(wide, np.abs(error[0] / bound), -1.0)
     rows = [
-        ["worst arrivals", "off/bound", "off/told sd", "misfit", "ring told"],
+        ["worst arrivals", "off/bound", "off/told sd", "ring named"],
     ]
     rows[0] += ["ring [1/sample]", "damping", "SNR", "rise", "duration", "colour"]
     rows[0] += ["drift/peak"]
     for k in np.argsort(-ratio)[:WORST]:
         one = made[k]
-        told = "yes" if found.resonating[k] else "no"
+        told = "yes" if "resonating" in found.notes[k] else "no"
         ring = f"{one.resonance:.3f}" if one.resonance else "none"
         damping = f"{one.damping:.3f}" if one.resonance else ""
         rows.append(
             [
                 *(str(k), f"{ratio[k]:.1f}", f"{error[0, k] / sd[0, k]:+.1f}"),
-                *(f"{float(found.misfit[k]):.2f}", told, ring, damping),
+                *(told, ring, damping),
                 *(f"{one.snr:.0f}", f"{one.rise:.1f}", f"{one.duration:.0f}"),
                 *(f"{one.colour:.2f}", f"{one.drift / one.peak:.2f}"),
             ]
@@ -242,15 +245,8 @@ def _worst(made, found, error, sd) -> None:
         told = " ".join(
             f"{e / s:+.1f}" for e, s in zip(error[:, k], sd[:, k], strict=True)
         )
-        later = float(found.later_arrivals_s[k, 0])
-        print(
-            f"{k}: {told}; misfit {float(found.misfit[k]):.2f}, rings "
-            f"{bool(found.resonating[k])}, later {later:.1f}, converged "
-            f"{bool(found.converged[k])}, high-passed {bool(found.high_passed[k])}, "
-            f"{made[k]}",
-            file=sys.stderr,
-        )
-    lost = np.flatnonzero(~np.asarray(found.found))
+        print(f"{k}: {told}; {found.notes[k]}, {made[k]}", file=sys.stderr)
+    lost = np.flatnonzero(~_found(found))
     print(
         "not found",
         [(int(k), made[k].snr, made[k].duration) for k in lost],

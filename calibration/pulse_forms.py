@@ -29,6 +29,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import lfilter
 
+from calibration.picks_records import Picked, picked
+
 SAMPLES = 4096
 FINE = 32
 """Instants per sample, of the mean over it and of the integrals."""
@@ -176,49 +178,6 @@ def samples_of(form: Form, rng: np.random.Generator):
     scale = np.sqrt(1.0 - form.colour**2)
     noise = np.asarray(lfilter([scale], [1.0, -form.colour], white))
     return signal + noise[200:] / form.snr + rng.normal(0.0, 0.02)
-
-
-class Picked(NamedTuple):
-    """Picks of records, the record along the last axis.
-
-    Attributes:
-        value: Arrival in samples, the logarithms of the others.
-        sd: Their standard deviations.
-        quality: Of each pick.
-        notes: Of each pick, joined by commas.
-    """
-
-    value: np.ndarray
-    sd: np.ndarray
-    quality: np.ndarray
-    notes: np.ndarray
-
-
-def picked(samples) -> Picked:
-    """Return the picks of records."""
-    import jax
-
-    from jblast.cli.jax_start import start_jax
-    from jblast.signals.picks import pick
-    from jblast.signals.picks.record_picks import notes_of, quality_of
-
-    start_jax()
-    # in samples, whatever the rate: nothing in a pick depends on the unit of time
-    found = jax.tree.map(np.asarray, pick(np.arange(SAMPLES, dtype=float), samples))
-    each = [jax.tree.map(lambda x, k=k: x[k], found) for k in range(len(samples))]
-    sizes = [
-        found.peak_overpressure_pa,
-        found.positive_duration_s,
-        found.positive_impulse_pa_s,
-    ]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        value = np.array([found.air_arrival_s, *np.log(sizes)])
-    return Picked(
-        value,
-        found.spread.T[:4],
-        np.array([quality_of(one) for one in each]),
-        np.array([",".join(notes_of(one)) for one in each]),
-    )
 
 
 def main(per_pair: int, workers: int, save: str | None) -> None:

@@ -928,10 +928,10 @@ def pick_shares(recorders: Sequence[cases.Recorder]) -> tuple[np.ndarray, np.nda
             pick.positive_duration_s,
             pick.positive_impulse_pa_s,
         ]
-        error = np.append(
-            float(pick.air_arrival_s) - true[0], np.log(np.array(others) / true[1:])
-        )
-        far = bool(np.any(np.abs(error) > OUTLIER_SD * np.asarray(pick.spread)[:4]))
+        off = np.log(np.array(others) / true[1:])
+        error = np.append(pick.air_arrival_s - true[0], off)
+        sd = np.sqrt(np.diag(pick.covariance))
+        far = bool(np.any(np.abs(error) > OUTLIER_SD * sd))
         failed.append(far or not pick.found)
         unmarked.append(far and one.quality == "good")
     shape = len(recorders), -1

@@ -122,7 +122,7 @@ def test_the_schema_of_a_fit_takes_every_answer():
 
 
 def test_the_schema_of_picks_takes_what_was_picked_and_what_was_not():
-    found = picked({}, {"calibrated": False}, {"cut_short": True})
+    found = picked({}, {"calibrated": False}, {"notes": ("cut_short",)})
     epoch = datetime(2020, 8, 4, 15, 8, tzinfo=UTC)
     later = found._replace(epoch=epoch, refused=(InputError("a.wav: is empty"),))
     for one in (found, later):

@@ -98,6 +98,9 @@ STARTS = 5
 FIRST_STEPS, WINDOWS = 6, 3
 """Steps of the first searches, which need no end as all forms continue from there; and
 largest number of windows."""
+OTHER_LENGTH, SAME_LENGTH = 0.3, 0.1
+"""Differences of ln duration of starts that are searched apart, and of ends that are
+one end reached from several starts."""
 SHARPEST, SLOWEST = 1.5, 12.0
 """Rises between which samples at instants differ from means [samples]."""
 INSTANT_MODES, INSTANT_LIKELY = 8, 5.0
@@ -453,7 +456,7 @@ def modes_of(
         return window, []
     plain = _all_forms(window, ends)
     instants = _at_instants(window, plain)
-    groups = [plain, *instants, *_with_effects(window, plain)]
+    groups = [*_with_effects(window, plain), *instants]
     if _leaves(window, groups, until):
         peak, window = window.peak, record.window(_duration(groups))
         window.peak = peak
@@ -496,7 +499,7 @@ def _all_forms(window: Window, best: Modes) -> Modes:
     # one end that is reached from several starts counts once
     level = levels(window, tails, widening(window, tails))
     order = np.argsort(-level)
-    kept = _distinct(tails.unknowns[:, 1], tails.negative, order, 0.1)
+    kept = _distinct(tails.unknowns[:, 1], tails.negative, order, SAME_LENGTH)
     tails, level = tails[kept], level[kept]
     likely = tails[level > level[0] - LIKELY]
     rises = np.arange(1, len(RISES))
@@ -545,11 +548,11 @@ def _sign(window: Window, effect: Effect, best: Modes) -> tuple[float, int]:
 
 
 def _with_effects(window: Window, plain: Modes) -> list[Modes]:
-    """Return modes with an effect, for those with a sign in the residuals."""
+    """Return modes without an effect, then those with each that has a sign."""
     widened = widening(window, plain)
     level = levels(window, plain, widened)
     best = plain[[int(np.argmax(level))]]
-    groups = []
+    again, groups = [plain], []
     for effect in EFFECTS:
         gain, trial = _sign(window, effect, best)
         if gain < LEAST_SIGN and not effect.suspected(best):
@@ -566,14 +569,23 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
             trials = trials[[places[0], len(halves[0]) + places[1]]]
         found = search(window, trials, 20, against=best.cost[0] + 10 * widened)
         reached = levels(window, found, widened)
+        end = found[[int(np.argmax(reached))]]
         if effect.all_forms and reached.max() > level.max() - 3:
             # the best forms without the effect may only imitate it
-            found = _forms_with(window, found[[int(np.argmax(reached))]])
+            found = _forms_with(window, end)
+        if reached.max() > level.max():
+            # or the search without it ended elsewhere
+            start = hypotheses(end.unknowns[:, :5], end.rise, end.negative)
+            again.append(_forms_with(window, start))
         groups.append(found)
-    return groups
+    plain = joined(*again)
+    order = np.argsort(-levels(window, plain, widened))
+    form = plain.rise * len(NEGATIVES) + plain.negative
+    plain = plain[_distinct(plain.unknowns[:, 1], form, order, SAME_LENGTH)]
+    return [plain, *groups]
 
 
-def _forms_with(window: Window, found: Modes) -> Modes:
+def _forms_with(window: Window, found: Hypotheses) -> Modes:
     """Return an effect with all negative phases, then with all rises."""
     many, effect = len(NEGATIVES), found.effect
     unknowns = np.repeat(found.unknowns, many, axis=0)
