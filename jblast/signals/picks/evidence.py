@@ -80,7 +80,7 @@ ENOUGH = 0.05
 HOPELESS = 20.0
 """Lag in ln evidence behind the best at which a search is given up: the final weight
 would be below 1e-8."""
-LIKELY = 6.0
+LIKELY = 4.0
 """Lag behind the best negative phase up to which all rises are tried with it."""
 LEAST_SIGN = 4.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
@@ -341,7 +341,7 @@ def search(
         window: The bins.
         start: Where the searches begin.
         steps: Largest number of steps.
-        against: Cost above which a search is given up after five steps.
+        against: Cost above which a search is given up after three steps.
     """
     here = evaluate(window, start[np.arange(len(start))])  # a copy
     many, p = here.unknowns.shape
@@ -370,9 +370,9 @@ def search(
         widened = widening(window, here)
         stalled[some] = np.where(gain > 0.02 * widened, 0, stalled[some] + 1)
         done[some] = (better & (expected < ENOUGH * widened)) | (stalled[some] > 2)
-        if step >= 2:
+        if step >= 1:
             done |= here.cost > np.min(here.cost) + HOPELESS * widened
-        if step >= 5:
+        if step >= 3:
             done |= here.cost > against
     return here
 
@@ -490,8 +490,10 @@ def _leaves(window: Window, groups: list[Modes], until: int | None) -> bool:
 
 def _all_forms(window: Window, best: Modes) -> Modes:
     """Return all negative phases from the best ends, then all rises."""
-    ends = best[np.argsort(best.cost)[:3]]
-    ends = ends[ends.cost <= ends.cost[0] + 2 * LIKELY * widening(window, ends)]
+    # ends of one length are one, since all negative phases are tried from each
+    length, order = best.unknowns[:, 1], np.argsort(best.cost)
+    ends = best[_distinct(length, np.zeros(len(best)), order, SAME_LENGTH)[:3]]
+    ends = ends[ends.cost <= ends.cost[0] + 12 * widening(window, ends)]
     many = len(NEGATIVES)
     unknowns = np.repeat(ends.unknowns, many, axis=0)
     forms = np.tile(np.arange(many), len(ends))
