@@ -80,7 +80,7 @@ ENOUGH = 0.05
 HOPELESS = 20.0
 """Lag in ln evidence behind the best at which a search is given up: the final weight
 would be below 1e-8."""
-LIKELY = 4.0
+LIKELY = 6.0
 """Lag behind the best negative phase up to which all rises are tried with it."""
 LEAST_SIGN = 4.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
@@ -88,11 +88,11 @@ searched. Noise has it in one record of three for a ring; the odds decide, not t
 sign."""
 START_RISES = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 13.0])
 START_SHIFTS = np.array([-1.5, -0.7, 0.0, 0.7, 1.5])
-START_LENGTHS = (0.35, 0.6, 1.0, 1.5, 2.3)
+START_LENGTHS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.5, 2.3)
 START_DECAYS = (0.3, 0.9, 1.6)
 START_TAILS = ((CUBIC, 1.7), (CUBIC, 3.0), (CONTINUED, 2.4), (NONE, 2.4))
 """Grid of starts: rises and shifts [samples], then factors on the duration, ln(1 + b),
-and negative phases with their durations."""
+and negative phases with their durations. In slow noise the first pulse is too long."""
 STARTS = 5
 """Starts that are searched, each of another length or tail."""
 FIRST_STEPS, WINDOWS = 6, 3
@@ -341,7 +341,7 @@ def search(
         window: The bins.
         start: Where the searches begin.
         steps: Largest number of steps.
-        against: Cost above which a search is given up after three steps.
+        against: Cost above which a search is given up after five steps.
     """
     here = evaluate(window, start[np.arange(len(start))])  # a copy
     many, p = here.unknowns.shape
@@ -370,9 +370,9 @@ def search(
         widened = widening(window, here)
         stalled[some] = np.where(gain > 0.02 * widened, 0, stalled[some] + 1)
         done[some] = (better & (expected < ENOUGH * widened)) | (stalled[some] > 2)
-        if step >= 1:
+        if step >= 2:
             done |= here.cost > np.min(here.cost) + HOPELESS * widened
-        if step >= 3:
+        if step >= 5:
             done |= here.cost > against
     return here
 

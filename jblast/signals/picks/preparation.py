@@ -257,13 +257,13 @@ class Bank:
         unknowns: Searched unknowns of each.
         negative: Negative phase of each.
         filters: Filters that return the peak of each, free of a linear drift.
-        variances: Variance of that peak by each process of the noise.
+        energy: Sum of squares of each for a peak of 1.
     """
 
     unknowns: Float[np.ndarray, "member 5"]
     negative: Int[np.ndarray, " member"]
     filters: Float[np.ndarray, "member bin"]
-    variances: Float[np.ndarray, "process member"]
+    energy: Float[np.ndarray, " member"]
 
 
 def _bank() -> Bank:
@@ -281,15 +281,15 @@ def _bank() -> Bank:
     )
     made = primitive(unknowns, np.full(zero.size, SMOOTH), negative, ENDS)
     shapes = np.diff(made[:, 0] + 0.3 * made[:, SUCTION]) / WIDTH
-    filters = np.zeros_like(shapes)
+    filters, energy = np.zeros_like(shapes), zero.copy()
     for k, (shape, long) in enumerate(zip(shapes, duration, strict=True)):
         weight = WIDTH * ((-max(1.5 * long, 16) < MIDDLE) & (4 * long > MIDDLE))
         line = np.stack([np.ones_like(MIDDLE), MIDDLE / long])
         fitted = np.linalg.solve((line * weight) @ line.T, (line * weight) @ shape)
         left = shape - fitted @ line
-        filters[k] = weight * left / np.sum(weight * left * left)
-    variances = np.sum((filters @ KERNELS) * filters, axis=-1)
-    return Bank(unknowns, negative, filters, variances)
+        energy[k] = np.sum(weight * left * left)
+        filters[k] = weight * left / energy[k]
+    return Bank(unknowns, negative, filters, energy)
 
 
 BANK = _bank()
@@ -308,7 +308,7 @@ class Prepared:
         known: True if they identify the colour of the noise.
         powers: Powers of the noise.
         sigma: Standard deviation of a sample.
-        gains: Squared peak of each member of the bank, over its variance.
+        gains: Reduction of the sum of squares by each member of the bank.
     """
 
     def __init__(self, samples, full_scale=None, clipped=None, high_pass=None):
@@ -332,13 +332,11 @@ class Prepared:
         whole[self._low : self._high] = self.binned
         peak = BANK.filters @ whole
         fits = (peak > 0) & (np.exp(BANK.unknowns[:, 1]) < x.size)
-        squares = np.where(fits, peak**2, 0.0)
-        # in white noise, for the toe of the rise alone
-        start = BANK.unknowns[int(np.argmax(squares / BANK.variances[0]))]
+        self.gains = np.where(fits, peak**2 * BANK.energy, 0.0)
+        start = BANK.unknowns[int(np.argmax(self.gains))]
         before = 3 + 1.5 * np.exp(start[3]) + 0.02 * np.exp(start[1])
         self.quiet = max(self.front - int(before), self.front // 2)
         self._measure_noise(self.samples[: self.quiet])
-        self.gains = squares / (self.powers @ BANK.variances)
 
     def _means(self, x):
         """Return the means of samples over the bins within the record."""
