@@ -1,4 +1,4 @@
-"""Are picks as sure as they say? Ten thousand simulated records, and rules of the eye.
+"""Are errors of picks right? Two thousand simulated records, and rules of the eye.
 
     python -m calibration.picks_simulated --workers 2 \
         > calibration/results/picks_simulated.txt
@@ -32,7 +32,7 @@ from calibration.picks_records import (
 from jblast.cli.jax_start import start_jax
 from jblast.report.words import aligned
 
-MANY, SEEDS = 1000, (20, 21, 30, 31, *range(40, 46))
+MANY, SEEDS = 200, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""
 
 WORST = 10

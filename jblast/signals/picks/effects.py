@@ -43,7 +43,7 @@ HIGH_PASS_REACH = 24.0
 """End of the window in which a high-pass is searched, in durations. A corner at the
 inverse of the duration shortens the positive phase fivefold, so these are about 4.5
 true durations."""
-CORNERS = ((0.3, 1.3), (1.0, 2.0), (1.0, 4.0), (2.0, 3.0))
+CORNERS = ((0.3, 1.0), (0.3, 1.3), (1.0, 2.0), (1.0, 4.0), (2.0, 3.0))
 """Starts of a high-pass: corner times duration, and factor on the duration."""
 SHIFT_LENGTHS = (1.0, 0.2, 0.35, 0.6, 1.6)
 """Factors on the duration, from which a shift is searched: the drift may have taken the

@@ -503,7 +503,7 @@ def _all_forms(window: Window, best: Modes) -> Modes:
     order = np.argsort(-level)
     kept = _distinct(tails.unknowns[:, 1], tails.negative, order, SAME_LENGTH)
     tails, level = tails[kept], level[kept]
-    likely = tails[level > level[0] - LIKELY]
+    likely = tails[level >= level[0] - LIKELY]
     rises = np.arange(1, len(RISES))
     rise = np.tile(rises, len(likely))
     unknowns = np.repeat(likely.unknowns, rises.size, axis=0)
@@ -653,9 +653,15 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     start = hypotheses(unknowns, best.rise[0], np.arange(many))
     others = (m[[int(np.argmin(m.cost))]] for m in groups[1:] if m.effect.name)
     without = [search(far, start, 10), *(search(far, m, 10) for m in others)]
-    starts = HIGH_PASSED.starts(far, best, 0)
-    trials = hypotheses(starts, best.rise[0], best.negative[0], HIGH_PASSED)
-    ends = search(far, trials, 15)
+    # another effect may imitate a high-pass, and its pulse be nearer
+    near = min(groups, key=lambda modes: modes.cost.min())
+    near = near[[int(np.argmin(near.cost))]]
+    starts = np.concatenate([HIGH_PASSED.starts(far, m, 0) for m in (best, near)])
+    forms = (
+        np.repeat([m[0], n[0]], len(starts) // 2)
+        for m, n in ((best.rise, near.rise), (best.negative, near.negative))
+    )
+    ends = search(far, hypotheses(starts, *forms, HIGH_PASSED), 15)
     modes = _forms_with(far, ends[[int(np.argmin(ends.cost))]])
     widened = widening(far, modes, *without)
     level = levels(far, modes, widened)

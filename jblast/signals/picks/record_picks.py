@@ -37,6 +37,11 @@ SHARE_BEFORE_LARGEST = 0.25
 """Share of the picked samples before the largest one, in a record longer than
 `LONGEST`: enough for the noise, with most left for the tail and a possible
 high-pass."""
+NO_PULSE = {"misfit", "front_alone"}
+"""Notes of records that are not the form of a pulse."""
+EARLIER_SD = 1.0
+"""Lead of an onset over a front, in their standard deviations, from which on the signal
+began before the front; that of an onset is rather too large."""
 QUIET_SAMPLES = 32
 """Smallest number of samples before an onset: their variance then has a relative error
 of 25 %, small against the ratios below."""
@@ -95,12 +100,12 @@ def _pick(record: PressureRecord) -> Pick:
     begin = _stretch_begin(record)
     samples = np.asarray(record.samples[begin : begin + LONGEST], float)
     start_s = record.start_s + begin / record.rate_hz
-    pick = _of_sign(record, samples, start_s)
+    pick = _of_sign(record, samples, start_s, turned=False)
     apart = samples - np.median(samples)
     if pick.quality == "good" or -apart.min() <= apart.max():
         return pick
     # a sensor of reversed polarity records a blast as a fall of the pressure
-    other = _of_sign(record, -samples, start_s)
+    other = _of_sign(record, -samples, start_s, turned=True)
     if other.quality == "poor" or other.pulse is None:
         return pick
     fits = pick.quality != "poor" and pick.pulse is not None
@@ -110,9 +115,12 @@ def _pick(record: PressureRecord) -> Pick:
 
 
 def _of_sign(
-    record: PressureRecord, samples: Float[np.ndarray, " sample"], start_s: float
+    record: PressureRecord,
+    samples: Float[np.ndarray, " sample"],
+    start_s: float,
+    turned: bool,
 ) -> Pick:
-    """Return the pick of samples; of a poor one the onset alone."""
+    """Return the pick of samples; of those that are no pulse the onset alone."""
     step_s = 1.0 / record.rate_hz
     pick = picked(
         samples,
@@ -121,8 +129,15 @@ def _of_sign(
         full_scale=record.full_scale,
         high_pass_hz=record.high_pass_hz,
     )
-    onset = onset_of(samples) if pick.quality == "poor" else None
+    if pick.quality != "poor" and not (turned or NO_PULSE & set(pick.notes)):
+        return pick
+    onset = onset_of(samples)
     if onset is None:
+        return pick
+    # the front of a record that is no pulse is its arrival if nothing came before
+    before = pick.air_arrival_s - (start_s + step_s * onset.sample)
+    apart = EARLIER_SD * np.hypot(pick.sds[0], step_s * onset.sigma)
+    if pick.quality != "poor" and before < apart:
         return pick
     quiet = float(samples[: int(onset.sample)].mean())
     alone = without_values(("onset_alone",), pick.noise_pa, quiet)
