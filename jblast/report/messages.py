@@ -52,9 +52,6 @@ MESSAGES = {
     "{parameter:parameter}, required {wanted:.0f}",
     "chains_disagree": "R-hat of {parameter:parameter} is {r_hat:.3g}, required "
     "{wanted:g}",
-    "samples_roughly_counted": "the log-likelihood of the samples is accurate to "
-    "{error:.2g} between the points where it was computed, required {wanted:g}: the "
-    "intervals are rough; fit the picks instead",
     "more_to_free": "with {parameters:parameters} free the recordings fit (p "
     "{p_value:p}): {masses:estimates}; repeat the command with --free "
     "{parameters:option}",

@@ -35,10 +35,6 @@ from jblast.waves.height_of_burst import scaled_height
 LARGE_EFFECT_SD = 4.0
 """A shared effect larger than this many standard deviations is reported: one in 16,000
 by chance."""
-ROUGH = 0.2
-"""Error of the log-density of samples above which it is reported: weights of draws are
-then off by a fifth."""
-
 POINT_SOURCES = ("sedov_taylor", "point_source")
 """Laws of energy released at a point. They do not give the energy of a chemical charge
 near it: for TNT, radius and time give 5 % of it at Z = 0.2, the peak 37 % at Z =
