@@ -23,7 +23,7 @@ standard deviations of a sample, expanded about the present solution.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Self, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -132,7 +132,7 @@ class Hypotheses:
     def __len__(self) -> int:
         return len(self.unknowns)
 
-    def __getitem__(self, some) -> Self:
+    def __getitem__(self, some):
         return replace(self, **{name: rows[some] for name, rows in self.rows()})
 
     def rows(self) -> Iterator[tuple[str, np.ndarray]]:
@@ -158,10 +158,10 @@ class Modes(Hypotheses):
 
     linear: Float[np.ndarray, "mode amount"]
     cost: Float[np.ndarray, " mode"]
-    normal: Float[np.ndarray, "mode all all"]
-    slope: Float[np.ndarray, "mode unknown"]
+    normal: Float[np.ndarray, "mode row row"]
+    slope: Float[np.ndarray, "mode slope"]
     residuals: Float[np.ndarray, "mode term"]
-    jacobian: Float[np.ndarray, "mode all term"]
+    jacobian: Float[np.ndarray, "mode row term"]
 
     def set(self, some, other: "Modes") -> None:
         """Replace rows by those of others."""
@@ -258,15 +258,15 @@ def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
     cost = np.where(np.isfinite(cost) & (c[:, PEAK] > 0), cost, np.inf)
     kind = {field.name: getattr(modes, field.name) for field in fields(Hypotheses)}
     if not slopes:
-        none = np.zeros((many, 0))
+        none, nothing = np.zeros((many, 0)), np.zeros((many, 0, 0))
         return Modes(
             **kind,
             linear=c,
             cost=cost,
-            normal=none[..., None],
+            normal=nothing,
             slope=none,
             residuals=none,
-            jacobian=none[..., None],
+            jacobian=nothing,
         )
     pulses = (c[:, None, :q] @ columns)[..., 0, :]
     moved_by = ((pulses[1:] - pulses[0]) / change[:, None, None]).transpose(1, 0, 2)
@@ -383,7 +383,7 @@ def widening(window: Window, *groups: Modes) -> float:
     return float((FREEDOM + 2 * least) / (FREEDOM + window.count))
 
 
-def covariance(modes: Modes) -> Float[np.ndarray, "mode all all"]:
+def covariance(modes: Modes) -> Float[np.ndarray, "mode row row"]:
     """Return the covariance of all unknowns of each, for noise as stated."""
     scale = 1 / np.sqrt(np.diagonal(modes.normal, axis1=1, axis2=2))
     both = scale[:, :, None] * scale[:, None, :]
@@ -656,12 +656,12 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     # another effect may imitate a high-pass, and its pulse be nearer
     near = min(groups, key=lambda modes: modes.cost.min())
     near = near[[int(np.argmin(near.cost))]]
-    starts = np.concatenate([HIGH_PASSED.starts(far, m, 0) for m in (best, near)])
-    forms = (
-        np.repeat([m[0], n[0]], len(starts) // 2)
-        for m, n in ((best.rise, near.rise), (best.negative, near.negative))
-    )
-    ends = search(far, hypotheses(starts, *forms, HIGH_PASSED), 15)
+    starts = [HIGH_PASSED.starts(far, mode, 0) for mode in (best, near)]
+    each = len(starts[0])
+    rise = np.repeat([best.rise[0], near.rise[0]], each)
+    negative = np.repeat([best.negative[0], near.negative[0]], each)
+    trials = hypotheses(np.concatenate(starts), rise, negative, HIGH_PASSED)
+    ends = search(far, trials, 15)
     modes = _forms_with(far, ends[[int(np.argmin(ends.cost))]])
     widened = widening(far, modes, *without)
     level = levels(far, modes, widened)

@@ -446,7 +446,7 @@ def _weighed(window: Window, groups: list[Modes]) -> _Fit:
         _Weighted(window, modes, np.exp(x - total), widened)
         for modes, x in zip(groups, level, strict=True)
     ]
-    misfit = 2 * min(modes.cost.min() for modes in groups) / window.count
+    misfit = float(2 * min(modes.cost.min() for modes in groups) / window.count)
     fit = _Fit(window, found, misfit)
     rings = fit.best()[1].effect.name == "resonating"
     passed = high_passed(window, groups) if widened < MISFIT and not rings else None
@@ -532,8 +532,8 @@ class _Found(NamedTuple):
     def is_found(self) -> bool:
         """Return True if there is a pulse."""
         step = self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL
-        clear = self.sd[1] < FOUND_SD or bool(np.any(self.record.clipped > 0))
-        return clear and not step
+        clear = self.sd[1] < FOUND_SD or np.any(self.record.clipped > 0)
+        return bool(clear and not step)
 
     def is_hopeless(self) -> bool:
         """Return True if the best hypothesis explains next to nothing."""

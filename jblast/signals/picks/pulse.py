@@ -96,7 +96,9 @@ MIDDLE[EXPONENTIAL], VARIANCE[EXPONENTIAL] = 1 / FASTEST, 1 / FASTEST**2
 _RISE_COLUMNS, _PHASE_COLUMNS = [0, 2, 3, 4], [1, 5, 6]
 
 
-def natural(unknowns: Float[np.ndarray, "trial 5+"], rise: Int[np.ndarray, " trial"]):
+def natural(
+    unknowns: Float[np.ndarray, "trial unknown"], rise: Int[np.ndarray, " trial"]
+):
     """Return arrival, D, b, tau and the duration of the negative phase."""
     duration, decay = np.exp(unknowns[:, 1]), np.expm1(unknowns[:, 2])
     free = np.exp(unknowns[:, 3])
@@ -123,7 +125,7 @@ def _looked_up(table, form, x):
 
 
 def primitive(
-    unknowns: Float[np.ndarray, "trial 5+"],
+    unknowns: Float[np.ndarray, "trial unknown"],
     rise: Int[np.ndarray, " trial"],
     negative: Int[np.ndarray, " trial"],
     ends: Float[np.ndarray, " end"],
@@ -169,7 +171,7 @@ CUBIC_AREA = 9 / 16
 
 
 def outputs(
-    unknowns: Float[np.ndarray, "trial 5+"],
+    unknowns: Float[np.ndarray, "trial unknown"],
     rise: Int[np.ndarray, " trial"],
     negative: Int[np.ndarray, " trial"],
     linear: Float[np.ndarray, "trial column"],
