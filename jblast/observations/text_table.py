@@ -35,6 +35,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, decoded, shown
+from jblast.observations.table import row_word
 from jblast.results import Note, assumption
 from jblast.units import spelt, unit_spelt, words_of
 
@@ -96,12 +97,12 @@ class Table:
             which `numbers` reads.
         lines: Line of each row; of a table of numbers after `numbers` was called.
         header_line: Line of the header.
-        row_word: Word for a row in messages: "line" or "row".
         units: Units of the columns from a row of units, "" without.
         units_line: Line of that row; 0 without.
         comments: Comments, without their #.
         notes: Properties of the format, and conversions.
         faults: Faults that leave the rest readable.
+        is_wide: Whether it was wide, with a column for each quantity.
         preamble: Lines above a table of numbers, and fields left of it.
         numeric: Columns with numbers of such a table.
         first_line: Line of its first row.
@@ -115,12 +116,12 @@ class Table:
     columns: list[list[str]] = field(default_factory=list)
     lines: Sequence[int] = ()
     header_line: int = 1
-    row_word: str = "line"
     units: list[str] = field(default_factory=list)
     units_line: int = 0
     comments: tuple[str, ...] = ()
     notes: list[Note] = field(default_factory=list)
     faults: list[InputError] = field(default_factory=list)
+    is_wide: bool = False
     preamble: tuple[Row, ...] = ()
     numeric: tuple[int, ...] = ()
     first_line: int = 0
@@ -131,7 +132,7 @@ class Table:
     def at(self, line: int, column: str = "") -> str:
         """Return the source, a line of it, and perhaps a column, for a message."""
         of = f", column {column}" if column else ""
-        return f"{self.source}: {self.row_word} {line}{of}"
+        return f"{self.source}: {row_word(self.source)} {line}{of}"
 
     def drop_rows(self, dropped: Collection[int]) -> None:
         """Remove rows, by number from zero."""
@@ -272,7 +273,7 @@ def text_table(
     if separator != ",":
         by = SEPARATORS.get(separator, repr(separator))
         notes.append(assumption("separator", separator=by))
-    table = table_of_rows(name, rows, notes=notes)
+    table = table_of_rows(name, rows, notes)
     table.separator, table.comments = separator, (*remarks, *table.comments)
     table.faults += faults
     return table
@@ -370,24 +371,20 @@ def _split(
 
 
 def table_of_rows(
-    source: str,
-    rows: Sequence[Row],
-    *,
-    row_word: str = "line",
-    notes: Sequence[Note] = (),
+    source: str, rows: Sequence[Row], notes: Sequence[Note] = ()
 ) -> Table:
     """Return rows of equal width as a table, without blank rows and columns.
 
     Args:
         source: Their source, for messages.
         rows: A header, perhaps below a row of titles, and rows below it.
-        row_word: Word for a row in messages.
         notes: Properties of the format.
 
     Raises:
         InputError: There is no row.
     """
-    comments, filled = [], []
+    comments: list[str] = []
+    filled: list[Row] = []
     for row in rows:
         texts = [cell for cell in row.cells if cell]
         if len(texts) == 1 and texts[0].startswith("#"):
@@ -396,7 +393,7 @@ def table_of_rows(
             filled.append(row)
     if not filled:
         raise InputError(f"{source}: is empty; expected a header and rows below it")
-    table = Table(source, filled[0].cells, row_word=row_word, notes=list(notes))
+    table, word = Table(source, filled[0].cells, notes=list(notes)), row_word(source)
     table.comments, table.header_line = tuple(comments), filled[0].line
     del filled[0]
     # titles of merged cells leave blanks, which names below them fill
@@ -412,11 +409,10 @@ def table_of_rows(
         first = table.header_line
         table.header = [n or t for n, t in zip(names, table.header, strict=True)]
         table.header_line = line
-        table.notes.append(assumption("titles", word=row_word, first=first, line=line))
+        table.notes.append(assumption("titles", word=word, first=first, line=line))
         del filled[0]
-    table.columns = [list(column) for column in zip(*(r.cells for r in filled))] or [  # noqa: B905 (equal widths)
-        [] for _ in table.header
-    ]
+    width = range(len(table.header))
+    table.columns = [[row.cells[at] for row in filled] for at in width]
     table.lines = [row.line for row in filled]
     table.units = [""] * len(table.header)
     table.drop_columns(
@@ -432,7 +428,7 @@ def table_of_rows(
         if is_units_row(cells, only_known=True):
             table.units = [unit if unit_spelt(unit) else "" for unit in cells]
             table.units_line = table.lines[at]
-            note = assumption("units_row", word=row_word, line=table.units_line)
+            note = assumption("units_row", word=word, line=table.units_line)
             table.notes.append(note)
             table.drop_rows({at})
             break

@@ -108,10 +108,6 @@ BAD = {
         HEADER + '"a\nb"' + ROW[1:],
         ["line 2", "quote that is not closed"],
     ),
-    "Latin-1": (
-        (HEADER + ROW + ROW.replace("a,", "caf\u00e9,", 1)).encode("latin-1"),
-        ["line 3", "UTF-8", "0xe9"],
-    ),
     "UTF-16 unmarked": (
         (HEADER + ROW).encode("utf-16-le"),
         ["line 1", "0x00", "UTF-16 without its mark"],

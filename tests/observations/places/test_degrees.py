@@ -6,7 +6,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.observations import write
-from jblast.report.understood import understood_lines
+from jblast.report.messages import sentences_of
 
 HEAD = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
 LOG = HEAD + (
@@ -37,7 +37,7 @@ def test_longitudes_above_180_are_west_and_reported(tmp_path):
     assert west.frame is not None
     assert west.frame.lon_deg == pytest.approx(-4.5)
     assert west.position == pytest.approx(same.position, abs=1e-6)
-    (words,) = understood_lines(west.understood)
+    (words,) = sentences_of(west.understood)
     assert words == "lon_deg above 180 was read as west: less 360 (3 rows)"
     assert not same.understood
 
