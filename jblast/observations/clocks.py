@@ -7,7 +7,7 @@ floating-point numbers near its clock times are further apart than their sigma (
 for seconds since 1970 in single precision).
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any
 
 import jax.numpy as jnp
@@ -22,15 +22,25 @@ from jblast.scene import Free, Scene, UncertainScene
 
 
 def check_clocks(
-    observations: Observations, scene: Scene, beliefs: Collection[str]
+    observations: Observations,
+    scene: Scene,
+    beliefs: Collection[str],
+    add: Callable[[Bool[np.ndarray, " row"], Callable[[int], str], str], None],
 ) -> None:
-    """Raise an error for clocks that are not in the log, or not set exactly once.
+    """Refuse clocks that are not in the log, or not set exactly once.
 
     The first clock of the log is the common one, by which all others are set; or that
     of the rows whose column `clock` is empty, where others name theirs.
 
+    Args:
+        observations: The log.
+        scene: The scene.
+        beliefs: Names of its parameters that are not fixed.
+        add: Function that adds a fault for each bad row, with its column.
+
     Raises:
-        InputError: There is such a clock; the message names it.
+        InputError: There is a clock that the log does not have, or the common clock has
+            an offset.
     """
     source = observations.source or "observations"
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
@@ -53,18 +63,28 @@ def check_clocks(
             f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
             f"{source}, by which the others are set; expected {others or 'no clock'}"
         )
-    for row, (clock, sensor) in enumerate(
-        zip(observations.clock, observations.sensor, strict=True)
-    ):
-        own = sensors.get(sensor)
-        if not clock or clock == sensor or own is None:
-            continue
-        if float(own.clock_offset_s) != 0 or f"{CLOCK_OFFSET}.{sensor}" in beliefs:
-            raise InputError(
-                f"{observations.where(row)}, column clock: got {shown(clock)}, but the "
-                f"scene gives sensor {shown(sensor)} a clock_offset_s of its own; "
-                "expected one of the two"
-            )
+    own = {
+        name
+        for name, sensor in sensors.items()
+        if float(sensor.clock_offset_s) != 0 or f"{CLOCK_OFFSET}.{name}" in beliefs
+    }
+    add(
+        np.array(
+            [
+                bool(clock) and clock != sensor and sensor in own
+                for clock, sensor in zip(
+                    observations.clock, observations.sensor, strict=True
+                )
+            ],
+            bool,
+        ),
+        lambda row: (
+            f"got {shown(observations.clock[row])}, but the scene gives sensor "
+            f"{shown(observations.sensor[row])} a clock_offset_s of its own; expected "
+            "one of the two"
+        ),
+        "clock",
+    )
 
 
 def has_common_clock(observations: Observations) -> bool:
@@ -165,10 +185,11 @@ def refuse_unresolved(
     spacing = np.spacing(np.abs(value).astype(dtype)).astype(float)
     # false for NaN: without a sigma there is nothing to compare
     coarse = timed & (spacing > observations.sigma)
-    for row in np.flatnonzero(coarse):
-        raise InputError(
-            f"{observations.where(int(row))}: {observations.quantity[row]} = "
-            f"{value[row]:.10g} s with a sigma of {observations.sigma[row]:g} s: in "
-            f"{np.dtype(dtype).name} such times are {spacing[row]:.3g} s apart; "
-            "expected times counted from near the shot, or float64 (jax_enable_x64)"
+    for row in np.flatnonzero(coarse).tolist():
+        raise observations.fault(
+            row,
+            f"{observations.quantity[row]} = {value[row]:.10g} s with a sigma of "
+            f"{observations.sigma[row]:g} s: in {np.dtype(dtype).name} such times are "
+            f"{spacing[row]:.3g} s apart; expected times counted from near the shot, "
+            "or float64 (jax_enable_x64)",
         )

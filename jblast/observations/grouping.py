@@ -186,11 +186,11 @@ def located(observations: Observations, uncertain: UncertainScene) -> Observatio
         return observations
     there = framed(observations, Frame(*uncertain.place))
     away = np.linalg.norm(there.position, axis=1)
-    for row in np.flatnonzero(away > MAX_DISTANCE):
-        raise InputError(
-            f"{observations.where(int(row))}: expected a sensor within "
-            f"{MAX_DISTANCE / 1e3:g} km of [place] of "
-            f"{uncertain.source or 'the scene'}, got one {away[row] / 1e3:.4g} km away"
+    for row in np.flatnonzero(away > MAX_DISTANCE).tolist():
+        raise observations.fault(
+            row,
+            f"expected a sensor within {MAX_DISTANCE / 1e3:g} km of [place] of "
+            f"{uncertain.source or 'the scene'}, got one {away[row] / 1e3:.4g} km away",
         )
     return there
 

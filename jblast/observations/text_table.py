@@ -393,24 +393,22 @@ def table_of_rows(
             filled.append(row)
     if not filled:
         raise InputError(f"{source}: is empty; expected a header and rows below it")
-    table, word = Table(source, filled[0].cells, notes=list(notes)), row_word(source)
-    table.comments, table.header_line = tuple(comments), filled[0].line
-    del filled[0]
+    names, word = filled.pop(0), row_word(source)
+    table = Table(source, names.cells, header_line=names.line, notes=list(notes))
+    table.comments = tuple(comments)
     # titles of merged cells leave blanks, which names below them fill
     while filled:
-        width = range(len(table.header))
-        unnamed = [at for at in width if not table.header[at]]
-        unnamed = [at for at in unnamed if any(row.cells[at] for row in filled)]
-        line, names, _ = filled[0]
-        if not unnamed or not all(names[at] for at in unnamed):
+        blank = [at for at, name in enumerate(table.header) if not name]
+        blank = [at for at in blank if any(row.cells[at] for row in filled)]
+        names = filled[0]
+        if not blank or not all(names.cells[at] for at in blank):
             break
-        if not all(map(is_text, filter(None, names))):
+        if not all(map(is_text, filter(None, names.cells))):
             break
-        first = table.header_line
-        table.header = [n or t for n, t in zip(names, table.header, strict=True)]
-        table.header_line = line
-        table.notes.append(assumption("titles", word=word, first=first, line=line))
-        del filled[0]
+        lines = {"first": table.header_line, "line": names.line}
+        table.notes.append(assumption("titles", word=word, **lines))
+        table.header = [n or t for n, t in zip(names.cells, table.header, strict=True)]
+        table.header_line = filled.pop(0).line
     width = range(len(table.header))
     table.columns = [[row.cells[at] for row in filled] for at in width]
     table.lines = [row.line for row in filled]
