@@ -19,7 +19,7 @@ from jblast.observations.text_table import Table, number_of
 from jblast.units import ANY, in_si
 
 DMS = re.compile(
-    r"""(?P<before>[NSEW])?\s*(?P<deg>\d{1,3})\s*[°º]\s*
+    r"""(?P<before>[NSEW])?\s*(?P<deg>\d{1,3}(?:[.,]\d+)?)\s*[°º]\s*
     (?:(?P<min>\d{1,2}(?:[.,]\d+)?)\s*['′’]\s*)?
     (?:(?P<sec>\d{1,2}(?:[.,]\d+)?)\s*(?:["″”]|''|′′)\s*)?(?P<after>[NSEW])?""",
     re.VERBOSE,

@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         sys.stdout.write(answer.to_json())
     else:
-        sys.stdout.write(check_text(answer))
+        sys.stdout.write(check_text(answer, worded))
     # A log with errors would be refused by the fit that reads the converted one.
     if options.out and not faults:
         with writing(options.out):

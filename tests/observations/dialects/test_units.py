@@ -64,6 +64,21 @@ def test_a_quantity_beside_a_column_with_a_unit_needs_none_or_the_same(log, quan
     np.testing.assert_allclose(found.value, 5000)
 
 
+def test_a_column_may_hold_the_unit_of_each_value(log):
+    head = "sensor,quantity,value,unit,sigma,range_m\n"
+    rows = (
+        "a,peak_overpressure,5,kPa,0.1,1",
+        "a,air_arrival,2,ms,,1",
+        "b,peak_overpressure_psi,2,psi,,1",
+        "b,air_arrival_s,2,,,1",
+    )
+    found = of(log, *rows, head=head)
+    np.testing.assert_allclose(found.value, [5000, 2e-3, 2 * PSI, 2])
+    np.testing.assert_allclose(found.sigma[0], 100)
+    with pytest.raises(InputError, match=r"line 2.*'peak_overpressure_pa_kPa'"):
+        of(log, "a,peak_overpressure_pa,5,kPa,,1", head=head)
+
+
 @pytest.mark.parametrize(
     ("head", "row", "said"),
     [
