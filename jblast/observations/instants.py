@@ -74,26 +74,18 @@ def clock_times(
     late = texts[max(found, key=found.__getitem__)] if found else ""
     rows.refuse(
         [
-            Rule(
-                VALUE_UTC,
-                dated & valued,
-                lambda _: "expected either value or value_utc, got both",
-            ),
+            Rule(VALUE_UTC, dated & valued, "either value or value_utc, got both"),
             # an unknown quantity is reported elsewhere
             Rule(
                 VALUE_UTC,
                 dated & ~timed & np.isin(kind, tuple(QUANTITIES)),
-                lambda row: (
-                    f"expected nothing, as {kind[row]} is not a clock time; use value"
-                ),
+                "nothing, as {quantity} is not a clock time; use value",
             ),
             Rule(
                 "value",
                 timed & ~dated & valued,
-                lambda row: (
-                    f"expected value_utc for {kind[row]} as in the other rows, got "
-                    f"{rows.text('value')[row]} s of an unknown start"
-                ),
+                "value_utc for {quantity} as in the other rows, got {got} s of an "
+                "unknown start",
             ),
             Rule(
                 "time_s",
@@ -104,11 +96,8 @@ def clock_times(
             Rule(
                 VALUE_UTC,
                 over,
-                lambda row: (
-                    f"expected times within half a day, got {texts[row]} and {late}; "
-                    "if midnight was between them, write dates, as "
-                    "2020-08-05T00:00:00.310Z"
-                ),
+                f"times within half a day, got {{got}} and {late}; if midnight was "
+                "between them, write dates, as 2020-08-05T00:00:00.310Z",
             ),
         ]
     )

@@ -52,19 +52,13 @@ def positions(rows: Rows) -> Positions:
     if not degrees.any():
         return Positions(np.stack([rows.number(name) for name in METRES], axis=1))
     numbers = {name: rows.number(name) for name in (*PLACE_LIMITS, "up_m")}
-    swapped = "; are lat_deg and lon_deg swapped?"
-    outside = {}
     for name, limits in PLACE_LIMITS.items():
         least, most = limits.at_least, limits.at_most
-        outside[name] = (numbers[name] < least) | (numbers[name] > most)
-        text = f"expected a number between {least:g} and {most:g}, got "
-        also = swapped if name == "lat_deg" else ""
-
-        def message(row: int, name: str = name, text: str = text, also: str = also):
-            return f"{text}{rows.text(name)[row]}{also}"
-
-        rows.refuse([Rule(name, outside[name], message)])
-        numbers[name] = np.where(outside[name], np.nan, numbers[name])
+        bad = (numbers[name] < least) | (numbers[name] > most)
+        swapped = "; are lat_deg and lon_deg swapped?" if name == "lat_deg" else ""
+        message = f"a number between {least:g} and {most:g}, got {{got}}{swapped}"
+        rows.refuse([Rule(name, bad, message)])
+        numbers[name] = np.where(bad, np.nan, numbers[name])
     # the first row decides the kind of height; errors then name the rows that differ
     kind = next((name for name in HEIGHTS if given[name][np.argmax(degrees)]), "")
     other = "up_m" if kind == "alt_m" else "alt_m"
@@ -74,23 +68,14 @@ def positions(rows: Rows) -> Positions:
             Rule(
                 both,
                 given["east_m"] | given["north_m"],
-                lambda row: (
-                    "expected all places as lat_deg, lon_deg or all as east_m, "
-                    "north_m; got metres "
-                    + (
-                        "beside degrees in one row"
-                        if degrees[row]
-                        else "here, degrees in others"
-                    )
-                ),
+                "all places as lat_deg, lon_deg or all as east_m, north_m; got metres "
+                "beside degrees",
             ),
             Rule(
                 "up_m",
                 given["alt_m"] & given["up_m"],
-                lambda _: (
-                    "expected alt_m, the height above the ellipsoid, or up_m, that "
-                    "above the ground; got both"
-                ),
+                "alt_m, the height above the ellipsoid, or up_m, that above the "
+                "ground; got both",
             ),
             *(
                 Rule(name, degrees & ~given[name], "lat_deg and lon_deg")

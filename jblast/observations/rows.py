@@ -48,6 +48,7 @@ from jblast.units import (
     what_to_write,
 )
 
+POSITIVE_SIGMA = "a positive number, or nothing for the law's scatter alone"
 AT_LEAST = ">"
 """Mark before a value that is a lower bound."""
 
@@ -93,7 +94,9 @@ def observations_of(
     seconds, epoch, found = clock_times(rows, kind, date, zone)
     dated = rows.given(VALUE_UTC)
     bound = np.array([text.startswith(AT_LEAST) for text in rows.text("value")], bool)
+    odd_bound = [text.startswith(("<", ">=")) for text in rows.text("value")]
     known = np.isin(quantity, (*QUANTITIES, SAMPLES))
+    no_value = f"nothing, as {SAMPLES} is a file of samples"
     rows.refuse(
         [
             Rule("sensor", ~rows.given("sensor"), "a name"),
@@ -102,26 +105,13 @@ def observations_of(
                 ~known,
                 lambda row: _unknown(theirs[row], rows.text("value")[row]),
             ),
-            *_unit_rules(rows, theirs, quantity, units),
-            Rule(
-                "value",
-                sampled & rows.given("value"),
-                f"nothing, as {SAMPLES} is a file of samples",
-            ),
+            *_unit_rules(rows, quantity, units),
+            Rule("value", sampled & rows.given("value"), no_value),
             Rule("record", sampled & ~rows.given("record"), "a file of samples"),
             Rule(
-                "value",
-                bound & ~in_ln,
-                lambda row: (
-                    f"expected a number, as {theirs[row]} takes no lower bound, got "
-                    f"{rows.text('value')[row]}"
-                ),
+                "value", bound & ~in_ln, "a number, as {quantity} takes no lower bound"
             ),
-            Rule(
-                "value",
-                [text.startswith(("<", ">=")) for text in rows.text("value")],
-                "a number, or a lower bound as >0.12",
-            ),
+            Rule("value", odd_bound, "a number, or a lower bound as >0.12"),
         ]
     )
     stripped = [text.removeprefix(AT_LEAST).strip() for text in rows.text("value")]
@@ -135,7 +125,7 @@ def observations_of(
     value = np.where(dated, seconds, np.where(sampled, np.nan, value))
     position, slant_range = positions(rows), rows.number("range_m")
     placed = (~np.isnan(position.enu)).sum(axis=1)
-    time = rows.number("time_s")
+    time, axes = rows.number("time_s"), ", ".join(POSITION)
     most = np.array([DIRECTIONS.get(name, np.inf) for name in quantity])
     factors = [unit.factor if unit else 1.0 for unit in row_units]
 
@@ -150,29 +140,17 @@ def observations_of(
 
     rows.refuse(
         [
-            Rule(
-                "value",
-                np.isinf(value) & np.isfinite(raw),
-                "a number that is finite in our unit",
-            ),
-            Rule(
-                "value",
-                in_ln & (value <= 0),
-                lambda row: (
-                    f"expected a positive {theirs[row]}, got {rows.text('value')[row]}"
-                ),
-            ),
+            Rule("value", np.isinf(value) & np.isfinite(raw), "a number finite in SI"),
+            Rule("value", in_ln & (value <= 0), "a positive {quantity}"),
             Rule("value", np.abs(value) > most, turn),
             Rule(
-                "sigma",
-                sigma <= 0,
-                "a positive number, or nothing for the law's scatter alone",
+                "sigma", sigma <= 0, "a positive number, or nothing for scatter alone"
             ),
             *(
                 Rule(
                     name,
                     (placed > 0) & np.isnan(axis) & ~rows.given(name),
-                    f"all of {', '.join(POSITION)} or none of them",
+                    f"all of {axes} or none of them",
                 )
                 for name, axis in zip(POSITION, position.enu.T, strict=True)
                 if position.frame is None
@@ -181,22 +159,18 @@ def observations_of(
             Rule(
                 "range_m",
                 (placed > 0) & ~np.isnan(slant_range),
-                lambda _: f"expected either range_m or {', '.join(POSITION)}, got both",
+                f"either range_m or {axes}, got both",
             ),
             Rule(
                 "time_s",
                 timed & np.isnan(time),
-                lambda row: (
-                    f"expected the time at which {theirs[row]} was taken, got nothing"
-                ),
+                "the time at which {quantity} was taken",
             ),
             Rule(
                 "time_s",
                 ~timed & ~np.isnan(time),
-                lambda row: (
-                    f"expected nothing, as only {', '.join(TIMED)} take a time, got "
-                    f"{rows.texts['time_s'][row]} for {theirs[row]}"
-                ),
+                f"nothing, as only {', '.join(TIMED)} take a time, got {{got}} for "
+                "{quantity}",
             ),
         ]
     )
@@ -283,16 +257,12 @@ def _units_of(rows: Rows, theirs: Sequence[str]) -> list[OurName | None]:
 
 
 def _unit_rules(
-    rows: Rows,
-    theirs: Sequence[str],
-    quantity: Sequence[str],
-    units: Sequence[OurName | None],
+    rows: Rows, quantity: Sequence[str], units: Sequence[OurName | None]
 ) -> list[Rule]:
     """Return rules that values and sigmas are in the units of their columns."""
     rules = []
-    own, sigma = rows.units.get("value"), rows.units.get("sigma")
     known = np.isin(quantity, (*QUANTITIES, SAMPLES))
-    if own is not None:
+    if (own := rows.units.get("value")) is not None:
 
         def fits(name: str, unit: OurName | None) -> bool:
             if own.dimension == LEVEL:
@@ -302,34 +272,18 @@ def _unit_rules(
             return (unit.dimension, unit.factor) == (own.dimension, own.factor)
 
         odd = [not fits(*pair) for pair in zip(quantity, units, strict=True)]
-        rules.append(
-            Rule(
-                "quantity",
-                known & odd,
-                lambda row: (
-                    f"expected a quantity in {own.unit}, the unit of column "
-                    f"{rows.theirs['value']}, got {theirs[row]}: two units for one "
-                    "column"
-                ),
-            )
-        )
-    if sigma is not None:
+        whose = f"a quantity in {own.unit}, the unit of column {rows.theirs['value']}"
+        message = f"{whose}, got {{got}}: two units for one column"
+        rules.append(Rule("quantity", known & odd, message))
+    if (sigma := rows.units.get("sigma")) is not None:
         relative = sigma.dimension in (SHARE, LEVEL)
         odd = [
             name in ADDITIVE if relative else dimension_of(name) != sigma.dimension
             for name in quantity
         ]
         also = ", whose errors are not relative" if relative else ""
-        rules.append(
-            Rule(
-                "sigma",
-                known & rows.given("sigma") & odd,
-                lambda row: (
-                    f"expected a sigma in the unit of {theirs[row]}{also}, got one in "
-                    f"{sigma.unit}"
-                ),
-            )
-        )
+        message = f"a sigma in the unit of {{quantity}}{also}, got one in {sigma.unit}"
+        rules.append(Rule("sigma", known & rows.given("sigma") & odd, message))
     return rules
 
 
@@ -378,19 +332,12 @@ def _refuse_duplicates(rows: Rows, numbers: np.ndarray, *names: Sequence[str]) -
     keys = enumerate(zip(packed, *names, strict=True))
     of = np.array([first.setdefault(key, row) for row, key in keys])
     word = row_word(rows.table.source)
-    bad = rows.sound & (of != np.arange(len(of)))
-    rows.refuse(
-        [
-            Rule(
-                "",
-                bad,
-                lambda row: (
-                    f"expected a new measurement, got a duplicate of {word} "
-                    f"{rows.lines[int(of[row])]} in every column"
-                ),
-            )
-        ]
-    )
+
+    def message(row: int) -> str:
+        line = rows.lines[int(of[row])]
+        return f"expected a new measurement, got a duplicate of {word} {line}"
+
+    rows.refuse([Rule("", rows.sound & (of != np.arange(len(of))), message)])
 
 
 def _conversions(

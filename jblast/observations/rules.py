@@ -69,7 +69,9 @@ class Rule(NamedTuple):
     Attributes:
         column: Our name of the column that a fault names; "" for the whole row.
         bad: True for rows that violate it.
-        message: Expected content; or a function of a row that returns the message.
+        message: Expected content, with the fields {quantity} and {got}, the text of the
+            column, of which the latter follows if "got" is not in it; or a function of
+            a row that returns the whole message.
     """
 
     column: str
@@ -141,9 +143,14 @@ class Rows:
         for column, bad, message in rules:
             for row in np.flatnonzero(bad).tolist():
                 self.sound[row] = False
-                got = self.text(column)[row] or "nothing"
-                text = f"expected {message}, got {got}"
-                text = message(row) if callable(message) else text
+                if callable(message):
+                    text = message(row)
+                else:
+                    text = message if "got" in message else f"{message}, got {{got}}"
+                    got = self.text(column)[row] or "nothing"
+                    of = self.text("quantity")[row]
+                    text = text.replace("{quantity}", of).replace("{got}", got)
+                    text = f"expected {text}"
                 name = self.theirs.get(column, column)
                 if self.table.is_wide and column in ANY:
                     # the source column of a wide table

@@ -207,8 +207,3 @@ def test_bad_input_is_one_message(jblast, asked, said):
     content = "\n".join(lines) + "\n" if lines != [""] else ""
     path = jblast.file("flight.csv", content)
     says(jblast.refused("discover", path, *options.split()), said)
-
-
-def test_semicolons_are_told(jblast):
-    path = jblast.file("flight.csv", "time_s;x\n0;1\n")
-    assert "got semicolons" in jblast.refused("discover", path)
