@@ -114,40 +114,6 @@ def test_a_separator_within_quotes_is_none(log):
     assert read(log(text)).sensor == ("a;b",)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (
-            HEADER + ROW + HEADER + ROW,
-            "line 3, column quantity: .*is this a second header",
-        ),
-        ("time_s,pressure_pa\n0,1\n0.1,2\n0.2,5\n", "a record of samples.*jblast pick"),
-        ("Time (ms);p\n0;1\n0,1;2\n0,2;5\n", "a record of samples"),
-        ("0.0,1.0\n0.1,2\n0.2,5\n0.3,5\n", "a record of samples"),
-        ("sensor,peak_overpressure_kpa,range_m\na,1,2\n", "a wide table"),
-        (HEADER + ROW.replace("0.05", "True"), "a finite number, got 'True'"),
-        (HEADER + ROW.replace("0.05", "2026-03-01"), "a date, into which spreadsheets"),
-        (HEADER + ROW.replace("0.05", "5 kPa"), "a unit belongs in the name"),
-        (HEADER + ROW.replace("0.05", "12:30:01"), "a time of day belongs in column"),
-        (HEADER.replace(",", "|") + "a|b\n", "commas, semicolons or tabs, got one col"),
-        (
-            HEADER + "a,air_arrival_s,NA,,1,2,3\n",
-            "line 2: expected a value in some row, got a row without a value, alone",
-        ),
-        (HEADER + ROW.replace("0.001", "5%"), "belong in a column sigma_percent"),
-        (
-            "sensor,quantity,value,sigma,lat_deg,lon_deg\n"
-            "a,air_arrival_s,1,1,33°54'10\",35.5\n",
-            "column lat_deg: .*write decimal degrees",
-        ),
-        ("t [ms];CH1 (V)\n0;0,1\n0,1;1\n0,2;5\n", "a record of samples, not a log"),
-    ],
-)
-def test_what_is_no_log_is_told_what_it_is(log, text, said):
-    with pytest.raises(InputError, match=said):
-        read(log(text))
-
-
 def test_buffers_of_text_and_of_bytes_are_read(log):
     for source in (io.StringIO(SEMICOLONS), io.BytesIO(SEMICOLONS.encode("utf-16"))):
         assert read(source).value[0] == 0.05

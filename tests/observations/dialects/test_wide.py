@@ -1,9 +1,7 @@
 """A column for each quantity is told how to become long, or is read so."""
 
 import numpy as np
-import pytest
 
-from jblast.errors import InputError
 from jblast.observations import read
 
 WIDE = (
@@ -57,56 +55,3 @@ def test_a_column_of_errors_counts_before_that_of_all(log):
         "positive_impulse_pa_s,sigma_percent\na,10,40,2,200,10\n"
     )
     np.testing.assert_array_equal(read(log(text), wide=True).sigma, [2000, 20])
-
-
-@pytest.mark.parametrize(
-    ("text", "wide", "said"),
-    [
-        (WIDE, False, "'air_arrival_s' is a quantity, not a column: a wide table"),
-        ("sensor,air_arrival\n,ms\na,1\n", False, "a wide table, with 1 of them"),
-        (WIDE.replace("air_arrival_s", "value"), True, "got a column value"),
-        ("sensor,range_m\na,1\n", True, "a column for each quantity; got"),
-        (
-            "sensor,peak_overpressure_kpa,peak_overpressure_psi\na,1,2\n",
-            True,
-            "two units for one column",
-        ),
-        (
-            WIDE.replace("sigma_peak_overpressure_kpa", "sigma_peak_overpressure_psi"),
-            True,
-            "expected sigma_ and the name of a quantity's column",
-        ),
-        (
-            "sensor,range_m,air_arrival_s,sigma_percent\na,1,2,3\n",
-            True,
-            "quantities whose errors are relative; got 'sigma_percent'",
-        ),
-        (
-            "sensor,range_m,air_arrival_s,sigma_air_arrival_percent\na,1,2,3\n",
-            True,
-            "quantity's column, as sigma_air_arrival_s",
-        ),
-        ("Messstelle;\u00dcberdruck [kPa]\na;5\n", True, "write peak_overpressure_k"),
-        (
-            "sensor,range,air_arrival,sigma_air_arrival\n,m,ms,s\na,1,2,3\n",
-            True,
-            "line 2, column sigma_air_arrival: expected ms, the unit of its quantity",
-        ),
-        (
-            WIDE.replace(",0.5\n", ",x\n"),
-            True,
-            "line 2, column sigma of peak_overpressure_kpa: expected a finite",
-        ),
-        (WIDE.replace("6,,6", "6,,x"), True, "line 3, column peak_overpressure_kpa: "),
-        (
-            WIDE.replace("sigma_peak_overpressure_kpa", "sigma_percent").replace(
-                ",0.5\n", ",x\n"
-            ),
-            True,
-            "line 2, column sigma of peak_overpressure_kpa: expected .*, got 'x'",
-        ),
-    ],
-)
-def test_what_is_neither_long_nor_wide_is_refused(log, text, wide, said):
-    with pytest.raises(InputError, match=said):
-        read(log(text), wide=wide)
