@@ -250,7 +250,8 @@ def read_trajectory(
     # rows of one run need not be adjacent
     runs = values[-1] if several else np.zeros(values.shape[1])
     order = np.argsort(runs, kind="stable")
-    values, lines = values[: 1 + len(names), order], np.array(table.lines)[order]
+    values = values[: 1 + len(names), order]
+    lines = np.array(table.lines)[order].tolist()
     firsts = np.flatnonzero(np.diff(runs[order], prepend=np.nan) != 0.0)
     fewest = int(np.diff(firsts, append=len(lines)).min())
     if fewest < MIN_ROWS:
@@ -258,7 +259,7 @@ def read_trajectory(
             f"{path}: expected at least {MIN_ROWS} rows after the header"
             f"{', in each run' if several else ''}, got {fewest}"
         )
-    for column, row in np.argwhere(np.abs(values) >= MAX_VALUE):
+    for column, row in np.argwhere(np.abs(values) >= MAX_VALUE).tolist():
         raise InputError(
             f"{table.at(lines[row], header[wanted[column]])}: expected a number "
             f"between -1e100 and 1e100, got {values[column, row]:g}"
@@ -266,7 +267,7 @@ def read_trajectory(
     time = seconds * values[0]
     # the spline and the windows need increasing times
     steps = np.diff(time)
-    for row in np.flatnonzero(steps <= 0.0) + 1:
+    for row in (np.flatnonzero(steps <= 0.0) + 1).tolist():
         if row in firsts:
             continue
         raise InputError(

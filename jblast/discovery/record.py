@@ -204,6 +204,9 @@ def trajectory_record(
         pairs = zip(parts, smooth, strict=True)
         return sides(states, [of.again(states[part]) for part, of in pairs])
 
+    def joined(name: str) -> sparse.csr_array:
+        return sparse.csr_array(sparse.block_diag([getattr(c, name) for c in cuts]))
+
     curves = [of.curves for of in smooth]
     lengths = [part.stop - part.start for part in parts]
     variances = np.stack([of.noise_sd**2 for of in smooth])
@@ -214,10 +217,9 @@ def trajectory_record(
         held,
         Windows(
             np.concatenate([cut.time for cut in cuts]),
-            *(
-                sparse.csr_array(sparse.block_diag([getattr(c, name) for c in cuts]))
-                for name in ("integral", "derivative", "of_rows")
-            ),
+            joined("integral"),
+            joined("derivative"),
+            joined("of_rows"),
             np.concatenate([cut.centre for cut in cuts]),
             half,
         ),

@@ -187,14 +187,14 @@ def exchangeable_terms(
     pairs = []
     linear = np.zeros(kept.shape, bool) if linear is None else linear
     constant = linear & (np.arange(len(kept)) == 0)
-    for own in np.flatnonzero(kept):
-        for other in np.flatnonzero(~kept):
+    for own in np.flatnonzero(kept).tolist():
+        for other in np.flatnonzero(~kept).tolist():
             columns = linear[[own, other]].all() and not constant[[own, other]].any()
             for beside in (kept, kept | constant, kept | linear)[: 3 if columns else 1]:
                 rest = beside.copy()
                 rest[[own, other]] = False
                 if _exchangeable(regression, left, rest, own, other):
-                    pairs.append((int(own), int(other)))
+                    pairs.append((own, other))
                     break
     return pairs
 

@@ -1,6 +1,5 @@
 """What a log must not say is told by file, line, column, expectation and find."""
 
-import re
 from contextlib import suppress
 
 import numpy as np
