@@ -33,7 +33,7 @@ VALUES = ("value", "value_utc")
 """Columns of measured values, of which a log has at least one."""
 UNIT = "unit"
 """Column of the units of values, which end the names of their quantities."""
-CALLED = {"gauge": "sensor", "gage": "sensor", "units": UNIT}
+CALLED = {"gauge": "sensor", "units": UNIT}
 """Other names of columns without a unit."""
 NOTES = ("note", "notes")
 """First words of the names of columns that are ignored."""

@@ -115,20 +115,19 @@ class Rows:
         if column not in self.texts:
             return np.full(len(self.lines), np.nan)
         texts = self.texts[column]
+        read, joined = number_of, "".join(texts)
+        if column in DEGREES[:2]:
+            read = degrees_of
         try:
-            # columns without other text, the usual case, need no call per field
+            # columns of plain numbers, the usual case, need no further check per field
+            if "_" in joined or foreign_digits(joined):
+                raise ValueError
             numbers = np.array([float(text) if text else np.nan for text in texts])
         except ValueError:
-            read = degrees_of if column in DEGREES[:2] else number_of
             numbers = np.array([read(text) for text in texts])
         odd = ~np.isfinite(numbers)
         if optional:
             odd &= self.given(column)
-        # float accepts 1_000, which is Python's notation and in data a mistake
-        # and digits of other scripts, such as full-width ones
-        joined = "".join(texts)
-        if "_" in joined or foreign_digits(joined):
-            odd |= np.array(["_" in t or foreign_digits(t) for t in texts], bool)
         rule = Rule(
             column,
             odd,
@@ -178,10 +177,9 @@ def degrees_of(text: str) -> float:
 
     Degrees, minutes and seconds have a hemisphere: 48°12'00.3"N, W 11° 30'.
     """
-    try:
-        return float(text)
-    except ValueError:
-        found = DMS.fullmatch(text)
+    if not math.isnan(number := number_of(text)):
+        return number
+    found = DMS.fullmatch(text)
     side = found and (found["before"] or "") + (found["after"] or "")
     if not found or not side or len(side) > 1:
         return math.nan

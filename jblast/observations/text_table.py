@@ -34,7 +34,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, decoded, shown
+from jblast.errors import InputError, decoded, foreign_digits, shown
 from jblast.observations.table import row_word
 from jblast.results import Note, assumption
 from jblast.units import spelt, unit_spelt, words_of
@@ -595,6 +595,9 @@ def number_of(text: str, decimal: str = ".") -> float:
         decimal: Decimal mark: a point or a comma.
     """
     text = text.replace(INFINITY, "inf").replace(MINUS, "-")
+    # float reads Python's 1_000 and digits of other scripts, which are mistakes in data
+    if "_" in text or foreign_digits(text):
+        return math.nan
     try:
         return float(text.replace(",", ".") if decimal == "," else text)
     except ValueError:
