@@ -225,12 +225,15 @@ def _drop_empty(table: Table) -> list[int]:
 
 def _with_units(rows: Rows) -> list[str]:
     """Return the quantities as written, with their units of the column `unit`."""
-    names = []
-    for name, unit in zip(rows.text("quantity"), rows.text(UNIT), strict=True):
-        own, stated = our_name(name), our_name(f"value_{unit}") if unit else None
+
+    def whole(name: str, unit: str) -> str:
+        own, stated = our_name(name), our_name(f"value_{unit}")
         same = own and stated and own[1:3] == stated[1:3]
-        names.append(name if same or not unit else f"{name}_{unit}")
-    return names
+        return name if same or not unit else f"{name}_{unit}"
+
+    pairs = list(zip(rows.text("quantity"), rows.text(UNIT), strict=True))
+    names = {pair: whole(*pair) for pair in dict.fromkeys(pairs)}
+    return [names[pair] for pair in pairs]
 
 
 def _units_of(rows: Rows, theirs: Sequence[str]) -> list[OurName | None]:

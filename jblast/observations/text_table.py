@@ -253,10 +253,13 @@ def text_table(
     text, notes = decoded_text(data, name, expected)
     if preamble:
         return _numeric_table(text, name, notes, expected)
-    lines = [(n, line) for n, line in numbered(text) if not is_comment(line)]
-    remarks = tuple(
-        line.strip()[1:].strip() for _, line in numbered(text) if is_comment(line)
-    )
+    lines: list[tuple[int, str]] = []
+    remarks: list[str] = []
+    for number, line in numbered(text):
+        if is_comment(line):
+            remarks.append(line.strip()[1:].strip())
+        else:
+            lines.append((number, line))
     stated = None
     if lines and (match := SEPARATOR_LINE.match(lines[0][1].strip())):
         stated = match[1]
