@@ -42,6 +42,7 @@ H / R / b,air_arrival_s,1 => line 3 | expected 7 fields | got 3
 H / R,05 => line 2 | expected 7 fields | got 8 | decimal comma
 H / R / H => line 3, column quantity | is this a second header
 H / a,air_arrival_s,NA,,1,2,3 => expected a value in some row, got a row without a value
+H / a,air_arrival_s,NA,,1,2,3 / a,air_arrival_s,,,1,2,3 => got 2 rows without a value
 T / c,shock_radius_m,1,,1 / c,shock_radius_m,2,, => line 3 | the time at which | nothing
 T / a,air_arrival_s,1,,2 => column time_s | expected nothing | got 2 for air_arrival_s
 H / a,bearing_rad,225,1,1,2,3 => column value | within 6.28319 rad | got 225 | degrees
