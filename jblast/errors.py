@@ -21,9 +21,16 @@ class InputError(ValueError):
     """Invalid input; the message is one self-contained line.
 
     Arguments appear under their Python names (see `argument`).
+
+    Attributes:
+        row: Row of the table that it concerns, from zero; None for all of it.
+        line: Line of that row in its file.
     """
 
-    def __init__(self, message: str):
+    def __init__(
+        self, message: str, *, row: int | None = None, line: int | None = None
+    ):
+        self.row, self.line = row, line
         # One line, as scripts and logs expect; file names may have line breaks.
         self._marked = " ".join(message.split())
         super().__init__(self._marked.replace(MARK, ""))
@@ -247,8 +254,6 @@ def decoded(
     data: bytes,
     path: str | os.PathLike[str],
     expected: str,
-    *,
-    utf16: bool = False,
 ) -> str:
     r"""Return bytes as text with line ends `\n`, without byte order mark.
 
@@ -256,16 +261,10 @@ def decoded(
         data: UTF-8 with or without a byte order mark.
         path: File of the bytes, for messages.
         expected: Expected kind of file, for messages.
-        utf16: Also accept UTF-16 with a byte order mark.
 
     Raises:
         InputError: The bytes are not text in this encoding.
     """
-    if utf16 and data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        try:
-            data = data.decode("utf-16").encode()
-        except UnicodeError as error:
-            raise InputError(f"{path}: expected UTF-16 text, got {error}") from None
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(
             f"{path}: line 1: expected UTF-8 text, got UTF-16; save it as UTF-8"

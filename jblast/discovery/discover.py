@@ -37,10 +37,17 @@ from jblast.discovery.integration import (
     CLOSE,
     MIN_ROWS,
     flow,
-    reproducing_trajectory,
+    reproducing_runs,
     restarts,
 )
-from jblast.discovery.record import PER_HALF_WIDTH, Record, Sides, trajectory_record
+from jblast.discovery.record import (
+    PER_HALF_WIDTH,
+    Record,
+    Sides,
+    jumps_of,
+    rows_of_runs,
+    trajectory_record,
+)
 from jblast.discovery.sparse_regression import (
     Candidates,
     Regression,
@@ -167,11 +174,13 @@ class Discovery:
         repeated: Candidates left out, as sums of others equal them on this record.
         exchangeable: Pairs, for each equation, of one of its terms and a candidate that
             could replace it (`exchangeable_terms`).
-        start: Smoothed states at the first row.
+        start: Smoothed states at the first row of each run.
         judged: Tests of each equation.
         growing_s: Times since the first row at which an error has grown tenfold since
             the last of them, by the equations along the record (`restarts`) [s].
         segments: Number of segments, each held out once.
+        jumps: Rows, from zero, at which a state jumps (`jumps_of`).
+        runs: First row of each run.
     """
 
     states: tuple[str, ...]
@@ -184,10 +193,12 @@ class Discovery:
     noise_sd: Float[np.ndarray, " state"]
     repeated: tuple[str, ...]
     exchangeable: tuple[tuple[tuple[str, str], ...], ...]
-    start: Float[np.ndarray, " state"]
+    start: Float[np.ndarray, "run state"]
     judged: tuple[Judgement, ...]
     growing_s: tuple[float, ...] = ()
     segments: int = SEGMENTS
+    jumps: tuple[int, ...] = ()
+    runs: tuple[int, ...] = (0,)
 
     @property
     def growth_s(self) -> float:
@@ -224,7 +235,7 @@ def replay(
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
     # by times, as these rows need not be those of the search
     rows = np.unique(np.searchsorted(time_s - time_s[0], discovery.growing_s))
-    own, off, nearest = reproducing_trajectory(
+    own, off, nearest = reproducing_runs(
         discovery.candidates.evaluate,
         discovery.coefficients,
         discovery.start,
@@ -233,6 +244,7 @@ def replay(
         inputs,
         noise * discovery.noise_sd,
         rows[rows <= len(time_s) - MIN_ROWS].tolist(),
+        discovery.runs,
         held=held,
     )
     return Replay(own, off, tuple((off <= CLOSE).tolist()), nearest)
@@ -247,6 +259,7 @@ def discover(
     candidates: Candidates | None = None,
     outside: Candidates | None = None,
     held: bool = False,
+    runs: Sequence[int] = (0,),
     threshold: float = THRESHOLD,
     members: int = MEMBERS,
     seed: int = 0,
@@ -262,6 +275,7 @@ def discover(
         outside: Terms outside of the search that residuals are compared with; default:
             products of up to three columns, or none if `candidates` are given.
         held: Whether inputs are constant until the next row; else linear.
+        runs: First row of each run, between which states may jump.
         threshold: Smallest share of a derivative's root mean square of a term.
         members: Number of members of the ensemble.
         seed: Seed of the ensemble.
@@ -270,7 +284,7 @@ def discover(
         InputError: A candidate overflows.
     """
     inputs = np.empty((len(time_s), 0)) if inputs is None else inputs
-    record = trajectory_record(time_s, states, inputs, held=held)
+    record = trajectory_record(time_s, states, inputs, held=held, runs=runs)
     if candidates is None:
         candidates, outside = polynomial(names), outside or polynomial(names, 3)
     state_names = tuple(names[: states.shape[1]])
@@ -306,14 +320,18 @@ def discover(
     # The vote of the ensemble decides, not the one noisy record.
     kept = inclusion > MIN_INCLUSION
     own = coefficients_of(terms, record.sides.left, kept)
-    growing = restarts(
-        candidates.evaluate,
-        own,
-        record.time_s,
-        record.smooth,
-        record.inputs,
-        np.std(record.states, axis=0),
-    )
+    growing = [
+        part.start + row
+        for part in rows_of_runs(runs, len(time_s))
+        for row in restarts(
+            candidates.evaluate,
+            own,
+            record.time_s[part],
+            record.smooth[part],
+            record.inputs[part],
+            np.std(record.states, axis=0),
+        )
+    ]
     begin("uncertainty")
     sure = ensemble_uncertainty(
         record,
@@ -358,20 +376,26 @@ def discover(
             tuple(
                 (str(term_names[term]), str(term_names[other]))
                 for term, other in exchangeable_terms(
-                    Regression(terms, covariance), record.sides.left[:, state], row
+                    Regression(terms, covariance),
+                    record.sides.left[:, state],
+                    row,
+                    # a constant and single columns
+                    np.isin(candidates.names, ("1", *names)),
                 )
             )
             for state, (covariance, row) in enumerate(
                 zip(covariances, kept, strict=True)
             )
         ),
-        record.smooth[0],
+        record.smooth[list(runs)],
         tuple(
             Judgement(float(skill[state]), *sure.odds[state], sure.likest[state])
             for state in range(len(state_names))
         ),
         tuple((record.time_s[growing] - record.time_s[0]).tolist()),
         segments,
+        tuple(row for row in jumps_of(time_s, states) if row not in runs),
+        tuple(runs),
     )
 
 
@@ -440,7 +464,7 @@ def ensemble_uncertainty(
     """Return the uncertainty from records with new noise.
 
     The records are integrated equations plus noise. If the equations do not reproduce
-    the record (`reproducing_trajectory`, all states), they are the smoothed states plus
+    the record (`reproducing_runs`, all states), they are the smoothed states plus
     noise, and there is no p.
 
     Args:
@@ -453,15 +477,16 @@ def ensemble_uncertainty(
         members: Number of members of the ensemble.
         rng: Generator of the noise.
     """
-    made, off, _ = reproducing_trajectory(
+    made, off, _ = reproducing_runs(
         candidates.evaluate,
         own,
-        record.smooth[0],
+        record.smooth[list(record.runs)],
         record.time_s,
         record.states,
         record.inputs,
         record.noise_sd,
         growing,
+        record.runs,
         held=record.held,
     )
     reproduced = bool(np.all(off <= CLOSE))
@@ -580,7 +605,8 @@ def held_out_skill(
                 (last - first) // MIN_ROWS,
             ),
         )
-        starts = np.linspace(first, last, parts + 1).astype(int)
+        starts = np.linspace(first, last, parts + 1).astype(int).tolist()
+        starts = sorted({*starts, *(r for r in record.runs if first < r < last)})
         # Earlier where errors of a start grow: they would hide those of the equation.
         grown = [
             begin + row
@@ -594,7 +620,7 @@ def held_out_skill(
                 spread,
             )
         ]
-        for begin, end in pairwise(sorted({*starts.tolist(), *grown})):
+        for begin, end in pairwise(sorted({*starts, *grown})):
             some = slice(begin, end)
             start, truth = record.smooth[begin], record.states[some]
             recorded = flow(

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.sparse.linalg import spsolve
 
-from jblast.discovery.record import input_at
+from jblast.discovery.record import input_at, rows_of_runs
 
 Terms = Callable[[Float[np.ndarray, "place column"]], np.ndarray]
 """Function from the columns (states, then inputs) to the terms."""
@@ -315,3 +315,49 @@ def reproducing_trajectory(
     if not np.all(np.isfinite(off_near)):
         return made, off, False
     return near, off_near, True
+
+
+def reproducing_runs(
+    evaluate: Terms,
+    coefficients: Float[np.ndarray, "state term"],
+    starts: Float[np.ndarray, "run state"],
+    time_s: Float[np.ndarray, " row"],
+    states: Float[np.ndarray, "row state"],
+    inputs: Float[np.ndarray, "row input"],
+    noise_sd: Float[np.ndarray, " state"],
+    rows: Sequence[int],
+    runs: Sequence[int],
+    *,
+    held: bool = False,
+) -> tuple[Float[np.ndarray, "row state"], Float[np.ndarray, " state"], bool]:
+    """Return `reproducing_trajectory` of each run, and the misfit of all of them.
+
+    Args:
+        evaluate: As in `reproducing_trajectory`, likewise all others.
+        coefficients: Coefficients of the equations.
+        starts: States at the first row of each run.
+        time_s: Times of the rows, increasing [s].
+        states: States at the rows.
+        inputs: Inputs at the rows.
+        noise_sd: Standard deviation of the noise of each state.
+        rows: Rows at which errors have grown.
+        runs: First row of each run.
+        held: Whether inputs are constant until the next row; else linear.
+    """
+    made, nearest = [], False
+    for part, start in zip(rows_of_runs(runs, len(time_s)), starts, strict=True):
+        run, _, near = reproducing_trajectory(
+            evaluate,
+            coefficients,
+            start,
+            time_s[part],
+            states[part],
+            inputs[part],
+            noise_sd,
+            [row - part.start for row in rows if part.start < row < part.stop],
+            held=held,
+        )
+        made.append(run)
+        nearest |= near
+    whole = np.concatenate(made)
+    return whole, misfit(whole, states, noise_sd), nearest

@@ -2,12 +2,11 @@
 
 `discover_law` is the library function of `jblast discover`. It searches products of up
 to N columns, integrates the equations, and if a test fails searches products of one
-more column. A trajectory is a CSV file with a time column and one
-column a state (`read_trajectory`).
+more column. A trajectory is text with a time column and one column a state
+(`read_trajectory`).
 """
 
 import contextlib
-import csv
 import math
 import os
 from collections.abc import Sequence
@@ -26,17 +25,14 @@ from jblast.discovery.discover import (
     replay,
 )
 from jblast.discovery.sparse_regression import polynomial
-from jblast.errors import (
-    InputError,
-    argument,
-    foreign_digits,
-    nearest,
-    read_text,
-    shown,
-)
+from jblast.errors import InputError, argument, nearest, read_bytes, shown
+from jblast.observations.text_table import Table, text_table
 from jblast.progress import stages
+from jblast.units import our_name
 
 TIME = "time_s"
+RUN = "run"
+"""Column of the numbers of runs."""
 MAX_VALUE = 1e100
 """Largest value: its square and cube must still be finite numbers."""
 MIN_ROWS = 20
@@ -59,12 +55,14 @@ class TrajectoryColumns(NamedTuple):
         states: States, for which equations are searched.
         inputs: Driving inputs.
         names: Names of the states, then of the inputs.
+        runs: First row of each run; times increase from run to run.
     """
 
     time_s: Float[np.ndarray, " row"]
     states: Float[np.ndarray, "row state"]
     inputs: Float[np.ndarray, "row input"]
     names: tuple[str, ...]
+    runs: tuple[int, ...] = (0,)
 
 
 class LawSearch(NamedTuple):
@@ -157,6 +155,7 @@ def discover_law(
             candidates=candidates,
             outside=outside,
             held=held,
+            runs=data.runs,
             threshold=threshold,
             members=members,
             seed=seed,
@@ -167,8 +166,8 @@ def discover_law(
     found, again = find(degree)
     sure, further = certain(found, again), None
     few = _terms(columns, degree + 1, drag) <= MAX_TERMS
-    # more candidates do not distinguish exchangeable terms
-    if not sure and few and not any(found.exchangeable):
+    # more candidates do not distinguish exchangeable terms, and describe no jump
+    if not sure and few and not any(found.exchangeable) and not found.jumps:
         begin("one degree more")
         with contextlib.suppress(InputError):  # a term overflows: no search
             further = find(degree + 1)
@@ -178,12 +177,13 @@ def discover_law(
 def certain(found: Discovery, again: Replay) -> bool:
     """Return whether all equations pass their tests.
 
-    Each has terms and no exchangeable ones, predicts held-out segments, has residuals
-    no larger than noise, and reproduces its column.
+    No state jumps. Each has terms and no exchangeable ones, predicts held-out segments,
+    has residuals no larger than noise, and reproduces its column.
     """
     return all(
         bool(found.terms(state))
         and not found.exchangeable[state]
+        and not found.jumps
         and judged.law
         and judged.whole
         and again.reproduced[state]
@@ -219,9 +219,11 @@ def read_trajectory(
     states: Sequence[str] = (),
     inputs: Sequence[str] = (),
 ) -> TrajectoryColumns:
-    """Read a trajectory from a CSV file with a header that has `time_s`.
+    """Read a trajectory from text with a header that has `time_s`.
 
-    Lines that begin with # are comments.
+    Times may be in another unit (`time_ms`). A column `run` numbers several runs, each
+    with its own times. Encodings, separators, decimal commas, comments and rows of
+    units are those of logs.
 
     Args:
         path: CSV file.
@@ -232,76 +234,92 @@ def read_trajectory(
         InputError: The file has another form, a column is missing or constant, the
             times do not increase, or there are fewer than 20 rows.
     """
-    text = read_text(path, "a CSV file of a trajectory")
-    numbered = [
-        (number, line)
-        for number, line in enumerate(text.split("\n"), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not numbered:
-        raise InputError(
-            f"{path}: line 1: the file is empty; expected a header with {TIME} and the "
-            "columns of a trajectory"
-        )
-    head, header_line = numbered[0]
-    header = [name.strip() for name in next(csv.reader([header_line]))]
-    where = f"{path}: line {head}"
-    _check_header(where, header)
+    expected = f"a CSV file of a trajectory: a header with {TIME} and numbers below it"
+    table = text_table(
+        read_bytes(path, expected), str(path), preamble=True, expected=expected
+    )
+    table.names(f"{TIME},x_m")
+    where = table.at(table.header_line)
+    clock, seconds = _clock(table)
+    header = [TIME if at == clock else name for at, name in enumerate(table.header)]
     chosen = _chosen(where, header, states, inputs)
-    lines = [number for number, _ in numbered[1:]]
-    if len(lines) < MIN_ROWS:
+    names = (*chosen[0], *chosen[1])
+    several = [RUN] if RUN in header and RUN not in names else []
+    wanted = [header.index(name) for name in (TIME, *names, *several)]
+    values = table.numbers(wanted)
+    # rows of one run need not be adjacent
+    runs = values[-1] if several else np.zeros(values.shape[1])
+    order = np.argsort(runs, kind="stable")
+    values = values[: 1 + len(names), order]
+    lines = np.array(table.lines)[order].tolist()
+    firsts = np.flatnonzero(np.diff(runs[order], prepend=np.nan) != 0.0)
+    fewest = int(np.diff(firsts, append=len(lines)).min())
+    if fewest < MIN_ROWS:
         raise InputError(
-            f"{path}: expected at least {MIN_ROWS} rows after the header, got "
-            f"{len(lines)}"
+            f"{path}: expected at least {MIN_ROWS} rows after the header"
+            f"{', in each run' if several else ''}, got {fewest}"
         )
-    values = _numbers(str(path), header, numbered[1:], (TIME, *chosen[0], *chosen[1]))
-    time = values[:, 0]
+    for column, row in np.argwhere(np.abs(values) >= MAX_VALUE).tolist():
+        raise InputError(
+            f"{table.at(lines[row], header[wanted[column]])}: expected a number "
+            f"between -1e100 and 1e100, got {values[column, row]:g}"
+        )
+    time = seconds * values[0]
     # the spline and the windows need increasing times
-    late = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(late):
-        row = late[0] + 1
+    steps = np.diff(time)
+    for row in (np.flatnonzero(steps <= 0.0) + 1).tolist():
+        if row in firsts:
+            continue
         raise InputError(
-            f"{path}: line {lines[row]}: column {TIME}: expected times that rise, got "
-            f"{time[row]:g} after {time[row - 1]:g}"
+            f"{table.at(lines[row], table.header[clock])}: expected times that "
+            f"rise, got {values[0, row]:g} after {values[0, row - 1]:g}"
         )
-    for place, name in enumerate((*chosen[0], *chosen[1]), start=1):
+    for name, column in zip(names, values[1:], strict=True):
         # a constant column equals the constant term
-        if np.ptp(values[:, place]) == 0.0:
+        if np.ptp(column) == 0.0:
             raise InputError(
                 f"{path}: column {name}: expected values that change, got "
-                f"{values[0, place]:g} in every row; leave it out by "
+                f"{column[0]:g} in every row; leave it out by "
                 f"{argument('states')} or {argument('inputs')}"
             )
-    split = 1 + len(chosen[0])
-    names = (*chosen[0], *chosen[1])
+    steps[firsts[1:] - 1] = np.median(steps)
+    count = len(chosen[0])
     return TrajectoryColumns(
-        # From 0, so that times since 1970 do not cost digits in the spline.
-        time - time[0],
-        values[:, 1:split],
-        values[:, split:],
+        # From 0, so that times since 1970 do not cost digits in the spline. A run
+        # begins a step after the end of the one before.
+        np.concatenate([[0.0], np.cumsum(steps)]),
+        values[1 : 1 + count].T,
+        values[1 + count :].T,
         names,
+        tuple(firsts.tolist()),
     )
 
 
-def _check_header(where: str, header: Sequence[str]) -> None:
-    # As exported with a decimal comma: the numbers would be split as well.
-    if len(header) == 1 and ";" in header[0]:
-        raise InputError(
-            f"{where}: expected columns separated by commas, got semicolons; save the "
-            "file with commas (and decimal points)"
-        )
-    for name in header:
+def _clock(table: Table) -> tuple[int, float]:
+    """Return the column of times, and its unit in seconds.
+
+    Raises:
+        InputError: There is none, or a column has no name, or one of another.
+    """
+    where, header = table.at(table.header_line), table.header
+    found = {}
+    for at, (name, unit) in enumerate(zip(header, table.units, strict=True)):
         if not name:
             raise InputError(f"{where}: expected a name for each column, got an empty")
         if header.count(name) > 1:
             raise InputError(
                 f"{where}: expected column {shown(name)} once, got it twice"
             )
-    if TIME not in header:
+        ours = our_name(f"{name}_{unit}" if unit else name)
+        if ours is not None and ours.name == TIME:
+            found[at] = ours.factor
+    if len(found) != 1:
         raise InputError(
-            f"{where}: missing column {TIME}; got {', '.join(header)}"
-            f"{nearest(TIME, header)}"
+            f"{where}: expected one column {TIME}, got "
+            + (", ".join(header[at] for at in found) or ", ".join(header))
+            + ("" if found else nearest(TIME, header))
         )
+    return found.popitem()
 
 
 def _chosen(
@@ -325,42 +343,10 @@ def _chosen(
                     f"{option}: expected each column once among states and inputs, got "
                     f"{name} twice"
                 )
-    left = [name for name in header if name not in (TIME, *inputs)]
+    left = [name for name in header if name not in (TIME, RUN, *inputs)]
     chosen = tuple(states) or tuple(left)
     if not chosen:
         raise InputError(
             f"{where}: expected a column that is no input beside {TIME}, got none"
         )
     return chosen, tuple(inputs)
-
-
-def _numbers(
-    path: str,
-    header: Sequence[str],
-    rows: Sequence[tuple[int, str]],
-    names: Sequence[str],
-) -> Float[np.ndarray, "row column"]:
-    """Return the numbers of some columns."""
-    places = [header.index(name) for name in names]
-    values = np.empty((len(rows), len(names)))
-    for row, (line, text) in enumerate(rows):
-        fields = next(csv.reader([text]))
-        if len(fields) != len(header):
-            raise InputError(
-                f"{path}: line {line}: expected {len(header)} fields as in the header, "
-                f"got {len(fields)}"
-            )
-        for column, place in enumerate(places):
-            try:
-                value = float(fields[place])
-            except ValueError:
-                value = math.nan
-            # The negation also rejects NaN, as in an empty field of a logger.
-            if not abs(value) < MAX_VALUE or foreign_digits(fields[place]):
-                raise InputError(
-                    f"{path}: line {line}: column {names[column]}: expected a number "
-                    "between -1e100 and 1e100, got "
-                    f"{shown(fields[place].strip())}"
-                )
-            values[row, column] = value
-    return values

@@ -13,7 +13,8 @@ so that noise in $x$ is averaged, where a difference quotient would amplify it
 (Messenger and Bortz 2021, Multiscale Model. Simul. 19:1474, eq. 2.3).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,14 @@ PROBES = 50
 """Random vectors that estimate the trace of the smoother (Hutchinson 1990), without its
 straight line, whose part is known. For at most twice as many rows unit vectors give the
 exact trace."""
+
+
+JUMP_SDS = 10.0
+"""Size of a jump of a state relative to the noise of its steps: noise alone exceeds
+half of that in one of a million rows."""
+JUMP_SHARE = 0.02
+"""Size of a jump relative to the spread of its state: smaller ones change no
+equation."""
 
 
 class Sides(NamedTuple):
@@ -78,16 +87,19 @@ class Windows(NamedTuple):
     half: float
 
 
-def windows(time: Float[np.ndarray, " row"], half: float) -> Windows:
-    """Return the integrals over windows that cover a record evenly.
+def windows(
+    time: Float[np.ndarray, " row"], half: float, most: int = MAX_WINDOWS
+) -> Windows:
+    """Return the integrals over windows that cover a run evenly.
 
     Args:
         time: Times of the rows, increasing.
         half: Half width of a window, in the unit of the times.
+        most: Largest number of windows.
     """
     span = time[-1] - time[0] - 2.0 * half
     # windows overlap, so that all rows have nearly the same weight
-    count = min(MAX_WINDOWS, 1 + int(np.ceil(PER_HALF_WIDTH * span / half)))
+    count = min(most, 1 + int(np.ceil(PER_HALF_WIDTH * span / half)))
     # intervals end at rows, where interpolated inputs have a kink
     places, weights = _quadrature(time, half / INTERVALS)
     centres = np.linspace(time[0] + half, time[-1] - half, count)
@@ -121,6 +133,7 @@ class Record(NamedTuple):
         smooth: Smoothed states at the rows.
         sides: Sides of the equations for the recorded states.
         noise_sd: Standard deviation of the noise of each state.
+        runs: First row of each run.
         sides_of: Function of other states at these rows, with the same smoothing.
     """
 
@@ -132,6 +145,7 @@ class Record(NamedTuple):
     smooth: Float[np.ndarray, "row state"]
     sides: Sides
     noise_sd: Float[np.ndarray, " state"]
+    runs: tuple[int, ...]
     sides_of: Callable[[Float[np.ndarray, "row state"]], Sides]
 
     def with_noise(
@@ -147,39 +161,100 @@ def trajectory_record(
     inputs: Float[np.ndarray, "row input"],
     *,
     held: bool = False,
+    runs: Sequence[int] = (0,),
 ) -> Record:
-    """Return the record of a trajectory.
+    """Return the record of a trajectory of one or several runs.
+
+    Each run is smoothed on its own, and no window contains rows of two of them.
 
     Args:
-        time_s: Times of the rows, increasing [s].
+        time_s: Times of the rows, increasing from run to run [s].
         states: States in any units.
         inputs: Inputs, without errors.
         held: Whether inputs are constant until the next row, as commands are; else they
             are linear between rows.
+        runs: First row of each run.
     """
-    curves, noise_sd, again = smoothed(time_s, states)
-    cut = windows(time_s, half_width(time_s, curves.value, curves.slope(time_s)))
-    # inputs are exact: interpolated, not smoothed
-    between = [input_at(time_s, column, cut.time, held=held) for column in inputs.T]
+    parts = rows_of_runs(runs, len(time_s))
+    smooth = [smoothed(time_s[part], states[part]) for part in parts]
+    half = min(
+        half_width(time_s[part], of.curves.value, of.curves.slope(time_s[part]))
+        for part, of in zip(parts, smooth, strict=True)
+    )
+    most = max(MAX_WINDOWS // len(parts), PER_HALF_WIDTH)
+    cuts = [windows(time_s[part], half, most) for part in parts]
 
-    def sides(states: Float[np.ndarray, "row state"], curves: Curves) -> Sides:
-        at = curves.at(cut.time)
-        # the curve by quadrature plus its residuals by the rows: the left side then has
-        # the noise of the rows, neither smoothed nor counted twice
-        left = cut.derivative @ at + cut.of_rows @ (states - curves.value)
-        return Sides(np.column_stack([at, *between]), left)
+    def sides(states: Float[np.ndarray, "row state"], curves: Sequence[Curves]):
+        columns, left = [], []
+        for part, cut, of in zip(parts, cuts, curves, strict=True):
+            at = of.at(cut.time)
+            # inputs are exact: interpolated, not smoothed
+            between = [
+                input_at(time_s[part], column[part], cut.time, held=held)
+                for column in inputs.T
+            ]
+            columns.append(np.column_stack([at, *between]))
+            # the curve by quadrature plus its residuals by the rows: the left side then
+            # has the noise of the rows, neither smoothed nor counted twice
+            over = states[part] - of.value
+            left.append(cut.derivative @ at + cut.of_rows @ over)
+        return Sides(np.concatenate(columns), np.concatenate(left))
 
+    def again(states: Float[np.ndarray, "row state"]) -> Sides:
+        pairs = zip(parts, smooth, strict=True)
+        return sides(states, [of.again(states[part]) for part, of in pairs])
+
+    def joined(name: str) -> sparse.csr_array:
+        return sparse.csr_array(sparse.block_diag([getattr(c, name) for c in cuts]))
+
+    curves = [of.curves for of in smooth]
+    lengths = [part.stop - part.start for part in parts]
+    variances = np.stack([of.noise_sd**2 for of in smooth])
     return Record(
         time_s,
         states,
         inputs,
         held,
-        cut,
-        curves.value,
+        Windows(
+            np.concatenate([cut.time for cut in cuts]),
+            joined("integral"),
+            joined("derivative"),
+            joined("of_rows"),
+            np.concatenate([cut.centre for cut in cuts]),
+            half,
+        ),
+        np.concatenate([of.value for of in curves]),
         sides(states, curves),
-        noise_sd,
-        lambda states: sides(states, again(states)),
+        np.sqrt(np.average(variances, axis=0, weights=lengths)),
+        tuple(runs),
+        again,
     )
+
+
+def rows_of_runs(runs: Sequence[int], rows: int) -> list[slice]:
+    """Return the rows of each run by the first row of each."""
+    return [slice(first, last) for first, last in pairwise([*runs, rows])]
+
+
+def jumps_of(
+    time: Float[np.ndarray, " row"], states: Float[np.ndarray, "row state"]
+) -> tuple[int, ...]:
+    """Return the rows, from zero, before which a state jumps.
+
+    The step to a row differs from those beside it by more than `JUMP_SDS` and
+    `JUMP_SHARE`, and the steps beside it differ by half as much in the other direction:
+    so does the step of a jump alone, not that of a faulty row or of a bend.
+    """
+    gaps = np.diff(time)[:, None]
+    slopes = np.diff(states, axis=0) / gaps
+    over = (slopes[1:-1] - 0.5 * (slopes[2:] + slopes[:-2])) * gaps[1:-1]
+    # the median is not moved by some jumps
+    sd = np.median(np.abs(over), axis=0) / 0.6745
+    least = np.maximum(JUMP_SDS * sd, JUMP_SHARE * np.std(states, axis=0))
+    middle, beside = over[1:-1], np.stack([over[:-2], over[2:]])
+    alone = np.abs(beside + 0.5 * middle) < 0.25 * np.abs(middle)
+    found = (np.abs(middle) > least) & alone.all(axis=0)
+    return tuple((np.flatnonzero(found.any(axis=1)) + 3).tolist())
 
 
 def input_at(

@@ -167,38 +167,60 @@ def exchangeable_terms(
     regression: Regression,
     left: Float[np.ndarray, " window"],
     kept: Bool[np.ndarray, " term"],
+    linear: Bool[np.ndarray, " term"] | None = None,
 ) -> list[tuple[int, int]]:
     """Return pairs of a term of an equation and a candidate that could replace it.
 
     Given the other terms of the equation, the two are nearly collinear: their variance
     inflation factor is above `COLLINEAR`. With both in the equation, the coefficient of
     the original term is less than three standard deviations from zero, so that the
-    equation with the candidate in its place is not rejected.
+    equation with the candidate in its place is not rejected. Of two columns the same is
+    tested given a constant, and given the other columns, too: one may be the sum of the
+    other one, of further columns and of a constant.
 
     Args:
         regression: Regression problem with all candidates, repeated ones too.
         left: Left side of the equation.
         kept: Mask of the terms of the equation.
+        linear: Mask of the constant, which is the first term, and of single columns.
     """
-    terms, pairs = regression.terms, []
-    for own in np.flatnonzero(kept):
-        rest = kept.copy()
-        rest[own] = False
-        base = np.linalg.qr(terms[:, rest])[0]
-        free = terms - base @ (base.T @ terms)
-        size = np.linalg.norm(free, axis=0)
-        for other in np.flatnonzero(~kept):
-            # a candidate that equals a sum of the other terms replaces none of them
-            if size[other] <= REPEATED * np.linalg.norm(terms[:, other]):
-                continue
-            cosine = free[:, own] @ free[:, other] / (size[own] * size[other])
-            independent = 1.0 - min(float(cosine) ** 2, 1.0)
-            if independent * COLLINEAR > 1.0:
-                continue
-            both = kept.copy()
-            both[other] = True
-            found, sds = least_squares(regression, left, both)
-            same = independent < REPEATED**2
-            if same or abs(found[own]) < SIGNIFICANT * sds[own]:
-                pairs.append((int(own), int(other)))
+    pairs = []
+    linear = np.zeros(kept.shape, bool) if linear is None else linear
+    constant = linear & (np.arange(len(kept)) == 0)
+    for own in np.flatnonzero(kept).tolist():
+        for other in np.flatnonzero(~kept).tolist():
+            columns = linear[[own, other]].all() and not constant[[own, other]].any()
+            for beside in (kept, kept | constant, kept | linear)[: 3 if columns else 1]:
+                rest = beside.copy()
+                rest[[own, other]] = False
+                if _exchangeable(regression, left, rest, own, other):
+                    pairs.append((own, other))
+                    break
     return pairs
+
+
+def _exchangeable(
+    regression: Regression,
+    left: Float[np.ndarray, " window"],
+    rest: Bool[np.ndarray, " term"],
+    own: int,
+    other: int,
+) -> bool:
+    """Return whether a candidate could replace a term next to the rest of the terms."""
+    terms, pair = regression.terms, regression.terms[:, [own, other]]
+    size = np.linalg.norm(pair, axis=0)
+    # by the pseudo-inverse: columns of the rest may be sums of others
+    free = pair - terms[:, rest] @ (np.linalg.pinv(terms[:, rest]) @ pair)
+    left_over = np.linalg.norm(free, axis=0)
+    # a term that equals a sum of the rest is replaced by none of them
+    if np.any(left_over <= REPEATED * size):
+        return False
+    cosine = float(free[:, 0] @ free[:, 1] / np.prod(left_over))
+    independent = 1.0 - min(cosine**2, 1.0)
+    if independent * COLLINEAR > 1.0:
+        return False
+    both = rest.copy()
+    both[[own, other]] = True
+    found, sds = least_squares(regression, left, both)
+    same = independent < REPEATED**2
+    return bool(same or abs(found[own]) < SIGNIFICANT * sds[own])

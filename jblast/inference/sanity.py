@@ -54,7 +54,7 @@ from jblast.observations.check import (
     places_doubted,
     sigmas_doubted,
 )
-from jblast.observations.scenes import for_log
+from jblast.observations.scenes import far_from_origin, for_log
 from jblast.quantities import QUANTITIES
 from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
@@ -171,11 +171,13 @@ def _physical(observations: Observations, uncertain: UncertainScene) -> list[Dou
     named = {charge.name: charge for charge in scene.charges} if scene.others else {}
     shots = np.array(observations.shot)
     for shot in dict.fromkeys(observations.shot):
-        rows, charge = np.flatnonzero(shots == shot), named.get(shot, scene.charge)
+        rows = np.flatnonzero(shots == shot)
         its = for_log(uncertain, some_rows(observations, rows))
         # first at the origin at time 0, as in logs with ranges: it decides most
         on_earth = observations.frame is not None or observations.epoch is not None
-        there = its if on_earth else uncertain
+        on_map = far_from_origin(observations.position[rows])
+        there = its if on_earth or on_map else uncertain
+        charge = named.get(shot, there.scene.charge)
         readings = readings_of(observations, there.scene, rows, there.beliefs)
         if len(readings.row):
             found = _of_shot(observations, readings, laws, charge, there)

@@ -1,7 +1,7 @@
 """Checks of a log that need no blast law.
 
 `refusals` lists everything for which a fit would refuse a log with its scene, one fault
-a row: it removes the faulty row and tries again. The other checks find what a fit would
+a row. The other checks find what a fit would
 accept although it is probably a mistake: clock times that are seconds since 1970,
 clocks with a single reading, arrivals before the flash, sensors at two positions or
 with the readings of another one, exchanged latitude and longitude, and errors smaller
@@ -17,14 +17,14 @@ import numpy as np
 from jaxtyping import Bool
 
 from jblast.errors import InputError
-from jblast.observations.grouping import by_shot, located, some_rows
+from jblast.observations.grouping import by_shot, located
 from jblast.observations.placement import (
     EARLY_SIGMAS,
     POSITION_TOLERANCE,
-    resolve_positions,
+    placed,
 )
 from jblast.observations.scenes import for_log
-from jblast.observations.table import Observations
+from jblast.observations.table import SAMPLES, Observations
 from jblast.quantities import (
     ADDITIVE,
     ARRIVALS,
@@ -38,11 +38,6 @@ from jblast.registry import names_for
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-MAX_FAULTS = 200
-"""Largest number of reported faults: a log with more belongs to another scene."""
-MAX_CHECKED_ROWS = 400_000
-"""Bound on rows times faults: each fault checks the whole log again, so that a long log
-reports fewer of them within a time of seconds."""
 FROM_2000, TO_2100 = 946_684_800.0, 4_102_444_800.0
 """Seconds since 1970 at the beginning of 2000 and of 2100: clock times of a recording
 started at zero are never that large, and times since 1970 nearly always within."""
@@ -78,19 +73,34 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
     logs = [observations] if several else list(by_shot(observations).values())
     found: dict[str, InputError] = {}
     for log in logs:
-        lawless = [
-            InputError(
-                f"{log.where(log.quantity.index(quantity))}: no law gives {name}: not "
-                "supported yet"
-            )
-            for quantity in dict.fromkeys(log.quantity)
-            for name, _ in components(quantity)
-            if not names_for(name) and quantity != "overpressure_record"
-        ]
-        for fault in [*lawless, *_of_log(log, uncertain)]:
+        for fault in (*_lawless(log), *_of_log(log, uncertain)):
             # the same fault may be found in the log of every shot, and is reported once
             found.setdefault(str(fault), fault)
     return list(found.values())
+
+
+def _lawless(log: Observations) -> list[InputError]:
+    """Return a fault for each quantity without a law."""
+    return [
+        log.fault(
+            log.quantity.index(quantity), f"no law gives {name}: not supported yet"
+        )
+        for quantity in dict.fromkeys(log.quantity)
+        for name, _ in components(quantity)
+        if not names_for(name) and quantity != SAMPLES
+    ]
+
+
+def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
+    """Return the faults of the positions and times of one log with a scene."""
+    uncertain = for_log(uncertain, log)
+    is_default = uncertain.source == NO_SCENE
+    try:
+        there = located(log, uncertain)
+        scene, beliefs = uncertain.scene, uncertain.beliefs
+        return placed(there, scene, beliefs, is_default=is_default)[1]
+    except InputError as fault:
+        return [fault]
 
 
 def with_places(observations: Observations, uncertain: UncertainScene) -> Observations:
@@ -105,36 +115,6 @@ def with_places(observations: Observations, uncertain: UncertainScene) -> Observ
         # rows without a position in the log have that of the scene, as in a fit
         position[row] = known.get(observations.sensor[row], position[row])
     return replace(observations, position=position)
-
-
-def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
-    """Remove the rows whose positions or times are refused, and return their faults."""
-    found: list[InputError] = []
-    # the cost of a fault grows with the log, as each one checks all rows again
-    most = min(MAX_FAULTS, 1 + MAX_CHECKED_ROWS // max(len(log), 1))
-    while len(log) and len(found) < most:
-        uncertain = for_log(uncertain, log)
-        try:
-            resolve_positions(
-                located(log, uncertain),
-                uncertain.scene,
-                uncertain.beliefs,
-                is_default=uncertain.source == NO_SCENE,
-            )
-        except InputError as fault:
-            # the row that the fault names at the start of its message
-            message, places = str(fault), map(log.where, range(len(log)))
-            named = (message.startswith((f"{at}:", f"{at},")) for at in places)
-            row = next((row for row, is_named in enumerate(named) if is_named), None)
-            # a fault of the whole log, which no removal of a row can mend
-            if row is None:
-                return found or [fault]
-            # the fault's row is removed so that the next fault can be found
-            found.append(fault)
-            log = some_rows(log, np.delete(np.arange(len(log)), row))
-        else:
-            break
-    return found
 
 
 @dataclass(frozen=True)

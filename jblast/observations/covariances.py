@@ -7,62 +7,44 @@ covariance within 1 %, which allows for rounded digits, and a matrix must be pos
 definite; otherwise the file is refused.
 """
 
-import csv
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Int
 
-from jblast.errors import InputError, nearest, read_text, shown
+from jblast.errors import InputError, nearest, read_bytes, shown
 from jblast.files import write_text
-from jblast.observations.table import Faults, Observations, RecordCovariance
+from jblast.observations.table import Observations, RecordCovariance, quoted
+from jblast.observations.text_table import Table, number_of, text_table
 from jblast.quantities import ADDITIVE, QUANTITIES
 
 SIGMA_TOLERANCE = 0.01
 """Relative tolerance between a sigma of the log and its covariance: sigmas are written
 with three digits or more, and a difference of 1 % changes no interval visibly."""
 COLUMNS = ("record", "quantity", "with", "covariance")
-COVARIANCES = "covariances"
-"""Key of the same rows in the `attrs` of a data frame."""
 
 
-def with_covariances(
-    observations: Observations,
-    faults: Faults,
-    rows: Sequence[Mapping[str, Any]] | None = None,
-) -> Observations:
+def with_covariances(observations: Observations) -> Observations:
     """Return a log with the covariances of its side file, if there is one.
 
-    Args:
-        observations: A log as read.
-        faults: Collects faults of the side file, and disagreements with the log, which
-            is then returned unchanged.
-        rows: Result of `covariance_rows`, in place of a side file.
+    Raises:
+        InputError: The side file is faulty, or disagrees with the log.
     """
     path = covariance_file(observations.source)
-    where = str(path) if rows is None else f"{observations.source}: covariances"
-    # the side file is optional, and a data frame has rows in its attributes instead
-    there = path.is_file() if rows is None else bool(rows)
-    if not len(observations) or not there:
+    if not len(observations) or not path.is_file():
         return observations
-    try:
-        if not any(observations.record):
-            raise InputError(
-                f"{observations.source}: expected a column record, since {where} has "
-                "the covariances of records; got none"
-            )
-        found = read_covariances(path) if rows is None else covariances_of(rows, where)
-        both = replace(observations, covariances=found)
-        # the generator checks each record against the log, so it is exhausted here
-        list(rows_with_covariance(both))
-    except InputError as fault:
-        faults.add(fault)
-        return observations
+    if not any(observations.record):
+        raise InputError(
+            f"{observations.source}: expected a column record, since {path} has the "
+            "covariances of records; got none"
+        )
+    both = replace(observations, covariances=read_covariances(path))
+    # the generator checks each record against the log, so it is exhausted here
+    list(rows_with_covariance(both))
     return both
 
 
@@ -88,10 +70,11 @@ def rows_with_covariance(
         for quantity, sd in zip(covariance.quantities, covariance.sd, strict=True):
             at = rows_of.get((covariance.record, quantity), [])
             if len(at) > 1:
-                raise InputError(
-                    f"{observations.where(at[1])}: {quantity} of record "
-                    f"{shown(covariance.record)}: expected one row, since its errors "
-                    f"are shared with others of the record; got {len(at)}"
+                raise observations.fault(
+                    at[1],
+                    f"{quantity} of record {shown(covariance.record)}: expected one "
+                    "row, since its errors are shared with others of the record; got "
+                    f"{len(at)}",
                 )
             for row in at:
                 _refuse_other_sigma(observations, row, float(scale[row]), float(sd))
@@ -111,10 +94,12 @@ def _refuse_other_sigma(
     quantity = observations.quantity[row]
     unit = 1.0 if quantity in ADDITIVE else abs(float(observations.value[row]))
     got = "nothing" if math.isnan(scale) else f"{scale * unit:.6g}"
-    raise InputError(
-        f"{observations.where(row)}, column sigma: expected {sd * unit:.6g}, as the "
-        f"covariance of {quantity} in record {shown(observations.record[row])}; "
-        f"got {got}: correct one, or remove the record from the covariances"
+    raise observations.fault(
+        row,
+        f"expected {sd * unit:.6g}, as the covariance of {quantity} in record "
+        f"{shown(observations.record[row])}; got {got}: correct one, or remove the "
+        "record from the covariances",
+        "sigma",
     )
 
 
@@ -129,70 +114,72 @@ def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ..
     Raises:
         InputError: The file is not as described; the message has the place and fault.
     """
-    text = read_text(path, "a CSV file of covariances")
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.split("\n"), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    fields = [(n, [f.strip() for f in next(csv.reader([line]))]) for n, line in lines]
-    header = fields[0][1] if fields else []
-    # columns may be in any order, as in a log
-    if sorted(header) != sorted(COLUMNS):
+    expected = f"a header {','.join(COLUMNS)}"
+    table = text_table(read_bytes(path, expected), str(path), expected=expected)
+    if sorted(table.header) != sorted(COLUMNS):
         raise InputError(
-            f"{path}: line {fields[0][0] if fields else 1}: expected a header "
-            f"{','.join(COLUMNS)}, got {shown(','.join(header)) if header else 'none'}"
+            f"{table.at(table.header_line)}: expected {expected}, got "
+            f"{shown(','.join(table.header))}"
         )
-    rows = []
-    for number, entries in fields[1:]:
-        where = f"{path}: line {number}"
-        if len(entries) != len(COLUMNS):
-            raise InputError(f"{where}: expected 4 fields, got {len(entries)}")
-        rows.append((where, dict(zip(header, entries, strict=True))))
-    return _covariances(str(path), rows)
+    if table.faults:
+        raise table.faults[0]
+    found: dict[str, dict[tuple[str, str], float]] = {}
+    columns = [table.columns[table.header.index(name)] for name in COLUMNS]
+    for line, record, *pair, text in zip(table.lines, *columns, strict=True):
+        one, other = _checked(table, line, record, *pair)
+        value = number_of(text)
+        if not math.isfinite(value):
+            got = shown(text) if text else "nothing"
+            raise InputError(
+                f"{table.at(line, COLUMNS[3])}: expected a number, got {got}"
+            )
+        pairs = found.setdefault(record, {})
+        if pairs.setdefault((one, other), value) != value:
+            raise InputError(
+                f"{table.at(line)}: expected one covariance of {one} with {other}, "
+                f"got {pairs[one, other]:g} and {value:g}"
+            )
+        # a pair may be written in either order, or in both with equal values
+        pairs[other, one] = value
+    return tuple(_matrix(str(path), name, pairs) for name, pairs in found.items())
 
 
-def covariances_of(
-    rows: Sequence[Mapping[str, Any]], source: str
-) -> tuple[RecordCovariance, ...]:
-    """Return the covariances of rows as from `covariance_rows`.
-
-    Args:
-        rows: Rows of one pair of quantities each.
-        source: Their name in messages.
+def _checked(
+    table: Table, line: int, record: str, one: str, other: str
+) -> tuple[str, str]:
+    """Return two quantities, and refuse a row without a record.
 
     Raises:
-        InputError: They are not as described; the message has the place and fault.
+        InputError: A quantity is unknown, or there is no record.
     """
-    named = []
-    for number, row in enumerate(rows, start=1):
-        where = f"{source}: row {number}"
-        if sorted(row) != sorted(COLUMNS):
+    if not record:
+        raise InputError(f"{table.at(line, 'record')}: expected a name, got nothing")
+    for column, name in (("quantity", one), ("with", other)):
+        if name not in QUANTITIES:
             raise InputError(
-                f"{where}: expected {', '.join(COLUMNS)}, got {', '.join(row)}"
+                f"{table.at(line, column)}: unknown quantity {shown(name)}"
+                f"{nearest(name, QUANTITIES)}"
             )
-        named.append((where, {name: str(row[name]) for name in COLUMNS}))
-    return _covariances(source, named)
+    return one, other
 
 
-def covariance_rows(observations: Observations) -> list[dict[str, Any]]:
-    """Return the rows of a side file, one for each pair of a record's quantities.
-
-    Its keys are `COLUMNS`.
-    """
-    return [
-        dict(
-            zip(
-                COLUMNS,
-                (of.record, quantity, other, float(of.matrix[i, j])),
-                strict=True,
-            )
+def _matrix(
+    path: str, record: str, pairs: dict[tuple[str, str], float]
+) -> RecordCovariance:
+    """Combine the pairs of one record into a matrix."""
+    names = tuple(dict.fromkeys(name for pair in pairs for name in pair))
+    missing = [(a, b) for a in names for b in names if (a, b) not in pairs]
+    if missing:
+        one, other = missing[0]
+        raise InputError(
+            f"{path}: record {shown(record)}: expected a covariance of {one} with "
+            f"{other}, got none"
         )
-        for of in observations.covariances
-        for i, quantity in enumerate(of.quantities)
-        # the lower triangle is enough: the matrix is symmetric
-        for j, other in enumerate(of.quantities[: i + 1])
-    ]
+    matrix = np.array([[pairs[one, other] for other in names] for one in names])
+    try:
+        return RecordCovariance(record, names, matrix)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def write_covariances(log: str | os.PathLike[str], observations: Observations) -> None:
@@ -202,103 +189,12 @@ def write_covariances(log: str | os.PathLike[str], observations: Observations) -
         # an old side file would be read with the new log
         path.unlink(missing_ok=True)
         return
-    lines = [",".join(COLUMNS)]
-    for row in covariance_rows(observations):
-        record = quoted(row["record"])
+    lines = [
         # repr is the shortest text that reads back as the same number
-        value = repr(row["covariance"])
-        lines.append(",".join((record, row["quantity"], row["with"], value)))
-    write_text(path, "\n".join(lines) + "\n")
-
-
-def _covariances(
-    source: str, rows: Iterable[tuple[str, dict[str, str]]]
-) -> tuple[RecordCovariance, ...]:
-    """Combine rows, each with its place for messages, into matrices."""
-    found: dict[str, dict[tuple[str, str], float]] = {}
-    for where, row in rows:
-        pair = _pair(where, row)
-        value = _number(where, row["covariance"])
-        pairs = found.setdefault(row["record"], {})
-        if pairs.setdefault(pair, value) != value:
-            raise InputError(
-                f"{where}: expected one covariance of {pair[0]} with {pair[1]}, "
-                f"got {pairs[pair]:g} and {value:g}"
-            )
-        # a pair may be written in either order, or in both with equal values
-        pairs[pair[1], pair[0]] = value
-    return tuple(_matrix(source, name, pairs) for name, pairs in found.items())
-
-
-def _pair(where: str, row: dict[str, str]) -> tuple[str, str]:
-    """Return two quantities, and refuse a row without a record."""
-    if not row["record"]:
-        raise InputError(f"{where}, column record: expected a name, got nothing")
-    for column in ("quantity", "with"):
-        name = row[column]
-        if name not in QUANTITIES:
-            raise InputError(
-                f"{where}, column {column}: unknown quantity {shown(name)}"
-                f"{nearest(name, QUANTITIES)}"
-            )
-    return row["quantity"], row["with"]
-
-
-def _number(where: str, text: str) -> float:
-    """Return a finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        got = shown(text) if text else "nothing"
-        raise InputError(f"{where}, column covariance: expected a number, got {got}")
-    return value
-
-
-def _matrix(
-    path: str, record: str, pairs: dict[tuple[str, str], float]
-) -> RecordCovariance:
-    """Combine the pairs of one record into a matrix."""
-    names = tuple(dict.fromkeys(name for pair in pairs for name in pair))
-    for one in names:
-        for other in names:
-            if (one, other) not in pairs:
-                raise InputError(
-                    f"{path}: record {shown(record)}: expected a covariance of {one} "
-                    f"with {other}, got none"
-                )
-    matrix = np.array([[pairs[one, other] for other in names] for one in names])
-    try:
-        return RecordCovariance(record, names, matrix)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def plain_text(text: str) -> str:
-    """Return a text that is one line.
-
-    Raises:
-        ValueError: It has several lines, or outer blanks.
-    """
-    # control characters would end the line or be removed when it is read
-    unreadable = any(c != "\t" and (ord(c) < 32 or ord(c) == 127) for c in text)
-    if unreadable or text != text.strip():
-        raise ValueError(
-            "a name or comment must be one line without control characters or outer "
-            f"spaces, got {text!r}"
-        )
-    return text
-
-
-def quoted(name: str) -> str:
-    """Return a name as CSV; a leading # would otherwise make its row a comment.
-
-    Raises:
-        ValueError: It has several lines, or outer blanks.
-    """
-    name = plain_text(name)
-    # quotes within a quoted field are doubled (RFC 4180)
-    if any(c in name for c in ',"') or name.startswith("#"):
-        return '"' + name.replace('"', '""') + '"'
-    return name
+        ",".join((quoted(of.record), quantity, other, repr(float(of.matrix[i, j]))))
+        for of in observations.covariances
+        for i, quantity in enumerate(of.quantities)
+        # the lower triangle is enough: the matrix is symmetric
+        for j, other in enumerate(of.quantities[: i + 1])
+    ]
+    write_text(path, "\n".join((",".join(COLUMNS), *lines)) + "\n")

@@ -8,24 +8,22 @@ microseconds.
 """
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations.places import MAX_DISTANCE, Frame
-from jblast.observations.table import Observations
+from jblast.observations.table import (
+    PER_ROW,
+    Observations,
+    some_rows as some_rows,
+)
 from jblast.quantities import CLOCK_TIMES
 from jblast.scene import UncertainScene
-
-OF_ALL = ("source", "comments", "frame", "epoch", "understood", "covariances")
-"""Fields that belong to a log as a whole."""
-PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
-"""Fields of a log that have one entry a row."""
 
 
 def by_shot(observations: Observations) -> dict[str, Observations]:
@@ -159,18 +157,6 @@ def _each_record_once(
     ]
 
 
-def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
-    """Return a log of some of the rows, by number from zero."""
-    picked = {}
-    for name in PER_ROW:
-        column = getattr(observations, name)
-        if isinstance(column, np.ndarray):
-            picked[name] = column[rows]
-        elif column:
-            picked[name] = tuple(column[row] for row in rows)
-    return replace(observations, **picked)
-
-
 def framed(observations: Observations, frame: Frame) -> Observations:
     """Return a log whose positions count from a frame's origin.
 
@@ -200,11 +186,11 @@ def located(observations: Observations, uncertain: UncertainScene) -> Observatio
         return observations
     there = framed(observations, Frame(*uncertain.place))
     away = np.linalg.norm(there.position, axis=1)
-    for row in np.flatnonzero(away > MAX_DISTANCE):
-        raise InputError(
-            f"{observations.where(int(row))}: expected a sensor within "
-            f"{MAX_DISTANCE / 1e3:g} km of [place] of "
-            f"{uncertain.source or 'the scene'}, got one {away[row] / 1e3:.4g} km away"
+    for row in np.flatnonzero(away > MAX_DISTANCE).tolist():
+        raise observations.fault(
+            row,
+            f"expected a sensor within {MAX_DISTANCE / 1e3:g} km of [place] of "
+            f"{uncertain.source or 'the scene'}, got one {away[row] / 1e3:.4g} km away",
         )
     return there
 

@@ -5,7 +5,7 @@ samples and tables in which more than one reading is possible, and checks each r
 `write` writes CSV in UTF-8 with the shortest digits that read back as the same number,
 so a log that is written and read again is the same log. Where the log has a frame or
 an epoch, positions are written as degrees and clock times as UTC. Covariances of errors
-are written to a side file (`covariances`), in a data frame to its `attrs`.
+are written to a side file (`covariances`).
 """
 
 import math
@@ -20,31 +20,16 @@ from jaxtyping import Float
 
 from jblast.errors import InputError
 from jblast.files import write_text
-from jblast.observations.clocks import written
-from jblast.observations.covariances import (
-    COVARIANCES,
-    covariance_rows,
-    plain_text,
-    quoted,
-    with_covariances,
-    write_covariances,
-)
-from jblast.observations.dialects import (
-    drop_blanks,
+from jblast.observations.covariances import with_covariances, write_covariances
+from jblast.observations.instants import written
+from jblast.observations.names import (
+    check_all_there,
     made_long,
     read_header,
-    refuse_two_tables,
     refuse_wide,
-    take_decimal_commas,
-    take_units_row,
 )
-from jblast.observations.rows import AT_LEAST, Rows
-from jblast.observations.sources import (
-    LOWER_BOUND,
-    refuse_series,
-    source_name,
-    table_of,
-)
+from jblast.observations.rows import AT_LEAST, observations_of
+from jblast.observations.sources import LOWER_BOUND, source_name, table_of
 from jblast.observations.table import (
     COLUMNS,
     DEGREES,
@@ -52,16 +37,30 @@ from jblast.observations.table import (
     NUMBERS,
     POSITION,
     SAMPLES,
-    Faults,
     Observations,
     observed,
+    plain_text,
+    quoted,
+)
+from jblast.observations.text_table import (
+    TIME_WORDS,
+    Table,
+    is_text,
+    number_of,
+    take_decimal_commas,
 )
 from jblast.progress import stages
 from jblast.quantities import CLOCK_TIMES
-from jblast.units import dimension_of
+from jblast.units import dimension_of, spelt
 
-STAGES = {"loading": 1.0, "taking lines apart": 4.0, "checking columns": 8.0}
+STAGES = {"loading": 1.0, "checking columns": 8.0}
 """Stages of reading, and their approximate durations in seconds a million rows."""
+EXPECTED = (
+    f"a CSV file of observations: a header {','.join(NEEDED)} and one measurement a row"
+)
+MIN_SAMPLES, MAX_TESTED = 3, 1000
+"""Rows in which times must grow for a record of samples: two rows of a log may be
+sorted by chance, and a log of a thousand that is sorted by time has other columns."""
 
 
 def read(
@@ -81,8 +80,7 @@ def read(
     scatter of the law only. A value `>0.12` is a lower bound of the measured value. A
     clock time may stand in `value_utc`, as 2020-08-04T15:08:18.310Z, in place of
     `value`. Covariances of the errors of one record are read from
-    `LOG.covariance.csv`, if it is next to `LOG.csv`, or from the `attrs` of a data
-    frame.
+    `LOG.covariance.csv`, if it is next to `LOG.csv`.
 
     Other dialects are recognised where only one reading is possible, never guessed:
     units in the names of columns and quantities, separators, decimal commas, encodings,
@@ -108,22 +106,23 @@ def read(
     Example:
         `observations = jblast.read("log.csv")`
     """
-    found = Faults(faults)
+    gathered: list[InputError] = []
+    log = observed((), (), (), (), source=source_name(source))
     try:
-        log = _read(source, found, wide=wide, date=date, zone=zone)
-        # a data frame has no file beside it: the covariances are in its attributes
-        attached = getattr(source, "attrs", {}).get(COVARIANCES)
-        return with_covariances(log, found, attached)
+        log = _read(source, gathered, wide=wide, date=date, zone=zone)
+        log = with_covariances(log)
     except InputError as fault:
-        if faults is None:
-            raise
-        faults.append(fault)
-        return observed((), (), (), (), source=source_name(source))
+        gathered.append(fault)
+    if faults is not None:
+        faults += gathered
+    elif gathered:
+        raise gathered[0]
+    return log
 
 
 def _read(
     source: Any,
-    faults: Faults,
+    gathered: list[InputError],
     *,
     wide: bool,
     date: str | None,
@@ -131,35 +130,51 @@ def _read(
 ) -> Observations:
     begin = stages(STAGES)
     begin("loading")
-    table = table_of(source, faults)
-    begin("taking lines apart")
-    where = table.at(table.header_line)
-    nothing = f"{where}: nothing after the header; expected one measurement a row"
-    # blank rows first: a row of units is recognised as the second row
-    drop_blanks(table)
-    units_row = take_units_row(table)
-    if wide:
-        table = made_long(table, units_row)
-    else:
+    table = table_of(source, EXPECTED)
+    # the same list, so that faults before an exception are kept
+    gathered += table.faults
+    table.faults = gathered
+    if not wide:
         # before the names of columns are checked, whose errors would not explain a
         # recording
-        refuse_series(table)
-        refuse_wide(table, units_row)
-    header = read_header(table, faults, units_row)
+        _refuse_series(table)
+        refuse_wide(table)
     if not len(table.lines):
-        raise InputError(nothing)
-    refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
-    if not wide:
-        take_decimal_commas(table, NUMBERS)
-    begin("checking columns")
-    rows = Rows(table, header, faults, date=date, zone=zone)
-    if not rows.lines:
-        n, first = len(rows.skipped), rows.skipped[0]
         raise InputError(
-            f"{table.at(first)}: expected a value in some row, got "
-            + (f"{n} rows without a value" if n > 1 else "a row without a value, alone")
+            f"{table.at(table.header_line)}: nothing after the header; expected one "
+            "measurement a row"
         )
-    return rows.observations()
+    if wide:
+        table = made_long(table)
+    begin("checking columns")
+    header = read_header(table)
+    check_all_there(table)
+    if not wide:
+        held = [at for at, name in enumerate(table.header) if name in NUMBERS]
+        take_decimal_commas(table, held)
+    return observations_of(table, header, date, zone)
+
+
+def _refuse_series(table: Table) -> None:
+    """Refuse samples: a growing column of times, and no column of a log.
+
+    Raises:
+        InputError: The table is a record of samples.
+    """
+    keys = [spelt(name) for name in table.header]
+    if len(keys) < 2 or {"sensor", "quantity", "value", "value_utc"} & set(keys):
+        return
+    clocks = [at for at, key in enumerate(keys) if key.split("_")[0] in TIME_WORDS]
+    if not clocks and any(map(is_text, table.header)):
+        return
+    texts = table.columns[clocks[0] if clocks else 0][:MAX_TESTED]
+    times = np.array([number_of(text, ",") for text in texts])
+    if len(times) >= MIN_SAMPLES and np.all(np.diff(times) > 0):
+        raise InputError(
+            f"{table.at(table.header_line)}: got {', '.join(table.header[:4])} over "
+            f"{len(table.lines):,} growing times: a record of samples, not a log of "
+            "measurements; pick its arrival and peak first (jblast pick)"
+        )
 
 
 def write(
@@ -282,9 +297,8 @@ def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
 def to_pandas(observations: Observations) -> Any:
     """Return a log as a `pandas.DataFrame`, columns as `write` writes them.
 
-    Lower bounds are in a column `lower_bound`. The `attrs` are comments, the source,
-    units of columns and `covariances`, the rows of the side file of `write`
-    (`pandas.DataFrame(frame.attrs["covariances"])`). `read` accepts the data frame.
+    Lower bounds are in a column `lower_bound`. The `attrs` are comments, the source and
+    units of columns. `read` accepts the data frame, which has no covariances.
     """
     import pandas
 
@@ -297,8 +311,6 @@ def to_pandas(observations: Observations) -> Any:
         "comments": list(observations.comments),
         "units": {name: _unit(name) for name in columns if name in NUMBERS[2:]},
     }
-    if observations.covariances:
-        frame.attrs[COVARIANCES] = covariance_rows(observations)
     return frame
 
 

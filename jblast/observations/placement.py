@@ -8,7 +8,7 @@ time, a wind together with a range that has no direction, and a charge that neve
 explodes.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 import numpy as np
@@ -40,6 +40,8 @@ do so in one of three million readings."""
 POSITION_TOLERANCE = 1e-3
 """Largest difference of two positions of one sensor that count as equal [m]: below the
 precision of any survey, above rounding of degrees."""
+MAX_FAULTS = 200
+"""Largest number of reported faults: a log with more belongs to another scene."""
 
 
 def resolve_positions(
@@ -66,52 +68,138 @@ def resolve_positions(
         InputError: A sensor's position is missing, or given twice and differently, or a
             row cannot be used with this scene.
     """
-    _refuse_samples(observations)
-    shots = _shots(observations, scene)
-    check_clocks(observations, scene, beliefs)
-    position = observations.position.copy()
-    sensors = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
+    found, faults = placed(observations, scene, beliefs, is_default=is_default)
+    if faults:
+        raise faults[0]
+    return found
+
+
+def placed(
+    observations: Observations,
+    scene: Scene,
+    beliefs: Collection[str] = (),
+    *,
+    is_default: bool = False,
+) -> tuple[Observations, list[InputError]]:
+    """Return a log with the positions of the scene, and a fault of each faulty row.
+
+    Args:
+        observations: As in `resolve_positions`, likewise all others.
+        scene: The scene.
+        beliefs: Names of the scene's parameters that are not fixed.
+        is_default: True if no scene was given.
+
+    Raises:
+        InputError: The log as a whole cannot be used with this scene.
+    """
+    log, faults = observations, _Faults(observations)
+    shots = _shots(log, scene, faults)
+    check_clocks(log, scene, beliefs, faults.add)
+    nowhere = np.full(3, np.nan)
     # a scene may describe a sensor without its position
-    sensors = {name: at for name, at in sensors.items() if not np.isnan(at).any()}
-    missing = set(np.flatnonzero(np.isnan(position).any(axis=1)).tolist())
-    for row, name in enumerate(observations.sensor):
-        known = sensors.get(name)
-        if known is None:
-            continue
-        if row in missing:
-            position[row] = known
-        # degrees are converted with rounding, so positions need not be equal
-        elif np.linalg.norm(position[row] - known) > POSITION_TOLERANCE:
-            again = "" if observations.frame is None else PLACE_ADVICE
-            raise InputError(
-                f"{observations.where(row)}: sensor {shown(name)} stands at "
-                f"{metres(position[row])}; expected {metres(known)} as in the scene"
-                f"{again}"
-            )
-    for row, quantity in enumerate(observations.quantity):
-        if quantity not in BY_CAMERA:
-            continue
-        who = f"{observations.where(row)}: sensor {shown(observations.sensor[row])}"
-        position[row] = camera_place(scene, position[row], who)
+    sensors = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
+    known = np.array([sensors.get(name, nowhere) for name in log.sensor], float)
+    known = known.reshape(-1, 3)
+    position = log.position.copy()
+    again = "" if log.frame is None else PLACE_ADVICE
+    # degrees are converted with rounding, so positions need not be equal
+    faults.add(
+        np.linalg.norm(position - known, axis=1) > POSITION_TOLERANCE,
+        lambda row: (
+            f"sensor {shown(log.sensor[row])} stands at {metres(position[row])}; "
+            f"expected {metres(known[row])} as in the scene{again}"
+        ),
+    )
+    missing = np.isnan(position).any(axis=1)
+    position[missing] = known[missing]
+    for row in np.flatnonzero(np.isin(log.quantity, BY_CAMERA)).tolist():
+        try:
+            who = f"sensor {shown(log.sensor[row])}"
+            position[row] = camera_place(scene, position[row], who)
+        except InputError as fault:
+            faults.add_row(row, str(fault))
     for shot, charge in enumerate(scene.charges):
         here = shots == shot
-        refuse_never(observations, charge, here)
         label = scene.label(charge)
         free = {base for base in PARAMETERS if base + label in beliefs}
-        for row in np.flatnonzero(here & ~np.isnan(observations.slant_range)):
-            check_range(observations, int(row), position[row], charge, free)
-            # the slant range replaces the position
-            position[row] = np.nan
-        refuse_placeless(observations, position, charge, here)
-        if not free & set(CHARGE_POSITION):
+        named = f"of {shown(charge.name)}" if charge.name else "of a charge"
+        faults.add(
+            here & bool(charge.never),
+            lambda _, named=named: (
+                f"got a row {named}, which never happens in the scene: its time is "
+                "inf; expected a finite time"
+            ),
+        )
+        _check_ranges(faults, position, charge, here, free)
+        # the slant range replaces the position
+        position[here & ~np.isnan(log.slant_range)] = np.nan
+        _check_distances(faults, position, charge, here)
+        if not free & set(CHARGE_POSITION) and charge.range_m is None:
+            at = np.array(charge.position_m, float)
             # the default scene assumes the origin, which the user can free instead
-            to_free = _to_free(observations, beliefs) if is_default else ()
-            refuse_on_charge(observations, position, charge, here, to_free)
+            advice = ", where the charge is; expected a distance from it"
+            if is_default and (to_free := _to_free(log, beliefs)):
+                advice = (
+                    "; no scene given: the charge is assumed at the origin; add "
+                    f"{argument('freed')} {','.join(to_free)}"
+                )
+            faults.add(
+                here & (np.linalg.norm(position - at, axis=1) == 0),
+                lambda row, advice=advice: (
+                    f"sensor {shown(log.sensor[row])} stands at "
+                    f"{metres(position[row])}{advice}"
+                ),
+            )
         if "origin_time_s" not in free:
-            refuse_before_origin(observations, scene, charge, here, beliefs)
-    refuse_aimless(observations, position, scene)
-    refuse_wind_without_place(observations, position, scene, beliefs)
-    return replace(observations, position=position)
+            _check_times(faults, scene, charge, here, beliefs)
+    ranged = any(charge.range_m is not None for charge in scene.charges)
+    lost = np.isnan(position).any(axis=1) | ranged
+    got = "got a range alone, which has no direction"
+    faults.add(
+        lost & np.isin(log.quantity, tuple(DIRECTIONS)),
+        lambda row: (
+            f"expected east_m, north_m, up_m for {log.quantity[row]}, and [charge] "
+            f"position_m; {got}"
+        ),
+    )
+    free_wind = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
+    windy = free_wind or float(scene.air.wind_east) or float(scene.air.wind_north)
+    faults.add(
+        lost & np.isin(log.quantity, FEEL_WIND) & bool(windy),
+        lambda _: (
+            "expected east_m, north_m, up_m, since the scene has "
+            f"{'a free' if free_wind else 'a'} wind; {got}"
+        ),
+    )
+    return replace(log, position=position), list(faults.found.values())
+
+
+class _Faults:
+    """Faults of a log with a scene, the first of each row.
+
+    Attributes:
+        log: The log.
+        found: Faults by row, in the order of the checks.
+    """
+
+    def __init__(self, log: Observations):
+        self.log = log
+        self.found: dict[int, InputError] = {}
+
+    def add(
+        self,
+        bad: Bool[np.ndarray, " row"],
+        message: Callable[[int], str],
+        column: str = "",
+    ) -> None:
+        """Add a fault for each bad row."""
+        for row in np.flatnonzero(bad).tolist():
+            if len(self.found) < MAX_FAULTS:
+                self.add_row(row, message(row), column)
+
+    def add_row(self, row: int, message: str, column: str = "") -> None:
+        """Add the fault of a row, if it has none."""
+        self.found.setdefault(row, self.log.fault(row, message, column))
 
 
 def _to_free(observations: Observations, beliefs: Collection[str]) -> tuple[str, ...]:
@@ -119,16 +207,6 @@ def _to_free(observations: Observations, beliefs: Collection[str]) -> tuple[str,
     timed = set(CLOCK_TIMES) & set(observations.quantity)
     names = (*CHARGE_POSITION[:2], *(("origin_time_s",) if timed else ()))
     return tuple(name for name in names if name not in beliefs)
-
-
-def _refuse_samples(observations: Observations) -> None:
-    """Refuse a record of samples, which has no readings yet."""
-    if SAMPLES in observations.quantity:
-        row = observations.quantity.index(SAMPLES)
-        raise InputError(
-            f"{observations.where(row)}, column quantity: expected readings, got the "
-            f"samples of {shown(observations.records()[row])}; pick them first"
-        )
 
 
 def camera_place(
@@ -165,151 +243,118 @@ def camera_place(
     return at
 
 
-def _shots(observations: Observations, scene: Scene) -> Int[np.ndarray, " row"]:
+def _shots(log: Observations, scene: Scene, faults: _Faults) -> Int[np.ndarray, " row"]:
     """Return the index of the charge of each row."""
-    names = [charge.name for charge in scene.charges]
+    faults.add(
+        np.isin(log.quantity, SAMPLES),
+        lambda row: (
+            f"expected readings, got the samples of {shown(log.records()[row])}; pick "
+            "them first"
+        ),
+        "quantity",
+    )
     if scene.others:
-        for row, shot in enumerate(observations.shot):
-            if shot not in names:
-                raise InputError(
-                    f"{observations.where(row)}, column shot: expected one of the "
-                    f"scene's charges, {', '.join(map(shown, names))}; got "
-                    f"{shown(shot) if shot else 'nothing'}"
-                )
-        return np.array([names.index(shot) for shot in observations.shot])
-    distinct = list(dict.fromkeys(observations.shot))
-    if len(distinct) > 1:
-        row = observations.shot.index(distinct[1])
-        raise InputError(
-            f"{observations.where(row)}, column shot: expected {shown(distinct[0])} "
-            f"as in the rows before, got {shown(distinct[1])}: several shots in a log "
-            "need a scene with a [[charge]] named for each"
+        names = [charge.name for charge in scene.charges]
+        shots = [names.index(n) if n in names else -1 for n in log.shot]
+        faults.add(
+            np.array(shots) < 0,
+            lambda row: (
+                "expected one of the scene's charges, "
+                f"{', '.join(map(shown, names))}; got "
+                f"{shown(log.shot[row]) if log.shot[row] else 'nothing'}"
+            ),
+            "shot",
         )
-    return np.zeros(len(observations), int)
+        return np.array(shots)
+    faults.add(
+        np.array([shot != log.shot[0] for shot in log.shot], bool),
+        lambda row: (
+            f"expected {shown(log.shot[0])} as in the rows before, got "
+            f"{shown(log.shot[row])}: several shots in a log need a scene with a "
+            "[[charge]] named for each"
+        ),
+        "shot",
+    )
+    return np.zeros(len(log), int)
 
 
-def check_range(
-    observations: Observations,
-    row: int,
+def _check_ranges(
+    faults: _Faults,
     position: np.ndarray,
     charge: Charge,
+    here: Bool[np.ndarray, " row"],
     free: Collection[str],
 ) -> None:
     """Refuse a slant range beside a free place, or one the scene contradicts."""
-    where = f"{observations.where(row)}, column range_m"
-    given = float(observations.slant_range[row])
+    given = faults.log.slant_range
+    here = here & ~np.isnan(given)
     for name in CHARGE_POSITION[:2]:
-        if name in free:
-            raise InputError(
-                f"{where}: a range cannot place a charge: {name} is not fixed, so "
-                f"expected east_m, north_m, up_m; got range_m = {given:g}"
-            )
-    if "charge_range_m" in free:
-        raise InputError(
-            f"{where}: got {given:g}, but [charge] range_m of the scene is not fixed; "
-            "expected one of the two"
+        faults.add(
+            here & (name in free),
+            lambda row, name=name: (
+                f"a range cannot place a charge: {name} is not fixed, so expected "
+                f"east_m, north_m, up_m; got range_m = {given[row]:g}"
+            ),
+            "range_m",
         )
-    stated = None
+    faults.add(
+        here & ("charge_range_m" in free),
+        lambda row: (
+            f"got {given[row]:g}, but [charge] range_m of the scene is not fixed; "
+            "expected one of the two"
+        ),
+        "range_m",
+    )
+    stated = np.full(len(given), np.nan)
     if charge.range_m is not None:
-        stated = float(charge.range_m)
+        stated[:] = float(charge.range_m)
     # both positions are fixed, so the range follows from them
-    elif not np.isnan(position).any() and "charge_up_m" not in free:
-        stated = float(np.linalg.norm(position - _place(charge)))
-    if stated is not None and abs(given - stated) > POSITION_TOLERANCE:
-        raise InputError(f"{where}: got {given!r}; expected {stated!r} as in the scene")
+    elif "charge_up_m" not in free:
+        stated = np.linalg.norm(position - np.array(charge.position_m, float), axis=1)
+    faults.add(
+        here & (np.abs(given - stated) > POSITION_TOLERANCE),
+        lambda row: (
+            f"got {float(given[row])!r}; expected {float(stated[row])!r} as in the "
+            "scene"
+        ),
+        "range_m",
+    )
 
 
-def refuse_placeless(
-    observations: Observations,
+def _check_distances(
+    faults: _Faults,
     position: np.ndarray,
     charge: Charge,
     here: Bool[np.ndarray, " row"],
 ) -> None:
-    """Refuse rows without a distance from the charge."""
+    """Refuse rows without a distance from the charge.
+
+    Raises:
+        InputError: The scene has the distance to one sensor, and the log several.
+    """
+    log = faults.log
     # some quantities, as the time of the flash, do not depend on the distance
-    needs = here & ~np.isin(observations.quantity, PLACELESS)
+    needs = here & ~np.isin(log.quantity, PLACELESS)
     if charge.range_m is not None:
-        names = list(dict.fromkeys(np.array(observations.sensor, dtype=object)[needs]))
+        names = list(dict.fromkeys(np.array(log.sensor, dtype=object)[needs]))
         if len(names) > 1:
             raise InputError(
-                f"{observations.source or 'observations'}: [charge] range_m of the "
-                "scene is the distance to one sensor; got the sensors "
+                f"{log.source or 'observations'}: [charge] range_m of the scene is the "
+                "distance to one sensor; got the sensors "
                 f"{', '.join(map(shown, names[:5]))}"
             )
         return
-    needs &= np.isnan(position).any(axis=1) & np.isnan(observations.slant_range)
-    if needs.any():
-        row = int(np.argmax(needs))
-        name = observations.sensor[row]
-        raise InputError(
-            f"{observations.where(row)}: expected east_m, north_m, up_m or range_m, "
-            f"here or in a [[sensor]] of the scene named {shown(name)}; got neither"
-        )
+    faults.add(
+        needs & np.isnan(position).any(axis=1) & np.isnan(log.slant_range),
+        lambda row: (
+            "expected east_m, north_m, up_m or range_m, here or in a [[sensor]] of the "
+            f"scene named {shown(log.sensor[row])}; got neither"
+        ),
+    )
 
 
-def refuse_aimless(
-    observations: Observations, position: np.ndarray, scene: Scene
-) -> None:
-    """Refuse directions of rows with a range only, which has no direction."""
-    ranged = any(charge.range_m is not None for charge in scene.charges)
-    lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
-    lost &= np.isin(observations.quantity, tuple(DIRECTIONS))
-    for row in np.flatnonzero(lost):
-        raise InputError(
-            f"{observations.where(int(row))}: expected east_m, north_m, up_m for "
-            f"{observations.quantity[row]}, and [charge] position_m; got a range "
-            "alone, which has no direction"
-        )
-
-
-def refuse_on_charge(
-    observations: Observations,
-    position: np.ndarray,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-    to_free: Collection[str] = (),
-) -> None:
-    """Refuse a sensor where the charge is fixed: no law holds at distance zero.
-
-    Args:
-        observations: The log.
-        position: Of each row [m].
-        charge: The charge.
-        here: Rows of this charge.
-        to_free: Parameters to free where no scene was given and its position assumed.
-    """
-    if charge.range_m is not None:
-        return
-    at = _place(charge)
-    apart = np.linalg.norm(position - at, axis=1)
-    for row in np.flatnonzero(here & (apart == 0)):
-        name = shown(observations.sensor[row])
-        who = f"{observations.where(int(row))}: sensor {name}"
-        if to_free:
-            raise InputError(
-                f"{who} stands at {metres(at)}; no scene given: the charge is assumed "
-                f"at the origin; add {argument('freed')} {','.join(to_free)}"
-            )
-        raise InputError(
-            f"{who} stands at {metres(at)}, where the charge is; expected a distance "
-            "from it"
-        )
-
-
-def refuse_never(
-    observations: Observations, charge: Charge, here: Bool[np.ndarray, " row"]
-) -> None:
-    """Refuse a row of a charge that never explodes."""
-    if here.any() and bool(charge.never):
-        named = f"of {shown(charge.name)}" if charge.name else "of a charge"
-        raise InputError(
-            f"{observations.where(int(np.argmax(here)))}: got a row {named}, which "
-            "never happens in the scene: its time is inf; expected a finite time"
-        )
-
-
-def refuse_before_origin(
-    observations: Observations,
+def _check_times(
+    faults: _Faults,
     scene: Scene,
     charge: Charge,
     here: Bool[np.ndarray, " row"],
@@ -319,59 +364,32 @@ def refuse_before_origin(
 
     Errors of arrivals are allowed for, up to `EARLY_SIGMAS` standard deviations.
     """
+    log, clocks = faults.log, faults.log.clocks()
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
-    origin, sigma = float(charge.time_s), np.nan_to_num(observations.sigma)
-    clocks, apart = observations.clocks(), clocks_apart(observations)
-    for row in np.flatnonzero(here):
-        quantity, clock = observations.quantity[row], clocks[row]
-        # an unknown offset may move any reading behind the origin time
-        if f"{CLOCK_OFFSET}.{clock}" in beliefs:
-            continue
-        start = origin + offsets.get(clock, 0.0)
-        if quantity in FIREBALL_RADII and observations.time[row] <= start:
-            raise InputError(
-                f"{observations.where(int(row))}, column time_s: {quantity} at "
-                f"{observations.time[row]:g} s; expected a time after the origin time, "
-                f"{start:g} s on this clock (correct it, or free origin_time_s)"
-            )
-        if quantity not in ARRIVALS:
-            continue
-        allowed = EARLY_SIGMAS * float(sigma[row])
-        or_free = f" or {CLOCK_OFFSET}.{clock}" if clock in apart else ""
-        if observations.value[row] + allowed <= start:
-            raise InputError(
-                f"{observations.where(int(row))}: {quantity} is "
-                f"{observations.value[row]:g} s; expected it after the origin time, "
-                f"{start:g} s on this clock (correct it, or free origin_time_s"
-                f"{or_free})"
-            )
-
-
-def refuse_wind_without_place(
-    observations: Observations,
-    position: np.ndarray,
-    scene: Scene,
-    beliefs: Collection[str],
-) -> None:
-    """Refuse wind for rows without a direction of the sound path."""
-    wind = float(scene.air.wind_east), float(scene.air.wind_north)
-    free = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
-    if not free and wind == (0.0, 0.0):
-        return
-    ranged = any(charge.range_m is not None for charge in scene.charges)
-    lost = np.full(len(observations), ranged) | np.isnan(position).any(axis=1)
-    lost &= np.isin(observations.quantity, FEEL_WIND)
-    if lost.any():
-        row = int(np.argmax(lost))
-        raise InputError(
-            f"{observations.where(row)}: expected east_m, north_m, up_m, since the "
-            f"scene has {'a free' if free else 'a'} wind; got a range alone, which has "
-            "no direction"
-        )
-
-
-def _place(charge: Charge) -> Float[np.ndarray, "3"]:
-    return np.array(charge.position_m, float)
+    start = float(charge.time_s) + np.array([offsets.get(name, 0.0) for name in clocks])
+    # an unknown offset may move any reading behind the origin time
+    unset = {name for name in clocks if f"{CLOCK_OFFSET}.{name}" in beliefs}
+    here = here & ~np.isin(clocks, list(unset))
+    apart = clocks_apart(log)
+    faults.add(
+        here & np.isin(log.quantity, tuple(FIREBALL_RADII)) & (log.time <= start),
+        lambda row: (
+            f"{log.quantity[row]} at {log.time[row]:g} s; expected a time after the "
+            f"origin time, {start[row]:g} s on this clock (correct it, or free "
+            "origin_time_s)"
+        ),
+        "time_s",
+    )
+    latest = log.value + EARLY_SIGMAS * np.nan_to_num(log.sigma)
+    faults.add(
+        here & np.isin(log.quantity, tuple(ARRIVALS)) & (latest <= start),
+        lambda row: (
+            f"{log.quantity[row]} is {log.value[row]:g} s; expected it after the "
+            f"origin time, {start[row]:g} s on this clock (correct it, or free "
+            "origin_time_s"
+            + (f" or {CLOCK_OFFSET}.{clocks[row]})" if clocks[row] in apart else ")")
+        ),
+    )
 
 
 def metres(position: np.ndarray) -> str:

@@ -1,52 +1,40 @@
-r"""Rows of a log: checks of each column, and conversion into SI units.
+r"""Rows of a log: rules for each column, and conversion into SI units.
 
-A value is in the unit of its column (`value_kpa`), otherwise in the unit at the end of
-the name of its quantity. A sigma is in the unit of its column (`sigma_percent`),
-otherwise in that of its value. Products of value and unit are computed from the decimal
-digits and rounded once. Peak levels in decibels become overpressures, and an error in
-decibels becomes $\sigma_p = p \, \sigma_{dB} \ln 10 / 20$.
+A value is in the unit of its column (`value_kpa`) or of the column `unit`, otherwise in
+the unit at the end of the name of its quantity. A sigma is in the unit of its column
+(`sigma_percent`), otherwise in that of its value. Peak levels in decibels become
+overpressures, and an error in decibels becomes $\sigma_p = p \, \sigma_{dB} \ln 10 /
+20$.
 
-A fault names the line, the column, what was expected and what was found. Rows with
-faults are left out where faults are gathered. A row equal to another one in all columns
-is a fault. Rows without a value are skipped and reported.
+A rule has the rows that violate it and the expected content. Its faults name the line,
+the column, what was expected and what was found. Rows with faults are left out where
+faults are gathered. A row equal to another one in all columns is a fault. Rows without
+a value are skipped and reported.
 """
 
-import math
-import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from jblast.errors import InputError, foreign_digits, nearest, shown
-from jblast.observations.clocks import (
-    VALUE_UTC,
-    converted_clock_times,
-    take_clock_times,
-)
-from jblast.observations.dialects import NA_SPELT, Header, is_empty
-from jblast.observations.grouping import some_rows
-from jblast.observations.places import places_of
-from jblast.observations.sources import Table
+from jblast.errors import InputError, shown
+from jblast.observations.instants import VALUE_UTC, clock_times
+from jblast.observations.names import UNIT, Header, similar
+from jblast.observations.positions import positions
+from jblast.observations.rules import Rows, Rule
 from jblast.observations.table import (
-    DEGREES,
     NAME_COLUMNS,
     NUMBERS,
     POSITION,
     SAMPLES,
-    Converted,
-    EmptySkipped,
-    Faults,
-    LevelConverted,
-    LongitudesWrapped,
-    MadeLong,
     Observations,
-    Renamed,
-    Understood,
     row_word,
+    some_rows,
 )
-from jblast.quantities import ADDITIVE, CLOCK_TIMES, DIRECTIONS, QUANTITIES, TIMED
+from jblast.observations.text_table import NA_WORDS, Table, has_letters, is_text
+from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, TIMED
+from jblast.results import Note, assumption
 from jblast.units import (
     ANY,
     LEVEL,
@@ -60,596 +48,348 @@ from jblast.units import (
     what_to_write,
 )
 
+POSITIVE_SIGMA = "a positive number, or nothing for the law's scatter alone"
 AT_LEAST = ">"
 """Mark before a value that is a lower bound."""
-DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}")
-MINUTES = re.compile(r"[NSEW]?\s*[+-]?\d+(\.\d+)?\s*([°ºd':\s]|[NSEW]$)")
-"""A latitude or longitude in minutes, or with its hemisphere."""
-THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:[\s'\u2019]\d{3})+(?:[.,]\d+)?")
-"""Numbers with blanks or apostrophes between thousands."""
-WITH_UNIT = re.compile(r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*")
 
 
-class Fields:
-    """The body of a table by column, as text.
+def observations_of(
+    table: Table, header: Header, date: str | None = None, zone: str | None = None
+) -> Observations:
+    """Check every column, and return a log of the rows without faults.
 
-    Attributes:
-        texts: Fields by column.
-        lines: Line of each row.
-        units: Of columns that are in another unit than ours.
-        sound: True for rows without a fault so far.
-        wide: For a wide table, by our column, the source column of each row.
+    Args:
+        table: A table with our names; rows without a value are removed.
+        header: Names and units of its columns.
+        date: The day of clock times without one.
+        zone: Their zone.
+
+    Raises:
+        InputError: No row has a value.
     """
-
-    def __init__(self, table: Table, header: Header, faults: Faults):
-        self.path = table.source
-        self.lines = table.lines
-        self.word = row_word(table.source)
-        self.faults = faults
-        self.texts = dict(zip(table.header, table.columns, strict=True))
-        self.theirs, self.units = header.theirs, header.units
-        self.sound = np.ones(len(self.lines), bool)
-        self.wide: Mapping[str, tuple[str, ...]] = {}
-        if any(isinstance(found, MadeLong) for found in table.understood):
-            names = self.text("quantity")
-            self.wide = {"value": names, "sigma": tuple(f"sigma of {q}" for q in names)}
-
-    def text(self, column: str) -> tuple[str, ...]:
-        """Return a column of names; "" if the file has no such column."""
-        return tuple(self.texts.get(column) or [""] * len(self.lines))
-
-    def number(
-        self, column: str, *, optional: bool = True
-    ) -> Float[np.ndarray, " row"]:
-        """Return a column of finite numbers; NaN where an optional one is empty.
-
-        Numbers are in our unit, except in `value` and `sigma`, whose rows may have
-        different units.
-        """
-        if column not in self.texts:
-            return np.full(len(self.lines), np.nan)
-        texts = self.texts[column]
-        try:
-            # columns without other text, the usual case, need no call per field
-            numbers = np.array([float(text) if text else np.nan for text in texts])
-        except ValueError:
-            numbers = np.array([_number(text) for text in texts])
-        odd = ~np.isfinite(numbers)
-        if optional and odd.any():
-            odd &= np.array([bool(text) for text in texts], bool)
-        # float accepts 1_000, which is Python's notation and in data a mistake
-        # and digits of other scripts, such as full-width ones
-        joined = "".join(texts)
-        if "_" in joined or foreign_digits(joined):
-            odd |= np.array(["_" in t or foreign_digits(t) for t in texts], bool)
-        self.refuse(
-            odd,
-            column,
-            lambda row: f"a finite number, got {_with_advice(texts[row], column)}",
-        )
-        own = None if column in ANY else self.units.get(column)
-        return numbers if own is None else in_si(numbers, own.unit)
-
-    def refuse(
-        self,
-        bad: Bool[np.ndarray, " row"] | list[bool],
-        column: str,
-        expected: Callable[[int], str],
-    ) -> None:
-        """Report each bad row with the expected content of its column."""
-        self.report(bad, column, lambda row: f"expected {expected(row)}")
-
-    def report(
-        self,
-        bad: Bool[np.ndarray, " row"] | list[bool],
-        column: str,
-        message: Callable[[int], str],
-    ) -> None:
-        """Report each bad row with a message; it is left out."""
-        if not np.any(bad):
-            return
-        theirs = self.theirs.get(column, column)
-        for row in map(int, np.flatnonzero(bad)):
-            self.sound[row] = False
-            name = self.wide[column][row] if column in self.wide else theirs
-            at = f", column {name}" if column else ""
-            where = f"{self.path}: {self.word} {self.lines[row]}{at}"
-            self.faults.add(InputError(f"{where}: {message(row)}"))
-
-
-@dataclass
-class Measured:
-    """Quantities and units of the rows.
-
-    Attributes:
-        theirs: Quantities as written.
-        quantity: Ours.
-        units: Of quantities in another unit than ours, as written.
-        columns: Units of columns that have one of their own.
-    """
-
-    theirs: tuple[str, ...]
-    quantity: tuple[str, ...]
-    units: dict[str, OurName]
-    columns: Mapping[str, OurName]
-    understood: list[Understood] = field(default_factory=list)
-
-    def factors(self) -> Float[np.ndarray, " row"]:
-        """Return the factors that convert values to our units; 1 for levels."""
-        factors = np.ones(len(self.theirs))
-        for unit, rows in self._by_unit():
-            if unit is not None and unit.dimension != LEVEL:
-                factors[rows] = unit.factor
-        return factors
-
-    def converts(self) -> bool:
-        """Return whether anything has to be converted."""
-        return bool(self.units) or bool(self.columns.keys() & {"value", "sigma"})
-
-    def converted(
-        self,
-        value: Float[np.ndarray, " row"],
-        sigma: Float[np.ndarray, " row"],
-    ) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
-        """Return values and sigmas in our units.
-
-        Args:
-            value: Values as numbers; NaN for other text.
-            sigma: Sigmas likewise.
-        """
-        if not self.converts():
-            return value, sigma
-        ours, errors = value.copy(), sigma.copy()
-        for unit, rows in self._by_unit():
-            level = unit is not None and unit.dimension == LEVEL
-            if level:
-                # too large a level overflows to infinity, which its row reports
-                with np.errstate(over="ignore"):
-                    ours[rows] = overpressure(value[rows])
-            elif unit is not None:
-                ours[rows] = in_si(value[rows], unit.unit)
-            own = self.columns.get("sigma")
-            if own is None and not level:
-                errors[rows] = in_si(sigma[rows], unit.unit) if unit else sigma[rows]
-            # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
-            elif own is None or own.dimension == LEVEL:
-                errors[rows] = sigma[rows] * LN_PER_DB * ours[rows]
-            elif own.dimension != SHARE:
-                errors[rows] = in_si(sigma[rows], own.unit)
-            elif level:
-                errors[rows] = sigma[rows] * own.factor * ours[rows]
-            else:
-                share = in_si(ours[rows] * sigma[rows], own.unit)
-                # the sign of a wrong negative sigma survives, and is refused later
-                errors[rows] = np.copysign(share, sigma[rows])
-        return ours, errors
-
-    def _by_unit(self) -> Iterator[tuple[OurName | None, list[int]]]:
-        """Yield each unit, None for ours, and the rows with values in it."""
-        own = self.columns.get("value")
-        if own is not None and own.dimension != LEVEL:
-            yield own, list(range(len(self.theirs)))
-            return
-        rows: dict[str, list[int]] = {}
-        for row, name in enumerate(self.theirs):
-            rows.setdefault(name, []).append(row)
-        for name, held in rows.items():
-            yield self.units.get(name), held
-
-
-class Rows(Fields):
-    """The body of a log by column, and the checks that each column must pass."""
-
-    def __init__(
-        self,
-        table: Table,
-        header: Header,
-        faults: Faults,
-        *,
-        date: str | None = None,
-        zone: str | None = None,
-    ):
-        # before the columns are split, so that line numbers stay with their rows
-        self.skipped: tuple[int, ...] = _drop_empty(table)
-        super().__init__(table, header, faults)
-        self.date, self.zone = date, zone
-        self.comments, self.found = table.comments, table.understood
-
-    def observations(self) -> Observations:
-        """Check every column, and return a log of the rows without faults."""
-        sensor = self.text("sensor")
-        self.refuse(
-            [not name for name in sensor], "sensor", lambda _: "a name, got nothing"
-        )
-        held = measured(self)
-        self.texts["quantity"] = list(held.quantity)
-        dated = np.zeros(len(self.lines), bool)
-        if VALUE_UTC in self.texts:
-            dated = np.array([bool(text) for text in self.texts[VALUE_UTC]], bool)
-        self.texts.setdefault("value", [""] * len(dated))
-        timing = converted_clock_times(
-            self.texts.get(VALUE_UTC, []), self.date, self.zone
-        )
-        # fills column value, which is checked below
-        epoch = take_clock_times(self, self.date, self.zone)
-        kind = np.array(held.quantity)
-        value, sigma, bound = self.measurements(held, dated)
-        slant_range = self.number("range_m")
-        position, frame = places_of(self)
-        self.places(position, slant_range)
-        time = self.number("time_s")
-        timed = np.isin(kind, TIMED)
-        self.refuse(
-            timed & np.isnan(time),
-            "time_s",
-            lambda row: f"the time at which {held.theirs[row]} was taken, got nothing",
-        )
-        self.refuse(
-            ~timed & ~np.isnan(time),
-            "time_s",
-            lambda row: (
-                f"nothing, as only {', '.join(TIMED)} take a time, got "
-                f"{self.texts['time_s'][row]} for {held.theirs[row]}"
-            ),
-        )
-        named = {name: self.text(name) for name in NAME_COLUMNS}
-        numbers = np.column_stack([value, sigma, position, slant_range, time, bound])
-        self.duplicates(numbers, sensor, held.quantity, *named.values())
-        understood = [*self.found, *converted_columns(self), *held.understood, *timing]
-        if self.skipped:
-            understood.append(EmptySkipped(self.skipped))
-        wrapped = sum(_number(text) > 180.0 for text in self.texts.get("lon_deg", ()))
-        if wrapped:
-            understood.append(LongitudesWrapped(wrapped))
-        whole = Observations(
-            sensor=sensor,
-            quantity=held.quantity,
-            value=value,
-            sigma=sigma,
-            position=position,
-            slant_range=slant_range,
-            time=time,
-            path=named["path"],
-            shot=named["shot"],
-            clock=named["clock"],
-            record=named["record"] if any(named["record"]) else (),
-            line=tuple(self.lines),
-            source=self.path,
-            comments=self.comments,
-            lower_bound=bound if bound.any() else None,
-            frame=frame,
-            epoch=epoch,
-            understood=tuple(understood),
-        )
-        if self.sound.all():
-            return whole
-        return some_rows(whole, np.flatnonzero(self.sound))
-
-    def measurements(
-        self, held: Measured, dated: Bool[np.ndarray, " row"]
-    ) -> tuple[
-        Float[np.ndarray, " row"], Float[np.ndarray, " row"], Bool[np.ndarray, " row"]
-    ]:
-        """Return values and sigmas in our units, and True for lower bounds.
-
-        Args:
-            held: Quantities and units of the rows.
-            dated: Rows whose value is in seconds already, from a date and time.
-        """
-        kind = np.array(held.quantity)
-        in_ln = ~np.isin(kind, ADDITIVE)
-        sampled = take_samples(self, kind)
-        bound = self.bounds(in_ln)
-        raw = self.number("value", optional=False)
-        value, sigma = held.converted(raw, self.number("sigma"))
-        # clock times are seconds already, whatever unit the column has
-        value = np.where(dated, raw, value)
-        texts = self.texts["value"]
-        self.refuse(
-            np.isinf(value) & np.isfinite(raw),
-            "value",
-            lambda row: f"a number that is finite in our unit, got {texts[row]}",
-        )
-        self.refuse(
-            in_ln & (value <= 0),
-            "value",
-            lambda row: f"a positive {held.theirs[row]}, got {texts[row]}",
-        )
-        factor = held.factors()
-        # an angle beyond its bounds is most often in degrees
-        for name, most in DIRECTIONS.items():
-            self.refuse(
-                (kind == name) & (np.abs(value) > most),
-                "value",
-                lambda row, most=most: (
-                    f"{held.theirs[row]} within {most / factor[row]:.6g} "
-                    f"{'rad ' if factor[row] == 1 else ''}either way, got {texts[row]}"
-                    + ("; are these degrees?" if factor[row] == 1 else "")
-                ),
+    if skipped := _drop_empty(table):
+        table.notes.append(
+            assumption(
+                "empty_skipped",
+                rows=len(skipped),
+                words=row_word(table.source) + ("" if len(skipped) == 1 else "s"),
+                lines=list(map(str, skipped)),
             )
-        self.refuse(
-            sigma <= 0,
-            "sigma",
-            lambda row: (
-                "a positive number, or nothing for the law's scatter alone, got "
-                + self.texts["sigma"][row]
+        )
+    if not table.lines:
+        n = len(skipped)
+        raise InputError(
+            f"{table.at(skipped[0])}: expected a value in some row, got "
+            + (f"{n} rows without a value" if n > 1 else "a row without a value, alone")
+        )
+    rows = Rows(table, header)
+    theirs = _with_units(rows)
+    units = _units_of(rows, theirs)
+    quantity = [unit.name if unit else name for name, unit in zip(theirs, units)]  # noqa: B905 (equal)
+    own = rows.units.get("value")
+    # a level is the quantity's own unit
+    row_units = [own] * len(units) if own and own.dimension != LEVEL else units
+    kind, in_ln = np.array(quantity), ~np.isin(quantity, ADDITIVE)
+    sampled, timed = kind == SAMPLES, np.isin(quantity, TIMED)
+    seconds, epoch, found = clock_times(rows, kind, date, zone)
+    dated = rows.given(VALUE_UTC)
+    bound = np.array([text.startswith(AT_LEAST) for text in rows.text("value")], bool)
+    odd_bound = [text.startswith(("<", ">=")) for text in rows.text("value")]
+    known = np.isin(quantity, (*QUANTITIES, SAMPLES))
+    no_value = f"nothing, as {SAMPLES} is a file of samples"
+    rows.refuse(
+        [
+            Rule("sensor", ~rows.given("sensor"), "a name"),
+            Rule(
+                "quantity",
+                ~known,
+                lambda row: _unknown(theirs[row], rows.text("value")[row]),
             ),
-        )
-        return np.where(sampled, np.nan, value), sigma, bound
-
-    def bounds(self, in_ln: Bool[np.ndarray, " row"]) -> Bool[np.ndarray, " row"]:
-        """Remove the marks of lower bounds, and return which rows had one."""
-        texts = self.texts["value"]
-        written = "".join(texts)
-        if AT_LEAST not in written and "<" not in written:
-            return np.zeros(len(texts), bool)
-        bound = np.array([text.startswith(AT_LEAST) for text in texts], bool)
-        self.refuse(
-            bound & ~in_ln,
-            "value",
-            lambda row: (
-                f"a number, as {self.texts['quantity'][row]} takes no lower bound, "
-                f"got {texts[row]}"
+            *_unit_rules(rows, quantity, units),
+            Rule("value", sampled & rows.given("value"), no_value),
+            Rule("record", sampled & ~rows.given("record"), "a file of samples"),
+            Rule(
+                "value", bound & ~in_ln, "a number, as {quantity} takes no lower bound"
             ),
-        )
-        self.refuse(
-            [text.startswith(("<", ">=")) for text in texts],
-            "value",
-            lambda row: f"a number, or a lower bound as >0.12, got {texts[row]}",
-        )
-        self.texts["value"] = [text.removeprefix(AT_LEAST).strip() for text in texts]
-        return bound
+            Rule("value", odd_bound, "a number, or a lower bound as >0.12"),
+        ]
+    )
+    stripped = [text.removeprefix(AT_LEAST).strip() for text in rows.text("value")]
+    filled = zip(sampled | dated, stripped, strict=True)
+    rows.texts["value"] = ["1" if other else text for other, text in filled]
+    raw = rows.number("value", optional=False)
+    value, sigma = _converted(
+        raw, rows.number("sigma"), row_units, rows.units.get("sigma")
+    )
+    rows.texts["value"] = stripped
+    value = np.where(dated, seconds, np.where(sampled, np.nan, value))
+    position, slant_range = positions(rows), rows.number("range_m")
+    placed = (~np.isnan(position.enu)).sum(axis=1)
+    time, axes = rows.number("time_s"), ", ".join(POSITION)
+    most = np.array([DIRECTIONS.get(name, np.inf) for name in quantity])
+    factors = [unit.factor if unit else 1.0 for unit in row_units]
 
-    def places(self, position: np.ndarray, slant_range: np.ndarray) -> None:
-        """Refuse half a position, a position with a range, and a range below zero."""
-        given = (~np.isnan(position)).sum(axis=1)
-        for index, name in enumerate(POSITION):
-            empty = np.array([not text for text in self.text(name)], bool)
-            self.refuse(
-                (given > 0) & np.isnan(position[:, index]) & empty,
-                name,
-                lambda _: f"all of {', '.join(POSITION)} or none of them, got nothing",
-            )
-        self.refuse(
-            slant_range <= 0,
-            "range_m",
-            lambda row: (
-                f"a positive slant range in m, got {self.texts['range_m'][row]}"
+    def turn(row: int) -> str:
+        ours = factors[row] == 1
+        return (
+            f"expected {theirs[row]} within {most[row] / factors[row]:.6g} "
+            f"{'rad ' if ours else ''}either way, got {rows.texts['value'][row]}"
+            # an angle beyond its bounds is most often in degrees
+            + ("; are these degrees?" if ours else "")
+        )
+
+    rows.refuse(
+        [
+            Rule("value", np.isinf(value) & np.isfinite(raw), "a number finite in SI"),
+            Rule("value", in_ln & (value <= 0), "a positive {quantity}"),
+            Rule("value", np.abs(value) > most, turn),
+            Rule(
+                "sigma", sigma <= 0, "a positive number, or nothing for scatter alone"
             ),
-        )
-        self.refuse(
-            (given > 0) & ~np.isnan(slant_range),
-            "range_m",
-            lambda _: f"either range_m or {', '.join(POSITION)}, got both",
-        )
-
-    def duplicates(self, numbers: np.ndarray, *names: tuple[str, ...]) -> None:
-        """Refuse two rows equal in every field."""
-        # NaN is unequal to itself, so bytes are compared; adding 0 turns -0 into 0
-        packed = [row.tobytes() for row in numbers + 0.0]
-        first: dict[tuple[object, ...], int] = {}
-        of = np.array(
-            [
-                first.setdefault(key, row)
-                for row, key in enumerate(zip(packed, *names, strict=True))
-            ]
-        )
-        self.refuse(
-            self.sound & (of != np.arange(len(of))),
-            "",
-            lambda row: (
-                "a new measurement, got a duplicate of line "
-                f"{self.lines[of[row]]} in every column"
+            *(
+                Rule(
+                    name,
+                    (placed > 0) & np.isnan(axis) & ~rows.given(name),
+                    f"all of {axes} or none of them",
+                )
+                for name, axis in zip(POSITION, position.enu.T, strict=True)
+                if position.frame is None
             ),
-        )
+            Rule("range_m", slant_range <= 0, "a positive slant range in m"),
+            Rule(
+                "range_m",
+                (placed > 0) & ~np.isnan(slant_range),
+                f"either range_m or {axes}, got both",
+            ),
+            Rule(
+                "time_s",
+                timed & np.isnan(time),
+                "the time at which {quantity} was taken",
+            ),
+            Rule(
+                "time_s",
+                ~timed & ~np.isnan(time),
+                f"nothing, as only {', '.join(TIMED)} take a time, got {{got}} for "
+                "{quantity}",
+            ),
+        ]
+    )
+    named = {name: tuple(rows.text(name)) for name in NAME_COLUMNS}
+    numbers = np.column_stack([value, sigma, position.enu, slant_range, time, bound])
+    _refuse_duplicates(rows, numbers, rows.text("sensor"), quantity, *named.values())
+    notes = [*table.notes, *_conversions(rows, theirs, units), *found, *position.notes]
+    whole = Observations(
+        sensor=tuple(rows.text("sensor")),
+        quantity=tuple(quantity),
+        value=value,
+        sigma=sigma,
+        position=position.enu,
+        slant_range=slant_range,
+        time=time,
+        path=named["path"],
+        shot=named["shot"],
+        clock=named["clock"],
+        record=named["record"] if any(named["record"]) else (),
+        line=tuple(table.lines),
+        source=table.source,
+        comments=table.comments,
+        lower_bound=bound if bound.any() else None,
+        frame=position.frame,
+        epoch=epoch,
+        understood=tuple(notes),
+    )
+    return whole if rows.sound.all() else some_rows(whole, np.flatnonzero(rows.sound))
 
 
-def _drop_empty(table: Table) -> tuple[int, ...]:
+def _drop_empty(table: Table) -> list[int]:
     """Remove rows without a measurement, and return their lines.
 
     A time in `value_utc` is a value, too. Words for a missing value become empty.
     """
     for index, name in enumerate(table.header):
-        if name in NUMBERS or name == VALUE_UTC:
+        if name in (*NUMBERS, VALUE_UTC):
             column = table.columns[index]
-            if not NA_SPELT.isdisjoint(column):
-                table.columns[index] = ["" if is_empty(t) else t for t in column]
-    values = [
-        table.columns[table.header.index(name)]
-        for name in ("value", VALUE_UTC)
-        if name in table.header
-    ]
-    if "" not in values[0]:
-        return ()
-    empty = {row for row, at in enumerate(zip(*values, strict=True)) if not any(at)}
-    if "quantity" in table.header:
-        kinds = table.columns[table.header.index("quantity")]
-        empty = {row for row in empty if kinds[row] != SAMPLES}
-    lines = tuple(table.lines[row] for row in sorted(empty))
+            table.columns[index] = ["" if t.lower() in NA_WORDS else t for t in column]
+    columns = dict(zip(table.header, table.columns, strict=True))
+    nothing = [""] * len(table.lines)
+    values, dates = (columns.get(name, nothing) for name in ("value", VALUE_UTC))
+    empty = {
+        row
+        for row, kind in enumerate(columns.get("quantity", nothing))
+        if not (values[row] or dates[row] or kind == SAMPLES)
+    }
+    lines = [table.lines[row] for row in sorted(empty)]
     table.drop_rows(empty)
     return lines
 
 
-def take_samples(rows: Fields, kind: np.ndarray) -> Bool[np.ndarray, " row"]:
-    """Return True for records of samples, and set their value to 1.
+def _with_units(rows: Rows) -> list[str]:
+    """Return the quantities as written, with their units of the column `unit`."""
+
+    def whole(name: str, unit: str) -> str:
+        own, stated = our_name(name), our_name(f"value_{unit}")
+        same = own and stated and own[1:3] == stated[1:3]
+        return name if same or not unit else f"{name}_{unit}"
+
+    pairs = list(zip(rows.text("quantity"), rows.text(UNIT), strict=True))
+    names = {pair: whole(*pair) for pair in dict.fromkeys(pairs)}
+    return [names[pair] for pair in pairs]
+
+
+def _units_of(rows: Rows, theirs: Sequence[str]) -> list[OurName | None]:
+    """Return our quantity and the unit of each row; None for our own names.
+
+    A quantity may have no unit next to a column of values with one, and a clock time
+    next to a time in `value_utc`.
+    """
+    own, known = rows.units.get("value"), {*QUANTITIES, SAMPLES}
+
+    def meant(name: str, *, dated: bool) -> OurName | None:
+        if name in known:
+            return None
+        found = our_name(name)
+        if found is None and dated:
+            found = our_name(f"{name}_s")
+        if found is None and own is not None:
+            found = our_name(f"{name}_{own.unit}")
+        return found if found is not None and found.name in QUANTITIES else None
+
+    pairs = list(zip(theirs, map(bool, rows.text(VALUE_UTC)), strict=True))
+    units = {pair: meant(pair[0], dated=pair[1]) for pair in dict.fromkeys(pairs)}
+    return [units[pair] for pair in pairs]
+
+
+def _unit_rules(
+    rows: Rows, quantity: Sequence[str], units: Sequence[OurName | None]
+) -> list[Rule]:
+    """Return rules that values and sigmas are in the units of their columns."""
+    rules = []
+    known = np.isin(quantity, (*QUANTITIES, SAMPLES))
+    if (own := rows.units.get("value")) is not None:
+
+        def fits(name: str, unit: OurName | None) -> bool:
+            if own.dimension == LEVEL:
+                return unit is not None and unit.dimension == LEVEL
+            if unit is None:
+                return dimension_of(name) == own.dimension
+            return (unit.dimension, unit.factor) == (own.dimension, own.factor)
+
+        odd = [not fits(*pair) for pair in zip(quantity, units, strict=True)]
+        whose = f"a quantity in {own.unit}, the unit of column {rows.theirs['value']}"
+        message = f"{whose}, got {{got}}: two units for one column"
+        rules.append(Rule("quantity", known & odd, message))
+    if (sigma := rows.units.get("sigma")) is not None:
+        relative = sigma.dimension in (SHARE, LEVEL)
+        odd = [
+            name in ADDITIVE if relative else dimension_of(name) != sigma.dimension
+            for name in quantity
+        ]
+        also = ", whose errors are not relative" if relative else ""
+        message = f"a sigma in the unit of {{quantity}}{also}, got one in {sigma.unit}"
+        rules.append(Rule("sigma", known & rows.given("sigma") & odd, message))
+    return rules
+
+
+def _converted(
+    raw: Float[np.ndarray, " row"],
+    raw_sigma: Float[np.ndarray, " row"],
+    units: Sequence[OurName | None],
+    error: OurName | None,
+) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
+    """Return values and sigmas in our units.
 
     Args:
-        rows: The log.
-        kind: Quantity of each row.
+        raw: Values as numbers.
+        raw_sigma: Sigmas as numbers.
+        units: Unit of each row; None for ours.
+        error: Unit of the column of sigmas, if it has one of its own.
     """
-    sampled = kind == SAMPLES
-    texts, files = rows.texts["value"], rows.text("record")
-    rows.refuse(
-        sampled & np.array([bool(text) for text in texts], bool),
-        "value",
-        lambda row: f"nothing, as {SAMPLES} is a file of samples, got {texts[row]}",
-    )
-    rows.refuse(
-        sampled & np.array([not file for file in files], bool),
-        "record",
-        lambda _: "a file of samples, got nothing",
-    )
-    pairs = zip(sampled, texts, strict=True)
-    rows.texts["value"] = ["1" if own else text for own, text in pairs]
-    return sampled
-
-
-def _with_advice(text: str, column: str) -> str:
-    """Return a text that is not a number, with advice."""
-    if not text:
-        return "nothing"
-    if DATE.match(text):
-        return f"{shown(text)}, a date, into which spreadsheets convert 3.5 or 1-2"
-    if TIME_OF_DAY.match(text):
-        return f"{shown(text)}; a time of day belongs in column value_utc"
-    if column == "sigma" and text.endswith("%"):
-        return (
-            f"{shown(text)}; a sigma is in the unit of its value; per cent of it "
-            "belong in a column sigma_percent"
-        )
-    if column in DEGREES and MINUTES.match(text):
-        return f"{shown(text)}; write decimal degrees, south and west below 0"
-    if THOUSANDS.fullmatch(text):
-        return f"{shown(text)}; write it without marks between thousands"
-    if WITH_UNIT.fullmatch(text):
-        return f"{shown(text)}; a unit belongs in the name of the column or quantity"
-    return shown(text) + ("; write a decimal point" if "," in text else "")
-
-
-def _number(text: str) -> float:
-    """Return a field as a number; NaN for other text."""
-    try:
-        return float(text)
-    except ValueError:
-        return math.nan
-
-
-def measured(rows: Fields) -> Measured:
-    """Identify the quantity of each row, and refuse unknown ones.
-
-    Args:
-        rows: The log.
-    """
-    theirs, columns = rows.text("quantity"), rows.units
-    clocked = rows.texts.get(VALUE_UTC) or [""] * len(theirs)
-    dated = {name for name, text in zip(theirs, clocked, strict=True) if text}
-    names = {name: name for name in (*QUANTITIES, SAMPLES)}
-    units: dict[str, OurName] = {}
-    unknown: set[str] = set()
-    for name in dict.fromkeys(theirs):
-        if name in names:
+    value, sigma = raw.copy(), raw_sigma.copy()
+    for unit in dict.fromkeys(units):
+        rows = np.array([own == unit for own in units])
+        level = unit is not None and unit.dimension == LEVEL
+        if level:
+            # too large a level overflows to infinity, which its row reports
+            with np.errstate(over="ignore"):
+                value[rows] = overpressure(raw[rows])
+        elif unit is not None:
+            value[rows] = in_si(raw[rows], unit.unit)
+        of = error or unit
+        if of is None:
             continue
-        value = columns.get("value")
-        found = _meant(name, value, dated=name in dated)
-        if found is None:
-            unknown.add(name)
-            names[name] = name
+        if of.dimension == LEVEL:
+            # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
+            sigma[rows] = raw_sigma[rows] * LN_PER_DB * value[rows]
+        elif of.dimension == SHARE:
+            sigma[rows] = in_si(value[rows] * raw_sigma[rows], of.unit)
         else:
-            names[name] = found.name
-            units[name] = found
-    if unknown:
-        rows.report(
-            [name in unknown for name in theirs],
-            "quantity",
-            lambda row: _unknown(theirs[row]),
-        )
-    quantity = tuple(names[name] for name in theirs) if units else theirs
-    found = Measured(theirs, quantity, units, columns)
-    _refuse_two_units(rows, found)
-    for name, unit in units.items():
+            sigma[rows] = in_si(raw_sigma[rows], of.unit)
+    return value, sigma
+
+
+def _refuse_duplicates(rows: Rows, numbers: np.ndarray, *names: Sequence[str]) -> None:
+    """Refuse two rows equal in every field."""
+    # NaN is unequal to itself, so bytes are compared; adding 0 turns -0 into 0
+    packed = [row.tobytes() for row in numbers + 0.0]
+    first: dict[tuple[Any, ...], int] = {}
+    keys = enumerate(zip(packed, *names, strict=True))
+    of = np.array([first.setdefault(key, row) for row, key in keys])
+    word = row_word(rows.table.source)
+
+    def message(row: int) -> str:
+        line = rows.lines[int(of[row])]
+        return f"expected a new measurement, got a duplicate of {word} {line}"
+
+    rows.refuse([Rule("", rows.sound & (of != np.arange(len(of))), message)])
+
+
+def _conversions(
+    rows: Rows, theirs: Sequence[str], units: Sequence[OurName | None]
+) -> list[Note]:
+    """Return a note on each column and quantity in another unit or name."""
+    found = converted_columns(rows)
+    for name, unit in dict(zip(theirs, units, strict=True)).items():
+        if unit is None:
+            continue
         count = theirs.count(name)
         if unit.dimension == LEVEL:
-            found.understood.append(LevelConverted(name, count))
+            found.append(assumption("level", theirs=name, rows=count))
         elif unit.factor == 1.0:
-            found.understood.append(Renamed(name, unit.name))
-        elif "value" not in columns:
-            converted = Converted(name, unit.name, unit.unit, unit.factor, count)
-            found.understood.append(converted)
+            found.append(assumption("renamed", theirs=name, ours=unit.name))
+        elif "value" not in rows.units:
+            note = assumption(
+                "converted", theirs=name, ours=unit.name, factor=unit.factor, rows=count
+            )
+            found.append(note)
     return found
 
 
-def _meant(name: str, value: OurName | None, *, dated: bool) -> OurName | None:
-    """Return our quantity for a name, whose unit may be that of the column.
-
-    The name of a clock time needs no unit next to a time in `value_utc`.
-    """
-    found = our_name(name)
-    if found is None and dated and f"{name}_s" in CLOCK_TIMES:
-        return our_name(f"{name}_s")
-    if found is None and value is not None:
-        found = our_name(f"{name}_{value.unit}")
-    return found if found is not None and found.name in QUANTITIES else None
-
-
-def _refuse_two_units(rows: Fields, found: Measured) -> None:
-    """Refuse values whose column and quantity are in different units, or dimensions."""
-    own, sigma = found.columns.get("value"), found.columns.get("sigma")
-    if own is not None:
-        odd = {
-            name
-            for name, ours in set(zip(found.theirs, found.quantity, strict=True))
-            if not _go_together(ours, found.units.get(name), own)
-        }
-        rows.refuse(
-            rows.sound & np.array([name in odd for name in found.theirs], bool),
-            "quantity",
-            lambda row: (
-                f"a quantity in {own.unit}, the unit of column "
-                f"{rows.theirs['value']}, got {found.theirs[row]}: two units for one "
-                "column"
-            ),
-        )
-    if sigma is None:
-        return
-    empty = [not text for text in rows.text("sigma")]
-    relative = sigma.dimension in (SHARE, LEVEL)
-    odd = {
-        ours
-        for ours in set(found.quantity)
-        if (ours in ADDITIVE if relative else dimension_of(ours) != sigma.dimension)
-    }
-    odd_rows = [
-        ours in odd and not nothing
-        for ours, nothing in zip(found.quantity, empty, strict=True)
-    ]
-    rows.refuse(
-        rows.sound & np.array(odd_rows, bool),
-        "sigma",
-        lambda row: (
-            f"a sigma in the unit of {found.theirs[row]}"
-            + (", whose errors are not relative" if relative else "")
-            + f", got one in {sigma.unit}"
-        ),
-    )
-
-
-def _go_together(ours: str, unit: OurName | None, column: OurName) -> bool:
-    """Return True if a quantity, with or without a unit, fits its column's unit."""
-    if column.dimension == LEVEL:
-        return unit is not None and unit.dimension == LEVEL
-    if unit is None:
-        return dimension_of(ours) == column.dimension
-    return (unit.dimension, unit.factor) == (column.dimension, column.factor)
-
-
-def converted_columns(rows: Fields) -> list[Understood]:
-    """Return the conversions by column."""
-    understood: list[Understood] = []
+def converted_columns(rows: Rows) -> list[Note]:
+    """Return a note on each column in another unit."""
+    found = []
     for name, unit in rows.units.items():
-        filled = sum(1 for text in rows.texts[name] if text)
+        theirs, filled = rows.theirs[name], int(rows.given(name).sum())
+        ours = "SI" if name in ANY else name
         if unit.dimension == LEVEL:
-            understood.append(LevelConverted(rows.theirs[name], filled))
+            kind = "level" if name == "value" else "level_error"
+            found.append(assumption(kind, theirs=theirs, rows=filled))
+        elif unit.dimension == SHARE:
+            found.append(assumption("share", theirs=theirs, rows=filled))
         elif unit.factor != 1.0:
-            theirs = rows.theirs[name]
-            understood.append(Converted(theirs, name, unit.unit, unit.factor, filled))
-    return understood
+            note = assumption(
+                "converted", theirs=theirs, ours=ours, factor=unit.factor, rows=filled
+            )
+            found.append(note)
+    return found
 
 
-def _unknown(quantity: str) -> str:
+def _unknown(quantity: str, value: str) -> str:
     """Return the message for an unknown quantity, with advice."""
-    message = f"unknown quantity {shown(quantity)}"
-    if advice := what_to_write(quantity):
-        return message + advice
-    near = nearest(quantity, QUANTITIES)
-    return f"{message}{near}; expected one of {', '.join(QUANTITIES)}"
+    if has_letters(value) and is_text(value):
+        return (
+            f"unknown quantity {shown(quantity)} with the value {shown(value)}; is "
+            "this a second header? Keep one table per file"
+        )
+    known = f"; expected one of {', '.join(QUANTITIES)}"
+    advice = what_to_write(quantity) or similar(quantity, tuple(QUANTITIES)) + known
+    return f"unknown quantity {shown(quantity)}{advice}"

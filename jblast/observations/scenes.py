@@ -90,11 +90,12 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
         known |= set(PLACE)
     names = [n for n in names_to_free(observations) if n not in known]
     uncertain = freed(uncertain, names)
-    if _far_from_origin(observations.position):
+    if far_from_origin(observations.position):
         ground = float(observations.position[:, 2].min())
-        uncertain = replace(
-            uncertain, scene=with_values(uncertain.scene, {CHARGE_POSITION[2]: ground})
-        )
+        scene = with_values(uncertain.scene, {CHARGE_POSITION[2]: ground})
+        # its height counts from the sea, not from the ground
+        charge = replace(scene.charge, burst="surface")
+        uncertain = replace(uncertain, scene=replace(scene, charge=charge))
     if frame is None or not frame.alt_m or not ALTITUDES.allows(frame.alt_m):
         return uncertain
     temperature, pressure = standard_atmosphere(frame.alt_m)
@@ -123,7 +124,7 @@ def names_to_free(observations: Observations) -> list[str]:
     # mass, two coordinates and a time are four unknowns
     free = len(quantities) >= 4 and _in_no_line(places)
     seen = set(quantities) >= _SEEN_AND_HEARD
-    on_earth = observations.frame is not None or _far_from_origin(at)
+    on_earth = observations.frame is not None or far_from_origin(at)
     names: list[str] = list(PLACE) if places and (free or seen or on_earth) else []
     clocks = np.isin(quantities, CLOCK_TIMES).sum()
     dated = clocks > 0 and (on_earth or observations.epoch is not None)
@@ -132,7 +133,7 @@ def names_to_free(observations: Observations) -> list[str]:
     return names + [f"{CLOCK_OFFSET}.{name}" for name in clocks_to_free(observations)]
 
 
-def _far_from_origin(position: np.ndarray) -> bool:
+def far_from_origin(position: np.ndarray) -> bool:
     """Return True for map coordinates, such as UTM: no charge is at their origin."""
     at = position[~np.isnan(position).any(axis=1), :2]
     if not len(at):

@@ -4,22 +4,22 @@ Positions are east, north and up [m] in a local frame, clock times are seconds f
 epoch. A missing number is NaN and a missing name is "". Errors of different rows are
 independent, except those of one pressure record, whose covariance is stored per record
 (`RecordCovariance`, positive definite, relative for quantities whose errors are
-relative). `Understood` and its subclasses describe what a reader converted, skipped or
-supplied. `Faults` either raises the first fault of a file or gathers all of them.
+relative). Notes list what a reader converted, skipped or supplied.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jblast.errors import InputError, shown
 from jblast.observations.places import Frame
 from jblast.quantities import ADDITIVE
+from jblast.results import Note
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")
@@ -117,14 +117,6 @@ class RecordCovariance:
 
 
 @dataclass(frozen=True)
-class Understood:
-    """Something that was converted, skipped or supplied while a log was read.
-
-    Each kind is a subclass, with its sentence in `report.understood`.
-    """
-
-
-@dataclass(frozen=True)
 class Observations:
     """A tidy table: row i of every field belongs to measurement i.
 
@@ -170,7 +162,7 @@ class Observations:
     frame: Frame | None = None
     epoch: datetime | None = None
     record: tuple[str, ...] = ()
-    understood: tuple[Understood, ...] = ()
+    understood: tuple[Note, ...] = ()
     covariances: tuple[RecordCovariance, ...] = ()
 
     def __len__(self) -> int:
@@ -179,9 +171,19 @@ class Observations:
     def where(self, row: int) -> str:
         """Return the file and line of a row, or its number in a log made in Python."""
         source = self.source or "observations"
-        if self.line:
-            return f"{source}: {row_word(source)} {self.line[row]}"
-        return f"{source}: row {row + 1}"
+        # lines of several files have no meaning together
+        word = row_word(source) if self.line else "row"
+        return f"{source}: {word} {self.line_of(row)}"
+
+    def line_of(self, row: int) -> int:
+        """Return the line of a row, or its number in a log made in Python."""
+        return self.line[row] if self.line else row + 1
+
+    def fault(self, row: int, message: str, column: str = "") -> InputError:
+        """Return an error in a row, perhaps in one of its columns."""
+        of = f", column {column}" if column else ""
+        text = f"{self.where(row)}{of}: {message}"
+        return InputError(text, row=int(row), line=self.line_of(row))
 
     def error_scale(self) -> Float[np.ndarray, " row"]:
         """Return each sigma in error units: its own if `ADDITIVE`, else relative."""
@@ -244,189 +246,56 @@ def observed(
     )
 
 
-@dataclass(frozen=True)
-class Dialect(Understood):
-    """Properties of the format of a file that differ from ours.
-
-    Attributes:
-        format: "CSV", "Excel workbook", "OpenDocument spreadsheet" or "Parquet".
-        separator: Between the fields of a line, if not the comma: "semicolon" or "tab".
-        encoding: Of the text, if not UTF-8.
-        sheet: The sheet of a workbook.
-    """
-
-    format: str = "CSV"
-    separator: str = ""
-    encoding: str = ""
-    sheet: str = ""
+def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
+    """Return a log of some of the rows, by number from zero."""
+    picked = {}
+    for name in PER_ROW:
+        column = getattr(observations, name)
+        if isinstance(column, np.ndarray):
+            picked[name] = column[rows]
+        elif column:
+            picked[name] = tuple(column[row] for row in rows)
+    return replace(observations, **picked)
 
 
-@dataclass(frozen=True)
-class DecimalComma(Understood):
-    """Numbers are written with a decimal comma.
-
-    Attributes:
-        line: Of a number that shows it.
-        text: That number as written.
-    """
-
-    line: int
-    text: str
-
-
-@dataclass(frozen=True)
-class Renamed(Understood):
-    """A column or quantity in our unit under another name.
-
-    Attributes:
-        theirs: As written.
-        ours: Our name for it.
-    """
-
-    theirs: str
-    ours: str
-
-
-@dataclass(frozen=True)
-class Converted(Understood):
-    """A column or quantity in another unit than ours.
-
-    Attributes:
-        theirs: As written.
-        ours: Our column or quantity.
-        unit: Ending of a name in this unit: "psi_ms".
-        factor: Factor applied to values.
-        rows: Number of rows.
-    """
-
-    theirs: str
-    ours: str
-    unit: str
-    factor: float
-    rows: int
-
-
-@dataclass(frozen=True)
-class LevelConverted(Understood):
-    """Peak levels in decibels re 20 uPa, or errors in decibels.
-
-    Attributes:
-        theirs: As written.
-        rows: Number of rows.
-    """
-
-    theirs: str
-    rows: int
-
-
-@dataclass(frozen=True)
-class ClockTimesTaken(Understood):
-    """Clock times without a day or zone, or with one other than UTC.
-
-    Attributes:
-        date: The day used for times without one.
-        undated: Their number.
-        zone: The zone used for times without one.
-        unzoned: Their number.
-        moved: Number of times with an offset of their own, converted to UTC.
-    """
-
-    date: str
-    undated: int
-    zone: str
-    unzoned: int
-    moved: int
-
-
-@dataclass(frozen=True)
-class EmptySkipped(Understood):
-    """Rows without a value, left out.
-
-    Attributes:
-        lines: Their lines.
-    """
-
-    lines: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class HeightTaken(Understood):
-    """Sensors without a height, set to up = 0."""
-
-
-@dataclass(frozen=True)
-class LongitudesWrapped(Understood):
-    """Longitudes from 180 to 360 degrees east, which are west.
-
-    Attributes:
-        rows: Number of rows.
-    """
-
-    rows: int
-
-
-@dataclass(frozen=True)
-class ColumnsIgnored(Understood):
-    """Columns of notes, which are ignored.
-
-    Attributes:
-        names: As written.
-    """
-
-    names: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class UnitsRow(Understood):
-    """A row of units of the columns.
-
-    Attributes:
-        line: Its line.
-    """
-
-    line: int
-
-
-@dataclass(frozen=True)
-class MadeLong(Understood):
-    """A table with a column for each quantity.
-
-    Attributes:
-        quantities: Names of those columns, as written.
-        without_sigma: Those without errors, for the law's scatter only.
-        shares: Those with errors in per cent of their values.
-    """
-
-    quantities: tuple[str, ...]
-    without_sigma: tuple[str, ...]
-    shares: tuple[str, ...] = ()
-
-
-class Faults:
-    """Faults of a source, which are gathered or raised.
-
-    Args:
-        gathered: Faults are appended here, and reading continues; None: the first is
-            raised.
-    """
-
-    def __init__(self, gathered: list[InputError] | None = None):
-        self.gathered = gathered
-
-    def add(self, fault: InputError) -> None:
-        """Report a fault that leaves the rest of the log readable.
-
-        Raises:
-            InputError: The fault, unless faults are gathered.
-        """
-        if self.gathered is None:
-            raise fault
-        self.gathered.append(fault)
+OF_ALL = ("source", "comments", "frame", "epoch", "understood", "covariances")
+"""Fields that belong to a log as a whole."""
+PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
+"""Fields of a log that have one entry a row."""
 
 
 def row_word(source: str) -> str:
     """Return the word for a row of a source: "line" of text, else "row"."""
     # a text editor counts lines, a spreadsheet rows
     suffix = PurePath(source).suffix.lower()
-    sheets = suffix in WORKBOOKS or suffix in PARQUET or source == FRAME
-    return "row" if sheets else "line"
+    sheets = suffix in WORKBOOKS or suffix in PARQUET
+    return "row" if sheets or source == FRAME else "line"
+
+
+def plain_text(text: str) -> str:
+    """Return a text that is one line.
+
+    Raises:
+        ValueError: It has several lines, or outer blanks.
+    """
+    # control characters would end the line or be removed when it is read
+    unreadable = any(c != "\t" and (ord(c) < 32 or ord(c) == 127) for c in text)
+    if unreadable or text != text.strip():
+        raise ValueError(
+            "a name or comment must be one line without control characters or outer "
+            f"spaces, got {text!r}"
+        )
+    return text
+
+
+def quoted(name: str) -> str:
+    """Return a name as CSV; a leading # would otherwise make its row a comment.
+
+    Raises:
+        ValueError: It has several lines, or outer blanks.
+    """
+    name = plain_text(name)
+    # quotes within a quoted field are doubled (RFC 4180)
+    if any(c in name for c in ',"') or name.startswith("#"):
+        return '"' + name.replace('"', '""') + '"'
+    return name

@@ -14,6 +14,7 @@ from jblast.errors import InputError
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.check import Doubt
 from jblast.observations.scenes import for_log
+from jblast.observations.table import row_word
 from jblast.report.words import (
     joined,
     parameter_words,
@@ -35,8 +36,6 @@ KNOWN = re.compile(r"; expected (?:one|some) of [\w, ]+$")
 """A list of all valid names, at the end of a message."""
 MAX_WARNINGS = 40
 """Largest number of printed warnings, about one screen; the JSON has all of them."""
-LINE = re.compile(r"line (\d+)([:,].*)", re.DOTALL)
-"""Beginning of a message on one line of the file."""
 REFUSED = 2
 """Exit code for a log that a fit would reject."""
 
@@ -127,13 +126,19 @@ class CheckAnswer(Document):
         return REFUSED if self.faults else 0
 
 
-def check_text(answer: CheckAnswer) -> str:
-    """Return the verdict, faults, warnings and conversions, for the terminal."""
+def check_text(answer: CheckAnswer, found: Sequence[InputError]) -> str:
+    """Return the verdict, faults, warnings and conversions, for the terminal.
+
+    Args:
+        answer: The answer.
+        found: Its faults, with their lines.
+    """
+    word = row_word(answer.source)
     faults, warnings = (
         _number(len(found), word)
         for found, word in ((answer.faults, "fault"), (answer.warnings, "warning"))
     )
-    odd = [f"{_lines([str(n) for n in w.lines])}: {w.message}" for w in answer.warnings]
+    odd = [f"{_lines(word, w.lines)}: {w.message}" for w in answer.warnings]
     if len(odd) > MAX_WARNINGS:
         odd[MAX_WARNINGS:] = [f"and {len(odd) - MAX_WARNINGS:,} more"]
     if answer.faults:
@@ -144,7 +149,7 @@ def check_text(answer: CheckAnswer) -> str:
         verdict = "The log can be fitted: no faults or warnings"
     parts = [f"{verdict}\n{_head(answer)}"]
     for title, lines in (
-        ("Faults", _folded(answer.faults, answer.source)),
+        ("Faults", _folded(found, answer.source)),
         (f"Suspicious values, which do not prevent a fit: {warnings}", odd),
         ("Conversions", answer.understood),
     ):
@@ -193,32 +198,33 @@ def _item(line: str) -> str:
     )  # fmt: skip
 
 
-def _folded(faults: Sequence[str], source: str) -> list[str]:
+def _folded(faults: Sequence[InputError], source: str) -> list[str]:
     """Return each fault once, with its lines, and each list of valid names once.
 
     The file's name is removed, as it is in the title. Of the rejected values only the
     first is printed.
     """
-    lines: dict[str, list[str]] = {}
+    word = row_word(source)
+    lines: dict[str, list[int]] = {}
     rejected: dict[str, list[str]] = {}
     lists: set[str] = set()
-    for fault in faults:
-        numbered = LINE.fullmatch(fault.removeprefix(f"{source}: "))
-        message = numbered.group(2) if numbered else fault.removeprefix(f"{source}: ")
+    for fault in sorted(faults, key=_line):
+        message, got, text = str(fault).removeprefix(f"{source}: "), "", ""
+        if fault.line is not None:
+            message = message.removeprefix(f"{word} {fault.line}")
         known = KNOWN.search(message)
         # a list of valid names takes a line or two; printed again it adds nothing
         if known and known.group() in lists and message not in lines:
             message = message.removesuffix(known.group())
         elif known:
             lists.add(known.group())
-        message, got, text = (
-            message.partition("; got ") if numbered else (message, "", "")
-        )
-        lines.setdefault(message, []).extend([numbered.group(1)] if numbered else [])
+        if fault.line is not None:
+            message, got, text = message.partition("; got ")
+        lines.setdefault(message, []).extend([fault.line] if fault.line else [])
         rejected.setdefault(message, []).extend([got + text] if got else [])
     return [
         # rejected values differ from row to row: the first is an example
-        _lines(numbers)
+        _lines(word, numbers)
         + message
         + "".join(rejected[message][:1])
         + (" and others" if len(set(rejected[message])) > 1 else "")
@@ -226,14 +232,14 @@ def _folded(faults: Sequence[str], source: str) -> list[str]:
     ]
 
 
-def _lines(numbers: Sequence[str]) -> str:
+def _lines(word: str, numbers: Sequence[int]) -> str:
     """Return the line numbers of a fault or warning, for a sentence."""
     if len(numbers) < 2:
-        return "".join(f"line {number}" for number in numbers)
-    listed = list(numbers[:MAX_LINES])
+        return "".join(f"{word} {number}" for number in numbers)
+    listed = [str(number) for number in numbers[:MAX_LINES]]
     if len(numbers) > MAX_LINES:
         listed.append(f"{len(numbers) - MAX_LINES} more")
-    return f"lines {joined(listed)}"
+    return f"{word}s {joined(listed)}"
 
 
 def _number(count: int, word: str) -> str:
@@ -269,13 +275,11 @@ def check_answer(
         lower_bounds=int(log.bounds().sum()),
         understood=tuple(understood),
         # faults come check by check, but a file is corrected line by line
-        faults=tuple(sorted(map(str, faults), key=_line)),
+        faults=tuple(map(str, sorted(faults, key=_line))),
         warnings=tuple(
             Warned(
                 kind=doubt.kind,
-                lines=tuple(
-                    doubted.line[row] if doubted.line else row + 1 for row in doubt.rows
-                ),
+                lines=tuple(map(doubted.line_of, doubt.rows)),
                 sensors=tuple(dict.fromkeys(doubted.sensor[row] for row in doubt.rows)),
                 message=sentence(doubt, doubted),
             )
@@ -284,10 +288,9 @@ def check_answer(
     )
 
 
-def _line(fault: str) -> int:
-    """Return the line number of a message; 0, which sorts first, without one."""
-    numbered = re.search(r": line (\d+)[:,]", fault)
-    return int(numbered.group(1)) if numbered else 0
+def _line(fault: InputError) -> int:
+    """Return the line of a fault; 0, which sorts first, without one."""
+    return fault.line or 0
 
 
 def _places(log: Observations) -> dict[str, int]:

@@ -14,7 +14,7 @@ from jblast.discovery.discover import (
     Replay,
 )
 from jblast.discovery.law_search import certain
-from jblast.report.words import significant
+from jblast.report.words import joined, significant
 from jblast.results import Document
 
 COVERAGE = (0.73, 1.0)
@@ -24,6 +24,10 @@ the cases and noise levels, where the true terms were found
 MIN_SHARE = 0.05
 """Share of the ensemble from which an excluded term is reported: below 1 in 20 it is
 chance at the 5 % level."""
+
+
+MAX_JUMPS = 5
+"""Largest number of rows listed."""
 
 
 def discovery_text(
@@ -166,7 +170,14 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     judged, name = found.judged[state], found.states[state]
     if not found.terms(state):
         return ["no term is certain"]
-    words = [
+    words = []
+    if found.jumps:
+        rows = joined([str(row + 1) for row in found.jumps[:MAX_JUMPS]])
+        words.append(
+            f"the states jump before row {rows}: if these are several runs, number "
+            "them in a column run"
+        )
+    words += [
         f"{term} and {other} are exchangeable: they are nearly collinear on this "
         "record, and either fits"
         for term, other in found.exchangeable[state]

@@ -5,13 +5,12 @@ with it, a list is joined, and shortened if it is long.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from string import Formatter
 from typing import Any
 
-from jblast.inference.fitting.goodness_of_fit import POOR
-from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock, WrongSensor
-from jblast.inference.posterior.parameters import Estimate
-from jblast.report.estimates import printed_estimate
+import jblast
+from jblast.observations.table import Observations
 from jblast.report.words import (
     joined,
     parameter_words,
@@ -125,6 +124,33 @@ MESSAGES = {
     "draws_weighted": "draws of a mixture, weighted by the posterior (importance "
     "sampling, k-hat {k_hat:.2f}, effective sample size {effective:.0f})",
     "walked": "MCMC (emcee)",
+    # how a log was read
+    "format": "read as {format}",
+    "sheet": "read as {format}: sheet {sheet}",
+    "separator": "fields are separated by {separator}",
+    "encoding": "text was read as {encoding}, as it is not UTF-8",
+    "titles": "{word}s {first} and {line} were read as one header",
+    "units_row": "{word} {line} was read as the units of the columns",
+    "decimal_comma": "decimal commas, as in {text} ({place})",
+    "columns_ignored": "ignored columns: {names:names}",
+    "height_taken": "no column up_m: sensors assumed at up = 0",
+    "longitudes_wrapped": "lon_deg above 180 was read as west: less 360 ({rows:rows})",
+    "renamed": "{theirs} was read as {ours}",
+    "converted": "{theirs} was converted to {ours}: times {factor:.9g} ({rows:rows})",
+    "share": "{theirs}: per cent of each value ({rows:rows})",
+    "level": "{theirs} was converted to peak_overpressure_pa: 20 uPa times "
+    "10^(dB/20); a sigma of 1 dB is ln(10)/20 = 11.5 % ({rows:rows})",
+    "level_error": "{theirs}: 1 dB is ln(10)/20 = 11.5 % of each value ({rows:rows})",
+    "times_undated": "value_utc: times of day were read as of {date} ({rows:rows})",
+    "times_unzoned": "value_utc: times without a zone were read as {zone} "
+    "({rows:rows})",
+    "times_moved": "value_utc: times with an offset were converted to UTC "
+    "({rows:rows})",
+    "empty_skipped": "{rows:rows} without a value left out: {words} {lines:names}",
+    "made_long": "a wide table, a column for each of {names:names}",
+    "errors_shared": "errors of {names:names} are per cent of each value",
+    "no_errors": "no column of errors for {names:names}: only the law's scatter is "
+    "used",
 }
 
 
@@ -136,6 +162,13 @@ def sentence_of(note: Note) -> str:
 def sentences_of(notes: Iterable[Note]) -> list[str]:
     """Return the sentence of each note."""
     return [sentence_of(note) for note in notes]
+
+
+def conversion_comments(log: Observations) -> list[str]:
+    """Return the provenance of a converted log: its source, and the conversions."""
+    origin = f"converted from {Path(log.source).name} by jblast {jblast.__version__}"
+    lines = [origin, *sentences_of(log.understood)]
+    return [" ".join(line.split()) for line in lines]
 
 
 def alarm(problem: Note) -> str:
@@ -152,6 +185,9 @@ def alarm_name(problem: Note) -> str:
 
 def printed_p(p: float) -> str:
     """Return a probability with its comparison sign: "= 0.27", "< 0.001"."""
+    # imported where a fit is worded: conversions of a log need no JAX
+    from jblast.inference.fitting.goodness_of_fit import POOR
+
     if p < POOR:
         return f"< {POOR}"
     return f"> {1 - POOR}" if p > 1 - POOR else f"= {p:.2g}"
@@ -165,15 +201,19 @@ def listed(parts: Iterable[str]) -> str:
     return joined(parts)
 
 
-def _named(wrong: WrongSensor) -> str:
+def _named(wrong: Any) -> str:
     """Return what is wrong of a log: a clock, a sensor, or the order of two."""
+    from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock
+
     if isinstance(wrong, ExchangedSensors):
         return f"the order of {wrong.name} and {wrong.other}"
     kind = "clock" if isinstance(wrong, WrongClock) else "sensor"
     return f"the {kind} {wrong.name}"
 
 
-def _with_interval(name: str, estimate: Estimate) -> str:
+def _with_interval(name: str, estimate: Any) -> str:
+    from jblast.report.estimates import printed_estimate
+
     printed = printed_estimate(name, estimate)
     return f"{parameter_words(name)} {printed.value} (90 %: {printed.interval})"
 
@@ -184,6 +224,7 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     "or": " or ".join,
     "option": ",".join,
     "ranges": "; ".join,
+    "rows": lambda count: f"{count:,} row" + "s" * (count != 1),
     "law": lambda laws: " ".join(f"--law {law}" for law in laws),
     "parameter": parameter_words,
     "parameters": lambda names: listed(map(parameter_words, names)),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, timedelta
 
-from jblast.report.understood import understood_lines
+from jblast.report.messages import sentences_of
 from jblast.report.words import (
     aligned,
     joined,
@@ -112,7 +112,7 @@ def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) ->
         lines.append(
             f"{name}: {quieter} quieter {'onset' if quieter == 1 else 'onsets'} ignored"
         )
-    read_as = understood_lines(log.observations.understood)
+    read_as = sentences_of(log.observations.understood)
     lines += [f"table of stations: {line}" for line in read_as]
     if left_out:
         lines.append(f"ignored, not a record: {_listed(left_out)}")

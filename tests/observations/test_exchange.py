@@ -6,8 +6,6 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read, to_pandas
-from jblast.observations.covariances import rows_with_covariance
-from tests.observations.records.test_covariances import picked
 from tests.observations.rows import HEADER, ROW
 from tests.observations.test_write import assert_equal
 
@@ -43,32 +41,6 @@ def test_a_log_in_degrees_and_utc_comes_back(log):
     np.testing.assert_allclose(back.position, ours.position, atol=1e-6)
     np.testing.assert_allclose(back.value, ours.value, rtol=1e-12, atol=1e-6)
     assert back.epoch == ours.epoch
-
-
-def test_what_errors_share_comes_back(log):
-    ours = picked(("g1", "g2"))
-    frame = to_pandas(ours)
-    assert len(pd.DataFrame(frame.attrs["covariances"])) == 12
-    back = read(frame)
-    assert [one.record for one in back.covariances] == ["g1", "g2"]
-    for one, other in zip(back.covariances, ours.covariances, strict=True):
-        assert one.quantities == other.quantities
-        # the lower half is written; the upper is made its mirror
-        np.testing.assert_array_equal(np.tril(one.matrix), np.tril(other.matrix))
-    some = read(frame[frame["record"] == "g2"])
-    assert len(list(rows_with_covariance(some))) == 1
-
-
-def test_covariances_that_do_not_go_with_a_frame_are_refused():
-    frame = to_pandas(picked(("g1",)))
-    with pytest.raises(InputError, match="data frame: expected a column record"):
-        read(frame.drop(columns="record"))
-    frame.attrs["covariances"][0]["quantity"] = "peak"
-    with pytest.raises(InputError, match="data frame: covariances: row 1, column quan"):
-        read(frame)
-    frame.attrs["covariances"] = [{"record": "g1"}]
-    with pytest.raises(InputError, match="row 1: expected record, quantity, with"):
-        read(frame)
 
 
 def test_a_named_index_is_a_column_and_levels_of_columns_are_refused():

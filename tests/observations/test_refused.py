@@ -9,133 +9,98 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 from jblast.errors import InputError
 from jblast.observations import QUANTITIES, read
 from jblast.quantities import ADDITIVE, TIMED
+from tests.cli.cli_files import says, table
 from tests.observations.rows import HEADER, ROW
 
-FRONT = "sensor,quantity,value,sigma,time_s\n"
-BAD = {
-    "column of another tool": (
-        "sensor,range_m,impulse_kPa_ms\na,1,2\n",
-        [
-            "line 1",
-            "'impulse_kPa_ms'",
-            "positive_impulse_pa_s",
-            "write positive_impulse_kpa_ms",
-        ],
-    ),
-    "empty file": ("", ["line 1", "empty", "sensor,quantity,value,sigma"]),
-    "header only": ("# c\n" + HEADER, ["line 2", "after the header", "measurement"]),
-    "missing column": (
-        "sensor,quantity,value\na,air_arrival_s,1\n",
-        ["line 1", "missing column sigma", "expected sensor, quantity, value, sigma"],
-    ),
-    "unknown column": (
-        HEADER.replace("sigma", "sgima") + ROW,
-        ["line 1", "unknown column 'sgima'", "did you mean sigma?"],
-    ),
-    "column twice": (
-        HEADER.replace("up_m", "north_m") + ROW,
-        ["line 1", "north_m once", "twice"],
-    ),
-    "part of a position, by column": (
-        "sensor,quantity,value,sigma,east_m,up_m\na,air_arrival_s,1,,2,3\n",
-        ["line 1", "missing column north_m", "east_m, north_m, up_m"],
-    ),
-    "part of a position, by row": (
-        HEADER + ROW + "b,air_arrival_s,1,,2,,3\n",
-        ["line 3", "column north_m", "all of east_m, north_m, up_m", "got nothing"],
-    ),
-    "position and range": (
-        HEADER.replace("\n", ",range_m\n") + ROW.replace("\n", ",20\n"),
-        ["line 2", "column range_m", "either range_m or east_m", "got both"],
-    ),
-    "negative range": (
-        "sensor,quantity,value,sigma,range_m\na,air_arrival_s,1,,-20\n",
-        ["line 2", "column range_m", "positive", "got -20"],
-    ),
-    "unknown quantity": (
-        HEADER + ROW + ROW.replace("air_arrival_s", "air_arival_s"),
-        ["line 3", "column quantity", "'air_arival_s'", "did you mean air_arrival_s?"],
-    ),
-    "no sensor": (
-        HEADER + ROW[1:],
-        ["line 2", "column sensor", "a name", "got nothing"],
-    ),
-    "no number": (
-        HEADER + ROW.replace("0.05", "fast"),
-        ["line 2", "column value", "a finite number", "got 'fast'"],
-    ),
-    "Python's underscore": (
-        HEADER + ROW.replace("0.05", "1_000"),
-        ["line 2", "column value", "'1_000'"],
-    ),
-    "infinity": (
-        HEADER + ROW.replace("20", "-inf"),
-        ["line 2", "column east_m", "a finite number", "'-inf'"],
-    ),
-    "zero sigma": (
-        HEADER + ROW.replace("0.001", "0"),
-        ["line 2", "column sigma", "a positive number", "got 0"],
-    ),
-    "duplicate": (
-        HEADER + ROW + "# c\n" + ROW.replace("20,", "20.0,"),
-        ["line 4", "a duplicate of line 2"],
-    ),
-    "ragged row": (
-        HEADER + ROW + "b,air_arrival_s,1\n",
-        ["line 3", "expected 7 fields", "got 3"],
-    ),
-    "row too long": (
-        HEADER + ROW.replace("0.05", "0,05"),
-        ["line 2", "expected 7 fields", "got 8", "decimal comma"],
-    ),
-    "radius without time": (
-        FRONT + "c,shock_radius_m,11,,1e-4\nc,shock_radius_m,12,,\n",
-        ["line 3", "column time_s", "the time at which", "got nothing"],
-    ),
-    "time of what has none": (
-        FRONT + "a,air_arrival_s,1,,2\n",
-        ["line 2", "column time_s", "expected nothing", "got 2 for air_arrival_s"],
-    ),
-    "bearing in degrees": (
-        HEADER + "a,bearing_rad,225,1,1,2,3\n",
-        ["line 2", "column value", "within 6.28319 rad", "got 225", "degrees"],
-    ),
-    "elevation past the zenith": (
-        HEADER + "a,elevation_rad,-1.6,,1,2,3\n",
-        ["line 2", "column value", "within 1.5708 rad", "got -1.6"],
-    ),
-    "quote over two lines": (
-        HEADER + '"a\nb"' + ROW[1:],
-        ["line 2", "quote that is not closed"],
-    ),
-    "Latin-1": (
-        (HEADER + ROW + ROW.replace("a,", "caf\u00e9,", 1)).encode("latin-1"),
-        ["line 3", "UTF-8", "0xe9"],
-    ),
-    "UTF-16 unmarked": (
-        (HEADER + ROW).encode("utf-16-le"),
-        ["line 1", "0x00", "UTF-16 without its mark"],
-    ),
-    "binary": (
-        HEADER.encode() + b"\x7fELF\x00\x01",
-        ["line 2", "a CSV file", "0x7f", "binary"],
-    ),
+# lines of a file between slashes, H and R for a header and a row, W for a wide table
+# of E, an arrival with its east; then parts of the message
+BAD = table("""
+sensor,range_m,impulse_kPa_ms / a,1,2 => line 1 | write positive_impulse_kpa_ms
+ => line 1 | empty | sensor,quantity,value,sigma
+# c / H => line 2 | nothing after the header
+sensor,quantity,value / a,air_arrival_s,1 => line 1 | missing column sigma
+H,sgima / R,1 => line 1 | unknown column 'sgima' | did you mean sigma?
+H,distance / R,1 => unknown column 'distance' | did you mean range_m?
+H,sigma / R,1 => line 1 | sigma once | twice
+L,east_m,up_m / a,air_arrival_s,1,,2,3 => line 1 | missing column north_m
+H / R / b,air_arrival_s,1,,2,,3 => line 3 | column north_m | all of east_m | got nothing
+H,range_m / R,20 => line 2 | column range_m | either range_m or east_m | got both
+L,range_m / a,air_arrival_s,1,,-20 => line 2 | column range_m | positive | got -20
+H / R / b,air_arival_s,1,,1,2,3 => line 3, column quantity | did you mean air_arr
+H / ,air_arrival_s,1,,1,2,3 => line 2 | column sensor | a name | got nothing
+H / a,air_arrival_s,fast,,1,2,3 => column value | a finite number | got 'fast'
+H / a,air_arrival_s,1_000,,1,2,3 => line 2 | column value | '1_000'
+H / a,air_arrival_s,True,,1,2,3 => a finite number, got 'True'
+H / a,air_arrival_s,2026-03-01,,1,2,3 => a date, into which spreadsheets
+H / a,air_arrival_s,5 kPa,,1,2,3 => a unit belongs in the name
+H / a,air_arrival_s,12:30:01,,1,2,3 => a time of day belongs in column
+H / a,air_arrival_s,1,5%,1,2,3 => belong in a column sigma_percent
+H / a,air_arrival_s,1,,-inf,2,3 => line 2 | column east_m | a finite number | '-inf'
+H / a,air_arrival_s,1,0,1,2,3 => line 2 | column sigma | a positive number | got 0
+H / R / # c / R => line 4 | a duplicate of line 2
+H / R / b,air_arrival_s,1 => line 3 | expected 7 fields | got 3
+H / R,05 => line 2 | expected 7 fields | got 8 | decimal comma
+H / R / H => line 3, column quantity | is this a second header
+H / a,air_arrival_s,NA,,1,2,3 => expected a value in some row, got a row without a value
+H / a,air_arrival_s,NA,,1,2,3 / a,air_arrival_s,,,1,2,3 => got 2 rows without a value
+T / c,shock_radius_m,1,,1 / c,shock_radius_m,2,, => line 3 | the time at which | nothing
+T / a,air_arrival_s,1,,2 => column time_s | expected nothing | got 2 for air_arrival_s
+H / a,bearing_rad,225,1,1,2,3 => column value | within 6.28319 rad | got 225 | degrees
+H / a,elevation_rad,-1.6,,1,2,3 => column value | within 1.5708 rad | got -1.6
+H / "a / b",air_arrival_s,1,,1,2,3 => line 2 | quote that is not closed
+sensor|quantity / a|b => commas, semicolons or tabs, got one column
+time_s,pressure_pa / 0,1 / 0.1,2 / 0.2,5 => a record of samples | jblast pick
+t [ms];p / 0;1 / 0,1;2 / 0,2;5 => a record of samples
+0.0,1.0 / 0.1,2 / 0.2,5 / 0.3,5 => a record of samples
+sensor,peak_overpressure_kpa,range_m / a,1,2 => a wide table
+sensor,air_arrival / ,ms / a,1 => a wide table, with 1 of them
+L,lat_deg,lon_deg / a,air_arrival_s,1,1,33°54'10",35.5 => lat_deg | decimal degrees
+wide: sensor,value,air_arrival_s / a,1,2 => got a column value
+wide: sensor,range_m / a,1 => a column for each quantity; got
+wide: sensor;\u00dcberdruck [kPa] / a;5 => write peak_overpressure_kpa
+wide: W,peak_overpressure_kpa,peak_overpressure_psi / E,1,2 => two units for one column
+wide: W,sigma_air_arrival_ms / E,2 => sigma_ and the name of a quantity's column
+wide: W,sigma_percent / E,3 => quantities whose errors are relative; got 'sigma_percent'
+wide: W,sigma_air_arrival_percent / E,3 => quantity's column, as sigma_air_arrival_s
+wide: sensor,air_arrival,sigma_air_arrival / ,ms,s / a,2,3 => line 2 | expected ms, the
+wide: W,sigma_air_arrival_s / E,x => column sigma of air_arrival_s | a finite | got 'x'
+wide: W,peak_overpressure_kpa / E,x => line 2, column peak_overpressure_kpa: | 'x'
+wide: W,peak_overpressure_kpa,sigma_percent / E,5,x => column sigma of peak_overpr | 'x'
+""")
+SHORT = {
+    "H": HEADER.strip(),
+    "R": ROW.strip(),
+    "L": "sensor,quantity,value,sigma",
+    "T": "sensor,quantity,value,sigma,time_s",
+    "W": "sensor,east_m,north_m,air_arrival_s",
+    "E": "a,1,2,0.1",
 }
 
 
-@pytest.mark.parametrize(("content", "said"), BAD.values(), ids=BAD.keys())
+@pytest.mark.parametrize(("content", "said"), BAD)
 def test_bad_input_is_told_by_file_line_column_expectation_and_find(log, content, said):
-    refused(log(content), said)
-
-
-def refused(path, said):
+    wide = content.startswith("wide: ")
+    lines = content.removeprefix("wide: ").split(" / ")
+    lines = [
+        SHORT.get(x[:1], x[:1]) + x[1:] if x[1:2] in ("", ",") else x for x in lines
+    ]
     with pytest.raises(InputError) as caught:
-        read(path)
-    message = str(caught.value)
-    assert "log.csv: " in message
-    for words in said:
-        assert words in message, message
-    assert "\n" not in message
+        read(log("\n".join(lines) + "\n"), wide=wide)
+    assert "log.csv: " in str(caught.value)
+    says(f"{caught.value}\n", said)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ((HEADER + ROW).encode("utf-16-le"), "0x00 | UTF-16 without its mark"),
+        (HEADER.encode() + b"\x7fELF\x00\x01", "line 2 | a CSV file | 0x7f | binary"),
+    ],
+)
+def test_bytes_that_are_no_text_are_named(log, content, said):
+    with pytest.raises(InputError) as caught:
+        read(log(content))
+    says(f"{caught.value}\n", said)
 
 
 def test_a_quote_that_swallows_the_file_is_named_where_it_opens(log):

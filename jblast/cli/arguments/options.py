@@ -159,7 +159,7 @@ def option_for(argument: str) -> str:
 
 def in_options(error: InputError) -> InputError:
     """Return an error whose message names options instead of Python arguments."""
-    return InputError(error.worded(option_for))
+    return InputError(error.worded(option_for), row=error.row, line=error.line)
 
 
 def add_reading(verb: VerbParser) -> None:

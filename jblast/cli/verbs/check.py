@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     from jblast.observations.check import refusals, with_places
     from jblast.observations.table import SAMPLES
     from jblast.report.check import check_answer, check_text, setting_lines
-    from jblast.report.understood import conversion_comments, understood_lines
+    from jblast.report.messages import conversion_comments, sentences_of
     from jblast.scene import default_scene, read_scene
 
     if options.out:
@@ -86,12 +86,12 @@ def run(options: argparse.Namespace) -> int:
     odd = doubts(readings, uncertain) if len(readings) else []
     worded = [in_options(fault) for fault in faults]
     setting = setting_lines(readings if len(readings) else placed, uncertain)
-    understood = [*understood_lines(log.understood), *setting]
+    understood = [*sentences_of(log.understood), *setting]
     answer = check_answer(placed, worded, odd, understood, readings)
     if options.json:
         sys.stdout.write(answer.to_json())
     else:
-        sys.stdout.write(check_text(answer))
+        sys.stdout.write(check_text(answer, worded))
     # A log with errors would be refused by the fit that reads the converted one.
     if options.out and not faults:
         with writing(options.out):

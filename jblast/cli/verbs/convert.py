@@ -29,7 +29,7 @@ def add_arguments(verb: VerbParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the log and return the exit code."""
     from jblast.observations.log_io import log_text, read, write
-    from jblast.report.understood import conversion_comments, conversion_text
+    from jblast.report.messages import conversion_comments, sentences_of
 
     if options.out:
         refuse_existing(options.out, force=options.force)
@@ -42,5 +42,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     with writing(options.out):
         write(options.out, log, comments=comments)
-    sys.stdout.write(conversion_text(log, options.out))
+    rows = "1 measurement" if len(log) == 1 else f"{len(log):,} measurements"
+    done = sentences_of(log.understood) or ["no conversion was necessary"]
+    sys.stdout.write("\n".join((f"wrote {options.out}: {rows}", *done)) + "\n")
     return 0

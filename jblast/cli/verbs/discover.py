@@ -32,7 +32,8 @@ def add_arguments(verb: VerbParser) -> None:
         "trajectory",
         metavar="TRAJECTORY.csv",
         type=path,
-        help="CSV file with a header: time_s and numeric columns, one row a time",
+        help="text with a header: time_s and numeric columns, one row a time; a "
+        "column run numbers several runs",
     )
     verb.inputs.add_argument(
         "--state",

@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float
 from jblast.constants import STANDARD_PRESSURE
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.posterior.parameters import Estimate
-from jblast.observations.clocks import written
+from jblast.observations.instants import written
 from jblast.parameters import CLOCK_OFFSET
 from jblast.registry import Law
 from jblast.scene import Scene

@@ -39,7 +39,6 @@ from jblast.inference.identify import (
 )
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations import Observations
-from jblast.observations.table import Understood
 from jblast.parameters import CHARGE_POSITION
 from jblast.results import Note, plain, problem
 from jblast.scene import UncertainScene
@@ -116,7 +115,7 @@ class Summary:
     warnings: tuple[Note, ...]
     assumptions: tuple[Note, ...] = ()
     extrapolated: tuple[str, ...] = ()
-    understood: tuple[Understood, ...] = ()
+    understood: tuple[Note, ...] = ()
     bearing_arcs: tuple[BearingArc, ...] = ()
     regions: tuple[PlaceRegion, ...] = ()
     unchecked: bool = False

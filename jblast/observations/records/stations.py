@@ -10,25 +10,20 @@ the same for all channels of a file.
 import os
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import datetime
 from typing import NamedTuple
 
-from jblast.errors import InputError, argument, nearest, shown
-from jblast.observations.clocks import EXAMPLE, SECOND, NotAnInstant, instant, moment
-from jblast.observations.dialects import (
-    Header,
-    UnitOf,
-    column_of,
-    drop_blanks,
-    refuse_two_tables,
-    take_decimal_commas,
-    take_units_row,
-)
-from jblast.observations.places import Frame, places_in_degrees
+from jblast.errors import InputError, argument, shown
+from jblast.observations.instants import EXAMPLE, NotAnInstant, instant
+from jblast.observations.names import read_header
+from jblast.observations.places import Frame
+from jblast.observations.positions import positions
 from jblast.observations.records.recording import Recording
-from jblast.observations.rows import Fields, converted_columns
-from jblast.observations.sources import Table, table_of
-from jblast.observations.table import Faults, Understood
-from jblast.units import spelt
+from jblast.observations.rows import converted_columns
+from jblast.observations.rules import Rows, Rule
+from jblast.observations.sources import table_of
+from jblast.observations.text_table import take_decimal_commas
+from jblast.results import Note
 
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
@@ -45,18 +40,17 @@ class Station(NamedTuple):
         position: East, north, up [m].
         clock: Clock of its recorder; "" for the common clock.
         frame: Origin of the position on the Earth, for a table in degrees.
-        start: Nanoseconds since 1970, UTC, of the first sample of its record; None
-            if unknown.
+        start: UTC of the first sample of its record; None if unknown.
     """
 
     position: tuple[float, float, float]
     clock: str
     frame: Frame | None = None
-    start: int | None = None
+    start: datetime | None = None
 
 
 def read_stations(
-    path: str | os.PathLike[str], understood: list[Understood] | None = None
+    path: str | os.PathLike[str], understood: list[Note] | None = None
 ) -> dict[str, Station]:
     """Return the stations of a table by name.
 
@@ -75,42 +69,57 @@ def read_stations(
             of all faults.
     """
     within = f"a header {','.join(COLUMNS[:4])} and a station a row"
-    gathered: list[InputError] = []
-    faults = Faults(gathered)
-    table = table_of(path, faults, expected="a table of stations", within=within)
-    drop_blanks(table)
-    header = _header(table, take_units_row(table))
-    if not len(table.lines):
-        _raise(path, gathered)
-        raise InputError(f"{path}: expected {within}, got the header alone")
-    refuse_two_tables(table, [header.theirs.get(name, name) for name in table.header])
-    take_decimal_commas(table, (*PLACE, *DEGREES))
-    rows = Fields(table, header, faults)
-    sensors = rows.text("sensor")
-    rows.refuse(
-        [not name or name in sensors[:row] for row, name in enumerate(sensors)],
-        "sensor",
-        lambda row: (
-            "a new name, got "
-            + (f"{shown(sensors[row])} twice" if sensors[row] else "nothing")
-        ),
-    )
-    axes, frame = [rows.number(name, optional=False) for name in PLACE], None
-    if set(DEGREES) & set(table.header):
-        if on_earth := places_in_degrees(rows):
-            axes, frame = on_earth[0].T, on_earth[1]
-        given = rows.texts["lat_deg"]
-        rows.refuse(
-            [not x for x in given], "lat_deg", lambda _: "a number, got nothing"
+    table = table_of(path, f"a table of stations: {within}")
+    header = read_header(table, COLUMNS)
+    where = table.at(table.header_line)
+    degrees = bool({*DEGREES} & {*table.header})
+    needed = ("sensor", *(DEGREES[:2] if degrees else PLACE))
+    missing = [name for name in needed if name not in table.header]
+    if missing:
+        table.faults.append(InputError(f"{where}: missing column {', '.join(missing)}"))
+    elif not len(table.lines):
+        table.faults.append(
+            InputError(f"{path}: expected {within}, got the header alone")
         )
-    starts = _starts(rows)
-    _raise(path, gathered)
+    # these leave nothing to check
+    if missing or not len(table.lines):
+        _raise(path, table.faults)
+    numbers = [at for at, name in enumerate(table.header) if name in PLACE + DEGREES]
+    take_decimal_commas(table, numbers)
+    rows = Rows(table, header)
+    sensors = rows.text("sensor")
+    starts: list[datetime | None] = []
+    for text in rows.text(START):
+        try:
+            starts.append(instant(text, None, None) if text else None)
+        except NotAnInstant:
+            starts.append(None)
+    rows.refuse(
+        [
+            Rule(
+                "sensor",
+                [not x or x in sensors[:row] for row, x in enumerate(sensors)],
+                lambda row: (
+                    "expected a new name, got "
+                    + (f"{shown(sensors[row])} twice" if sensors[row] else "nothing")
+                ),
+            ),
+            *(Rule(name, ~rows.given(name), "a number") for name in needed[1:]),
+            Rule(
+                START,
+                rows.given(START) & [start is None for start in starts],
+                f"a day, a time and a zone, as {EXAMPLE}",
+            ),
+        ]
+    )
+    placed = positions(rows)
+    _raise(path, table.faults)
     if understood is not None:
-        understood += [*table.understood, *converted_columns(rows)]
+        understood += [*table.notes, *converted_columns(rows), *placed.notes]
     return {
-        name: Station((float(east), float(north), float(up)), clock, frame, start)
-        for name, east, north, up, clock, start in zip(
-            sensors, *axes, rows.text("clock"), starts, strict=True
+        name: Station((float(x), float(y), float(z)), clock, placed.frame, start)
+        for name, (x, y, z), clock, start in zip(
+            sensors, placed.enu, rows.text("clock"), starts, strict=True
         )
     }
 
@@ -125,56 +134,6 @@ def _raise(path: str | os.PathLike[str], faults: list[InputError]) -> None:
         more = len(faults) - MAX_FAULTS
         texts += [f"and {more} more"] if more > 0 else []
         raise InputError(f"{path}: {len(faults)} faults: {'; '.join(texts)}")
-
-
-def _starts(rows: Fields) -> list[int | None]:
-    """Return the start times of records; None without one, and for faults."""
-    starts: list[int | None] = []
-    for row, text in enumerate(rows.text(START)):
-        try:
-            starts.append(instant(text, None, None) if text else None)
-        except NotAnInstant:
-            starts.append(None)
-            bad = [at == row for at in range(len(rows.lines))]
-            expected = f"a day, a time and a zone, as {EXAMPLE}, got {shown(text)}"
-            # bound as a default, since a closure would read the last text of the loop
-            rows.refuse(bad, START, lambda _, message=expected: message)
-    return starts
-
-
-def _header(table: Table, units_row: Mapping[str, UnitOf]) -> Header:
-    """Rename a table's columns to our names.
-
-    Raises:
-        InputError: A column is unknown, missing or repeated.
-    """
-    where = table.at(table.header_line)
-    header = Header()
-    unknown: list[str] = []
-    for index, theirs in enumerate(table.header):
-        found = column_of(theirs, units_row.get(theirs), table)
-        name, unit = (START, None) if spelt(theirs) == START else found or ("", None)
-        if name not in COLUMNS:
-            unknown.append(f"{shown(theirs)}{nearest(theirs, COLUMNS)}")
-            continue
-        if name in header.theirs:
-            got = "it twice" if header.theirs[name] == theirs else shown(theirs)
-            raise InputError(f"{where}: expected column {name} once, got {got}")
-        header.theirs[name] = theirs
-        if unit is not None:
-            header.units[name] = unit
-        table.header[index] = name
-    needed = DEGREES[:2] if set(DEGREES) & set(table.header) else PLACE
-    missing = [name for name in ("sensor", *needed) if name not in table.header]
-    if unknown:
-        also = f"; missing column {', '.join(missing)}" if missing else ""
-        raise InputError(
-            f"{where}: unknown column {', '.join(unknown)}; "
-            f"expected some of {', '.join(COLUMNS)}{also}"
-        )
-    if missing:
-        raise InputError(f"{where}: missing column {', '.join(missing)}")
-    return header
 
 
 def started(
@@ -210,11 +169,10 @@ def started(
             f"{recording.source}: expected one {START} for all channels of a file, got "
             "several"
         )
-    # a datetime has microseconds: the nanoseconds stay in the seconds after it
-    whole = start // SECOND * SECOND
+    whole = start.replace(microsecond=0)
     return replace(
         recording,
-        epoch=moment(whole),
-        start_s=(start - whole) / SECOND + later_s,
+        epoch=whole,
+        start_s=start.microsecond / 1e6 + later_s,
         clock_is_set=True,
     )

@@ -24,13 +24,11 @@ from jblast.inference.identify import (
     ResolvingDatum,
 )
 from jblast.inference.posterior.parameters import Estimate
-from jblast.observations.table import Understood
 from jblast.parameters import CHARGE_POSITION
 from jblast.quantities import QUANTITIES
 from jblast.report.choice import law_reason
 from jblast.report.messages import sentence_of
 from jblast.report.provenance import Provenance
-from jblast.report.understood import understood_words
 from jblast.report.words import (
     capitalised,
     finite,
@@ -245,7 +243,6 @@ WORDED: Words = {
     Note: sentence_of,
     OtherMode: _ambiguity,
     TakenLaw: law_reason,
-    Understood: understood_words,
     WrongSensor: _explanation,
 }
 """Results of inference that documents contain as text."""

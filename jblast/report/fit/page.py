@@ -27,10 +27,10 @@ from jblast.report.fit.terminal import (
     validity_sentence,
     warnings_of,
 )
+from jblast.report.messages import sentences_of
 from jblast.report.pages import page
 from jblast.report.picks import RECORDS_ALT, RECORDS_CAPTION
 from jblast.report.provenance import Provenance, provenance_lines
-from jblast.report.understood import understood_lines
 from jblast.report.words import joined, parameter_words, quantity_words
 
 
@@ -85,7 +85,7 @@ def report_page(
         rows=residual_rows(fit),
         n_rows=len(fit.observations),
         warnings=[*_warnings(fit), *extra_warnings],
-        understood=understood_lines(found.understood),
+        understood=sentences_of(found.understood),
         limits=limits(fit),
         provenance=provenance_lines(made),
         scene_text=made.scene_text,

@@ -46,7 +46,6 @@ from jblast.report.messages import (
     sentence_of,
     sentences_of,
 )
-from jblast.report.understood import understood_lines
 from jblast.report.words import (
     GAP,
     WIDTH,
@@ -179,7 +178,7 @@ def summary(
     lines += section("Warnings", [capitalised(one) for one in warnings_of(found)])
     assumptions = [capitalised(one) for one in sentences_of(found.assumptions)]
     lines += section("Assumptions", [law_sentence(fit).rstrip("."), *assumptions])
-    conversions = understood_lines(found.understood)
+    conversions = sentences_of(found.understood)
     if len(conversions) > MAX_CONVERSIONS and not verbose:
         conversions = [f"{len(conversions)} conversions: --verbose lists them"]
     lines += section("Conversions of the log", conversions)

@@ -15,8 +15,8 @@ from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations
 from jblast.observations.records.formats import Scaling, record_files
 from jblast.observations.records.stations import read_stations
-from jblast.observations.table import Understood
 from jblast.progress_line import Progress, reported
+from jblast.results import Note
 from jblast.signals.picks.pick_log import Gathered, PickLog, gathered, log_of
 
 MAX_NAMED_FILES = 20
@@ -116,7 +116,7 @@ def pick_files(
     one = isinstance(records, str | os.PathLike)
     named = [records] if one else list(records)
     scaling = scaling or Scaling()
-    understood: list[Understood] = []
+    understood: list[Note] = []
     table = None if positions is None else os.fspath(positions)
     stations = None if table is None else read_stations(table, understood)
     files, left_out = record_files(named, table)

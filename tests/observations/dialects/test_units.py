@@ -7,7 +7,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.table import Converted, LevelConverted
+from tests.cli.cli_files import table
 
 PSI = 6894.757293168361
 HEAD = "sensor,quantity,value,sigma,range_m\n"
@@ -43,8 +43,8 @@ def test_a_quantity_may_end_in_another_unit(
     np.testing.assert_allclose(found.value, in_ours, rtol=4e-16)
     np.testing.assert_allclose(found.sigma, sigma_in_ours, rtol=4e-16)
     (told,) = found.understood
-    assert isinstance(told, Converted)
-    assert (told.theirs, told.ours, told.rows) == (quantity, ours, 1)
+    assert told.kind == "converted"
+    assert (told["theirs"], told["ours"], told["rows"]) == (quantity, ours, 1)
 
 
 def test_a_column_may_be_in_another_unit_and_its_sigma_with_it(log):
@@ -53,8 +53,8 @@ def test_a_column_may_be_in_another_unit_and_its_sigma_with_it(log):
     np.testing.assert_allclose(found.value, 5000)
     np.testing.assert_allclose(found.sigma, 250)
     np.testing.assert_allclose(found.slant_range, 30.48)
-    converted = [told for told in found.understood if isinstance(told, Converted)]
-    assert {told.theirs for told in converted} == {"value_kpa", "range_ft"}
+    converted = [told for told in found.understood if told.kind == "converted"]
+    assert {told["theirs"] for told in converted} == {"value_kpa", "range_ft"}
 
 
 @pytest.mark.parametrize("quantity", ["peak_overpressure", "peak_overpressure_kpa"])
@@ -65,46 +65,47 @@ def test_a_quantity_beside_a_column_with_a_unit_needs_none_or_the_same(log, quan
     np.testing.assert_allclose(found.value, 5000)
 
 
-@pytest.mark.parametrize(
-    ("head", "row", "said"),
-    [
-        ("value_kpa,sigma", "a,peak_overpressure_psi,5,,1", "two units for one column"),
-        ("value_kpa,sigma", "a,air_arrival_s,5,,1", "two units for one column"),
-        ("value,sigma_percent", "a,air_arrival_s,5,1,1", "are not relative"),
-        ("value,sigma_ms", "a,peak_overpressure_pa,5,1,1", "got one in ms"),
-        ("value,sigma", "a,peak_overpressure_mpa,5,1,1", "MPa or mPa"),
-        ("value,sigma", "a,peak_overpressure_psia,5,1,1", "absolute"),
-        ("value,sigma", "a,peak_overpressure_kpb,5,1,1", "did you mean kpa"),
-        ("value,sigma", "a,level_dba,150,1,1", "unknown quantity"),
-        ("value,sigma", "a,bearing_deg,361,1,1", "bearing_deg within 360 either way"),
-        ("value,sigma", "a,elevation_deg,91,1,1", "elevation_deg within 90"),
-        (
-            "value,sigma",
-            "a,peak_overpressure_kpa,-5,1,1",
-            "positive peak_overpressure_k",
-        ),
-    ],
-)
-def test_what_does_not_go_together_is_refused(log, head, row, said):
-    with pytest.raises(InputError, match=said):
-        of(log, row, head=f"sensor,quantity,{head},range_m\n")
+def test_a_column_may_hold_the_unit_of_each_value(log):
+    head = "sensor,quantity,value,unit,sigma,range_m\n"
+    rows = (
+        "a,peak_overpressure,5,kPa,0.1,1",
+        "a,air_arrival,2,ms,,1",
+        "b,peak_overpressure_psi,2,psi,,1",
+        "b,air_arrival_s,2,,,1",
+    )
+    found = of(log, *rows, head=head)
+    np.testing.assert_allclose(found.value, [5000, 2e-3, 2 * PSI, 2])
+    np.testing.assert_allclose(found.sigma[0], 100)
+    with pytest.raises(InputError, match=r"line 2.*'peak_overpressure_pa_kPa'"):
+        of(log, "a,peak_overpressure_pa,5,kPa,,1", head=head)
 
 
-@pytest.mark.parametrize(
-    ("columns", "said"),
-    [
-        ("value,value_kpa,sigma,range_m", "two units for one column"),
-        ("value,Value,sigma,range_m", "column value once, got 'value' and 'Value'"),
-        ("value,sigma,range_m,range_ft", "two units for one column"),
-        ("value,sigma,sigma_percent,range_m", "two units for one column"),
-        ("value,sigma,range_furlong", "'furlong' is no unit of length"),
-        ("value_parsec,sigma,range_m", "'parsec' is no unit"),
-    ],
-)
-def test_two_units_for_a_column_and_unknown_ones_are_refused(log, columns, said):
-    row = ",".join(["a,air_arrival_s", *"1234"[: columns.count(",") + 1]])
+BAD = table("""
+value_kpa,sigma,range_m / a,peak_overpressure_psi,5,,1 => two units for one column
+value_kpa,sigma,range_m / a,air_arrival_s,5,,1 => two units for one column
+value,sigma_percent,range_m / a,air_arrival_s,5,1,1 => are not relative
+value,sigma_ms,range_m / a,peak_overpressure_pa,5,1,1 => got one in ms
+value,sigma,range_m / a,peak_overpressure_mpa,5,1,1 => MPa or mPa
+value,sigma,range_m / a,peak_overpressure_psia,5,1,1 => absolute
+value,sigma,range_m / a,peak_overpressure_kpb,5,1,1 => did you mean kpa
+value,sigma,range_m / a,level_dba,150,1,1 => unknown quantity
+value,sigma,range_m / a,bearing_deg,361,1,1 => bearing_deg within 360 either way
+value,sigma,range_m / a,elevation_deg,91,1,1 => elevation_deg within 90
+value,sigma,range_m / a,peak_overpressure_kpa,-5,1,1 => positive peak_overpressure_k
+value,value_kpa,sigma,range_m / a,air_arrival_s,1,2,3,4 => two units for one column
+value,Value,sigma,range_m / a,air_arrival_s,1,2,3,4 => once, got 'value' and 'Value'
+value,sigma,range_m,range_ft / a,air_arrival_s,1,2,3,4 => two units for one column
+value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => two units for one column
+value,sigma,range_furlong / a,air_arrival_s,1,2,3 => 'furlong' is no unit of length
+value_parsec,sigma,range_m / a,air_arrival_s,1,2,3 => 'parsec' is no unit
+""")
+
+
+@pytest.mark.parametrize(("given", "said"), BAD)
+def test_what_does_not_go_together_is_refused(log, given, said):
+    head, row = given.split(" / ")
     with pytest.raises(InputError, match=said):
-        of(log, row, head=f"sensor,quantity,{columns}\n")
+        of(log, row, head=f"sensor,quantity,{head}\n")
 
 
 def test_an_error_may_be_a_share_of_its_value(log):
@@ -122,7 +123,7 @@ def test_a_peak_level_is_a_pressure_and_its_decibels_a_share(log):
         found.error_scale(), np.array([1, 2]) * math.log(10) / 20, rtol=1e-12
     )
     assert found.bounds().tolist() == [False, True]
-    assert all(isinstance(told, LevelConverted) for told in found.understood)
+    assert {told.kind for told in found.understood} == {"level"}
 
 
 def test_a_level_may_have_its_error_per_cent_and_a_pressure_its_in_decibels(log):

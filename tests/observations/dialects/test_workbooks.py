@@ -9,7 +9,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations import read
-from jblast.observations.table import Dialect
+from jblast.report.messages import sentences_of
 
 FRAME = pd.DataFrame(
     {
@@ -42,7 +42,7 @@ def test_a_table_is_read_to_the_last_digit(tmp_path, name):
         log = read(source)
         np.testing.assert_array_equal(log.value, [1e3 / 3, 12.5e-3, 20e-3])
         np.testing.assert_allclose(log.slant_range, [30.48, 60.96, 91.44])
-        assert isinstance(log.understood[0], Dialect)
+        assert log.understood[0].kind in ("sheet", "format")
 
 
 @pytest.mark.parametrize("name", ENGINES)
@@ -54,31 +54,48 @@ def test_two_sheets_are_refused(tmp_path, name):
 
 OTHER = pd.DataFrame({"station": ["x"], "weather": ["dry"], "who": ["me"]})
 TITLE = pd.DataFrame({"Shot 12": []})
-TWO = "expected one table, got two: headers are in A1:E1 .* and "
 
 
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ([(FRAME, {}), (FRAME, {"startrow": 6})], f"row 7: {TWO}A7:E7"),
-        ([(FRAME, {}), (FRAME, {"startrow": 4})], f"row 5: {TWO}A5:E5"),
-        ([(FRAME, {}), (FRAME, {"startcol": 6})], f"row 1: {TWO}G1:K1"),
-        ([(FRAME, {}), (FRAME, {"startcol": 5})], f"row 1: {TWO}F1:J1"),
-        ([(FRAME, {}), (FRAME, {"startcol": 28, "startrow": 2})], f"{TWO}AC3:AG3"),
-        ([(FRAME, {}), (OTHER, {"startrow": 6})], "row 7: .*another header"),
-        ([(FRAME, {}), (OTHER, {"startrow": 4})], "row 5: .*another header"),
-        ([(FRAME, {}), (OTHER, {"startcol": 6})], "row 1: .*are these two tables"),
-        ([(OTHER, {}), (FRAME, {"startrow": 3})], "row 1: .*got 'station', .* A4:E4"),
-        ([(TITLE, {}), (FRAME, {"startrow": 1})], "row 1: .*got 'Shot 12', .* A2:E2"),
+        ([(FRAME, {}), (FRAME, {"startrow": 6})], "row 7, .*a second header"),
+        ([(FRAME, {}), (FRAME, {"startrow": 4})], "row 5, .*a second header"),
+        ([(FRAME, {}), (OTHER, {"startrow": 4})], "row 5, .*a second header"),
+        ([(FRAME, {}), (FRAME, {"startcol": 6})], "row 1: .*sensor once, got it twice"),
+        ([(FRAME, {}), (OTHER, {"startcol": 6})], "row 1: unknown column 'station'"),
+        (
+            [(FRAME, {}), (FRAME, {"startcol": 28, "startrow": 2})],
+            "row 1: .*a name above every column",
+        ),
+        ([(OTHER, {}), (FRAME, {"startrow": 3})], "row 1: unknown column 'station'"),
         ([(pd.DataFrame(), {})], "only empty ones"),
     ],
 )
-@pytest.mark.parametrize("wide", [False, True])
-def test_two_tables_or_none_are_refused(tmp_path, parts, said, wide):
-    if wide and "another header" in said:
-        said = "a column quantity, as long ones have"
+def test_two_tables_or_none_are_refused(tmp_path, parts, said):
     with pytest.raises(InputError, match=f"log.xlsx: .*{said}"):
-        read(saved(tmp_path / "log.xlsx", *parts), wide=wide)
+        read(saved(tmp_path / "log.xlsx", *parts))
+
+
+def test_titles_above_the_names_are_read_with_them(tmp_path):
+    rows = [
+        ["Gauge", "Position", None, None, "Readings", None],
+        [None, "east", "north", "up", "air_arrival", "peak_overpressure"],
+        ["-", "m", "m", "m", "ms", "kPa"],
+        ["gate", 60, 10, 0, 146.472093, 7.705322],
+    ]
+    path = tmp_path / "log.xlsx"
+    pd.DataFrame(rows).to_excel(path, index=False, header=False)
+    log = read(path, wide=True)
+    assert log.sensor == ("gate", "gate")
+    np.testing.assert_allclose(log.value, [0.146472093, 7705.322])
+    np.testing.assert_array_equal(log.position, [[60, 10, 0]] * 2)
+    assert log.where(0).endswith("row 4")
+    said = sentences_of(log.understood)
+    assert "rows 1 and 2 were read as one header" in said
+    assert "Gauge was read as sensor" in said
+    titled = saved(path, (TITLE, {}), (FRAME, {"startrow": 1}))
+    assert len(read(titled)) == 3
 
 
 def test_measurements_are_no_header(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 import jblast
 from jblast.errors import InputError
 from jblast.observations import write
-from jblast.report.understood import understood_lines
+from jblast.report.messages import sentences_of
 
 HEAD = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
 LOG = HEAD + (
@@ -31,13 +31,30 @@ def test_places_are_metres_about_the_middle_of_the_sensors(tmp_path):
     assert log.position[:, 2] == pytest.approx([-5, 5, 5], abs=0.001)
 
 
+@pytest.mark.parametrize(
+    ("lat", "lon"),
+    [
+        ('48°12\'00.3238""N', '11°30\'02.9057""W'),
+        ("48° 12.0053967' N", "W 11°30.0484283'"),
+        ("48°12′00,3238″N", "11.500807139 °W"),
+        ("48.200089944", "-11.500807139"),
+    ],
+)
+def test_degrees_minutes_and_seconds_have_a_hemisphere(tmp_path, lat, lon):
+    row = f'a,air_arrival_s,1.0,0.01,"{lat}","{lon}",0\n'
+    frame = read(tmp_path, HEAD + row).frame
+    assert frame is not None
+    assert frame.lat_deg == pytest.approx(48.200089944, abs=2e-9)
+    assert frame.lon_deg == pytest.approx(-11.500807139, abs=2e-9)
+
+
 def test_longitudes_above_180_are_west_and_reported(tmp_path):
     west = read(tmp_path, LOG.replace(",35.5,", ",355.5,"))
     same = read(tmp_path, LOG.replace(",35.5,", ",-4.5,"))
     assert west.frame is not None
     assert west.frame.lon_deg == pytest.approx(-4.5)
     assert west.position == pytest.approx(same.position, abs=1e-6)
-    (words,) = understood_lines(west.understood)
+    (words,) = sentences_of(west.understood)
     assert words == "lon_deg above 180 was read as west: less 360 (3 rows)"
     assert not same.understood
 
@@ -78,6 +95,8 @@ def test_a_log_of_one_place_stands_at_the_origin(tmp_path):
         ("33.9,35.5,10", "33.9,35.5,1e6", "line 2, column alt_m"),
         ("33.9,35.5,10", "-33.9,35.5,10", "line 2, column lat_deg: .*sign missing"),
         ("33.9,35.5,10", "N33.9,35.5,10", "line 2, column lat_deg: .*number"),
+        ("33.9,", "33°54',", "line 2, column lat_deg: .*with the hemisphere"),
+        ("33.9,", "33°61'N,", "line 2, column lat_deg: .*got"),
         ("33.9,", "３３.9,", "line 2.*got '３３.9'"),
     ],
 )  # fmt: skip

@@ -6,15 +6,14 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.observations.clocks import (
+from jblast.observations.instants import (
     NotAnInstant,
     day_named,
     instant,
-    moment,
     zone_named,
 )
 
-NOON = 1596542400_000_000_000  # 2020-08-04 12:00 UTC
+NOON = datetime(2020, 8, 4, 12, tzinfo=UTC)
 
 
 @pytest.mark.parametrize(
@@ -33,9 +32,9 @@ def test_one_instant_is_written_in_many_ways(text):
     assert instant(text, date(2020, 8, 4), zone_named("Europe/Paris")) == NOON
 
 
-def test_nanoseconds_are_kept():
-    assert instant("2020-08-04T12:00:00.123456789Z", None, None) - NOON == 123456789
-    assert instant("2020-08-04T12:00:18,31Z", None, None) - NOON == 18_310_000_000
+def test_microseconds_are_kept():
+    for text in ("2020-08-04T12:00:00.123456Z", "2020-08-04T12:00:00,1234569Z"):
+        assert instant(text, None, None) - NOON == timedelta(microseconds=123456)
 
 
 @settings(max_examples=200, deadline=None)
@@ -47,8 +46,8 @@ def test_the_standard_library_reads_the_same(when, minutes):
     zone = timezone(timedelta(minutes=minutes))
     text = when.replace(tzinfo=zone).isoformat()
     read = instant(text, None, None)
-    assert moment(read) == datetime.fromisoformat(text)
-    assert moment(read).tzinfo is UTC
+    assert read == datetime.fromisoformat(text)
+    assert read.tzinfo is UTC
 
 
 @pytest.mark.parametrize(
@@ -57,11 +56,11 @@ def test_the_standard_library_reads_the_same(when, minutes):
         ("15:08:18", "a date, as in .*date. YYYY-MM-DD for all .and .zone"),
         ("2020-08-04T15:08:18", "a zone, as in"),
         ("2016-12-31T23:59:60.5Z", "leap second"),
-        ("2020-02-30T00:00:00Z", "a day of the calendar"),
-        ("2020-08-04T25:00:00Z", "a time of day from"),
+        ("2020-02-30T00:00:00Z", "day is out of range"),
+        ("2020-08-04T25:00:00Z", "hour must be in"),
         ("2020-08-04", "a time as"),
-        ("2020-08-04T15:08:18 EST", "an offset"),
-        ("2020-08-04T15:08:18+99:00", "an offset within a day"),
+        ("2020-08-04T15:08:18 EST", "a time as"),
+        ("2020-08-04T15:08:18+99:00", "a time as"),
         ("1596542400.0", "a time as"),
         ("9999-12-31T23:59:59-12:00", "a year from"),
     ],
@@ -77,16 +76,16 @@ def test_a_local_time_that_never_was_or_came_twice_is_told():
         instant("2024-03-31T02:30:00", None, paris)
     with pytest.raises(NotAnInstant, match=r"add \+0200 or \+0100 to it"):
         instant("2024-10-27T02:30:00", None, paris)
-    hour = 3600_000_000_000
     summer = instant("2024-10-27T02:30:00+0200", None, paris)
-    assert instant("2024-10-27T02:30:00+0100", None, paris) - summer == hour
+    winter = instant("2024-10-27T02:30:00+0100", None, paris)
+    assert winter - summer == timedelta(hours=1)
 
 
 def test_an_offset_of_half_a_minute_counts():
     # Monrovia was 44 min 30 s behind until 7 January 1972
     text, zone = "1971-06-01T12:00:00", zone_named("Africa/Monrovia")
     behind = instant(text, None, zone) - instant(f"{text}Z", None, None)
-    assert behind == (44 * 60 + 30) * 1_000_000_000
+    assert behind == timedelta(minutes=44, seconds=30)
 
 
 def test_zones_and_days_that_are_none_are_told():

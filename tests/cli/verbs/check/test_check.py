@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from jblast.observations import read
@@ -39,6 +40,26 @@ def test_faults_and_warnings_are_all_told_in_one_go(jblast):
     assert "line 5: the clock of d looks 1 h fast" in " ".join(text.split())
     assert not Path(out).exists()
     assert max(map(len, text.splitlines())) <= 79
+
+
+def test_map_coordinates_are_no_mistake(jblast):
+    code, text, _ = jblast("check", str(DATA.parents[1] / "tests" / "data" / "utm.csv"))
+    assert code == 0
+    assert text.splitlines()[0] == "The log can be fitted: no faults or warnings"
+    assert "charge mass, charge east, charge north and origin time" in " ".join(
+        text.split()
+    )
+
+
+def test_faults_of_a_workbook_name_its_rows(jblast):
+    rows = [line.split(",") for line in BAD.replace("soon", "-").splitlines()]
+    frame = pd.DataFrame(rows[1:], columns=rows[0])
+    frame.to_excel(jblast.path("log.xlsx"), index=False)
+    code, text, _ = jblast("check", jblast.path("log.xlsx"))
+    assert code == 2
+    assert "row 2, column sigma: expected a positive number" in " ".join(text.split())
+    assert "row 5: the clock of d" in " ".join(text.split())
+    assert "line" not in text
 
 
 def test_what_is_wrong_is_told_once(jblast):

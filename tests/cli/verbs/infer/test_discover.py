@@ -118,6 +118,60 @@ def test_files_are_written_and_not_overwritten_unasked(jblast):
     assert discovered(jblast, pushed(), *options, "--force")[0] == 0
 
 
+def swings() -> list[np.ndarray]:
+    """Return a damped oscillator from two starts, 250 and 200 rows of 20 ms."""
+    rng = np.random.default_rng(1)
+
+    def swing(rows: int, *start: float) -> np.ndarray:
+        time = 0.02 * np.arange(rows)
+        flow = solve_ivp(
+            lambda t, y: (y[1], -4.0 * y[0] - 0.4 * y[1]),
+            (0.0, 5.0),
+            start,
+            t_eval=time,
+            rtol=1e-8,
+        )
+        noise = 0.003 * rng.standard_normal(flow.y.shape)
+        return np.vstack([time, flow.y + noise])
+
+    return [swing(250, 1.0, 0.0), swing(200, -0.5, 1.5)]
+
+
+def test_runs_are_joined_by_a_column_and_a_jump_without_it_is_named(jblast):
+    both = np.concatenate(swings(), axis=1)
+    number = np.repeat([1, 2], [250, 200])
+    text = columns_of(*both, number, header="time_s,x_m,v_m_s,run")
+    code, out, _ = discovered(jblast, text, "--json")
+    answer = json.loads(out)
+    assert (code, answer["state"]) == (0, ["x_m", "v_m_s"])
+    terms = answer["equations"]["v_m_s"]["terms"]
+    found = {term["term"]: term["coefficient"] for term in terms}
+    assert found == pytest.approx({"x_m": -4.0, "v_m_s": -0.4}, rel=0.02)
+    both[0] = 0.02 * np.arange(450)
+    code, out, _ = discovered(jblast, columns_of(*both, header="time_s,x_m,v_m_s"))
+    assert code == 4
+    assert "the states jump before row 251: if these are several runs" in out
+
+
+def test_a_column_that_is_the_sum_of_another_and_a_constant_is_exchangeable(jblast):
+    u = 3.0 * np.exp(-0.3 * TIME) + 0.01 * np.random.default_rng(0).normal(size=301)
+    text = columns_of(TIME, u, u + 1.0, header="time_s,u,w")
+    code, out, _ = discovered(jblast, text)
+    assert code == 4
+    assert out.startswith("Doubtful, u: u and w are exchangeable")
+
+
+def test_a_trajectory_in_milliseconds_with_decimal_commas_is_read(jblast):
+    time, x, v = swings()[0]
+    text = columns_of(1e3 * time, x, v, header="time_ms,x_m,v_m_s")
+    german = text.replace(",", ";").replace(".", ",")
+    code, out, _ = discovered(jblast, german, "--json")
+    terms = json.loads(out)["equations"]["v_m_s"]["terms"]
+    found = {term["term"]: term["coefficient"] for term in terms}
+    assert code == 0
+    assert found == pytest.approx({"x_m": -4.0, "v_m_s": -0.4}, rel=0.02)
+
+
 ROWS = [f"{0.1 * i:g},{np.sin(0.3 * i):.6f},1.5" for i in range(30)]
 
 
@@ -129,15 +183,15 @@ REFUSED = table("""
 0.3,1,1.5;--state x --input x => got x twice
 0.3,1,1.5;--state time_s => another column than time_s
 0.3,1,1.5;--input x,y => a column that is no input
-0.2,1,1.5; => line 5: column time_s: expected times that rise
-0.3,nan,1.5; => line 5: column x: expected a number
-0.3,1e200,1.5; => between -1e100 and 1e100, got '1e200'
-0.3,,1.5; => line 5: column x: expected a number
+0.2,1,1.5; => line 5, column time_s: expected times that rise
+0.3,nan,1.5; => line 5, column x: expected a number
+0.3,1e200,1.5; => between -1e100 and 1e100, got 1e+200
+0.3,,1.5; => line 5, column x: expected a number
 0.3,1; => line 5: expected 3 fields
 /time_s,x / 0,1 / 1,2; => at least 20 rows after the header, got 2
-/t,x / 0,1; => line 1: missing column time_s
+/t,x / 0,1; => line 1: expected one column time_s, got t, x
 /time_s,x,x / 0,1,1; => 'x' once, got it twice
-/; => the file is empty
+/; => got an empty file
 0.3,1,1.5;--state x --threshold 2 => --threshold
 0.3,1,1.5;--state x --degree 0 => --degree
 0.3,1,1.5;--state x --ensemble 18 => from 19 to 10000
@@ -153,8 +207,3 @@ def test_bad_input_is_one_message(jblast, asked, said):
     content = "\n".join(lines) + "\n" if lines != [""] else ""
     path = jblast.file("flight.csv", content)
     says(jblast.refused("discover", path, *options.split()), said)
-
-
-def test_semicolons_are_told(jblast):
-    path = jblast.file("flight.csv", "time_s;x\n0;1\n")
-    assert "got semicolons" in jblast.refused("discover", path)

@@ -26,7 +26,7 @@ def test_a_log_is_written_in_our_units_with_what_was_done(jblast):
         "decimal comma",
         "left out: line 5",
         "up = 0",
-        "column Note",
+        "columns: Note",
         "20 uPa",
     ):
         assert said in text
