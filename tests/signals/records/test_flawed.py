@@ -8,7 +8,8 @@ from scipy.signal import bilinear, lfilter
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import pick_records
-from jblast.signals.picks.pick_log import gathered, kept_quantities
+from jblast.signals.picks.gathered import gathered
+from jblast.signals.picks.pick_log import kept_quantities
 
 DATA = Path(__file__).parents[2] / "data"
 ARRIVAL, PEAK, DURATION, IMPULSE = 0.0200, 120e3, 6.00e-3, 250.6
