@@ -234,7 +234,8 @@ def _against_eye(inside, error, eye_error):
     for one, other in zip(error, eye_error, strict=True):
         for e in (one, other):
             size = np.abs(e[inside])
-            cells.append(f"{np.quantile(size[np.isfinite(size)], 0.68):.3g}")
+            size = size[np.isfinite(size)]
+            cells.append(f"{np.quantile(size, 0.68):.3g}" if size.size else "-")
     return cells
 
 
