@@ -7,11 +7,13 @@ pymap3d.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from jaxtyping import Float
 
+Numbers = Any
+"""Numbers or arrays of them; the type of jaxtyping for these imports JAX."""
 DEGREE_DIGITS, HEIGHT_DIGITS = 12, 6
 """Decimals of geodetic positions: 1e-12 degrees are 0.1 um. Conversion to metres and
 back is exact to 1e-13 degrees and 1e-8 m within 50 km."""
@@ -46,9 +48,9 @@ class Frame:
 
     def to_enu(
         self,
-        lat_deg: npt.ArrayLike,
-        lon_deg: npt.ArrayLike,
-        alt_m: npt.ArrayLike,
+        lat_deg: Numbers,
+        lon_deg: Numbers,
+        alt_m: Numbers,
     ) -> Float[np.ndarray, "*place 3"]:
         """Return east, north, up of places [m].
 
@@ -66,7 +68,7 @@ class Frame:
         enu = geodetic2enu(lat, lon, alt, self.lat_deg, self.lon_deg, self.alt_m)
         return np.stack([np.asarray(axis, float) for axis in enu], axis=-1)
 
-    def to_geodetic(self, enu_m: npt.ArrayLike) -> Float[np.ndarray, "*place 3"]:
+    def to_geodetic(self, enu_m: Numbers) -> Float[np.ndarray, "*place 3"]:
         """Return latitude, longitude (-180 to 180) [degree] and height of places [m].
 
         They are rounded to `DEGREE_DIGITS` and `HEIGHT_DIGITS`.
@@ -88,9 +90,9 @@ class Frame:
 
 
 def mean_frame(
-    lat_deg: npt.ArrayLike,
-    lon_deg: npt.ArrayLike,
-    alt_m: npt.ArrayLike,
+    lat_deg: Numbers,
+    lon_deg: Numbers,
+    alt_m: Numbers,
 ) -> Frame:
     """Return the frame at the mean of positions and of their heights.
 
