@@ -30,7 +30,7 @@ from jblast.observations.records.stations import read_stations
 from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor
 from jblast.sensors import heard, microphone
-from jblast.signals.picks.pick_log import gathered
+from jblast.signals.picks.gathered import gathered
 
 HERE = Path(__file__).parent
 DATA = HERE / "data" / "inl_phones"

@@ -51,8 +51,8 @@ LN_PER_DB = math.log(10.0) / 20.0
 SIGNS = {"µ": "u", "μ": "u", "°": " deg ", "%": " percent ", "/": " per ", "′": "'"}
 REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNORECASE)
 """The only reference of levels that is accepted: "dB re 20 uPa" is dB."""
-MAX_ENDING_WORDS = 3
-"""Number of words of the longest suffix: m_per_s."""
+MAX_ENDING_WORDS = 4
+"""Number of words of the longest suffix: lb_per_square_in."""
 CALLED: dict[str, dict[str, str]] = {
     "pressure": {
         "overpressure": "peak_overpressure_pa",
@@ -77,14 +77,21 @@ CALLED: dict[str, dict[str, str]] = {
         "positive_phase_duration": "positive_duration_s",
         "flash": "flash_time_s",
     },
-    "length": {"slant_range": "range_m", "shock_front_radius": "shock_radius_m"},
+    "length": {
+        "slant_range": "range_m",
+        "shock_front_radius": "shock_radius_m",
+        "height": "up_m",
+    },
     "speed": {
         "peak_ground_velocity": "ground_peak_velocity_m_s",
         "pgv": "ground_peak_velocity_m_s",
+        "ppv": "ground_peak_velocity_m_s",
+        "peak_particle_velocity": "ground_peak_velocity_m_s",
     },
     "level": {
         "peak_level": "peak_overpressure_pa",
         "peak_spl": "peak_overpressure_pa",
+        "pspl": "peak_overpressure_pa",
         "peak_sound_pressure_level": "peak_overpressure_pa",
     },
 }
@@ -134,12 +141,20 @@ PRESSURES = {
     "pa": "Pa", "upa": "uPa", "hpa": "hPa", "kpa": "kPa", "gpa": "GPa",
     "bar": "bar", "mbar": "mbar", "atm": "atm", "torr": "torr", "mmhg": "mmHg",
     "inhg": "inHg", "psi": "psi", "ksi": "ksi", "psf": "lbf/ft**2",
+    "poundspersquareinch": "psi", "lb_per_square_in": "psi",
+    **{f"{force}_per_{area}{square}": unit for force, area, unit in (
+        ("n", "m", "Pa"), ("n", "mm", "MPa"), ("lbf", "in", "psi"), ("lb", "in", "psi"),
+        ("kgf", "cm", "kgf/cm**2"),
+    ) for square in ("2", "_2")},
+    # columns of water by ISO 80000-4: conventional, 1000 kg/m^3
+    **{f"{length}h2o": f"centimeter_H2O * {of} / cm" for length, of in (
+        ("mm", "mm"), ("cm", "cm"), ("in", "inch"))},
     # Gauge readings are relative to ambient pressure, like overpressures.
     "psig": "psi", "kpag": "kPa", "barg": "bar",
 }  # fmt: skip
 TIMES = {
     "s": "s", "sec": "s", "ms": "ms", "msec": "ms", "us": "us", "usec": "us",
-    "ns": "ns", "min": "min", "h": "hour", "hr": "hour",
+    "ns": "ns", "min": "min", "h": "hour", "hr": "hour", "day": "day",
 }  # fmt: skip
 LENGTHS = {
     "m": "m", "km": "km", "cm": "cm", "mm": "mm", "um": "um", "nm": "nm",
@@ -148,6 +163,7 @@ LENGTHS = {
 WRITTEN_OUT = {
     "second": "s", "secs": "s", "millisecond": "ms", "msecs": "ms", "microsecond": "us",
     "nanosecond": "ns", "minute": "min", "mins": "min", "hour": "h", "hrs": "h",
+    "day": "day",
     "metre": "m", "meter": "m", "kilometre": "km", "kilometer": "km",
     "centimetre": "cm", "centimeter": "cm", "millimetre": "mm", "millimeter": "mm",
     "foot": "ft", "feet": "ft", "inch": "in", "inches": "in", "yard": "yd",
@@ -156,14 +172,22 @@ WRITTEN_OUT = {
     "degree": "deg", "radian": "rad", "milliradian": "mrad", "decibel": "db",
     "kilogram": "kg", "gram": "g", "tonne": "t", "pound": "lb", "lbs": "lb",
     "ounce": "oz", "knot": "kn", "pixel": "px",
+    "volt": "v", "millivolt": "mv", "microvolt": "uv",
 }  # fmt: skip
 """Full names of units, in the singular, and other abbreviations."""
-ABSOLUTE = ("psia", "kpaa", "bara", "mbara")
-"""Suffixes of absolute pressures, which are not overpressures."""
+ABSOLUTE = {"psia": "psi", "kpaa": "kPa", "bara": "bar", "mbara": "mbar"}
+"""Suffixes of absolute pressures, which are not overpressures, and their units."""
 WEIGHTED = ("dba", "db_a", "dbb", "db_b", "dbc", "db_c", "laeq", "leq")
 """Suffixes of levels other than the unweighted peak."""
 MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
 """Suffixes with two meanings that differ in case only."""
+COUNTS = ("1", "count", "counts", "dimensionless", "fs")
+NO_UNITS = ("", "none", "unknown")
+"""Units of samples in files: whole numbers without a scale, and none."""
+LINEAR = ("l", "lin", "linear", "z")
+"""Weightings behind a unit that leave the pressure as it is: pa.(L), dB(L), dBZ."""
+SINCE = re.compile(r"\s*(\w+)\s+since\s+(.+?)\s*")
+"""Unit of time with its zero in the CF conventions: "seconds since 2020-08-04"."""
 SHARE, LEVEL = "share", "level"
 """Dimensions without an SI unit: per cent, and levels, which are logarithms."""
 SUFFIXES: dict[str, dict[str, str]] = {
@@ -186,13 +210,14 @@ SUFFIXES: dict[str, dict[str, str]] = {
     "angle": {"rad": "rad", "mrad": "mrad", "deg": "degree"},
     "mass": {"kg": "kg", "g": "g", "mg": "mg", "t": "tonne", "lb": "lb", "oz": "oz"},
     "image": {"px": "px"},
+    "voltage": {"v": "V", "mv": "mV", "uv": "uV"},
     SHARE: {"percent": "percent"},
-    LEVEL: {"db": "dB"},
+    LEVEL: {"db": "dB", **{f"db{_}{w}": "dB" for _ in ("", "_") for w in LINEAR}},
 }  # fmt: skip
 """Suffixes by dimension with pint's units; levels have no factor (`overpressure`)."""
 SI = {
     "pressure": "pa", "impulse": "pa_s", "time": "s", "length": "m", "speed": "m_s",
-    "angle": "rad", "mass": "kg", "image": "px",
+    "angle": "rad", "mass": "kg", "image": "px", "voltage": "v",
 }  # fmt: skip
 """Suffix of jblast's names by dimension."""
 
@@ -320,6 +345,63 @@ def si_ratio(suffix: str) -> Fraction:
     if dimension == LEVEL:
         raise InputError(f"unit {shown(suffix)}: a level has no factor")
     return _ratio(dimension, pint)
+
+
+class SampleUnit(NamedTuple):
+    """The unit of samples or times in a file.
+
+    Attributes:
+        dimension: "pressure", "time", "voltage", "count", or "" for none or another.
+        factor: Factor to pascals, seconds, volts or counts.
+        zero: Time zero as written, for times since a date; "" without one.
+    """
+
+    dimension: str
+    factor: float = 1.0
+    zero: str = ""
+
+
+@cache
+def sample_unit(text: str) -> SampleUnit:
+    """Return the unit of samples or times; absolute pressures count as others.
+
+    Args:
+        text: "kPa", "psia", "pa.(L)", "mV", "counts", "days since 2020-08-04".
+    """
+    if since := SINCE.fullmatch(text):
+        dimension, factor, _ = sample_unit(since[1])
+        return SampleUnit(dimension if dimension == "time" else "", factor, since[2])
+    words = words_of(text)
+    if len(words) > 1 and words[-1].lower() in LINEAR:
+        words.pop()
+    plain = "_".join(words)
+    key = plain.lower()
+    if key in COUNTS:
+        return SampleUnit("count")
+    # mpa may be MPa or mPa, nine orders of magnitude apart: two meanings are none
+    meant = unit_spelt(ABSOLUTE.get(key, plain))
+    if len(meant) == 1 and meant[0].dimension in ("pressure", "time", "voltage"):
+        return SampleUnit(meant[0].dimension, si_factor(meant[0].suffix))
+    return SampleUnit("")
+
+
+def word_and_unit(name: str) -> tuple[str, str]:
+    """Return word and unit of a name: `Pressure (kPa)` or `pressure_kpa`.
+
+    The unit is "" if the name does not end in a known one; a name may be a unit alone.
+    """
+    unit = r"[(\[]\s*([^()\[\]]*(?:\([^()]*\))?)\s*[)\]]"
+    bracketed = re.fullmatch(rf"\s*(.*?)[\s_]*{unit}\s*", name)
+    if bracketed and bracketed[2].lower() not in LINEAR:
+        return bracketed[1], bracketed[2].strip()
+    parts = re.split(r"[\s_]+", name.strip())
+    if sample_unit(parts[-1]).dimension not in ("", "count"):
+        return " ".join(parts[:-1]), parts[-1]
+    # a unit behind a channel's number, as of oscilloscopes: CH1V
+    glued = re.fullmatch(r"(.*\d)([A-Za-z]+)", name.strip())
+    if glued and sample_unit(glued[2]).dimension in ("pressure", "voltage"):
+        return glued[1], glued[2]
+    return " ".join(parts), ""
 
 
 def in_si(values: Float[np.ndarray, " row"], suffix: str) -> Float[np.ndarray, " row"]:

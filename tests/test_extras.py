@@ -23,17 +23,15 @@ def log(suffix):
 
 
 def seismic(folder):
-    from jblast.observations.records.recording import Scaling
     from jblast.observations.records.seismic import open_seismic
 
-    open_seismic(folder / "x.mseed", Scaling())
+    open_seismic(folder / "x.mseed")
 
 
 def tdms(folder):
-    from jblast.observations.records.recording import Scaling
     from jblast.observations.records.tdms import open_tdms
 
-    open_tdms(folder / "x.tdms", Scaling())
+    open_tdms(folder / "x.tdms")
 
 
 def video(folder):

@@ -188,7 +188,7 @@ THROUGH_FILES = re.compile(r"with (\(\s*)?replacing\(")
 ALLOWED = {
     "autopilot/mavlink.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
-    "observations/records/matlab.py": "to the standard output of a reader process",
+    "observations/records/arrays.py": "to the standard output of a reader process",
     **dict.fromkeys(
         (
             "sensors/camera/files/recorded_events.py",

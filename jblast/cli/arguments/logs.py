@@ -116,9 +116,15 @@ def add_records(verb: VerbParser) -> None:
         metavar="STATIONS.csv",
         type=path,
         help="sensor positions of pressure records: columns sensor (stem of a file's "
-        "name, or stem.channel, by name or number), east_m, north_m, up_m or lat_deg, "
-        "lon_deg, alt_m, and optionally clock and start_utc (time of the first sample, "
-        "for files without a time stamp)",
+        "name, or stem.channel, by name or number; or a channel's name that no other "
+        "has), east_m, north_m, up_m or lat_deg, lon_deg, alt_m, and optionally clock "
+        "and start_utc (time of the first sample); or KML, GeoJSON or StationXML",
+    )
+    verb.advanced.add_argument(
+        "--trigger",
+        action="store_true",
+        help="times of all files count from a common trigger, whatever their times of "
+        "day (default: times of day where files state them)",
     )
     add_scale(verb)
 
@@ -176,6 +182,7 @@ def picked(
         scaling=scaling_of(options),
         high_pass_hz=options.high_pass,
         keep_samples=keep_samples,
+        trigger=options.trigger,
     )
     # A log written by a command names options in its comments, not arguments of Python.
     comments = tuple(of.comments(option_for))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, check_declared, needed, reading
-from jblast.observations.records.recording import Recording, Scaling, channel_names
+from jblast.observations.records.recording import FULL_SCALE, Clock, Column, Group
 
 VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".ogv")
 MAX_GAP_S = 0.02
@@ -81,33 +81,26 @@ def read_track(path: Path) -> Track:
     return Track(samples, float(rate), first - begin, codec)
 
 
-def open_clip(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return the recording of a clip's sound track.
+def open_clip(path: Path) -> tuple[Group, ...]:
+    """Return the sound track of a clip.
 
     Raises:
         InputError: As for `read_track`.
     """
-    track = read_track(path)
-    factor = 1.0 if scaling.full_scale_pa is None else scaling.full_scale_pa
-    samples = factor * track.samples
-    channels = len(samples)
-    return (
-        Recording(
-            source=str(path),
-            names=channel_names(path.stem, channels),
-            labels=tuple(f"channel {number + 1}" for number in range(channels)),
-            rate_hz=track.rate_hz,
-            length=samples.shape[1],
-            read=lambda start, stop: samples[:, start:stop],
-            start_s=track.start_s,
-            calibrated=scaling.full_scale_pa is not None,
-            full_scale=factor,
-            notes=(
-                f"sound track ({track.codec}); times count from the first frame of "
-                "the picture",
-            ),
+    samples, rate_hz, start_s, codec = read_track(path)
+    column = Column(
+        name="",
+        unit=FULL_SCALE,
+        length=samples.shape[1],
+        read=lambda start, stop: samples[:, start:stop],
+        channels=len(samples),
+        clocks=(Clock(rate_hz, start_s),),
+        full_scale=1.0,
+        notes=(
+            f"sound track ({codec}); times count from the first frame of the picture",
         ),
     )
+    return (Group((column,)),)
 
 
 def open_container(path: Path) -> Any:

@@ -7,25 +7,36 @@ are read whole and limited to 2 GB; the other formats are read in segments, at a
 length.
 """
 
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
 from jblast.errors import InputError, check_declared, closest, reading
 from jblast.lazy import resolved
 from jblast.observations.records.clips import VIDEOS
-from jblast.observations.records.csv import is_stations
 from jblast.observations.records.recording import (
+    Channels,
+    Group,
     Recording,
     Scaling,
+    channels_of,
+    recordings_of,
     warned,
-    without_unset_clocks,
 )
+from jblast.observations.records.text_samples import is_stations
 from jblast.registry import Registry
 
-Opener = Callable[[Path, Scaling], tuple[Recording, ...]]
+Opener = Callable[[Path], tuple[Group, ...]]
+ZEROS = tuple(datetime(year, 1, 1, tzinfo=UTC) for year in (1904, 1970, 1980, 2000))
+"""Zero of the clocks of LabVIEW, of POSIX, of GPS (5 days later) or DOS, and of field
+recorders: a recorder whose clock was not set begins there."""
+UNSET_S = 31 * 86400.0
+"""Longest time after one of them at which a clock is not set [s]: a recorder runs for
+weeks without a fix, and records of blasts of those months are few."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +46,7 @@ class RecordFormat:
     Attributes:
         name: Name of the format.
         suffixes: Suffixes of its files: (".wav", ".flac").
-        open: Function of path and scaling that returns recordings, or "module:name".
+        open: Function of a path that returns its columns, or "module:name".
         beginnings: First bytes of its files, and the suffix for messages: a file of
             another format's suffix that begins with them is refused.
         inside: Names of formats in which its files may be written.
@@ -62,7 +73,7 @@ RECORD_FORMATS = Registry[RecordFormat](
     RecordFormat(
         name="csv",
         suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"),
-        open=f"{_FOLDER}.csv:open_csv",
+        open=f"{_FOLDER}.text_samples:open_text",
         is_whole=True,
     ),
     RecordFormat(
@@ -86,13 +97,13 @@ RECORD_FORMATS = Registry[RecordFormat](
     RecordFormat(
         name="netcdf",
         suffixes=(".nc", ".nc4", ".h5", ".hdf5", ".hdf", ".cdf"),
-        open=f"{_FOLDER}.netcdf:open_netcdf",
+        open=f"{_FOLDER}.arrays:open_arrays",
         beginnings={b"\x89HDF": ".h5", b"CDF": ".nc"},
     ),
     RecordFormat(
         name="matlab",
         suffixes=(".mat",),
-        open=f"{_FOLDER}.matlab:open_matlab",
+        open=f"{_FOLDER}.arrays:open_arrays",
         beginnings={b"MATLAB": ".mat"},
         # version 7.3 is HDF5
         inside=("netcdf",),
@@ -126,22 +137,55 @@ def open_record(
             error of the format's reader.
     """
     path = Path(path)
+    with warned() as warnings, reading(path, f"a complete {path.suffix} file"):
+        recordings = recordings_of(path, _groups(path), scaling or Scaling())
+    # samples of a record are at least a byte each, compressed ones less
+    check_declared(path, sum(one.length * len(one.names) for one in recordings))
+    if not any(recording.length for recording in recordings):
+        raise InputError(f"{path}: expected samples, got none")
+    # each once: a library may repeat one for every channel
+    notes = tuple(f"warning of the reader: {one}" for one in dict.fromkeys(warnings))
+    return tuple(
+        replace(one, notes=(*one.notes, *notes)) for one in map(_dated, recordings)
+    )
+
+
+def open_channels(path: str | os.PathLike[str]) -> tuple[Channels, ...]:
+    """Return the channels of pressure of a file, for their names.
+
+    Raises:
+        InputError: As for `open_record`.
+    """
+    path = Path(path)
+    with warned(), reading(path, f"a complete {path.suffix} file"):
+        return channels_of(path, _groups(path))
+
+
+def _groups(path: Path) -> tuple[Group, ...]:
     if not path.exists():
         raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
-    with warned() as warnings, reading(path, f"a complete {path.suffix} file"):
-        recordings = resolved(kind.open)(path, scaling or Scaling())
-    # samples of a record are at least a byte each, compressed ones less
-    check_declared(path, sum(one.length * len(one.names) for one in recordings))
-    recordings = without_unset_clocks(recordings)
-    if not any(recording.length for recording in recordings):
-        raise InputError(f"{path}: expected samples, got none")
-    if not warnings:
-        return recordings
-    # each once: a library may repeat one for every channel
-    notes = tuple(f"warning of the reader: {one}" for one in dict.fromkeys(warnings))
-    return tuple(replace(one, notes=(*one.notes, *notes)) for one in recordings)
+    return resolved(kind.open)(path)
+
+
+def _dated(one: Recording) -> Recording:
+    """Return a recording without UTC if its clock was not set.
+
+    Its times count from the first sample of the file.
+    """
+    begin = one.epoch and one.epoch + timedelta(seconds=math.floor(one.start_s))
+    for zero in ZEROS:
+        if begin and 0 <= (begin - zero).total_seconds() < UNSET_S:
+            note = f"its clock was not set: it begins in {zero.year}"
+            return replace(
+                one,
+                epoch=None,
+                start_s=one.own_start_s,
+                clock_is_set=False,
+                notes=(*one.notes, f"no time of day, as {note}"),
+            )
+    return one
 
 
 def is_record(path: Path) -> bool:
@@ -212,8 +256,9 @@ def record_files(
 ) -> RecordFiles:
     """Return the records among files and folders.
 
-    In a folder, hidden files, folders, files of unknown suffixes, tables of stations
-    and logs are left out. Each named file must be a record.
+    In a folder, hidden files, files of unknown suffixes, tables of stations and logs
+    are left out; folders in it are read if it contains no record itself. Each named
+    file must be a record.
 
     Args:
         named: Files and folders.
@@ -243,6 +288,13 @@ def record_files(
             if is_record(path)
             and not (path.suffix.lower() in tables and is_stations(path))
         ]
+        folders = [path for path in sorted(name.iterdir()) if path.is_dir()]
+        if not records and folders:
+            # the shots of a day
+            for found in (record_files([folder], stations) for folder in folders):
+                files += found.files
+                left_out += found.left_out
+            continue
         if not records:
             raise InputError(
                 f"{name}: expected a folder of records of samples, got "

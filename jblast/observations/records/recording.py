@@ -1,15 +1,17 @@
 """Recordings: the channels of one clock, their units and their sampling rate.
 
-A `Recording` is a file that is open for reading, of which no samples have been read; a
+A `Recording` is open for reading, of which no samples have been read; a
 `PressureRecord` contains the samples of one channel. Both have a constant sampling
 rate. Times in a file are replaced by the straight line through them (least squares),
 with the rate rounded as far as that moves no sample by 1 % of a step. Times more than a
 quarter of a step off that line, gaps and repeated times are refused.
 
-Units are part of the names of channels (`pressure_kpa`, `Pressure (kPa)`) or given with
-them. Samples become pascals by their unit of pressure, or by the sensitivity or full
-scale that the user specifies. Without one, volts are refused; counts and shares of full
-scale keep their unit and are marked as not calibrated.
+The readers of all formats return the columns of a file with their units (`Group`). One
+rule, `recordings_of`, finds among them time and pressure. Units are given with a column
+or part of its name (`pressure_kpa`, `Pressure (kPa)`). Samples become pascals by their
+unit of pressure, or by the sensitivity or full scale that the user specifies. Without
+one, volts are refused; counts and shares of full scale keep their unit and are marked
+as not calibrated.
 
 The time of the first sample is an epoch, a whole second in UTC, and seconds after it.
 Seconds since 1970 in double precision are 2.4e-7 s apart; seconds after the epoch are
@@ -20,45 +22,26 @@ import logging
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Num
 
-from jblast.errors import InputError, argument, nearest, reading, shown
-from jblast.units import si_factor, unit_spelt
+from jblast.errors import InputError, argument, reading, shown
+from jblast.units import NO_UNITS, sample_unit, spelt, word_and_unit
 
 BLOCK_SAMPLES = 2**20
 """Number of samples of all channels that are read together: 8 MB, large enough that
 opening the file costs little, small enough for any memory."""
 RATES = ("rate_hz", "sampling_rate_hz", "sampling_rate", "sample_rate", "fs_hz", "fs")
 """Names of the sampling rate in files without times."""
-VOLTS = {
-    "v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3, "millivolts": 1e-3, "uv": 1e-6,
-}  # fmt: skip
-PSI = 6894.757293168
-PRESSURES = {
-    "pascal": 1.0, "pascals": 1.0, "n_m2": 1.0, "n_m_2": 1.0, "n_mm2": 1e6,
-    "n_mm_2": 1e6, "lbf_in2": PSI, "lbf_in_2": PSI, "lb_in2": PSI, "lb_in_2": PSI,
-    "poundspersquareinch": PSI, "pounds_per_square_inch": PSI,
-    "inh2o": 249.08891, "mmh2o": 9.80665, "cmh2o": 98.0665, "kgf_cm2": 98066.5,
-    "kgf_cm_2": 98066.5,
-    "psia": PSI, "kpaa": 1e3, "bara": 1e5, "mbara": 1e2,
-}  # fmt: skip
-"""Pascals per unit in files of samples, besides those of `units`. Absolute pressures
-are among them: readings count from the level before the front. A column of water is
-that of ISO 80000-4 (conventional, 1000 kg/m^3, 9.80665 m/s^2) [Pa]."""
-TIMES = {
-    "second": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9,
-    "seconds": 1.0, "minutes": 60.0, "hours": 3600.0,
-}  # fmt: skip
-NO_UNIT_WORDS = {"", "1", "count", "counts", "none", "unknown", "dimensionless", "fs"}
-"""Units in files that are no units, or that cannot be converted."""
+FULL_SCALE = "full scale"
+"""Unit of sound: shares of the largest sample."""
 IGNORED = ("note", "comment", "index", "sample", "number", "n", "")
 """First words of columns without measurements."""
 MAX_JITTER = 0.25
@@ -80,12 +63,6 @@ START = datetime(1970, 1, 1, tzinfo=UTC)
 """Zero of POSIX time."""
 BILLION = 1_000_000_000
 """Nanoseconds per second."""
-ZEROS = tuple(datetime(year, 1, 1, tzinfo=UTC) for year in (1904, 1970, 1980))
-"""Zero of the clocks of LabVIEW, of POSIX and of GPS (5 days later) or DOS: a recorder
-whose clock was not set begins there."""
-UNSET_S = 31 * 86400.0
-"""Longest time after one of them at which a clock is not set [s]: a recorder runs for
-weeks without a fix, and records of blasts of those months are few."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +83,8 @@ class PressureRecord:
             one, or if unknown.
         source: The file.
         notes: Notes of the reader, a sentence each.
-        alias: Its name by number: stem.1; "" without one.
+        aliases: Other names of the channel, which a table of stations may have.
+        shot: Name of the event, if the folder of the file is one; "" without one.
     """
 
     name: str
@@ -119,7 +97,8 @@ class PressureRecord:
     high_pass_hz: float | None = None
     source: str = ""
     notes: tuple[str, ...] = ()
-    alias: str = ""
+    aliases: tuple[str, ...] = ()
+    shot: str = ""
 
     def __post_init__(self):
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
@@ -158,10 +137,13 @@ class Recording:
         calibrated: True for samples in pascals.
         full_scale: Largest absolute value of a sample; None if unknown.
         notes: Notes of the reader, a sentence each.
-        first_line: Line of the first sample in a text; None for other formats.
-        aliases: Names of the channels by number, which tables of stations may have.
+        line: Function that returns the position of a sample in a text, for messages;
+            None for other formats.
+        aliases: Other names of each channel, which a table of stations may have.
         offset: Function that returns the time of a sample after the first one [s], for
             a rate that varies; None for a constant rate.
+        own_start_s: Time of the first sample from the zero of the file's own times: the
+            trigger, or the first sample of the file [s].
         clock_is_set: False for a recorder whose clock began at zero when it started.
     """
 
@@ -176,9 +158,10 @@ class Recording:
     calibrated: bool = True
     full_scale: float | None = None
     notes: tuple[str, ...] = ()
-    first_line: int | None = None
-    aliases: tuple[str, ...] = ()
+    line: Callable[[int], str] | None = None
+    aliases: tuple[tuple[str, ...], ...] = ()
     offset: Callable[[int], float] | None = None
+    own_start_s: float = 0.0
     clock_is_set: bool = True
 
     @property
@@ -209,8 +192,8 @@ class Recording:
 
     def place(self, sample: int) -> str:
         """Return a sample's position for messages: its line, or number and time."""
-        if self.first_line is not None:
-            return f"line {self.first_line + sample}"
+        if self.line is not None:
+            return self.line(sample)
         return f"sample {sample + 1} ({self.time_s(sample):.6g} s)"
 
     def time_s(self, sample: int) -> float:
@@ -246,65 +229,8 @@ class Recording:
             full_scale=self.full_scale,
             source=self.source,
             notes=self.notes,
-            alias=self.aliases[channel] if self.aliases else "",
+            aliases=self.aliases[channel] if self.aliases else (),
         )
-
-
-def channel_names(stem: str, count: int) -> tuple[str, ...]:
-    """Return a file's channels by number: its stem, or stem.1 and so on."""
-    if count == 1:
-        return (stem,)
-    return tuple(f"{stem}.{number}" for number in range(1, count + 1))
-
-
-def named_channels(stem: str, words: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of a file's channels: stem.name, or by number without names.
-
-    Args:
-        stem: Stem of the file.
-        words: Names of the channels in the file; "" without one.
-    """
-    # a comma or quote separates fields of a log, # is followed by a bang's number
-    words = [re.sub(r"[\s,;\"'#]+", " ", word).strip() for word in words]
-    if len(words) == 1 or "" in words or len(set(words)) < len(words):
-        return channel_names(stem, len(words))
-    return tuple(f"{stem}.{word}" for word in words)
-
-
-class SampleClock(NamedTuple):
-    """Times of samples.
-
-    Attributes:
-        start_s: Time of the first one on the recorder's clock [s].
-        rate_hz: Sampling rate [Hz].
-        epoch: UTC of that clock's time zero; None if unknown.
-    """
-
-    start_s: float
-    rate_hz: float
-    epoch: datetime | None = None
-
-
-class Piece(NamedTuple):
-    """An array of samples within a file.
-
-    Attributes:
-        label: Its name in messages: "variable pressure_kpa".
-        unit: Its unit as written; "" without one.
-        channels: Number of channels.
-        length: Number of samples of each.
-        read: Function that returns the samples in a range, in that unit.
-        clock: Times of the samples.
-        name: Name of the channel in names of records; "" for its number.
-    """
-
-    label: str
-    unit: str
-    channels: int
-    length: int
-    read: Callable[[int, int], Float[np.ndarray, "channel sample"]]
-    clock: SampleClock
-    name: str = ""
 
 
 class Scaling(NamedTuple):
@@ -319,48 +245,366 @@ class Scaling(NamedTuple):
     sensitivity: float | None = None
 
 
-def recordings_of(
-    path: Path, pieces: Sequence[Piece], scaling: Scaling, notes: tuple[str, ...] = ()
-) -> tuple[Recording, ...]:
-    """Return a recording for each array, its channels named or numbered in the file.
+class Clock(NamedTuple):
+    """Times of samples.
+
+    Attributes:
+        rate_hz: Sampling rate [Hz].
+        start_s: Time of the first sample from the file's own zero [s].
+        zero: UTC of that zero, nanoseconds since 1970; None if unknown.
+        begin: Its first sample within the column, of a column with gaps.
+        length: Number of samples; None for those of the column.
+        offset: As in `Recording`.
+        notes: Notes, a sentence each.
+    """
+
+    rate_hz: float
+    start_s: float = 0.0
+    zero: int | None = None
+    begin: int = 0
+    length: int | None = None
+    offset: Callable[[int], float] | None = None
+    notes: tuple[str, ...] = ()
+
+
+class Column(NamedTuple):
+    """An array of samples or times within a file.
+
+    Attributes:
+        name: Its name in the file; "" for its number.
+        unit: Its unit as written; "" for the one in its name.
+        length: Number of samples.
+        read: Function that returns the samples in a range, in that unit.
+        channels: Number of channels.
+        kind: Word for it in messages: "variable".
+        clocks: Its own clocks, several of a column with gaps; without one a column of
+            times of the same length, or the clock of the group.
+        full_scale: Largest absolute value of a sample, in its unit; None if unknown.
+        aliases: Other names of the channel.
+        notes: Notes, a sentence each.
+    """
+
+    name: str
+    unit: str
+    length: int
+    read: Callable[[int, int], Num[np.ndarray, "..."]]
+    channels: int = 1
+    kind: str = "channel"
+    clocks: tuple[Clock, ...] = ()
+    full_scale: float | None = None
+    aliases: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def word(self) -> str:
+        """Its name without a unit."""
+        word, unit = word_and_unit(self.name)
+        return word if word and sample_unit(unit).dimension else self.name
+
+    @property
+    def its_unit(self) -> str:
+        """Its unit, with that of its name if no other is given."""
+        plain = self.unit.strip().lower()
+        return word_and_unit(self.name)[1] if plain in NO_UNITS else self.unit
+
+    @property
+    def dimension(self) -> str:
+        """Dimension of the unit, as in `sample_unit`; "share" of full scale."""
+        if self.unit == FULL_SCALE:
+            return "share"
+        return sample_unit(self.its_unit).dimension
+
+    @property
+    def label(self) -> str:
+        """Its name for messages."""
+        return f"{self.kind} {self.name}".strip()
+
+
+class Group(NamedTuple):
+    """Columns that may have common times: a text, a struct, a group of a file.
+
+    Attributes:
+        columns: The columns.
+        clock: Clock of columns without times; None without one.
+        notes: Notes, a sentence each.
+        where: Position of the names, for messages: "line 3".
+        line: As in `Recording`.
+    """
+
+    columns: tuple[Column, ...]
+    clock: Clock | None = None
+    notes: tuple[str, ...] = ()
+    where: str = ""
+    line: Callable[[int], str] | None = None
+
+
+class Channels(NamedTuple):
+    """A column of pressure, and the names of its channels.
+
+    Attributes:
+        group: Its group.
+        column: The column.
+        names: Names of its channels: the stem of the file, or stem.channel.
+        aliases: Other names of each.
+    """
+
+    group: Group
+    column: Column
+    names: tuple[str, ...]
+    aliases: tuple[tuple[str, ...], ...]
+
+
+def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
+    """Return the columns of a file that are pressure, by their units.
+
+    These are pascals and volts; without any, counts and shares of full scale.
 
     Raises:
-        InputError: One contains volts without a sensitivity, or no pressure.
+        InputError: There are none; one has no unit, or two have one word and two units.
     """
-    aliases = channel_names(path.stem, sum(piece.channels for piece in pieces))
-    # channels of one array have no names of their own
-    named = len(pieces) > 1 and all(piece.name for piece in pieces)
-    words = [
-        f"{piece.name}.{n + 1}" if piece.channels > 1 else piece.name
-        for piece in pieces
-        for n in range(piece.channels)
-    ]
-    names = named_channels(path.stem, words) if named else aliases
-    recordings, first = [], 0
-    for piece in pieces:
-        last = first + piece.channels
-        labels = tuple(
-            piece.label if piece.channels == 1 else f"{piece.label}, channel {n + 1}"
-            for n in range(piece.channels)
-        )
-        scale = scale_of(piece.unit, scaling, f"{path}: {piece.label}")
-        recordings.append(
-            Recording(
-                source=str(path),
-                names=names[first:last],
-                labels=labels,
-                rate_hz=piece.clock.rate_hz,
-                length=piece.length,
-                read=_scaled(piece, scale.factor),
-                start_s=piece.clock.start_s,
-                epoch=piece.clock.epoch,
-                calibrated=scale.calibrated,
-                notes=notes,
-                aliases=aliases[first:last],
+    held = [(group, column) for group in groups for column in group.columns]
+    used = [one for one in held if one[1].dimension in ("pressure", "voltage")]
+    used = used or [one for one in held if one[1].dimension in ("count", "share")]
+    for group, column in held:
+        word, own = column.word.lower(), word_and_unit(column.name)[1]
+        if sample_unit(own).dimension not in ("", sample_unit(column.its_unit)) and (
+            sample_unit(own) != sample_unit(column.its_unit)
+        ):
+            raise InputError(
+                f"{_place(path, group)}{column.label}: expected one unit, got {own} in "
+                f"its name and {column.unit}"
             )
+        if column.dimension == "" and (
+            "overpressure" in word or word.startswith("pressure")
+        ):
+            raise InputError(
+                f"{_place(path, group)}{column.label}: expected a unit of pressure, as "
+                f"in pressure_kpa, got {column.its_unit or 'none'}"
+            )
+    if not used:
+        got = ", ".join(_listed(column) for _, column in held)
+        log = "sensor" in (column.name.strip().lower() for _, column in held)
+        raise InputError(
+            f"{path}: expected pressure, as pressure_kpa, or volts, got "
+            f"{shown(got) if got else 'no numbers'}"
+            + ("; this is a log, which jblast fit takes" if log else "")
         )
-        first = last
+    seen: dict[tuple[int, str], Column] = {}
+    for group, column in used:
+        bare = spelt(word_and_unit(column.name)[0])
+        first = seen.setdefault((id(group), bare), column)
+        if column.name and spelt(first.its_unit) != spelt(column.its_unit):
+            raise InputError(
+                f"{_place(path, group)}{column.kind}s {first.name} and {column.name}: "
+                f"expected one unit for one channel, got {first.its_unit} and "
+                f"{column.its_unit}; keep one of them, or give two channels two names"
+            )
+    # a comma or quote separates fields of a log, # is followed by a bang's number
+    words = [
+        re.sub(r"[\s,;\"'#]+", " ", column.word).strip()
+        + (f".{number + 1}" if column.channels > 1 else "")
+        for _, column in used
+        for number in range(column.channels)
+    ]
+    numbers = [f"{path.stem}.{number + 1}" for number in range(len(words))]
+    numbers = [path.stem] if len(words) == 1 else numbers
+    named = len(used) > 1 and len(set(words)) == len(words) and "" not in words
+    found, at = [], 0
+    for group, column in used:
+        names, aliases = [], []
+        for word, number in zip(words[at:], numbers[at:], strict=True):
+            own = [number, *([f"{path.stem}.{word}", word] if word else [])]
+            names.append(own[1] if named else number)
+            others = [one for one in (*own, *column.aliases) if one != names[-1]]
+            aliases.append(tuple(dict.fromkeys(others)))
+            if len(names) == column.channels:
+                break
+        at += column.channels
+        found.append(Channels(group, column, tuple(names), tuple(aliases)))
+    return tuple(found)
+
+
+def recordings_of(
+    path: Path, groups: Sequence[Group], scaling: Scaling
+) -> tuple[Recording, ...]:
+    """Return a recording for each column of pressure and each of its clocks.
+
+    Raises:
+        InputError: As for `channels_of`; or a column has no clock, or is in volts
+            without a sensitivity.
+    """
+    found = channels_of(path, groups)
+    used = {id(one.column) for one in found}
+    others = [
+        _listed(column)
+        for group in groups
+        for column in group.columns
+        if id(column) not in used
+        and column.dimension != "time"
+        and re.split(r"[\s_]", column.name.lower())[0] not in IGNORED
+    ]
+    notes = (f"left out, not pressure: {', '.join(others)}",) if others else ()
+    recordings, clocks = [], {}
+    for group, column, names, aliases in found:
+        where = f"{_place(path, group)}{column.label}"
+        factor, calibrated = _scale(column, scaling, where)
+        for clock in column.clocks or (_clock(path, group, column, clocks),):
+            epoch, start_s = None, clock.start_s
+            if clock.zero is not None:
+                start = clock.zero + round(clock.start_s * BILLION)
+                epoch, start_s = epoch_and_start(start)
+            labels = [
+                f"{column.label}, channel {number + 1}" * bool(column.name)
+                or f"channel {number + 1}"
+                for number in range(column.channels)
+            ]
+            if column.name and column.channels == 1:
+                labels = [column.label]
+            recordings.append(
+                Recording(
+                    source=str(path),
+                    names=names,
+                    labels=tuple(labels),
+                    rate_hz=clock.rate_hz,
+                    length=column.length if clock.length is None else clock.length,
+                    read=_scaled(column, clock.begin, factor),
+                    start_s=start_s,
+                    epoch=epoch,
+                    calibrated=calibrated,
+                    full_scale=(
+                        None
+                        if column.full_scale is None
+                        else factor * column.full_scale
+                    ),
+                    notes=(*group.notes, *column.notes, *clock.notes, *notes),
+                    line=group.line,
+                    aliases=aliases,
+                    offset=clock.offset,
+                    own_start_s=clock.start_s,
+                )
+            )
     return tuple(recordings)
+
+
+def _place(path: Path, group: Group) -> str:
+    return f"{path}: {group.where}, " if group.where else f"{path}: "
+
+
+def _listed(column: Column) -> str:
+    """Return a column's name with its unit, for lists."""
+    stated = column.unit and column.unit not in column.name
+    return f"{column.name} ({column.unit})" if stated else column.name
+
+
+def _scaled(
+    column: Column, begin: int, factor: float
+) -> Callable[[int, int], Float[np.ndarray, "channel sample"]]:
+    def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
+        samples = np.asarray(column.read(begin + start, begin + stop), np.float64)
+        return factor * np.atleast_2d(samples)
+
+    return read
+
+
+def _scale(column: Column, scaling: Scaling, where: str) -> tuple[float, bool]:
+    """Return the factor on samples, and whether the result is in pascals.
+
+    Raises:
+        InputError: The unit is volts, and there is no sensitivity.
+    """
+    dimension, factor, _ = sample_unit(column.its_unit)
+    if dimension == "pressure":
+        return factor, True
+    share = column.dimension == "share"
+    given = scaling.full_scale_pa if share else scaling.sensitivity
+    # without a sensitivity volts are an error, counts are not: those may be normalized
+    # sound
+    if dimension == "voltage" and given is None:
+        raise InputError(
+            f"{where}: expected pressure, got {column.its_unit}; add the pascals per "
+            f"volt, {argument('sensitivity')}"
+        )
+    return (1.0, False) if given is None else (factor * given, True)
+
+
+def _clock(path: Path, group: Group, column: Column, known: dict[int, Clock]) -> Clock:
+    """Return the clock of a column by the times of its group, or that of the group.
+
+    Raises:
+        InputError: There is none, or several columns of time.
+    """
+    times = [
+        one
+        for one in group.columns
+        if one.dimension == "time" and one.channels == 1 and one.length == column.length
+    ]
+    if len(times) == 1:
+        (one,) = times
+        if id(one) not in known:
+            known[id(one)] = _read_clock(path, group, one)
+        return known[id(one)]
+    if group.clock is not None and not times:
+        return group.clock
+    names = [one for one in group.columns if one is not column]
+    where = _place(path, group)
+    dates = [
+        c
+        for c in names
+        if re.search(r"(^|[\s_])(date|utc|timestamp)\b", c.name.lower())
+    ]
+    if dates and not times:
+        raise InputError(
+            f"{where}{dates[0].label}: expected seconds or milliseconds since any "
+            "moment, as time_s or time_ms, got times of day; add such a column, and "
+            "the time of the first sample to the column start_utc of the table of "
+            "stations"
+        )
+    untimed = [c for c in names if re.match(r"(elapsed|time|t)\b", c.word.lower())]
+    untimed = [c for c in untimed if not c.its_unit]
+    if untimed and not times:
+        raise InputError(
+            f"{where}{untimed[0].label}: expected a unit of time, as in time_s or "
+            "time_ms, got none"
+        )
+    got = ", ".join(
+        one.name + f" ({one.length})" * (one.length != column.length)
+        for one in times or names
+    )
+    raise InputError(
+        f"{where}{column.label}: expected one {column.kind} of time of its "
+        f"{column.length} samples, as time_s or time_ms, or a sampling rate, got "
+        f"{shown(got) if got else 'neither'}"
+    )
+
+
+def _read_clock(path: Path, group: Group, column: Column) -> Clock:
+    """Return the clock of a column of times."""
+    _, factor, zero = sample_unit(column.its_unit)
+    times = np.asarray(column.read(0, column.length)).ravel()
+    # stamps in nanoseconds since 1970 have more digits than a float
+    first = (
+        int(times[0]) if np.issubdtype(times.dtype, np.integer) and times.size else 0
+    )
+
+    def where(sample: int) -> str:
+        if group.line is not None:
+            return f"{path}: {group.line(sample)}, {column.label}"
+        return f"{path}: {column.label}, row {sample + 1}"
+
+    start_s, rate_hz = even_clock(factor * (times - first).astype(np.float64), where)
+    if not zero:
+        return Clock(rate_hz, start_s + factor * first)
+    try:
+        since = datetime.fromisoformat(zero.replace(" UTC", "+00:00"))
+    except ValueError:
+        raise InputError(
+            f"{path}: {column.label}: expected a unit as days since 2020-08-04, got "
+            f"{shown(column.its_unit)}"
+        ) from None
+    # CF conventions: a time without a zone is UTC
+    since = since if since.tzinfo else since.replace(tzinfo=UTC)
+    at = (since - START) // timedelta(microseconds=1) * 1000
+    return Clock(rate_hz, start_s, at + first * round(factor * BILLION))
 
 
 @contextmanager
@@ -386,235 +630,6 @@ def warned() -> Iterator[list[str]]:
         for one in caught
         if not issubclass(one.category, NOT_OF_THE_FILE)
     ]
-
-
-def left_out(labels: Sequence[str], head: str = "left out") -> tuple[str, ...]:
-    """Return the note on arrays or columns without pressure."""
-    return (f"{head}, not pressure: {', '.join(labels)}",) if labels else ()
-
-
-def _scaled(
-    piece: Piece, factor: float
-) -> Callable[[int, int], Float[np.ndarray, "channel sample"]]:
-    def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        return factor * np.asarray(piece.read(start, stop), np.float64)
-
-    return read
-
-
-class Scale(NamedTuple):
-    """Factor on samples, and whether the result is in pascals."""
-
-    factor: float
-    calibrated: bool
-
-
-def plain_unit(text: str) -> str:
-    """Return a unit in the spelling of the tables: `m/s` is m_s."""
-    # the micro sign and the Greek letter are two characters
-    text = text.strip().replace("µ", "u").replace("μ", "u")
-    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
-
-
-def pressure_factor(unit: str) -> float | None:
-    """Return pascals per unit; None for other units, and for mpa in lower case."""
-    return PRESSURES.get(plain_unit(unit)) or _factor(unit, "pressure")
-
-
-def volts_factor(unit: str) -> float | None:
-    """Return volts per unit; None for other units."""
-    return VOLTS.get(plain_unit(unit))
-
-
-def time_factor(unit: str) -> float | None:
-    """Return seconds per unit; None for other units."""
-    return TIMES.get(plain_unit(unit)) or _factor(unit, "time")
-
-
-def _factor(unit: str, dimension: str) -> float | None:
-    """Return the factor to SI units; None for other dimensions or ambiguous units."""
-    # mpa may be MPa or mPa, nine orders of magnitude apart: two meanings are none
-    meant = [of for of in unit_spelt(unit) if of.dimension == dimension]
-    return si_factor(meant[0].suffix) if len(meant) == 1 else None
-
-
-def holds_pressure(unit: str) -> bool:
-    """Return True if samples of a unit can be pressure: pascals, volts, or no unit."""
-    return (
-        pressure_factor(unit) is not None
-        or volts_factor(unit) is not None
-        or plain_unit(unit) in NO_UNIT_WORDS
-    )
-
-
-def scale_of(unit: str, scaling: Scaling, where: str) -> Scale:
-    """Return the factor on samples of a unit.
-
-    Args:
-        unit: Unit as in the file; "" without one.
-        scaling: Scale specified by the user.
-        where: File, and channel or column, for messages.
-
-    Raises:
-        InputError: The unit is volts without a sensitivity, or not one of pressure.
-    """
-    pascals = pressure_factor(unit)
-    if pascals is not None:
-        return Scale(pascals, calibrated=True)
-    # without a sensitivity volts are an error, counts are not: those may be normalized
-    # sound
-    volts = volts_factor(unit)
-    if volts is not None:
-        if scaling.sensitivity is None:
-            raise InputError(
-                f"{where}: expected pressure, got {unit}; add the pascals per volt, "
-                f"{argument('sensitivity')}"
-            )
-        return Scale(volts * scaling.sensitivity, calibrated=True)
-    if plain_unit(unit) in NO_UNIT_WORDS:
-        if scaling.sensitivity is None:
-            return Scale(1.0, calibrated=False)
-        return Scale(scaling.sensitivity, calibrated=True)
-    known = ("Pa", "kPa", "MPa", "mbar", "bar", "psi", "V", "mV")
-    raise InputError(
-        f"{where}: expected a unit of pressure or volts, "
-        f"got {shown(unit)}{nearest(unit, known)}"
-    )
-
-
-class SampleColumns(NamedTuple):
-    """Contents of the columns of a table of samples.
-
-    Attributes:
-        time: Number of the column of times; None without one.
-        seconds: Seconds per unit of these.
-        pressures: Numbers of the columns of pressure, or volts.
-        units: Units of these as written.
-        left_out: Names of the other columns.
-    """
-
-    time: int | None
-    seconds: float
-    pressures: tuple[int, ...]
-    units: tuple[str, ...]
-    left_out: tuple[str, ...]
-
-
-def columns_of(names: list[str], where: str, *, clocked: bool = False) -> SampleColumns:
-    """Return the contents of columns by the units at the end of their names.
-
-    Args:
-        names: `time_ms`, `Pressure (kPa)`, `ch1_mV`, in any order.
-        where: The file and line of the names, for messages.
-        clocked: True if the samples may have no column of time.
-
-    Raises:
-        InputError: There is not one column of time, or none of pressure; one has no
-            unit, or two have one word and two units.
-    """
-    dates: list[str] = []
-    untimed: list[str] = []
-    times: list[tuple[int, float]] = []
-    pressures: list[tuple[int, str]] = []
-    left_out: list[str] = []
-    for number, name in enumerate(names):
-        word, unit = word_and_unit(name)
-        seconds = time_factor(unit)
-        if seconds is not None:
-            times.append((number, seconds))
-        elif pressure_factor(unit) is not None or volts_factor(unit) is not None:
-            pressures.append((number, unit))
-        elif re.search(r"(^|[\s_])(date|utc|timestamp)\b", name.lower()):
-            dates.append(name)
-        elif re.match(r"(elapsed|time|t)\b", word.lower()) and not unit:
-            untimed.append(name)
-        elif word.lower().startswith("pressure") or "overpressure" in word.lower():
-            raise InputError(
-                f"{where}, column {name}: expected a unit of pressure in its name, as "
-                f"in pressure_kpa, got {unit or 'none'}"
-            )
-        else:
-            left_out.append(name)
-    if dates and not times and not clocked:
-        raise InputError(
-            f"{where}, column {dates[0]}: expected seconds or milliseconds since any "
-            "moment, as time_s or time_ms, got times of day; add such a column, and "
-            "the time of the first sample to the column start_utc of the table of "
-            "stations"
-        )
-    if untimed and not times and not clocked:
-        raise InputError(
-            f"{where}, column {untimed[0]}: expected a unit of time in its name, as in "
-            "time_s or time_ms, got none"
-        )
-    if len(times) != 1 and not (clocked and not times):
-        got = ", ".join(names[at] for at, _ in times) or shown(", ".join(names))
-        log = "sensor" in (name.strip().lower() for name in names)
-        raise InputError(
-            f"{where}: expected one column of time, as time_s or time_ms, got {got}"
-            + ("; this is a log, which jblast fit takes" if log else "")
-        )
-    if not pressures:
-        raise InputError(
-            f"{where}: expected a column of pressure, as pressure_kpa, or of volts, "
-            f"got {shown(', '.join(names))}"
-        )
-    refuse_two_units([(names[at], unit) for at, unit in pressures], f"{where}, columns")
-    time, seconds = times[0] if times else (None, 1.0)
-    return SampleColumns(
-        time,
-        seconds,
-        tuple(at for at, _ in pressures),
-        tuple(unit for _, unit in pressures),
-        tuple(
-            n
-            for n in (*left_out, *dates, *untimed)
-            if n.split("_")[0].lower() not in IGNORED
-        ),
-    )
-
-
-def refuse_two_units(pressures: Iterable[tuple[str, str]], where: str) -> None:
-    """Refuse one channel in two units: it is no second one.
-
-    Args:
-        pressures: Names of channels with their units, as they are written.
-        where: The file, and what the names are of, for messages.
-
-    Raises:
-        InputError: Two have one word and two units.
-    """
-    seen: dict[str, tuple[str, str]] = {}
-    for name, unit in pressures:
-        first, before = seen.setdefault(
-            plain_unit(word_and_unit(name)[0]), (name, unit)
-        )
-        if plain_unit(before) != plain_unit(unit):
-            raise InputError(
-                f"{where} {first} and {name}: expected one unit for one channel, got "
-                f"{before} and {unit}; keep one of them, or give two channels two names"
-            )
-
-
-def word_and_unit(name: str) -> tuple[str, str]:
-    """Return word and unit of a name: `Pressure (kPa)` or `pressure_kpa`.
-
-    The unit is "" if the name does not end in a known one; a name may be a unit alone.
-    """
-    bracketed = re.fullmatch(r"\s*(.*?)[\s_]*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*", name)
-    if bracketed:
-        return bracketed[1], bracketed[2]
-    parts = re.split(r"[\s_]+", name.strip())
-    unit = parts[-1]
-    if any(known(unit) is not None for known in (time_factor, pressure_factor)):
-        return " ".join(parts[:-1]), unit
-    if volts_factor(unit) is not None:
-        return " ".join(parts[:-1]), unit
-    # a unit behind a channel's number, as of oscilloscopes: CH1V
-    glued = re.fullmatch(r"(.*\d)([A-Za-z]+)", name.strip())
-    if glued and (pressure_factor(glued[2]) or volts_factor(glued[2])):
-        return glued[1], glued[2]
-    return " ".join(parts), ""
 
 
 def even_clock(
@@ -702,36 +717,3 @@ def epoch_and_start(nanoseconds: int) -> tuple[datetime, float]:
     """
     whole, part = divmod(nanoseconds, BILLION)
     return START + timedelta(seconds=whole), part / BILLION
-
-
-def without_unset_clocks(recordings: Iterable[Recording]) -> tuple[Recording, ...]:
-    """Return the recordings of a file, those of a clock that was not set without UTC.
-
-    Their times count from the first of their samples.
-    """
-    recordings = tuple(recordings)
-    begins = [
-        one.epoch and one.epoch + timedelta(seconds=math.floor(one.start_s))
-        for one in recordings
-    ]
-    unset = [
-        at
-        for at in begins
-        if at and any(0 <= (at - zero).total_seconds() < UNSET_S for zero in ZEROS)
-    ]
-    return tuple(
-        replace(
-            one,
-            epoch=None,
-            start_s=(one.epoch - min(unset)).total_seconds() + one.start_s,
-            clock_is_set=False,
-            notes=(
-                *one.notes,
-                "no time of day, as its clock was not set: it begins in "
-                f"{min(unset).year}",
-            ),
-        )
-        if one.epoch and begin in unset
-        else one
-        for one, begin in zip(recordings, begins, strict=True)
-    )

@@ -14,7 +14,6 @@ import re
 import warnings
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 from io import BytesIO
@@ -31,13 +30,9 @@ from jblast.observations.records.recording import (
     MAX_JITTER,
     RATE_TOLERANCE,
     START,
-    Piece,
-    Recording,
-    SampleClock,
-    Scaling,
-    epoch_and_start,
-    left_out,
-    recordings_of,
+    Clock,
+    Column,
+    Group,
 )
 
 IDEP = {6: "ground displacement", 7: "ground velocity", 8: "ground acceleration"}
@@ -95,15 +90,15 @@ class _Segment(NamedTuple):
     start: list[int]
 
 
-def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return the traces of a file of miniSEED or SAC, a recording for each segment.
+def open_seismic(path: Path) -> tuple[Group, ...]:
+    """Return the traces of a file of miniSEED or SAC, with a clock for each segment.
 
-    The samples are counts, whose scale is in another file: the user specifies the
-    pascals per count.
+    The samples are counts, whose scale is in another file. A channel is also named by
+    its SEED code, `NET.STA.LOC.CHA`, and its station, as files of stations name it.
 
     Raises:
-        InputError: ObsPy cannot read the file; it has no channel of pressure; records
-            of one time differ; or a trace has volts without a sensitivity.
+        InputError: ObsPy cannot read the file; it has no channel of pressure; or
+            records of one time differ.
     """
     obspy = needed("obspy", "seismic", path, "miniSEED or SAC is read")
     # by default ObsPy rounds SAC's step to a microsecond: 1.4 % at 44.1 kHz
@@ -143,28 +138,26 @@ def open_seismic(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
         for name in names
         if stats[name].calib not in (0.0, 1.0)
     ]
-    notes += left_out(others)
-    pieces, divided = [], []
+    notes += [f"left out, not pressure: {', '.join(others)}"] if others else []
+    columns = []
+    zero = min(record.start for name in names for record in held[name])
     for name in names:
-        rate_hz = _rate(stats[name])
-        samples, segments = _divided(f"{path}: trace {name}", held[name], rate_hz)
-        pieces.append(
-            Piece(
-                label=f"trace {name}",
-                unit=_unit(path, f"trace {name}", stats[name]),
-                channels=1,
+        rate_hz, label = _rate(stats[name]), f"trace {name}"
+        samples, segments = _divided(f"{path}: {label}", held[name], rate_hz)
+        clocks = [_clock(label, zero, rate_hz, segment) for segment in segments]
+        columns.append(
+            Column(
+                name=name,
+                unit=_unit(path, label, stats[name]),
                 length=samples.size,
-                read=partial(lambda of, start, stop: of[None, start:stop], samples),
-                clock=SampleClock(0.0, rate_hz),
+                read=partial(lambda of, start, stop: of[start:stop], samples),
+                kind="trace",
+                clocks=tuple(clocks),
+                aliases=(name, stats[name].station),
+                notes=_gaps(segments),
             )
         )
-        divided.append(segments)
-    made = recordings_of(path, pieces, scaling, tuple(notes))
-    return tuple(
-        _recording(whole, segment, _gaps(segments))
-        for whole, segments in zip(made, divided, strict=True)
-        for segment in segments
-    )
+    return (Group(tuple(columns), notes=tuple(notes)),)
 
 
 def _records(
@@ -289,44 +282,35 @@ def _step(records: list[_Record], rate_hz: float) -> float:
     return step if abs(step / nominal - 1.0) < MAX_RATE_OFFSET else nominal
 
 
-def _recording(whole: Recording, segment: _Segment, gaps: tuple[str, ...]) -> Recording:
-    """Return the recording of one segment of a trace.
+def _clock(label: str, zero: int, rate_hz: float, segment: _Segment) -> Clock:
+    """Return the clock of one segment of a trace.
 
     Args:
-        whole: All samples of the trace, without times.
+        label: The trace.
+        zero: Start of the file, nanoseconds since 1970.
+        rate_hz: Rate in the header.
         segment: The segment.
-        gaps: Notes on the gaps of the trace.
     """
     first = np.array(segment.first)
     # relative to the first, as nanoseconds since 1970 exceed the digits of a float
     since = np.array([(at - segment.start[0]) / BILLION for at in segment.start])
-    epoch, start_s = epoch_and_start(segment.start[0])
-    notes = whole.notes + gaps
-    rate_hz, shift, offset = whole.rate_hz, 0.0, None
+    notes, stated, shift, offset = (), rate_hz, 0.0, None
     # the end of the last record is no time of the file
     off = np.abs(since - first / rate_hz)[:-1].max()
     if off > max(RATE_TOLERANCE / rate_hz, LEAST_TIME_S):
         step, shift = np.polyfit(first[:-1], since[:-1], 1)
         rate_hz = float(f"{1.0 / step:.9g}")
-        notes += (
-            f"{whole.labels[0]}: {rate_hz:.7g} Hz by the times of its records, "
-            f"{whole.rate_hz:.7g} Hz in its header",
+        # the intercept has noise of the last digits of the times
+        shift = 0.0 if abs(shift) < RATE_TOLERANCE * step else float(shift)
+        notes = (
+            f"{label}: {rate_hz:.7g} Hz by the times of its records, {stated:.7g} Hz "
+            "in its header",
         )
         if np.abs(since - shift - first * step).max() > MAX_JITTER * step:
             shift = 0.0
             offset = partial(np.interp, xp=first, fp=since)
-    return replace(
-        whole,
-        length=int(first[-1]),
-        read=lambda start, stop: whole.read(
-            segment.begin + start, segment.begin + stop
-        ),
-        start_s=start_s + float(shift),
-        rate_hz=rate_hz,
-        offset=offset,
-        epoch=epoch,
-        notes=notes,
-    )
+    start_s = (segment.start[0] - zero) / BILLION + shift
+    return Clock(rate_hz, start_s, zero, segment.begin, int(first[-1]), offset, notes)
 
 
 def _gaps(segments: list[_Segment]) -> tuple[str, ...]:
@@ -364,4 +348,4 @@ def _unit(path: Path, label: str, stats: Any) -> str:
         raise InputError(
             f"{path}: {label}: expected pressure, got {IDEP[kind]} (idep {kind})"
         )
-    return "V" if kind == IDEP_VOLTS else ""
+    return "V" if kind == IDEP_VOLTS else "count"

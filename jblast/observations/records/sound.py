@@ -2,21 +2,23 @@
 
 Whole numbers are read as a share of full scale, floating-point numbers as they stand.
 Other compression with loss and samples that are not finite are refused; nothing is
-clipped or filled in. Of a truncated file the samples that are present are read, with a
-note: the header of a WAV file (RIFF, or RF64 by EBU Tech 3306) is compared with the
-size of the file, and the end of a FLAC file is decoded. A recorder that stopped without
-closing its file left the size 0 in the header, which is replaced by that of the file.
-Whole numbers are passed to libsndfile in the upper bits of 32, because its own
-conversion from floats is not the inverse of its reading. WAV files are written up to
-4 GiB.
+clipped or filled in. The header of a WAV file (RIFF, or RF64 by EBU Tech 3306) is
+compared with the size of the file: of a truncated file, and of one whose recorder
+stopped before it wrote the size, the samples that are present are read, with a note. A
+truncated FLAC file is refused. The time of the first sample is that of the chunk `bext`
+(EBU Tech 3285), or of the comment of an AudioMoth. Whole numbers are passed to
+libsndfile in the upper bits of 32, because its own conversion from floats is not the
+inverse of its reading. WAV files are written up to 4 GiB.
 """
 
 import math
 import mmap
 import os
+import re
 import struct
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
+from datetime import datetime, timedelta
 from fractions import Fraction
 from itertools import chain
 from pathlib import Path
@@ -27,7 +29,14 @@ from jaxtyping import Float, Int
 
 from jblast.errors import InputError, check_declared, shown
 from jblast.files import replacing
-from jblast.observations.records.recording import Recording, Scaling, channel_names
+from jblast.observations.records.recording import (
+    BILLION,
+    FULL_SCALE,
+    START,
+    Clock,
+    Column,
+    Group,
+)
 
 if TYPE_CHECKING:
     import soundfile
@@ -55,13 +64,17 @@ EXPECTED = "expected a sound file, WAV or FLAC"
 MAX_BYTES = 2**32 - 2**16
 """Largest size of the samples of a WAV file: its sizes have 32 bits, and 64 KiB are
 left for the header."""
-MAX_FRAMES = 2**36
-"""Limit of the number of samples in a FLAC header, where 0 means unknown."""
-FLAC_BLOCK = 4096
-"""Samples of a read from a damaged FLAC file: the usual size of its own blocks."""
 STREAMED = 0xFFFFFFFF
 """Size in a header that means "until the end of the file": written by programs that
 cannot seek back, and in RF64, where the chunk `ds64` has the true size."""
+BEXT_TIME, BEXT_BYTES = ((320, 330), (330, 338)), 346
+"""Position of date and time in `bext`, and the end of the number of samples since
+midnight, 64 bits."""
+RECORDED_AT = re.compile(
+    r"Recorded at (\d\d:\d\d:\d\d(?:\.\d+)?) (\d\d)/(\d\d)/(\d{4}) "
+    r"\(UTC(?:([+-])(\d\d?)(?::(\d\d))?)?\)"
+)
+"""Time in the comment of an AudioMoth: "Recorded at 14:05:00 01/02/2024 (UTC+1)"."""
 
 
 class SoundRecord(NamedTuple):
@@ -96,9 +109,9 @@ def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
             compression is lossy.
     """
     path = Path(path)
-    with opened_sound(path) as (file, length, notes):
-        rate_hz, subtype = file.samplerate, file.subtype
-        samples = file.read(length, dtype="float64", always_2d=True).T
+    with opened_sound(path) as (file, header):
+        rate_hz, subtype, notes = file.samplerate, file.subtype, header.notes
+        samples = _samples(path, file, file.frames)
     _check_finite(path, samples, rate_hz)
     dead = tuple(int(i) for i in np.flatnonzero(~samples.any(axis=1)))
     return SoundRecord(np.ascontiguousarray(samples), rate_hz, subtype, dead, notes)
@@ -264,45 +277,55 @@ def _check_finite(
     )
 
 
-def open_sound(path: Path, scaling: Scaling) -> tuple[Recording, ...]:
-    """Return the recording of a sound file, before its samples are read.
+def open_sound(path: Path) -> tuple[Group, ...]:
+    """Return the channels of a sound file, before its samples are read.
 
     Whole numbers clip at the largest code; the clipping level of floats is unknown.
 
     Raises:
         InputError: As for `read_sound`, except for samples that are not finite.
     """
-    with opened_sound(path) as (file, length, notes):
-        channels, rate_hz = file.channels, file.samplerate
-        largest = LARGEST.get(file.subtype)
-    factor = 1.0 if scaling.full_scale_pa is None else scaling.full_scale_pa
+    with opened_sound(path) as (file, header):
+        zero, notes = _start(file, header)
+        length, channels, rate_hz = file.frames, file.channels, float(file.samplerate)
 
     def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        # without the checks of the whole file, which decode a damaged one
-        with _opened(path) as (file, _):
-            file.seek(start)
-            samples = file.read(stop - start, dtype="float64", always_2d=True)
-        return factor * samples.T
+        with opened_sound(path) as (opened, _):
+            opened.seek(start)
+            return _samples(path, opened, stop - start)
 
-    recording = Recording(
-        source=str(path),
-        names=channel_names(path.stem, channels),
-        labels=tuple(f"channel {number + 1}" for number in range(channels)),
-        rate_hz=float(rate_hz),
+    column = Column(
+        name="",
+        unit=FULL_SCALE,
         length=length,
         read=read,
-        calibrated=scaling.full_scale_pa is not None,
-        full_scale=None if largest is None else factor * largest,
-        notes=notes,
+        channels=channels,
+        clocks=(Clock(rate_hz, 0.0, zero),),
+        full_scale=LARGEST.get(file.subtype),
+        notes=(*header.notes, *notes),
     )
-    return (recording,)
+    return (Group((column,)),)
+
+
+def _samples(
+    path: Path, file: "soundfile.SoundFile", count: int
+) -> Float[np.ndarray, "channel sample"]:
+    """Return the next samples of an open file.
+
+    Raises:
+        InputError: There are fewer: the file is cut short.
+    """
+    samples = file.read(count, dtype="float64", always_2d=True).T
+    if samples.shape[1] < count:
+        raise InputError(
+            f"{path}: is cut short: expected {count} samples, got {samples.shape[1]}"
+        )
+    return samples
 
 
 @contextmanager
-def opened_sound(
-    path: Path,
-) -> Iterator[tuple["soundfile.SoundFile", int, tuple[str, ...]]]:
-    """Open a sound file for reading, with its number of samples and notes.
+def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]]:
+    """Open a sound file for reading, with a size in its header.
 
     Raises:
         InputError: There is no such file; it is empty or not a sound file; it has no
@@ -319,30 +342,33 @@ def opened_sound(
         raise InputError(f"{path}: is empty; {EXPECTED}")
     if not os.access(path, os.R_OK):
         raise InputError(f"{path}: may not be read; {EXPECTED}")
+    header = _header(path)
     try:
-        with _opened(path) as (file, sizes):
+        with ExitStack() as stack:
+            source: Any = path
+            if header.fix:
+                file = stack.enter_context(path.open("rb"))
+                # a copy of the pages that are changed, not of the file
+                source = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
+                stack.enter_context(source)
+                at, octets = header.fix
+                source[at : at + len(octets)] = octets
+            file = stack.enter_context(soundfile.SoundFile(source))
             check_kind(path, file.format, file.subtype, file.channels)
-            length, notes = file.frames, ()
-            if sizes.unset:
-                notes = ("its header has no size: read to the end of the file",)
-            elif file.format == "FLAC":
-                length = _intact(path, length)
-            if length < file.frames or sizes.missing:
-                lost = f"{sizes.missing:,} bytes"
-                if length < file.frames:
-                    lost = f"{(file.frames - length) / file.samplerate:.4g} s"
-                notes = (
-                    f"cut short: {length / file.samplerate:.6g} s are read, and at "
-                    f"least {lost} are missing at its end",
-                )
-            check_declared(path, length * file.channels)
-            if length == 0:
+            check_declared(path, file.frames * file.channels)
+            if file.frames == 0:
                 raise InputError(
                     f"{path}: is cut short: expected samples, got the header alone"
-                    if sizes.missing or file.frames
+                    if header.missing
                     else f"{path}: expected a sound file with samples, got none"
                 )
-            yield file, length, notes
+            if header.missing:
+                note = (
+                    f"cut short: {file.frames / file.samplerate:.6g} s are read, and "
+                    f"at least {header.missing:,} bytes are missing at its end"
+                )
+                header = header._replace(notes=(note,))
+            yield file, header
     except soundfile.LibsndfileError as error:
         with path.open("rb") as file:
             start = file.read(4)
@@ -437,20 +463,24 @@ def encoded(
     return (np.minimum(codes, scale - 1) << (32 - bits)).astype(np.int32)
 
 
-class _Sizes(NamedTuple):
-    """Sizes in the header of a WAV file.
+class _Header(NamedTuple):
+    """The header of a WAV file, as far as libsndfile does not use it.
 
     Attributes:
         missing: Smallest number of bytes missing at the end of the file.
-        unset: Position of a size that was never written, and the right bytes.
+        fix: Position of a size that was never written, and the right bytes.
+        bext: Contents of the chunk of broadcast files; b"" without one.
+        notes: Notes, a sentence each.
     """
 
-    missing: int
-    unset: tuple[int, bytes] | None = None
+    missing: int = 0
+    fix: tuple[int, bytes] | None = None
+    bext: bytes = b""
+    notes: tuple[str, ...] = ()
 
 
-def _sizes(path: Path) -> _Sizes:
-    """Return the sizes in a header that do not agree with the file.
+def _header(path: Path) -> _Header:
+    """Return the header of a WAV file; of another file an empty one.
 
     References:
         Multimedia Programming Interface and Data Specifications 1.0 (IBM, Microsoft,
@@ -460,71 +490,59 @@ def _sizes(path: Path) -> _Sizes:
     with path.open("rb") as file:
         head = file.read(12)
         if not head.startswith((b"RIFF", b"RF64")) or len(head) < 12:
-            return _Sizes(0)
-        whole = 8 + struct.unpack("<I", head[4:8])[0]
-        long_size, long_at = STREAMED, 0
+            return _Header()
+        whole, bext = 8 + struct.unpack("<I", head[4:8])[0], b""
+        form, at_long, long_size = "<I", 0, STREAMED
         while len(head := file.read(8)) == 8:
             name, size = struct.unpack("<4sI", head)
-            if name == b"ds64":
-                long_at = file.tell()
-                long_whole, long_size = struct.unpack(
-                    "<QQ", file.read(16).ljust(16, b"\0")
-                )
-                whole = 8 + long_whole
-                file.seek(size - 16, 1)
-                continue
+            at = file.tell()
             if name == b"data":
-                at = file.tell()
-                is_long = size == STREAMED and long_at > 0
-                size = long_size if is_long else size
+                if size == STREAMED and at_long:
+                    form, size = "<Q", long_size
+                elif size == STREAMED:
+                    return _Header(0, None, bext)
                 # other chunks behind no samples are within the size of the whole
                 if size == 0 and at < there != whole:
-                    if is_long:
-                        fix = long_at + 8, struct.pack("<Q", there - at)
-                    else:
-                        fix = at - 4, struct.pack("<I", min(there - at, STREAMED))
-                    return _Sizes(0, fix)
-                stated = 0 if size == STREAMED else at + size
-                return _Sizes(max(stated - there, 0))
+                    right = there - at if form == "<Q" else min(there - at, STREAMED)
+                    fix = at_long if form == "<Q" else at - 4, struct.pack(form, right)
+                    note = "its header has no size: read to the end of the file"
+                    return _Header(0, fix, bext, (note,))
+                return _Header(max(at + size - there, 0), None, bext)
+            if name == b"ds64":
+                whole, long_size = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
+                whole, at_long = whole + 8, at + 8
+            if name == b"bext":
+                bext = file.read(min(size, BEXT_BYTES))
             # chunks begin at even positions
-            file.seek(size + size % 2, 1)
+            file.seek(at + size + size % 2)
     # the file ends before the header of its samples
-    return _Sizes(8 - len(head))
+    return _Header(8 - len(head))
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple["soundfile.SoundFile", _Sizes]]:
-    """Open a sound file with the sizes of the file in its header, and yield both."""
-    import soundfile
+def _start(
+    file: "soundfile.SoundFile", header: _Header
+) -> tuple[int | None, tuple[str, ...]]:
+    """Return the time of the first sample, in nanoseconds since 1970, and a note.
 
-    sizes = _sizes(path)
-    with ExitStack() as stack:
-        source: Any = path
-        if sizes.unset:
-            file = stack.enter_context(path.open("rb"))
-            # a copy of the pages that are changed, not of the file
-            source = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY)
-            stack.enter_context(source)
-            at, octets = sizes.unset
-            source[at : at + len(octets)] = octets
-        yield stack.enter_context(soundfile.SoundFile(source)), sizes
-
-
-def _intact(path: Path, frames: int) -> int:
-    """Return the number of samples of a FLAC file that can be read."""
-    import soundfile
-
-    if frames > MAX_FRAMES:
-        raise InputError(
-            f"{path}: expected the number of samples in its header, got none, as of a "
-            "stream; decode it to WAV (flac -d)"
-        )
-    with suppress(soundfile.LibsndfileError), soundfile.SoundFile(path) as file:
-        file.seek(frames - 1)
-        if len(file.read(1)) == 1:
-            return frames
-    length = 0
-    with suppress(soundfile.LibsndfileError), soundfile.SoundFile(path) as file:
-        while got := len(file.read(FLAC_BLOCK)):
-            length += got
-    return length
+    References:
+        EBU Tech 3285: `bext` has date, time and the samples since midnight, of a clock
+        whose zone is not stated.
+    """
+    samples, note = 0, "its comment"
+    if found := RECORDED_AT.search(file.comment):
+        time, day, month, year, sign, hours, minutes = found.groups()
+        zone = f"{sign or '+'}{int(hours or 0):02}:{minutes or '00'}"
+        text = f"{year}-{month}-{day}T{time}{zone}"
+    else:
+        note = "its chunk bext, which has no time zone and is read as UTC"
+        date, time = (header.bext[a:b].decode("ascii", "replace") for a, b in BEXT_TIME)
+        samples = int.from_bytes(header.bext[BEXT_TIME[-1][1] : BEXT_BYTES], "little")
+        time = "00:00:00" if samples else re.sub(r"\D", ":", time)
+        text = re.sub(r"\D", "-", date) + f"T{time}+00:00"
+    try:
+        start = datetime.fromisoformat(text)
+    except ValueError:
+        return None, ()
+    zero = (start - START) // timedelta(microseconds=1) * 1000
+    zero += round(samples * BILLION / file.samplerate)
+    return zero, (f"time of day by {note}",)

@@ -1,19 +1,23 @@
-"""Stations: positions, clocks and start times of recorders, from a table.
+"""Stations: positions, clocks and start times of recorders, from a table or a map.
 
 A station is identified by the name of its channel: the stem of the file, or
 stem.channel with the channel's name or number. Its position is east, north, up [m] or
 latitude, longitude, altitude. The column `start_utc` gives the time of the first sample
-for files without a time stamp; it is refused for files that contain one, and must be
-the same for all channels of a file.
+and must be the same for all channels of a file; it replaces a time stamp in the file.
+
+Points of KML and GeoJSON are stations; of the maps that jblast writes, the sensors.
+StationXML of the FDSN gives positions of channels of pressure and their sensitivities.
 """
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import datetime
+from pathlib import PurePath
 from typing import NamedTuple
 
-from jblast.errors import InputError, argument, shown
+from jblast.errors import InputError, argument, needed, reading, shown
 from jblast.observations.instants import EXAMPLE, NotAnInstant, instant
 from jblast.observations.names import read_header
 from jblast.observations.places import Frame
@@ -22,12 +26,14 @@ from jblast.observations.records.recording import Recording
 from jblast.observations.rows import converted_columns
 from jblast.observations.rules import Rows, Rule
 from jblast.observations.sources import table_of
-from jblast.observations.text_table import take_decimal_commas
+from jblast.observations.text_table import Row, table_of_rows, take_decimal_commas
 from jblast.results import Note
+from jblast.units import sample_unit
 
 PLACE = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg", "alt_m")
 START = "start_utc"
+KML = "{http://www.opengis.net/kml/2.2}"
 MAX_FAULTS = 20
 """Largest number of faults that one message lists."""
 COLUMNS = ("sensor", *PLACE, *DEGREES, "clock", START)
@@ -41,12 +47,14 @@ class Station(NamedTuple):
         clock: Clock of its recorder; "" for the common clock.
         frame: Origin of the position on the Earth, for a table in degrees.
         start: UTC of the first sample of its record; None if unknown.
+        sensitivity: Pascals per count of its recorder; None if unknown.
     """
 
     position: tuple[float, float, float]
     clock: str
     frame: Frame | None = None
     start: datetime | None = None
+    sensitivity: float | None = None
 
 
 def read_stations(
@@ -61,7 +69,7 @@ def read_stations(
     begin with # are comments. Dialects and units of length are those of a log (`read`).
 
     Args:
-        path: Text, a spreadsheet or Parquet.
+        path: Text, a spreadsheet or Parquet; KML, GeoJSON or StationXML.
         understood: Conversions are appended here.
 
     Raises:
@@ -69,7 +77,17 @@ def read_stations(
             of all faults.
     """
     within = f"a header {','.join(COLUMNS[:4])} and a station a row"
-    table = table_of(path, f"a table of stations: {within}")
+    sensitivities: dict[str, float] = {}
+    suffix = PurePath(path).suffix.lower()
+    if suffix in MAPS:
+        with reading(path, f"stations as {suffix}"):
+            found = MAPS[suffix](os.fspath(path))
+        sensitivities = {row[0]: float(row[4]) for row in found if row[4:]}
+        head = ("sensor", *DEGREES)
+        cells = [Row(n, list(row[:4])) for n, row in enumerate([head, *found])]
+        table = table_of_rows(os.fspath(path), cells, row_word="point")
+    else:
+        table = table_of(path, f"a table of stations: {within}")
     header = read_header(table, COLUMNS)
     where = table.at(table.header_line)
     degrees = bool({*DEGREES} & {*table.header})
@@ -117,11 +135,84 @@ def read_stations(
     if understood is not None:
         understood += [*table.notes, *converted_columns(rows), *placed.notes]
     return {
-        name: Station((float(x), float(y), float(z)), clock, placed.frame, start)
+        name: Station(
+            (float(x), float(y), float(z)),
+            clock,
+            placed.frame,
+            start,
+            sensitivities.get(name),
+        )
         for name, (x, y, z), clock, start in zip(
             sensors, placed.enu, rows.text("clock"), starts, strict=True
         )
     }
+
+
+def _kml(path: str) -> list[tuple[str, ...]]:
+    """Return name, latitude, longitude and height of the points of KML."""
+    from xml.etree import ElementTree
+
+    root = ElementTree.parse(path).getroot()
+    ours = [
+        folder
+        for folder in root.iter(f"{KML}Folder")
+        if folder.findtext(f"{KML}name") == "Sensors"
+    ]
+    rows = []
+    for mark in (ours[0] if ours else root).iter(f"{KML}Placemark"):
+        text = mark.findtext(f"{KML}Point/{KML}coordinates")
+        if text is not None:
+            lon, lat, *height = text.strip().split(",")
+            name = (mark.findtext(f"{KML}name") or "").strip()
+            rows.append((name, lat, lon, height[0] if height else ""))
+    return rows
+
+
+def _geojson(path: str) -> list[tuple[str, ...]]:
+    """Return name, latitude, longitude and height of the points of GeoJSON."""
+    rows = []
+    with open(path, encoding="utf-8-sig") as file:
+        features = json.load(file)["features"]
+    kinds = {one["properties"].get("kind") for one in features}
+    for one in features:
+        of, geometry = one["properties"], one["geometry"]
+        is_sensor = "sensor" not in kinds or of.get("kind") == "sensor"
+        if is_sensor and geometry and geometry["type"] == "Point":
+            lon, lat, *height = map(str, geometry["coordinates"])
+            name = str(of.get("sensor") or of.get("name") or of.get("title") or "")
+            rows.append((name, lat, lon, height[0] if height else ""))
+    return rows
+
+
+def _station_xml(path: str) -> list[tuple[str, ...]]:
+    """Return name, position and sensitivity of the channels of pressure."""
+    obspy = needed("obspy", "seismic", path, "StationXML is read")
+    rows: dict[str, tuple[str, ...]] = {}
+    for network in obspy.read_inventory(path, format="STATIONXML"):
+        for station in network:
+            for channel in station:
+                of = channel.response and channel.response.instrument_sensitivity
+                dimension, factor, _ = sample_unit(of.input_units if of else "")
+                if dimension != "pressure":
+                    continue
+                codes = network.code, station.code, channel.location_code, channel.code
+                height = channel.elevation - channel.depth
+                numbers = channel.latitude, channel.longitude, height, factor / of.value
+                # a later response replaces an earlier one
+                rows[".".join(codes)] = (
+                    ".".join(codes),
+                    *map(repr, map(float, numbers)),
+                )
+    return list(rows.values())
+
+
+MAPS = {
+    ".kml": _kml,
+    ".geojson": _geojson,
+    ".json": _geojson,
+    ".xml": _station_xml,
+}
+"""Readers of other files than tables, by suffix."""
 
 
 def _raise(path: str | os.PathLike[str], faults: list[InputError]) -> None:
@@ -139,40 +230,45 @@ def _raise(path: str | os.PathLike[str], faults: list[InputError]) -> None:
 def started(
     recording: Recording, stations: Mapping[str, Station], later_s: float = 0.0
 ) -> Recording:
-    """Return a recording with the names of its stations, and their start time.
-
-    A table may name channels by number: stem.1 for stem.gauge.
+    """Return a recording with the start time and sensitivity of its stations.
 
     Args:
-        recording: Recording of a file.
-        stations: Stations by name of channel.
+        recording: Recording of a file, with the names of stations.
+        stations: Stations by name.
         later_s: Time from the first sample of the file to that of the recording [s].
 
     Raises:
-        InputError: The file has a time stamp, or its channels have several start times.
+        InputError: Its channels have several start times or sensitivities.
     """
-    if recording.aliases:
-        both = zip(recording.names, recording.aliases, strict=True)
-        names = (n if n in stations or a not in stations else a for n, a in both)
-        recording = replace(recording, names=tuple(names))
-    starts = {stations[name].start for name in recording.names if name in stations}
-    if starts <= {None}:
+    own = [stations[name] for name in recording.names if name in stations]
+    for what, values in (
+        (START, {station.start for station in own}),
+        ("sensitivity", {station.sensitivity for station in own}),
+    ):
+        if len(values) > 1:
+            raise InputError(
+                f"{recording.source}: expected one {what} for all channels of a file, "
+                "got several"
+            )
+    start = own[0].start if own else None
+    sensitivity = own[0].sensitivity if own else None
+    if sensitivity is not None and not recording.calibrated:
+        of = recording
+        recording = replace(
+            of,
+            calibrated=True,
+            read=lambda begin, end: sensitivity * of.read(begin, end),
+            full_scale=None if of.full_scale is None else sensitivity * of.full_scale,
+        )
+    if start is None:
         return recording
+    notes = recording.notes
     if recording.epoch is not None:
-        raise InputError(
-            f"{recording.source}: expected no {START} for "
-            f"{shown(recording.names[0])}, as the file has a time stamp; got one"
-        )
-    start = starts.pop()
-    if starts or start is None:
-        raise InputError(
-            f"{recording.source}: expected one {START} for all channels of a file, got "
-            "several"
-        )
-    whole = start.replace(microsecond=0)
+        notes += (f"time of day by {START} of the table of stations",)
     return replace(
         recording,
-        epoch=whole,
+        epoch=start.replace(microsecond=0),
         start_s=start.microsecond / 1e6 + later_s,
         clock_is_set=True,
+        notes=notes,
     )

@@ -1,5 +1,9 @@
 """Picks of pressure records by a posterior over their samples, and rows of logs."""
 
+from jblast.signals.picks.gathered import (
+    Gathered as Gathered,
+    gathered as gathered,
+)
 from jblast.signals.picks.pick import (
     NAMES as NAMES,
     Pick as Pick,
@@ -10,12 +14,10 @@ from jblast.signals.picks.pick_files import (
     pick_files as pick_files,
 )
 from jblast.signals.picks.pick_log import (
-    Gathered as Gathered,
     LeftOut as LeftOut,
     PickEstimate as PickEstimate,
     PickLog as PickLog,
     Reason as Reason,
-    gathered as gathered,
     log_of as log_of,
     pick_estimate as pick_estimate,
 )

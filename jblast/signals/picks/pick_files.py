@@ -17,7 +17,8 @@ from jblast.observations.records.formats import Scaling, record_files
 from jblast.observations.records.stations import read_stations
 from jblast.progress_line import Progress, reported
 from jblast.results import Note
-from jblast.signals.picks.pick_log import Gathered, PickLog, gathered, log_of
+from jblast.signals.picks.gathered import Gathered, gathered
+from jblast.signals.picks.pick_log import PickLog, log_of
 
 MAX_NAMED_FILES = 20
 """Files that the comments of a log name, so that its first line stays readable."""
@@ -90,6 +91,7 @@ def pick_files(
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
     keep_samples: bool = True,
+    trigger: bool = False,
     progress: Progress = False,
 ) -> PickedFiles:
     """Pick the blasts of files and folders of pressure records.
@@ -101,6 +103,8 @@ def pick_files(
         scaling: Scale of the recorders, where files do not state it.
         high_pass_hz: Corner of their first-order high-pass [Hz].
         keep_samples: True to keep the samples in the picks, for figures.
+        trigger: True if the times of all files count from a common trigger, whatever
+            their times of day.
         progress: As for `jblast.fit`.
 
     Returns:
@@ -126,6 +130,7 @@ def pick_files(
         high_pass_hz=high_pass_hz,
         keep_samples=keep_samples,
         stations=stations,
+        trigger=trigger,
     )
     if found.refused and not found.channels:
         raise refusal_of(found.refused)
@@ -147,8 +152,8 @@ def pick_files(
 
 
 def refusal_of(refused: Sequence[InputError]) -> InputError:
-    """Return the error of one file, or one error for several."""
+    """Return the error of one cause, or one error for several."""
     if len(refused) == 1:
         return refused[0]
     messages = "; ".join(error.worded(argument) for error in refused)
-    return InputError(f"{len(refused)} files cannot be read: {messages}")
+    return InputError(f"files cannot be read for {len(refused)} causes: {messages}")

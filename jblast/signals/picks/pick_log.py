@@ -1,7 +1,4 @@
-"""Picks of files of samples, and picks as rows of a log.
-
-Each blast of each channel is picked, in batches. A file that cannot be used is reported
-and does not stop the others.
+"""Picks as rows of a log.
 
 Quantities that a record does not identify have no row, and are reported: peak and
 impulse of samples without a scale; duration and impulse behind an unknown high-pass,
@@ -25,26 +22,17 @@ import numpy as np
 from jblast.errors import InputError, argument, shown
 from jblast.observations import Observations, observed, some_rows
 from jblast.observations.grouping import stacked
-from jblast.observations.records.formats import Scaling, open_record
-from jblast.observations.records.recording import PressureRecord, Recording
-from jblast.observations.records.stations import Station, started
+from jblast.observations.records.formats import Scaling
+from jblast.observations.records.stations import Station
 from jblast.observations.table import RECORD_QUANTITIES, SAMPLES, RecordCovariance
 from jblast.progress import each
 from jblast.quantities import ADDITIVE, CLOCK_TIMES
 from jblast.signals.arrays import bangs
 from jblast.signals.matched_filter import Detection
-from jblast.signals.onsets import LEAST_PEAK_SHARE, Stretches, stretches
-from jblast.signals.picks.pick import LEAST_SAMPLES, NAMES
-from jblast.signals.picks.record_picks import RecordPick, pick_records
+from jblast.signals.picks.gathered import Gathered, gathered
+from jblast.signals.picks.pick import NAMES
+from jblast.signals.picks.record_picks import RecordPick
 
-BATCH_SAMPLES = 2**22
-"""Samples that are read before they are picked, 32 MB in double precision: a folder of
-any size needs bounded memory, and chunks of `pick.LANES` records are mostly full."""
-MAX_PRESSURE_PA = 1e9
-"""Largest range of a record's samples [Pa]. The largest pressure of a blast in air is
-that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
-Bulmash begin (Z = 0.067 m/kg^(1/3)). A sensitivity given as its reciprocal is off by
-more than a factor of a million."""
 _, PEAK, DURATION, IMPULSE = RECORD_QUANTITIES
 Reason = Literal[
     "poor",
@@ -63,275 +51,6 @@ SPREAD_IN_UNIT = ("air_arrival_s", "decay")
 """Values whose spread is in their own unit; that of the others is of the logarithm."""
 IN_PASCALS = ("peak_overpressure_pa", "positive_impulse_pa_s", "negative_pressure_pa")
 """Values that samples without a scale do not identify."""
-
-
-class Gathered(NamedTuple):
-    """Picks of files of samples.
-
-    Attributes:
-        picks: Picks in the order of files, channels and time.
-        orders: Number of each within its channel, from 1.
-        silent: Names of channels without a pick.
-        quieter: Number of onsets by channel that were skipped, more than 20 dB below
-            the loudest.
-        refused: Errors of files that could not be read.
-        epoch: UTC of time zero of all picks; None if no file states it.
-        channels: Number of channels read; segments between gaps are one channel.
-    """
-
-    picks: tuple[RecordPick, ...]
-    orders: tuple[int, ...]
-    silent: tuple[str, ...]
-    quieter: dict[str, int]
-    refused: tuple[InputError, ...]
-    epoch: datetime | None
-    channels: int
-
-    def named(self) -> tuple[str, ...]:
-        """Return the name of each pick's record; of several in a channel name#order."""
-        names = [one.record.name for one in self.picks]
-        return tuple(
-            name if names.count(name) == 1 else f"{name}#{order}"
-            for name, order in zip(names, self.orders, strict=True)
-        )
-
-
-def gathered(
-    files: Sequence[Path],
-    scaling: Scaling | None = None,
-    *,
-    high_pass_hz: float | None = None,
-    keep_samples: bool = True,
-    stations: Mapping[str, Station] | None = None,
-) -> Gathered:
-    """Read files and pick their blasts.
-
-    Files share the clock of the first one if they, or their stations, state the time of
-    day of the first sample.
-
-    Args:
-        files: Files of records.
-        scaling: Scale of the recorders.
-        high_pass_hz: Corner of their first-order high-pass [Hz].
-        keep_samples: True to keep the samples in the picks, for figures.
-        stations: Stations by name of record, for their `start`.
-    """
-    reading = _Reading(files, scaling, high_pass_hz, stations or {})
-    found: list[RecordPick] = []
-    picked: set[str] = set()
-    for batch in _batches(reading):
-        for one in pick_records(batch):
-            if not one.pick.found:
-                continue
-            picked.add(one.record.name)
-            if not keep_samples:
-                empty = replace(one.record, samples=np.zeros(0))
-                one = replace(one, record=empty)
-            found.append(one)
-    return Gathered(
-        picks=tuple(found),
-        orders=_orders([one.record.name for one in found]),
-        silent=tuple(name for name in reading.channels if name not in picked),
-        quieter=reading.quieter,
-        refused=tuple(reading.refused),
-        epoch=reading.epoch,
-        channels=len(reading.channels),
-    )
-
-
-class _Reading:
-    """Iterator over the records of files, with the findings to be reported."""
-
-    def __init__(
-        self,
-        files: Sequence[Path],
-        scaling: Scaling | None,
-        high_pass_hz: float | None,
-        stations: Mapping[str, Station],
-    ):
-        self.files, self.scaling, self.high_pass_hz = files, scaling, high_pass_hz
-        self.stations = stations
-        self.channels: list[str] = []
-        self.quieter: dict[str, int] = {}
-        self.refused: list[InputError] = []
-        self.epoch: datetime | None = None
-        # source of the first recording, and whether its clock was set
-        self._first: tuple[str, bool] | None = None
-
-    def __iter__(self) -> Iterator[PressureRecord]:
-        """Yield intervals with a signal, those of a channel in order of time."""
-        seen: set[str] = set()
-        for file in each(self.files, "records"):
-            try:
-                if file.stem in seen:
-                    raise InputError(
-                        f"{file}: expected records with different names, got "
-                        f"{file.stem} twice"
-                    )
-                recordings = _long_enough(open_record(file, self.scaling))
-                begin = min(one.start_s for one in recordings)
-                recordings = [
-                    self._timed(one, one.start_s - begin) for one in recordings
-                ]
-                runs = [(one, stretches(one)) for one in recordings]
-                for one, channels in runs:
-                    _check_scale(one, channels, self.scaling)
-            except InputError as error:
-                self.refused.append(error)
-                continue
-            seen.add(file.stem)
-            by_channel: dict[str, list[Stretches]] = {}
-            for recording, channels in runs:
-                for name, channel in zip(recording.names, channels, strict=True):
-                    by_channel.setdefault(name, []).append(channel)
-            for name, segments in by_channel.items():
-                self.channels.append(name)
-                records, quieter = _loud(segments)
-                if quieter:
-                    self.quieter[name] = quieter
-                for record in records:
-                    # a constant interval is a dead channel, not a quiet one
-                    if np.ptp(record.samples) > 0:
-                        yield replace(record, high_pass_hz=self.high_pass_hz)
-
-    def _timed(self, recording: Recording, later_s: float) -> Recording:
-        """Return a recording on the clock of the first.
-
-        Args:
-            recording: The recording.
-            later_s: Time from the first sample of the file to that of the recording
-                [s].
-
-        Raises:
-            InputError: Only one of the two has a time of day, or one was made by a
-                clock that was not set and is not that of its station.
-        """
-        recording = started(recording, self.stations, later_s)
-        if self._first is None:
-            self.epoch = recording.epoch
-            self._first = recording.source, recording.clock_is_set
-        first, first_is_set = self._first
-        remedy = (
-            "add the time of the first sample of each file without one to column "
-            "start_utc of the table of stations, or pick the files separately"
-        )
-        if (self.epoch is None) != (recording.epoch is None):
-            one, other = "a time of day", "none"
-            if recording.epoch is None:
-                one, other = other, one
-            unset = "" if recording.clock_is_set else ", as its clock was not set"
-            raise InputError(
-                f"{recording.source}: expected a start at {other}, as in "
-                f"{first}, got {one}{unset}; {remedy}"
-            )
-        own_clock = all(
-            name in self.stations and self.stations[name].clock
-            for name in recording.names
-        )
-        if recording.source != first and not (
-            own_clock or (recording.clock_is_set and first_is_set)
-        ):
-            raise InputError(
-                f"{recording.source}: expected a start on the clock of {first}, "
-                f"got a clock that was not set; {remedy}, or name the clock of each "
-                "recorder in column clock"
-            )
-        if self.epoch is None or recording.epoch is None:
-            return recording
-        later = (recording.epoch - self.epoch).total_seconds()
-        start = recording.start_s + later
-        return replace(recording, epoch=self.epoch, start_s=start)
-
-
-def _check_scale(
-    recording: Recording, channels: Sequence[Stretches], scaling: Scaling | None
-) -> None:
-    """Raise an error for pressures that no blast has.
-
-    Raises:
-        InputError: The range of samples in pascals exceeds `MAX_PRESSURE_PA`.
-    """
-    if not recording.calibrated:
-        return
-    largest = max(
-        (np.ptp(one.samples) for channel in channels for one in channel.records),
-        default=0.0,
-    )
-    if largest <= MAX_PRESSURE_PA:
-        return
-    remedy = "check the unit and the scale of the samples"
-    if scaling is not None and scaling.sensitivity is not None:
-        remedy = (
-            f"{argument('sensitivity')} is in pascals per volt or count: write "
-            f"{1 / scaling.sensitivity:.6g} if {scaling.sensitivity:g} is in volts or "
-            "counts per pascal"
-        )
-    raise InputError(
-        f"{recording.source}: expected pressures below {MAX_PRESSURE_PA / 1e9:g} GPa, "
-        f"more than a blast in air has at the charge, got {largest / 1e9:.4g} GPa; "
-        f"{remedy}"
-    )
-
-
-def _long_enough(recordings: Sequence[Recording]) -> list[Recording]:
-    """Return the recordings that may contain a pulse and the noise before it.
-
-    Short segments of a channel with longer ones are left out.
-
-    Raises:
-        InputError: All segments of a channel are too short.
-    """
-    long = [one for one in recordings if one.length >= LEAST_SAMPLES]
-    names = {one.names for one in long}
-    for one in recordings:
-        if one.names not in names:
-            raise InputError(
-                f"{one.source}: {one.labels[0]}: expected {LEAST_SAMPLES} samples or "
-                f"more, got {one.length}"
-            )
-    return long
-
-
-def _loud(segments: Sequence[Stretches]) -> tuple[list[PressureRecord], int]:
-    """Return the intervals of a channel to pick, and the number of quieter onsets.
-
-    Each segment between gaps has an interval about its loudest sample, which may be
-    noise next to another segment.
-    """
-    records = [record for one in segments for record in one.records]
-    quieter = sum(one.quieter for one in segments)
-    if len(segments) == 1:
-        return records, quieter
-    sizes = [np.abs(one.samples - np.median(one.samples)).max() for one in records]
-    loud = [
-        record
-        for record, size in zip(records, sizes, strict=True)
-        if size >= LEAST_PEAK_SHARE * max(sizes)
-    ]
-    return loud, quieter + len(records) - len(loud)
-
-
-def _batches(records: _Reading) -> Iterator[list[PressureRecord]]:
-    """Yield records in batches of at least `BATCH_SAMPLES` samples."""
-    batch, samples = [], 0
-    for record in records:
-        batch.append(record)
-        samples += record.samples.size
-        if samples >= BATCH_SAMPLES:
-            yield batch
-            batch, samples = [], 0
-    if batch:
-        yield batch
-
-
-def _orders(names: list[str]) -> tuple[int, ...]:
-    """Return the number of each among those of its name, from 1."""
-    count: dict[str, int] = {}
-    orders = []
-    for name in names:
-        count[name] = count.get(name, 0) + 1
-        orders.append(count[name])
-    return tuple(orders)
 
 
 @dataclass(frozen=True)
@@ -393,7 +112,7 @@ def log_of(
         comments: Provenance.
 
     Raises:
-        InputError: A channel has no station.
+        InputError: Files without a time of day did not begin together.
     """
     names = found.named()
     shots, weaker = _shots(found, stations)
@@ -454,21 +173,35 @@ def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:
 def _shots(
     found: Gathered, stations: Mapping[str, Station] | None
 ) -> tuple[dict[int, str], list[int]]:
-    """Return the shot of each pick, and the picks weaker than another of their shot."""
-    if stations is None:
-        several = len(set(found.orders)) > 1
-        orders = enumerate(found.orders)
-        return {at: str(order) if several else "" for at, order in orders}, []
-    records = {one.record.name: one.record.source for one in found.picks}
-    absent = [name for name in records if name not in stations]
-    if absent:
-        raise InputError(
-            f"{records[absent[0]]}: expected a station for {', '.join(absent)}, got "
-            f"{', '.join(stations)}"
-        )
+    """Return the shot of each pick, and the picks weaker than another of their shot.
+
+    Raises:
+        InputError: Files without a time of day did not begin together.
+    """
+    shots: dict[int, str] = {}
+    weaker: list[int] = []
+    for folder in dict.fromkeys(one.record.shot for one in found.picks):
+        at_all = [n for n, one in enumerate(found.picks) if one.record.shot == folder]
+        if stations is None:
+            numbers = {at: found.orders[at] for at in at_all}
+        else:
+            numbers, left = _grouped(found, at_all, stations)
+            weaker += left
+        several = len(set(numbers.values())) > 1
+        for at, number in numbers.items():
+            parts = [folder] * bool(folder) + [str(number)] * several
+            shots[at] = ".".join(parts)
+    return dict(sorted(shots.items())), sorted(weaker)
+
+
+def _grouped(
+    found: Gathered, at_all: list[int], stations: Mapping[str, Station]
+) -> tuple[dict[int, int], list[int]]:
+    """Return the number of the event of each pick, and the weaker picks."""
     arrivals: dict[str, list[Detection]] = {}
     at_of: dict[tuple[str, Detection], int] = {}
-    for at, one in enumerate(found.picks):
+    for at in at_all:
+        one = found.picks[at]
         name = one.record.name
         when, peak = one.pick.air_arrival_s, one.pick.peak_overpressure_pa
         # an onset alone has no peak: zero makes it weaker than any pulse
@@ -479,13 +212,27 @@ def _shots(
     # recorders with clocks of their own have no common times to group by
     one_bang = len({stations[name].clock for name in arrivals}) > 1
     grouped = bangs(arrivals, positions, one=one_bang)
-    several = len(grouped.heard) > 1
-    shots = {
-        at_of[key]: str(number) if several else ""
+    sources = [
+        {found.picks[at_of[key]].record.source for key in bang.items()}
+        for bang in grouped.heard
+    ]
+    undated = found.epoch is None and not found.triggered
+    if undated and len(sources) > 1 and all(len(of) == 1 for of in sources):
+        files = sorted(set[str]().union(*sources))
+        if len(files) > 1:
+            raise InputError(
+                f"{', '.join(files[:2])}: expected arrivals of one blast, got times "
+                "further apart than sound travels between the sensors; the files do "
+                "not state when they begin: add the time of the first sample of each "
+                "to column start_utc of the table of stations, or give each recorder "
+                "a name in column clock, or pick the files separately"
+            )
+    numbers = {
+        at_of[key]: number
         for number, bang in enumerate(grouped.heard, start=1)
         for key in bang.items()
     }
-    return dict(sorted(shots.items())), sorted(at_of[key] for key in grouped.left_out)
+    return numbers, [at_of[key] for key in grouped.left_out]
 
 
 def _observations(
@@ -607,7 +354,7 @@ def _pick(
         one
         for one in found.picks
         if len(channels) == 1
-        or {one.record.name, one.record.alias} & {sensor, f"{file.stem}.{sensor}"}
+        or {one.record.name, *one.record.aliases} & {sensor, f"{file.stem}.{sensor}"}
     ]
     if not mine:
         got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"

@@ -85,8 +85,7 @@ def test_a_dead_channel_is_told(tmp_path):
 @pytest.mark.parametrize(("kind", "subtype", "_"), SUBTYPES)
 def test_a_file_cut_short_is_read_as_far_as_it_goes(tmp_path, kind, subtype, _):
     path = tmp_path / "a"
-    # FLAC has blocks of 4096 samples
-    samples = ramps(2, 40_000 if kind == "FLAC" else 1000)
+    samples = ramps(2)
     soundfile.write(path, samples.T, 8000, subtype=subtype, format=kind)
     whole, all_of_it = path.read_bytes(), read_sound(path).samples
     for length in (3, 9, 12, 21, 30, 43):
@@ -96,6 +95,10 @@ def test_a_file_cut_short_is_read_as_far_as_it_goes(tmp_path, kind, subtype, _):
         assert "\n" not in str(refusal.value)
     for length in (len(whole) * 4 // 5, len(whole) - 1):
         path.write_bytes(whole[:length])
+        if kind == "FLAC":
+            with pytest.raises(InputError, match=r"a: is cut short"):
+                read_sound(path)
+            continue
         record = read_sound(path)
         n = record.samples.shape[1]
         assert 0.6 * samples.shape[1] < n < samples.shape[1]

@@ -1,13 +1,13 @@
 """Tables of where recorders stood."""
 
+import json
 from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.records.formats import open_record
-from jblast.observations.records.stations import read_stations, started
+from jblast.observations.records.stations import Station, read_stations
 
 TABLE = """# a campaign
 sensor,note,east_m,north_m,up_m,clock
@@ -25,7 +25,7 @@ def table(tmp_path, text):
 def test_places_and_clocks_are_read(tmp_path):
     stations = read_stations(table(tmp_path, TABLE))
     assert list(stations) == ["gate", "mast.1"]
-    assert stations["gate"] == ((1.5, -2.0, 0.5), "phone", None, None)
+    assert stations["gate"] == Station((1.5, -2.0, 0.5), "phone")
     assert stations["mast.1"].clock == ""
 
 
@@ -119,16 +119,6 @@ def test_all_faults_of_a_table_are_in_one_message(tmp_path):
         read_stations(table(tmp_path, text))
 
 
-def test_a_table_may_name_channels_by_number(tmp_path):
-    path = tmp_path / "gate.csv"
-    path.write_text("time_s,left_pa,right_pa\n0,1,2\n1,2,3\n")
-    (recording,) = open_record(path)
-    assert recording.names == ("gate.left", "gate.right")
-    text = "sensor,east_m,north_m,up_m\ngate.1,0,0,0\ngate.right,1,0,0\n"
-    stations = read_stations(table(tmp_path, text))
-    assert started(recording, stations).names == ("gate.1", "gate.right")
-
-
 def test_positions_in_degrees_are_written_as_they_are_read(tmp_path):
     text = "sensor,lat_deg,lon_deg,alt_m\na,52.37128,4.90017,1.3\nb,52.3799,4.91,7.25\n"
     stations = read_stations(table(tmp_path, text)).values()
@@ -139,3 +129,39 @@ def test_positions_in_degrees_are_written_as_they_are_read(tmp_path):
     ]
     # without the last digits of the conversion: 52.371280000000006
     assert places == [[52.37128, 4.90017, 1.3], [52.3799, 4.91, 7.25]]
+
+
+KML = """<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>{}
+</Document></kml>"""
+MARK = """<Placemark><name>{}</name><Point><coordinates>{}</coordinates></Point>
+</Placemark>"""
+
+
+def test_points_of_kml_and_geojson_are_stations(tmp_path):
+    kml, geojson = tmp_path / "stations.kml", tmp_path / "stations.geojson"
+    places = {"A": "11.50,48.20,500", "B": "11.51,48.21,500"}
+    marks = "".join(MARK.format(*pair) for pair in places.items())
+    kml.write_text(KML.format(marks))
+    text = "sensor,lat_deg,lon_deg,alt_m\nA,48.20,11.50,500\nB,48.21,11.51,500\n"
+    expected = read_stations(table(tmp_path, text))
+    assert read_stations(kml) == expected
+    features = [
+        {"properties": {"name": name}, "geometry": {"type": "Point", "coordinates": at}}
+        for name, at in (("A", [11.5, 48.2, 500]), ("B", [11.51, 48.21, 500]))
+    ]
+    geojson.write_text(json.dumps({"features": features}))
+    assert read_stations(geojson) == expected
+    # of a map that jblast wrote, the sensors
+    charge = MARK.format("charge", "11.6,48.2")
+    ours = f"<Folder><name>Sensors</name>{marks}</Folder>{charge}"
+    kml.write_text(KML.format(ours))
+    assert read_stations(kml) == expected
+    kml.write_text("<kml>")
+    with pytest.raises(InputError, match=r"expected stations as \.kml"):
+        read_stations(kml)
+
+
+def test_station_xml_gives_positions_and_sensitivities():
+    stations = read_stations("tests/data/counts_per_pa_station.xml")
+    assert list(stations) == [f"XX.I{n}.01.BDF" for n in range(1, 5)]
+    assert stations["XX.I1.01.BDF"].sensitivity == pytest.approx(1.6e-5)

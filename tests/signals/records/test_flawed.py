@@ -8,7 +8,8 @@ from scipy.signal import bilinear, lfilter
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks import pick_records
-from jblast.signals.picks.pick_log import gathered, omitted_quantities
+from jblast.signals.picks.gathered import gathered
+from jblast.signals.picks.pick_log import omitted_quantities
 
 pytestmark = pytest.mark.slow  # a program of picks to compile
 DATA = Path(__file__).parents[2] / "data"

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import soundfile
 
-from jblast.observations.records.formats import Scaling
-from jblast.observations.records.stations import Station
-from jblast.signals.picks import gathered
+from jblast.errors import InputError
+from jblast.observations.records.formats import Scaling, record_files
+from jblast.observations.records.stations import Station, read_stations
+from jblast.signals.picks import gathered, log_of, pick_files
 from tests.signals.records.made import picked_at_its_peak
 
 with warnings.catch_warnings():  # of its own age
@@ -19,11 +20,12 @@ with warnings.catch_warnings():  # of its own age
     import obspy
 
 RATE = 1000
+PLACED = {name: Station((0.0, 0.0, 0.0), "") for name in ("s0", "s1", "s2", "c")}
 
 
 @pytest.fixture(autouse=True)
 def _no_fits(monkeypatch):
-    module = import_module("jblast.signals.picks.pick_log")
+    module = import_module("jblast.signals.picks.gathered")
     monkeypatch.setattr(module, "pick_records", picked_at_its_peak)
 
 
@@ -35,7 +37,8 @@ def sound(tmp_path, name, bangs, seconds=10.0):
         for at, size in of:
             samples[round(at * RATE) : round(at * RATE) + 10, channel] += size
     path = tmp_path / name
-    soundfile.write(path, samples, RATE, subtype="FLOAT")
+    subtype = "FLOAT" if path.suffix == ".wav" else "PCM_16"
+    soundfile.write(path, samples, RATE, subtype=subtype)
     return path
 
 
@@ -56,8 +59,7 @@ def test_what_cannot_be_read_is_named_and_the_rest_picked(tmp_path):
     soundfile.write(dead, np.zeros(5000), RATE)
     short = tmp_path / "short.wav"
     soundfile.write(short, np.zeros(1), RATE)
-    (tmp_path / "other").mkdir()
-    twin = sound(tmp_path / "other", "a.wav", [[(3.0, 20.0)]])
+    twin = sound(tmp_path, "a.flac", [[(3.0, 0.5)]])
     broken = tmp_path / "broken.csv"
     broken.write_text("time_s,p_pa\n0,1\n1,x\n")
     found = gathered([broken, good, silent, dead, short, twin])
@@ -66,8 +68,8 @@ def test_what_cannot_be_read_is_named_and_the_rest_picked(tmp_path):
     said = [str(error) for error in found.refused]
     assert len(said) == 3
     assert "broken.csv: line 3, column p_pa: expected a number, got 'x'" in said[0]
-    assert "short.wav: channel 1: expected 16 samples or more, got 1" in said[1]
-    assert "expected records with different names, got a twice" in said[2]
+    assert "expected records with different names, got a twice" in said[1]
+    assert "short.wav: channel 1: expected 16 samples or more, got 1" in said[2]
 
 
 def test_a_sensitivity_given_as_its_reciprocal_is_refused():
@@ -76,9 +78,15 @@ def test_a_sensitivity_given_as_its_reciprocal_is_refused():
     (error,) = gathered([path], Scaling(sensitivity=62500.0)).refused
     assert "expected pressures below 1 GPa" in str(error)
     assert "write 1.6e-05 if 62500 is in volts or counts per pascal" in str(error)
-    found = gathered([path], Scaling(sensitivity=1.6e-5))
-    assert not found.refused
-    assert float(found.picks[0].pick.air_arrival_s) == pytest.approx(40.0, abs=0.01)
+    table = Path("tests/data/counts_per_pa_station.xml")
+    for found in (
+        gathered([path], Scaling(sensitivity=1.6e-5)),
+        gathered([path], stations=read_stations(table)),
+    ):
+        assert not found.refused
+        pick = found.picks[0].pick
+        assert float(pick.air_arrival_s) == pytest.approx(40.0, abs=0.01)
+        assert float(pick.peak_overpressure_pa) == pytest.approx(5.0, rel=0.05)
 
 
 def test_times_of_day_share_the_clock_of_the_first(tmp_path):
@@ -98,20 +106,28 @@ def test_times_of_day_share_the_clock_of_the_first(tmp_path):
     assert "phone.wav: expected a start at a time of day, as" in str(error)
     assert "column start_utc of the table of stations" in str(error)
     start = 1_772_409_599_250_000_000  # 2026-03-01T23:59:59.25Z, by `date -u -d`
-    phone = {"phone": Station((0.0, 0.0, 0.0), "", start=start)}
+    phone = PLACED | {"phone": Station((0.0, 0.0, 0.0), "", start=start)}
     together = gathered([*paths, wav], stations=phone)
     assert not together.refused
     # 1.25 s after the epoch, and the bang 3 s later
     assert float(together.picks[-1].pick.air_arrival_s) == pytest.approx(4.25, abs=0.01)
+    # the table replaces a time of day in a file
     both = {"s0": Station((0.0, 0.0, 0.0), "", start=start)}
-    (error,) = gathered([paths[0]], stations=both).refused
-    assert "s0.mseed: expected no start_utc for 's0', as the file has" in str(error)
+    (one,) = gathered([paths[0]], stations=both).picks
+    assert float(one.pick.air_arrival_s) == pytest.approx(0.75, abs=1e-9)
+    assert "time of day by start_utc of the table of stations" in one.record.notes
+    # from a common trigger each begins at its own zero
+    triggered = gathered([*paths, wav], trigger=True)
+    assert (triggered.refused, triggered.epoch) == ((), None)
+    times = [float(one.pick.air_arrival_s) for one in triggered.picks]
+    np.testing.assert_allclose(times, [0.5, 0.5, 0.5, 3.0], atol=0.01)
 
 
 def test_channels_of_a_file_begin_together(tmp_path):
     wav = sound(tmp_path, "a.wav", [[(3.0, 20.0)], [(3.0, 20.0)]])
     one = {"a.1": Station((0.0, 0.0, 0.0), "", start=10**18)}
-    found = gathered([wav], stations=one)
+    same = one | {"a.2": Station((9.0, 0.0, 0.0), "", start=10**18)}
+    found = gathered([wav], stations=same)
     assert found.epoch == datetime(2001, 9, 9, 1, 46, 40, tzinfo=UTC)
     two = one | {"a.2": Station((9.0, 0.0, 0.0), "", start=10**18 + 1)}
     (error,) = gathered([wav], stations=two).refused
@@ -156,7 +172,124 @@ def test_clocks_that_were_not_set_share_no_time(tmp_path):
     }
     assert not gathered([one, other], stations=own).refused
     start = 1_715_946_780_000_000_000  # 2024-05-17T11:53:00Z
-    given = {"a": Station((0.0, 0.0, 0.0), "", start=start)}
+    given = PLACED | {"a": Station((0.0, 0.0, 0.0), "", start=start)}
     together = gathered([dated, one], stations=given)
     times = [float(one.pick.air_arrival_s) for one in together.picks]
     np.testing.assert_allclose(times, [0.5, 0.5], atol=0.01)
+
+
+def stationed(tmp_path, *names):
+    """A table of stations 100 m apart."""
+    path = tmp_path / "stations.csv"
+    rows = [f"{name},{100 * k},0,0\n" for k, name in enumerate(names)]
+    path.write_text("Gauge,East [m],North [m],Height [m]\n" + "".join(rows))
+    return path
+
+
+def text(path, *columns, peak=0.5, seconds=5.0):
+    """Columns of pressure with a bang."""
+    time = np.arange(round(seconds * RATE)) / RATE
+    samples = np.where(abs(time - peak) < 5e-3, 9.0, 0.0)
+    samples += 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    path.parent.mkdir(exist_ok=True)
+    table = np.stack([time, *[samples] * len(columns)], axis=1)
+    header = ",".join(("time_s", *(f"{name}_pa" for name in columns)))
+    np.savetxt(path, table, header=header, delimiter=",", comments="")
+    return path
+
+
+def test_channels_are_named_by_station_number_or_a_name_that_is_unique(tmp_path):
+    files = [text(tmp_path / f"logger_{n}.csv", f"P{n}", f"Q{n}") for n in "ab"]
+    table = stationed(tmp_path, "Pa", "logger_a.2", "logger_b.Pb", "Qb")
+    picked = pick_files(files, positions=table)
+    assert picked.found.named() == ("Pa", "logger_a.2", "logger_b.Pb", "Qb")
+    assert picked.log.observations.sensor[-1] == "Qb"
+    # a name that two files have is the name of neither
+    files = [text(tmp_path / f"logger_{n}.csv", "P", "Q") for n in "ab"]
+    with pytest.raises(InputError, match=r"logger_a\.P, logger_a\.Q, logger_b\.P, log"):
+        pick_files(files, positions=stationed(tmp_path, "P", "Q"))
+
+
+def test_names_are_checked_before_samples_are_read(tmp_path, monkeypatch):
+    files = [text(tmp_path / f"{name}.csv", "P") for name in ("gate", "mast")]
+    module = import_module("jblast.signals.picks.gathered")
+    monkeypatch.setattr(module, "open_record", lambda *_: pytest.fail("read"))
+    with pytest.raises(InputError, match=r"a station for gate, mast, got gaet"):
+        pick_files(files, positions=stationed(tmp_path, "gaet"))
+
+
+def test_folders_with_equal_names_are_shots_unless_the_table_names_them(tmp_path):
+    for k, folder in enumerate(("one", "two")):
+        for n, name in enumerate(("gate", "mast")):
+            (tmp_path / "day").mkdir(exist_ok=True)
+            text(tmp_path / "day" / folder / f"{name}.csv", "P", peak=0.5 + k + 0.1 * n)
+    picked = pick_files(tmp_path / "day", positions=stationed(tmp_path, "gate", "mast"))
+    rows = picked.log.observations
+    assert set(zip(rows.sensor, rows.shot, rows.record, strict=True)) == {
+        (name, folder, f"{folder}/{name}")
+        for name in ("gate", "mast")
+        for folder in ("one", "two")
+    }
+    names = [
+        f"{folder}/{name}" for folder in ("one", "two") for name in ("gate", "mast")
+    ]
+    picked = pick_files(tmp_path / "day", positions=stationed(tmp_path, *names))
+    assert sorted(set(picked.log.observations.sensor)) == sorted(names)
+    # without a table, too
+    found = gathered(record_files([tmp_path / "day"]).files)
+    assert found.named() == tuple(names)
+    assert log_of(found).bangs == 2
+
+
+def test_one_cause_is_one_message(tmp_path):
+    dated = seismic(tmp_path, "z.mseed", "2024-05-17T11:53:00", (9.0,))
+    files = [text(tmp_path / f"g{n}.csv", "P") for n in range(6)]
+    (error,) = gathered([dated, *files]).refused
+    assert "g0.csv" in str(error)
+    assert "and 3 more: expected a start at a time of day" in str(error)
+
+
+def test_files_that_did_not_begin_together_are_no_several_blasts(tmp_path):
+    peaks = {"gate": 0.5, "mast": 2.5, "hut": 4.0}
+    files = [text(tmp_path / f"{k}.csv", "P", peak=v) for k, v in peaks.items()]
+    table = stationed(tmp_path, *peaks)
+    with pytest.raises(InputError, match=r"do not state when they begin: add .* clock"):
+        pick_files(files, positions=table)
+    # by a common trigger these are times
+    assert pick_files(files, positions=table, trigger=True).log.bangs == 3
+
+
+def bext(path, date, time, samples):
+    """Insert a chunk of broadcast files into a WAV."""
+    chunk = bytearray(602)
+    chunk[320:330], chunk[330:338] = date.encode(), time.encode()
+    chunk[338:346] = samples.to_bytes(8, "little")
+    data = bytearray(path.read_bytes())
+    data[12:12] = b"bext" + len(chunk).to_bytes(4, "little") + bytes(chunk)
+    data[4:8] = (len(data) - 8).to_bytes(4, "little")
+    path.write_bytes(data)
+    return path
+
+
+def test_recorders_begin_at_the_time_in_their_files(tmp_path):
+    files, midnight = [], 50_700 * RATE  # 14:05:00
+    for name, later in (("a", 0), ("b", 250)):
+        file = sound(tmp_path, f"{name}.wav", [[(3.0 - later / RATE, 20.0)]])
+        files.append(bext(file, "2024-05-17", "14:05:00", midnight + later))
+    files.append(sound(tmp_path, "c.wav", [[(3.0, 20.0)]]))
+    with soundfile.SoundFile(files[-1], "r+") as file:
+        samples = file.read()
+    with soundfile.SoundFile(files[-1], "w", RATE, 1, "PCM_16") as file:
+        file.comment = "Recorded at 16:05:00 17/05/2024 (UTC+2) by AudioMoth 24F31901"
+        file.write(samples / 40.0)
+    found = gathered(files, Scaling(full_scale_pa=40.0))
+    assert not found.refused
+    assert found.epoch == datetime(2024, 5, 17, 14, 5, tzinfo=UTC)
+    times = [float(one.pick.air_arrival_s) for one in found.picks]
+    np.testing.assert_allclose(times, 3.0, atol=5 / RATE)
+    assert "read as UTC" in found.picks[0].record.notes[-1]
+    # without a number of samples the time of day is that of the second; no date is none
+    late = bext(sound(tmp_path, "d.wav", [[(3.0, 20.0)]]), "2024:05:17", "14:05:07", 0)
+    assert gathered([late]).epoch == datetime(2024, 5, 17, 14, 5, 7, tzinfo=UTC)
+    none = bext(sound(tmp_path, "e.wav", [[(3.0, 20.0)]]), "0000-00-00", "00:00:00", 0)
+    assert gathered([none]).epoch is None

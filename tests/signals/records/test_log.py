@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jblast.errors import InputError
 from jblast.observations import read, write
 from jblast.observations.records.recording import PressureRecord
 from jblast.observations.records.stations import Station
@@ -139,8 +138,3 @@ def test_errors_that_no_covariance_holds_are_taken_as_independent():
     log = log_of(found(("a", {"covariance": 1e-4 * np.ones((4, 4))})), STATIONS)
     assert log.independent == ("a",)
     assert log.observations.covariances == ()
-
-
-def test_a_channel_without_a_station_is_refused():
-    with pytest.raises(InputError, match="expected a station for c, got a, b"):
-        log_of(found(("c", {})), STATIONS)

@@ -22,7 +22,7 @@ def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
         ("b.tdms", b"time_s,p_pa\n0,1\n", "b.tdms: expected TDMS"),
         ("b.nc", b"time_s,p_pa\n0,1\n", "b.nc: expected HDF5 or NetCDF"),
         ("b.mat", b"time_s,p_pa\n0,1\n" * 20, "b.mat: expected a .mat file"),
-        ("b.csv", b"\x00\x01\xff" * 50, "b.csv: expected"),
+        ("b.csv", b"\x00\x01\xff" * 50, "b.csv: line 1: expected"),
     ):
         path = tmp_path / name
         if held is not None:

@@ -38,15 +38,13 @@ def test_what_pandas_wrote_is_read(
     for k in range(channels):
         table[named.format(f"ch{k}", unit[0])] = (k + 1) * pulse() / unit[1]
     table.to_csv(path, sep=separator, decimal=decimal, encoding=encoding, index=False)
-    (recording,) = open_record(path, Scaling(sensitivity=50.0))
-    assert (recording.rate_hz, recording.start_s) == (RATE_HZ, pytest.approx(START_S))
-    assert recording.calibrated
-    assert len(recording.names) == channels
-    expected = np.arange(1, channels + 1)[:, None] * pulse()
-    # psi to seven digits in our table
-    np.testing.assert_allclose(
-        recording.samples(0, recording.length), expected, rtol=1e-7, atol=1e-9
-    )
+    recordings = open_record(path, Scaling(sensitivity=50.0))
+    assert len(recordings) == channels
+    for k, one in enumerate(recordings):
+        assert (one.rate_hz, one.start_s) == (RATE_HZ, pytest.approx(START_S))
+        assert one.calibrated
+        samples = one.samples(0, one.length)[0]
+        np.testing.assert_allclose(samples, (k + 1) * pulse(), rtol=1e-7, atol=1e-9)
 
 
 def text(tmp_path, body, name="gate.csv"):
@@ -70,7 +68,7 @@ def test_names_may_stand_in_the_comment_that_numpy_writes(tmp_path, delimiter):
     (recording,) = open_record(path)
     np.testing.assert_allclose(recording.samples(0, recording.length)[0], pulse())
     np.savetxt(path, table, header="of a gate", delimiter=delimiter)
-    with pytest.raises(InputError, match="expected names of columns"):
+    with pytest.raises(InputError, match=r"expected (names of columns|pressure)"):
         open_record(path)
 
 
@@ -81,7 +79,7 @@ def test_columns_of_something_else_are_left_out_and_named(tmp_path):
     body = "n,time_s,temperature_c,pressure_pa,note\n1,0,20,5,\n2,1,20,6,loud\n"
     (recording,) = open_record(text(tmp_path, body))
     np.testing.assert_array_equal(recording.samples(0, 2), [[5.0, 6.0]])
-    assert recording.notes == ("columns left out, not pressure: temperature_c",)
+    assert recording.notes == ("left out, not pressure: temperature_c",)
 
 
 @pytest.mark.parametrize(
@@ -98,7 +96,7 @@ def test_columns_named_as_keys_of_a_preamble_are_columns(tmp_path, head, rows, o
     body = f"{head}\n{rows}"
     (recording,) = open_record(text(tmp_path, body), Scaling(sensitivity=1e3))
     np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
-    assert recording.notes == (f"columns left out, not pressure: {others}",)
+    assert recording.notes == (f"left out, not pressure: {others}",)
 
 
 def test_a_blank_within_a_remark_separates_no_columns(tmp_path):
@@ -125,25 +123,28 @@ HEAD = "time_s,pressure_kpa\n"
         (HEAD + "0,1\n# cut\n0.1,\n0.2,3\n", "line 4, column pressure_kpa.*nothing"),
         (HEAD + "0,1\ninf,2\n0.2,3\n", "line 3, column time_s: .*'inf'"),
         (HEAD + "0,1\n0.1,nan\n0.2,3\n", "line 3, column pressure_kpa.*'nan'"),
-        (HEAD + "0,nan\n0.1,nan\n", "column pressure_kpa: .* no finite number"),
-        (HEAD + "0,\n0.1,\n", "column pressure_kpa: .* no finite number; remove"),
+        (HEAD + "0,inf\n0.1,-inf\n", "column pressure_kpa: .* no finite number"),
+        (HEAD + "0,\n0.1,\n", "line 2, column pressure_kpa: .* got nothing"),
         (
             HEAD + "(s),(psi)\n0,1\n1,2\n",
-            "line 2, column pressure_kpa.*kpa in its name",
+            "line 1, column pressure_kpa.*kpa in its name",
         ),
         (HEAD + "0,1\n0.1\n", "line 3: expected 2 fields as in the header, got 1"),
         (HEAD + "0,1,5\n1,2,7\n", "line 2: expected 2 fields .* got 3"),
         (HEAD + "0,1\n", "expected at least two samples, got 1"),
-        (HEAD, "got one line"),
+        (HEAD, "line 1: .* got no numbers"),
         ("sensor,quantity,value\na,air_arrival_s,1\n", "is a log, which jblast fit"),
         ("utc,pressure_kpa\n15:08:18,1\n", "column utc: expected seconds or milli"),
         ("0,1\n1,2\n", "line 1: expected names of columns"),
         ("time,pressure_pa\n0,1\n", "column time: expected a unit of time"),
         ("time_s,pressure\n0,1\n", "column pressure: expected a unit of pressure"),
         ("time_s,pressure_kpx\n0,1\n", "column pressure_kpx: expected a unit"),
-        ("time_s,t_ms,p_pa\n0,1,2\n", "expected one column of time.* time_s, t_ms"),
-        ("time_s,time_ms,p_pa\n0,1,2\n", "one column of time.* time_s, time_ms"),
-        ("time_s,time_s,p_pa\n0,1,2\n", "one column of time.* time_s, time_s"),
+        (
+            "time_s,t_ms,p_pa\n0,1,2\n",
+            "column of time of its 1 .* 'time_s, t_ms'",
+        ),
+        ("time_s,time_ms,p_pa\n0,1,2\n", "got 'time_s, time_ms'"),
+        ("time_s,time_s,p_pa\n0,1,2\n", "got 'time_s, time_s'"),
         ("time_s,p_kpa,p_psi\n0,1,2\n", "line 1, columns p_kpa and p_psi: .*one unit"),
         ("time_s,P (kPa),p_mV\n0,1,2\n", r"columns P \(kPa\) and p_mV: .*got kPa and"),
         ("time_s,kPa,psi\n0,1,2\n", "columns kPa and psi: .* got kPa and psi"),

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.observations.records.formats import Scaling, open_record
-from jblast.observations.records.recording import PSI
+from jblast.units import si_factor
 from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
 
 VOLTS = 50.0
@@ -118,7 +118,10 @@ FORMATS = {
         LABVIEW.format("No") + rows("\t{v}\t{w}\t", one=VOLTS),
         ("Voltage_0", "Voltage_1"),
     ),
-    "dts.csv": (DTS + rows("{t},{v},{w}", one=PSI), ("Gauge 1", "Gauge 2")),
+    "dts.csv": (
+        DTS + rows("{t},{v},{w}", one=si_factor("psi")),
+        ("Gauge 1", "Gauge 2"),
+    ),
     "instek.csv": (GW_INSTEK + rows("{v},", one=VOLTS), ()),
     "dated.csv": (
         "Sample rate [kHz];2\nt0;0,25\nDatum;Zeit;P1 [kPa]\n"
@@ -137,21 +140,19 @@ def test_the_text_of_an_instrument_is_read(tmp_path, name):
     text, channels = FORMATS[name]
     path = tmp_path / name
     path.write_bytes(text.encode("cp1252"))
-    (recording,) = open_record(path, Scaling(sensitivity=VOLTS))
+    recordings = open_record(path, Scaling(sensitivity=VOLTS))
     # the memory of this instrument begins at the trigger
     start_s = 0.0 if name == "instek.csv" else START_S
-    assert recording.rate_hz == pytest.approx(RATE_HZ, rel=1e-9)
-    assert recording.start_s == pytest.approx(start_s, abs=1e-9)
-    assert recording.calibrated
-    stem = path.stem
-    assert recording.names == tuple(f"{stem}.{one}" for one in channels) or (stem,)
-    count = max(len(channels), 1)
-    assert recording.aliases == ((stem,) if count == 1 else (f"{stem}.1", f"{stem}.2"))
-    expected = np.arange(1, count + 1)[:, None] * pulse()
-    # of seven decimals of a value, in its unit
-    np.testing.assert_allclose(recording.samples(0, 400), expected, atol=2e-3)
-    told = "text that is not UTF-8 is read as Windows-1252" in recording.notes
-    assert told == (not text.isascii())
+    names = tuple((f"{path.stem}.{one}",) for one in channels) or ((path.stem,),)
+    assert tuple(one.names for one in recordings) == names
+    for k, one in enumerate(recordings):
+        assert one.rate_hz == pytest.approx(RATE_HZ, rel=1e-9)
+        assert one.start_s == pytest.approx(start_s, abs=1e-9)
+        assert one.calibrated
+        # of seven decimals of a value, in its unit
+        np.testing.assert_allclose(one.samples(0, 400)[0], (k + 1) * pulse(), atol=2e-3)
+        told = "text that is not UTF-8 is read as Windows-1252" in one.notes
+        assert told == (not text.isascii())
 
 
 def test_samples_beyond_the_range_are_clipped(tmp_path):
@@ -161,7 +162,7 @@ def test_samples_beyond_the_range_are_clipped(tmp_path):
         time, _, other = lines[row].split(",")
         lines[row] = f"{time},{sign},{other}"
     path.write_text("Time (s),A (V),B (V)\n" + "\n".join(lines))
-    whole, clipped = open_record(path, Scaling(sensitivity=VOLTS))
+    clipped, whole = open_record(path, Scaling(sensitivity=VOLTS))
     assert (whole.names, clipped.names) == (("pico.B",), ("pico.A",))
     assert whole.full_scale is None
     # the front is at sample 100: the next finite one is that of 1.5 ms
@@ -197,7 +198,7 @@ STEPPED = "Sample interval,0.1\n"
             "apart, as the preamble states",
         ),
         (STEPPED + "n,p_kpa\n0,1\n1,2\n2,2\n4,3\n", "line 6.* a gap of 0.2 s"),
-        ("Model,X\nA,B\n0,1\n1,2\n", "line 2: expected one column of time"),
+        ("Model,X\nA,B\n0,1\n1,2\n", "expected pressure, .* got 'A, B'"),
         (STEPPED + "p_kpa\n" + "1\n" * 300 + "-\n", "line 303, column p_kpa: .*'-'"),
         ("Date,Time,p_kpa\n1.2.26,12:00,1\n1.2.26,12:00,2\n", "got times of day; add"),
     ],
@@ -213,4 +214,4 @@ def test_dates_next_to_times_are_left_out(tmp_path):
     path = tmp_path / "gate.csv"
     path.write_text("Date,time_s,p_kpa\n" + rows("2026-02-01 12:00,{t},{v}", one=1e3))
     (recording,) = open_record(path)
-    assert recording.notes == ("columns left out, not pressure: Date",)
+    assert recording.notes == ("left out, not pressure: Date",)

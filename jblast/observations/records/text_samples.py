@@ -1,0 +1,388 @@
+"""Samples as text: one sample a row, in columns of time and of pressure or volts.
+
+The table is found by `text_table`. The lines above the samples, and text to the left of
+the first ones, are the preamble of a logger, an oscilloscope or a seismograph. Units
+and the time step are taken from it:
+
+- units: in the names of columns (`time_ms`, `Time (ms)`, `CH1V`), in a row of their own
+  next to them, or after a key of the preamble (`Vertical Units,V`); of two units
+  (`mm/s and pa.(L)`) that of pressure belongs to the microphone;
+- step: after a key of the preamble or below it (`Sample Interval,2e-5,s`,
+  `Sample rate: 10 kHz`, `Increment`, `tInc = 2e-6s`). It gives the times of samples
+  that are numbered or have no times, and the unit of times that have none.
+
+Infinite numbers are samples beyond the range of the recorder. Times of day are refused:
+the time of the first sample belongs into the table of stations.
+"""
+
+import math
+import re
+from itertools import takewhile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import InputError, shown
+from jblast.observations.records.recording import RATES, Clock, Column, Group
+from jblast.observations.text_table import (
+    COUNTS,
+    TIME_WORDS,
+    Table,
+    cells_of,
+    number_of,
+    numbered,
+    text_table,
+)
+from jblast.units import sample_unit, spelt
+
+HEAD_BYTES = 2**16
+"""Bytes by which the columns are recognised: a preamble and names lie within them."""
+OVER_RANGE = 9.9e37
+"""Number from which on a sample is beyond the range (SCPI-1999, 7.2.1.4)."""
+STEP_TOLERANCE = 0.01
+"""Largest relative difference of times from the stated step: steps are printed with
+three digits or more."""
+KEYS = {
+    "step": (
+        "sample_interval", "sampling_interval", "sample_period", "sampling_period",
+        "sample_time", "increment", "x_increment", "xincrement", "xinc", "tinc", "dt",
+        "delta_t", "delta_x", "time_step", "timestep", "time_interval", "step",
+    ),
+    "rate": (
+        *(spelt(name) for name in RATES), "samplerate", "sampling_frequency",
+        "sample_frequency", "samples_per_second", "abtastrate", "abtastfrequenz",
+    ),
+    "start": ("start", "t0", "x0", "xzero", "x_zero", "time_of_first_sample"),
+    "before": ("pre_trigger_length", "pre_trigger", "pretrigger"),
+    "time_unit": ("horizontal_units", "horizontal_unit", "x_unit", "x_units"),
+    "unit": (
+        "vertical_units", "vertical_unit", "y_unit", "y_units", "y_unit_label",
+        "engineering_units", "engineering_unit", "eu", "unit", "units", "einheit",
+    ),
+}  # fmt: skip
+"""Keys of a preamble by kind, in snake case."""
+KIND_OF = {key: kind for kind, keys in KEYS.items() for key in keys}
+CONVENTIONS = {"lecroy": ("s", "V")}
+"""Beginnings of preambles whose writers omit units, with those of times and values."""
+RATE_UNITS = {
+    "": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "sps": 1.0, "ksps": 1e3, "msps": 1e6,
+    **{f"{prefix}{unit}_per_{second}": factor
+       for prefix, factor in (("", 1.0), ("k", 1e3), ("m", 1e6))
+       for unit in ("s", "sa", "samples", "1") for second in ("s", "sec", "second")},
+}  # fmt: skip
+"""Samples a second per unit of a sampling rate."""
+MICROPHONES = ("mic", "air", "press", "overpress")
+"""Beginnings of names of the channels of pressure among those of a seismograph."""
+QUANTITY = r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s].*)?"
+"""A number and its unit, if any."""
+THOUSANDS = r"(?<=[:=;\t])\s*[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
+"""A number of a preamble with commas between thousands: 10,000 Hz."""
+
+
+def open_text(path: Path, octets: int = -1) -> tuple[Group, ...]:
+    """Return the columns of a text; of some rows at its beginning if `octets` is given.
+
+    Raises:
+        InputError: The text is not as described; the message names line and column.
+    """
+    with path.open("rb") as file:
+        data = file.read(octets)
+    if len(data) == octets:
+        # a character of UTF-16 has two bytes
+        data = data[: data.rfind(b"\n") + 1 + data.startswith(b"\xff\xfe")]
+    expected = "names of columns and a sample a row"
+    table = text_table(data, str(path), preamble=True, expected=expected)
+    stated = _stated(table)
+    columns = _columns(table, stated)
+    _check_rows(table)
+    of = [column.dimension for column in columns]
+    times = [at for at in table.numeric if of[at] == "time"]
+    at = None if times else _clock_column(table, columns, stated)
+    order = [*times, *([] if at is None else [at])]
+    for c in table.numeric:
+        if c not in order and not columns[c].its_unit:
+            columns[c] = columns[c]._replace(unit=_unit(columns[c].name, c, stated))
+    samples = [
+        c
+        for c, column in enumerate(columns)
+        if column.dimension in ("pressure", "voltage") and c != at
+    ]
+    clock, notes = None, stated.notes
+    if samples:
+        numbers = table.numbers([*order, *samples], finite=False)
+        if not np.isfinite(numbers[: len(order)]).all():
+            table.numbers(order)
+        step = stated.clock() if not times else None
+        if at is not None:
+            seconds, is_timed = _seconds(table, columns[at], numbers[0], stated)
+            numbers[0], columns[at] = seconds, columns[at]._replace(unit="s")
+            step = None if is_timed else step
+        if step is not None:
+            notes += (f"times by the preamble: {1 / step.rate_hz:.9g} s per sample",)
+            clock = step if at is None else None
+        for number, own in zip([*order, *samples], numbers, strict=True):
+            columns[number] = _filled(table, columns[number], own)
+    where, lines = f"line {table.header_line}", table.lines
+    return (Group(tuple(columns), clock, notes, where, lambda n: f"line {lines[n]}"),)
+
+
+def open_head(path: Path) -> tuple[Group, ...]:
+    """Return the columns of a text with a few of their rows, for their names."""
+    return open_text(path, HEAD_BYTES)
+
+
+def _filled(
+    table: Table, column: Column, numbers: Float[np.ndarray, " sample"]
+) -> Column:
+    """Return a column with its samples, clipped at the range of the recorder."""
+    beyond = np.abs(numbers) >= OVER_RANGE
+    level, notes = None, ()
+    if beyond.any():
+        within, signs = numbers[~beyond], np.sign(numbers[beyond])
+        if not within.size:
+            raise InputError(
+                f"{table.at(table.first_line, column.name)}: expected samples, got no "
+                "finite number; remove the column"
+            )
+        # a range with an offset is not symmetric: only the exceeded sides count
+        level = max((sign * within).max() for sign in set(signs))
+        level = float(level if level > 0 else np.abs(within).max())
+        numbers[beyond] = level * signs
+        notes = (f"{beyond.sum()} samples beyond the range of the recorder",)
+    return column._replace(
+        length=numbers.size,
+        read=lambda start, stop: numbers[start:stop],
+        full_scale=level,
+        notes=notes,
+    )
+
+
+class _Stated(NamedTuple):
+    """Contents of a preamble.
+
+    Attributes:
+        numbers: Number and unit by kind of key: step, rate, start, before.
+        time_unit: Unit of times; "" if not stated.
+        units: Units of values by column.
+        alone: Units of all values, one or several; empty if not stated.
+        notes: Notes, a sentence each.
+    """
+
+    numbers: dict[str, tuple[float, str]]
+    time_unit: str
+    units: dict[int, str]
+    alone: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def clock(self) -> Clock | None:
+        """Return the clock; None if there is no step in a known unit."""
+        begin_s, step_s, start_s = (
+            value * sample_unit(unit or self.time_unit or "s").factor
+            for value, unit in (
+                self.numbers.get(kind, (0.0, ""))
+                for kind in ("before", "step", "start")
+            )
+        )
+        rate, unit = self.numbers.get("rate", (0.0, ""))
+        rates = rate * RATE_UNITS.get(spelt(unit), 0.0)
+        rate_hz = 1.0 / step_s if step_s > 0 else rates
+        return Clock(rate_hz, start_s - abs(begin_s)) if rate_hz > 0 else None
+
+
+def _stated(table: Table) -> _Stated:
+    """Return step, start and units of a preamble."""
+    lines = takewhile(lambda one: one[0] < table.first_line, numbered(table.text))
+    rows = [_cells(table, line.lstrip("# \t")) for _, line in lines]
+    rows += [row.cells for row in table.preamble if row.line >= table.first_line]
+    numbers: dict[str, tuple[float, str]] = {}
+    time_unit, units, alone = "", {}, ()
+    for cells, below in zip(rows, [*rows[1:], []], strict=False):
+        for at, cell in enumerate(cells):
+            kind, unit, inline = _key(cell)
+            right = [inline] if inline else cells[at + 1 :]
+            filled = [text for text in right if text]
+            if kind == "time_unit" and filled and _is_time(filled[0]):
+                time_unit = filled[0]
+            elif kind == "unit" and not at and filled:
+                # within a line it is the name of a column
+                texts = re.split(r"\s+and\s+", filled[0])
+                if len(texts) == 1 and not all(map(_is_unit, filled)):
+                    continue
+                # one unit for each column, or units below the names
+                held, values = range(1, 1 + len(right)), right
+                if len(filled) == len(table.numeric) > 1:
+                    held, values = table.numeric, filled
+                units = {c: one for c, one in zip(held, values, strict=True) if one}
+                alone = tuple(texts) if len(set(filled)) == 1 else ()
+                units = units if len(texts) == 1 else {}
+            elif kind and kind not in numbers:
+                # the unit may be a field of its own
+                beside = [text for text in filled[1:2] if _is_clock_unit(text)]
+                for text in (" ".join([*filled[:1], *beside]), *below[at : at + 1]):
+                    if number := re.fullmatch(QUANTITY, text):
+                        value = float(number[1].replace(",", "."))
+                        numbers[kind] = value, number[2] or unit
+                        break
+    notes = tuple(
+        f"text that is not UTF-8 is read as {note.numbers['encoding']}"
+        for note in table.notes
+        if note.kind == "encoding"
+    )
+    for beginning, (of_times, of_values) in CONVENTIONS.items():
+        if not (time_unit or alone or units) and any(
+            cells[0].lower().startswith(beginning) for cells in rows
+        ):
+            time_unit, alone = of_times, (of_values,)
+            notes += (f"columns without a unit are read in {of_times} and {of_values}",)
+    return _Stated(numbers, time_unit, units, alone, notes)
+
+
+def _cells(table: Table, line: str) -> list[str]:
+    """Return the fields of a line of the preamble."""
+    if table.decimal == ".":
+        line = re.sub(THOUSANDS, lambda found: found[0].replace(",", ""), line)
+    marks = [
+        mark for mark in (table.separator, ";", "\t", ",") if mark and mark in line
+    ]
+    return cells_of(line, marks[0]) if marks else [line.strip().strip('"').strip()]
+
+
+def _key(cell: str) -> tuple[str | None, str, str]:
+    """Return the kind of a key of the preamble, its unit, and its value within a cell.
+
+    The kind is None for other cells: `Sample rate [Hz]`, `tInc = 2e-06s`.
+    """
+    key, _, value = (
+        part.strip() for part in re.split("([:=])", f"{cell}:", maxsplit=1)
+    )
+    word, unit = key, ""
+    if bracketed := re.fullmatch(r"(.*?)\s*[(\[](.*)[)\]]", key):
+        word, unit = bracketed[1], bracketed[2]
+    return KIND_OF.get(spelt(word)), unit, value.rstrip(":").strip()
+
+
+def _is_time(text: str) -> bool:
+    return sample_unit(text).dimension == "time"
+
+
+def _is_unit(text: str) -> bool:
+    return sample_unit(text).dimension in ("time", "pressure", "voltage")
+
+
+def _is_clock_unit(text: str) -> bool:
+    """Return True for a unit of time or of a sampling rate."""
+    return _is_time(text) or (bool(text) and spelt(text) in RATE_UNITS)
+
+
+def _columns(table: Table, stated: _Stated) -> list[Column]:
+    """Return the columns, still without samples.
+
+    Raises:
+        InputError: They have neither names nor a step or unit in the preamble.
+    """
+    width = 1 + max(table.numeric)
+    kind, _, inline = _key(table.header[0] if table.header else "")
+    values = [inline] if inline else [cell for cell in table.header[1:] if cell]
+    if kind and values and (_is_unit(values[0]) or re.fullmatch(QUANTITY, values[0])):
+        # an entry of the preamble
+        table.header = []
+    if not table.header and (stated.clock() or stated.time_unit or stated.alone):
+        table.header = [str(c + 1) * (c in table.numeric) for c in range(width)]
+    names = table.names("time_s,pressure_pa")
+    columns = []
+    for at, name in enumerate([*names, *[""] * (width - len(names))]):
+        unit = table.units[at] if at < len(table.units) else ""
+        # numbers of rows have no unit
+        unit = "" if spelt(unit) in COUNTS else unit
+        empty = np.zeros(0)
+        columns.append(Column(name, unit, 0, lambda *_, e=empty: e, kind="column"))
+    return columns
+
+
+def _unit(name: str, column: int, stated: _Stated) -> str:
+    """Return the unit of a column by the preamble."""
+    is_microphone = name.lower().startswith(MICROPHONES)
+    of_kind = [
+        unit
+        for unit in stated.alone
+        if len(stated.alone) == 1
+        or is_microphone == (sample_unit(unit).dimension == "pressure")
+    ]
+    return stated.units.get(column) or next(iter(of_kind), "")
+
+
+def _check_rows(table: Table) -> None:
+    """Raise an error for a row of numbers and other text below the names."""
+    for row in table.preamble:
+        below = table.header_line < row.line < table.first_line
+        if row.is_comment or not below or row.line == table.units_line:
+            continue
+        cells = [row.cells[at] for at in table.numeric if at < len(row.cells)]
+        bad = [math.isnan(number_of(cell, table.decimal)) for cell in cells]
+        if any(bad) and not all(bad):
+            raise InputError(
+                f"{table.at(row.line)}: expected numbers as in line "
+                f"{table.first_line}, got {shown(','.join(row.cells))}"
+            )
+
+
+def _clock_column(table: Table, columns: list[Column], stated: _Stated) -> int | None:
+    """Return the column of times or numbers: by its name, or by its values."""
+    clock = stated.clock()
+    if clock is None and not stated.time_unit:
+        return None
+    for at in table.numeric:
+        word = spelt(columns[at].word)
+        if {word, word.split("_")[0]} & {*COUNTS, *TIME_WORDS, "second", "seconds"}:
+            return at
+    if len(table.numeric) == 1:
+        return None
+    if clock is None:
+        return table.numeric[0]
+    for at in table.numeric:
+        rows = [row for _, row in zip(range(50), table._rows(), strict=False)]
+        cells = [cells_of(text, table.separator) for _, text in rows]
+        held = [number_of(row[at], table.decimal) for row in cells if at < len(row)]
+        if not _is_unit(columns[at].its_unit) and any(
+            len(held) > 1
+            and np.allclose(np.diff(held), of, rtol=STEP_TOLERANCE, atol=0)
+            for of in (1.0, 1.0 / clock.rate_hz)
+        ):
+            return at
+    return None
+
+
+def _seconds(
+    table: Table, column: Column, numbers: Float[np.ndarray, " sample"], stated: _Stated
+) -> tuple[Float[np.ndarray, " sample"], bool]:
+    """Return the times of a column without a unit, and whether they are times.
+
+    They may be numbers of samples.
+
+    Raises:
+        InputError: They are not apart by the stated step.
+    """
+    clock = stated.clock()
+    apart = float(np.median(np.diff(numbers))) if numbers.size > 1 else math.nan
+    if clock is not None and apart == 1.0:
+        return clock.start_s + (numbers - numbers[0]) / clock.rate_hz, False
+    step_s = apart if clock is None or stated.time_unit else 1.0 / clock.rate_hz
+    if abs(apart - step_s) > STEP_TOLERANCE * step_s:
+        raise InputError(
+            f"{table.at(table.header_line, column.name)}: expected times {step_s:.6g} "
+            f"s apart, as the preamble states, got {apart:.6g}; add a unit to the name "
+            "of the column"
+        )
+    return numbers * sample_unit(stated.time_unit or "s").factor, True
+
+
+def is_stations(path: Path) -> bool:
+    """Return True if a text is a table of sensors or a log, not a record of samples."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = (file.readline(HEAD_BYTES) for _ in range(200))
+        header = next((x for x in lines if x.strip() and not x.startswith("#")), "")
+    return any(
+        spelt(cell) in ("sensor", "gauge") for cell in re.split("[,;\t]", header)
+    )

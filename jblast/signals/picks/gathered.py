@@ -1,0 +1,399 @@
+"""Picks of files of samples: names and clocks of the records, blasts and their picks.
+
+A channel is named by its station, or by the stem of its file and its name in it. Names
+are compared with the table of stations before any sample is read. Of files with equal
+stems in several folders each folder is a shot, unless the table names FOLDER/STEM.
+
+Files share the clock of the first one if they, or their stations, state the time of day
+of the first sample. Each blast of each channel is picked, in batches. A file that
+cannot be used is reported and does not stop the others.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from jblast.errors import InputError, argument
+from jblast.observations.records.formats import Scaling, open_channels, open_record
+from jblast.observations.records.recording import PressureRecord, Recording
+from jblast.observations.records.stations import Station, started
+from jblast.progress import each
+from jblast.signals.onsets import LEAST_PEAK_SHARE, Stretches, stretches
+from jblast.signals.picks.pick import LEAST_SAMPLES
+from jblast.signals.picks.record_picks import RecordPick, pick_records
+
+BATCH_SAMPLES = 2**22
+"""Samples that are read before they are picked, 32 MB in double precision: a folder of
+any size needs bounded memory, and chunks of `pick.LANES` records are mostly full."""
+MAX_PRESSURE_PA = 1e9
+"""Largest range of a record's samples [Pa]. The largest pressure of a blast in air is
+that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
+Bulmash begin (Z = 0.067 m/kg^(1/3)). A sensitivity given as its reciprocal is off by
+more than a factor of a million."""
+MAX_NAMED = 3
+"""Files that a message on several names."""
+
+
+class Gathered(NamedTuple):
+    """Picks of files of samples.
+
+    Attributes:
+        picks: Picks in the order of files, channels and time.
+        orders: Number of each within its channel, from 1.
+        silent: Names of channels without a pick.
+        quieter: Number of onsets by channel that were skipped, more than 20 dB below
+            the loudest.
+        refused: Errors of files that could not be read, one for each cause.
+        epoch: UTC of time zero of all picks; None if no file states it.
+        channels: Number of channels read; segments between gaps are one channel.
+        triggered: True if the times of all files count from a common trigger.
+    """
+
+    picks: tuple[RecordPick, ...]
+    orders: tuple[int, ...]
+    silent: tuple[str, ...]
+    quieter: dict[str, int]
+    refused: tuple[InputError, ...]
+    epoch: datetime | None
+    channels: int
+    triggered: bool = False
+
+    def named(self) -> tuple[str, ...]:
+        """Return the name of each pick's record; of several in a channel name#order."""
+        names = [_channel(one.record) for one in self.picks]
+        return tuple(
+            name if names.count(name) == 1 else f"{name}#{order}"
+            for name, order in zip(names, self.orders, strict=True)
+        )
+
+
+def _channel(record: PressureRecord) -> str:
+    """Return the name of a channel, with its shot."""
+    return f"{record.shot}/{record.name}" if record.shot else record.name
+
+
+def gathered(
+    files: Sequence[Path],
+    scaling: Scaling | None = None,
+    *,
+    high_pass_hz: float | None = None,
+    keep_samples: bool = True,
+    stations: Mapping[str, Station] | None = None,
+    trigger: bool = False,
+) -> Gathered:
+    """Read files and pick their blasts.
+
+    Args:
+        files: Files of records.
+        scaling: Scale of the recorders.
+        high_pass_hz: Corner of their first-order high-pass [Hz].
+        keep_samples: True to keep the samples in the picks, for figures.
+        stations: Stations by name of record.
+        trigger: True if the times of all files count from a common trigger, whatever
+            their times of day.
+
+    Raises:
+        InputError: A channel has no station.
+    """
+    reading = _Reading(scaling or Scaling(), high_pass_hz, stations, trigger)
+    found: list[RecordPick] = []
+    for batch in _batches(reading.records(files)):
+        for one in pick_records(batch):
+            if one.pick.found:
+                empty = (
+                    one.record
+                    if keep_samples
+                    else replace(one.record, samples=np.zeros(0))
+                )
+                found.append(replace(one, record=empty))
+    names = [_channel(one.record) for one in found]
+    return Gathered(
+        picks=tuple(found),
+        orders=tuple(names[: at + 1].count(name) for at, name in enumerate(names)),
+        silent=tuple(name for name in reading.channels if name not in names),
+        quieter=reading.quieter,
+        refused=_by_cause(reading.refused),
+        epoch=reading.epoch,
+        channels=len(reading.channels),
+        triggered=trigger,
+    )
+
+
+def _by_cause(refused: Sequence[tuple[Path, InputError]]) -> tuple[InputError, ...]:
+    """Return one error for each cause, with the files that it concerns."""
+    causes: dict[str, list[str]] = {}
+    for file, error in refused:
+        text = error.worded(argument).removeprefix(f"{file}: ")
+        causes.setdefault(text, []).append(str(file))
+    return tuple(InputError(f"{_listed(own)}: {text}") for text, own in causes.items())
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - MAX_NAMED
+    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+class _Names(NamedTuple):
+    """Names of the channels of a file.
+
+    Attributes:
+        shot: Folder of the file, if the folders are shots; else "".
+        sensors: Names of sensors by those of channels.
+    """
+
+    shot: str
+    sensors: dict[str, str]
+
+
+@dataclass
+class _Reading:
+    """Findings of reading the records of files."""
+
+    scaling: Scaling
+    high_pass_hz: float | None
+    stations: Mapping[str, Station] | None
+    trigger: bool
+    channels: list[str] = field(default_factory=list)
+    quieter: dict[str, int] = field(default_factory=dict)
+    refused: list[tuple[Path, InputError]] = field(default_factory=list)
+    epoch: datetime | None = None
+    # source of the first recording, and whether its clock was set
+    first: tuple[str, bool] | None = None
+
+    def records(self, files: Sequence[Path]) -> Iterator[PressureRecord]:
+        """Yield intervals with a signal, those of a channel in order of time."""
+        names = self._names(files)
+        for file in each(list(names), "records"):
+            try:
+                recordings = _long_enough(open_record(file, self.scaling))
+                begin = min(one.own_start_s for one in recordings)
+                recordings = [
+                    self._timed(one, names[file], begin) for one in recordings
+                ]
+                runs = [(one, stretches(one)) for one in recordings]
+                for one, channels in runs:
+                    _check_scale(one, channels, self.scaling)
+            except InputError as error:
+                self.refused.append((file, error))
+                continue
+            by_channel: dict[str, list[Stretches]] = {}
+            for recording, channels in runs:
+                for name, channel in zip(recording.names, channels, strict=True):
+                    by_channel.setdefault(name, []).append(channel)
+            shot = names[file].shot
+            for name, segments in by_channel.items():
+                label = f"{shot}/{name}" if shot else name
+                self.channels.append(label)
+                records, quieter = _loud(segments)
+                if quieter:
+                    self.quieter[label] = quieter
+                for record in records:
+                    # a constant interval is a dead channel, not a quiet one
+                    if np.ptp(record.samples) > 0:
+                        yield replace(record, high_pass_hz=self.high_pass_hz, shot=shot)
+
+    def _names(self, files: Sequence[Path]) -> dict[Path, _Names]:
+        """Return the names of all channels, before any of them is read.
+
+        Raises:
+            InputError: A channel has no station.
+        """
+        held: dict[Path, list[tuple[str, tuple[str, ...]]]] = {}
+        for file in files:
+            try:
+                found = open_channels(file)
+                if any(_key(file) == _key(other) for other in held):
+                    raise InputError(
+                        f"{file}: expected records with different names, got "
+                        f"{file.stem} twice"
+                    )
+            except InputError as error:
+                self.refused.append((file, error))
+                continue
+            both = (zip(one.names, one.aliases, strict=True) for one in found)
+            held[file] = [pair for pairs in both for pair in pairs]
+        folders = _folders(list(held))
+        # a name that several channels have is the name of none
+        shared = Counter(
+            (folders[file], name)
+            for file, own in held.items()
+            for _, aliases in own
+            for name in aliases
+        )
+        absent: list[str] = []
+        sensors: dict[Path, dict[str, str]] = {}
+        for file, own in held.items():
+            sensors[file] = {}
+            for name, aliases in own:
+                folder = folders[file]
+                options = [f"{folder}/{name}"] if folder else []
+                options += [name, *(a for a in aliases if shared[folder, a] == 1)]
+                stations = (name,) if self.stations is None else self.stations
+                sensor = next((one for one in options if one in stations), None)
+                absent += [] if sensor else options[:1]
+                sensors[file][name] = sensor or name
+        if absent:
+            got = ", ".join(self.stations or ())
+            raise InputError(
+                f"{held and next(iter(held))}: expected a station for "
+                f"{', '.join(absent)}, got {got}"
+            )
+        of_all = [(folders[f], s) for f, own in sensors.items() for s in own.values()]
+        shots = len({sensor for _, sensor in of_all}) < len(set(of_all))
+        return {f: _Names(folders[f] * shots, own) for f, own in sensors.items()}
+
+    def _timed(self, recording: Recording, names: _Names, begin: float) -> Recording:
+        """Return a recording of a sensor on the clock of the first.
+
+        Args:
+            recording: The recording.
+            names: Names of the channels of its file.
+            begin: Time of the first sample of the file on its own clock [s].
+
+        Raises:
+            InputError: Only one of the two has a time of day, or one was made by a
+                clock that was not set and is not that of its station.
+        """
+        sensors = tuple(names.sensors[name] for name in recording.names)
+        recording = replace(recording, names=sensors)
+        stations = self.stations or {}
+        recording = started(recording, stations, recording.own_start_s - begin)
+        if self.trigger:
+            return replace(recording, epoch=None, start_s=recording.own_start_s)
+        if self.first is None:
+            self.epoch = recording.epoch
+            self.first = recording.source, recording.clock_is_set
+        first, first_is_set = self.first
+        remedy = (
+            "add the time of the first sample of each file without one to column "
+            "start_utc of the table of stations, or pick the files separately"
+        )
+        if (self.epoch is None) != (recording.epoch is None):
+            one, other = "a time of day", "none"
+            if recording.epoch is None:
+                one, other = other, one
+            unset = "" if recording.clock_is_set else ", as its clock was not set"
+            raise InputError(
+                f"{recording.source}: expected a start at {other}, as in "
+                f"{first}, got {one}{unset}; {remedy}"
+            )
+        own_clock = all(
+            name in stations and stations[name].clock for name in recording.names
+        )
+        if recording.source != first and not (
+            own_clock or (recording.clock_is_set and first_is_set)
+        ):
+            raise InputError(
+                f"{recording.source}: expected a start on the clock of {first}, "
+                f"got a clock that was not set; {remedy}, or name the clock of each "
+                "recorder in column clock"
+            )
+        if self.epoch is None or recording.epoch is None:
+            return recording
+        later = (recording.epoch - self.epoch).total_seconds()
+        start = recording.start_s + later
+        return replace(recording, epoch=self.epoch, start_s=start)
+
+
+def _key(file: Path) -> Path:
+    """Return the folder and stem of a file."""
+    return file.resolve().with_suffix("")
+
+
+def _folders(files: Sequence[Path]) -> dict[Path, str]:
+    """Return the folder of each file, "" if no two files have one stem."""
+    parents = {file: file.resolve().parent for file in files}
+    if len({file.stem for file in files}) == len(files):
+        return dict.fromkeys(files, "")
+    common = os.path.commonpath(list(parents.values()))
+    return {
+        file: parent.name if str(parent) == common else os.path.relpath(parent, common)
+        for file, parent in parents.items()
+    }
+
+
+def _check_scale(
+    recording: Recording, channels: Sequence[Stretches], scaling: Scaling | None
+) -> None:
+    """Raise an error for pressures that no blast has.
+
+    Raises:
+        InputError: The range of samples in pascals exceeds `MAX_PRESSURE_PA`.
+    """
+    if not recording.calibrated:
+        return
+    largest = max(
+        (np.ptp(one.samples) for channel in channels for one in channel.records),
+        default=0.0,
+    )
+    if largest <= MAX_PRESSURE_PA:
+        return
+    remedy = "check the unit and the scale of the samples"
+    if scaling is not None and scaling.sensitivity is not None:
+        remedy = (
+            f"{argument('sensitivity')} is in pascals per volt or count: write "
+            f"{1 / scaling.sensitivity:.6g} if {scaling.sensitivity:g} is in volts or "
+            "counts per pascal"
+        )
+    raise InputError(
+        f"{recording.source}: expected pressures below {MAX_PRESSURE_PA / 1e9:g} GPa, "
+        f"more than a blast in air has at the charge, got {largest / 1e9:.4g} GPa; "
+        f"{remedy}"
+    )
+
+
+def _long_enough(recordings: Sequence[Recording]) -> list[Recording]:
+    """Return the recordings that may contain a pulse and the noise before it.
+
+    Short segments of a channel with longer ones are left out.
+
+    Raises:
+        InputError: All segments of a channel are too short.
+    """
+    long = [one for one in recordings if one.length >= LEAST_SAMPLES]
+    names = {one.names for one in long}
+    for one in recordings:
+        if one.names not in names:
+            raise InputError(
+                f"{one.source}: {one.labels[0]}: expected {LEAST_SAMPLES} samples or "
+                f"more, got {one.length}"
+            )
+    return long
+
+
+def _loud(segments: Sequence[Stretches]) -> tuple[list[PressureRecord], int]:
+    """Return the intervals of a channel to pick, and the number of quieter onsets.
+
+    Each segment between gaps has an interval about its loudest sample, which may be
+    noise next to another segment.
+    """
+    records = [record for one in segments for record in one.records]
+    quieter = sum(one.quieter for one in segments)
+    if len(segments) == 1:
+        return records, quieter
+    sizes = [np.abs(one.samples - np.median(one.samples)).max() for one in records]
+    loud = [
+        record
+        for record, size in zip(records, sizes, strict=True)
+        if size >= LEAST_PEAK_SHARE * max(sizes)
+    ]
+    return loud, quieter + len(records) - len(loud)
+
+
+def _batches(records: Iterator[PressureRecord]) -> Iterator[list[PressureRecord]]:
+    """Yield records in batches of at least `BATCH_SAMPLES` samples."""
+    batch, samples = [], 0
+    for record in records:
+        batch.append(record)
+        samples += record.samples.size
+        if samples >= BATCH_SAMPLES:
+            yield batch
+            batch, samples = [], 0
+    if batch:
+        yield batch
