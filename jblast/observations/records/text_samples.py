@@ -288,17 +288,26 @@ def _columns(table: Table, stated: _Stated) -> list[Column]:
     if kind and values and (_is_unit(values[0]) or re.fullmatch(QUANTITY, values[0])):
         # an entry of the preamble
         table.header = []
-    if not table.header and (stated.clock() or stated.time_unit or stated.alone):
-        table.header = [str(c + 1) * (c in table.numeric) for c in range(width)]
+    described = stated.clock() or stated.time_unit or stated.alone
+    if not table.header and described:
+        table.header = [""] * width
     names = table.names("time_s,pressure_pa")
-    columns = []
-    for at, name in enumerate([*names, *[""] * (width - len(names))]):
-        unit = table.units[at] if at < len(table.units) else ""
-        # numbers of rows have no unit
-        unit = "" if spelt(unit) in COUNTS else unit
-        empty = np.zeros(0)
-        columns.append(Column(name, unit, 0, lambda *_, e=empty: e, kind="column"))
-    return columns
+    names, units = (
+        [*held, *[""] * (max(width, len(names)) - len(held))]
+        for held in (names, table.units)
+    )
+    empty = np.zeros(0)
+    return [
+        Column(
+            name,
+            # numbers of rows have no unit
+            "" if spelt(unit) in COUNTS else unit,
+            0,
+            lambda *_: empty,
+            kind="column" if name else f"column {at + 1}",
+        )
+        for at, (name, unit) in enumerate(zip(names, units, strict=False))
+    ]
 
 
 def _unit(name: str, column: int, stated: _Stated) -> str:
