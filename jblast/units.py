@@ -51,8 +51,8 @@ LN_PER_DB = math.log(10.0) / 20.0
 SIGNS = {"µ": "u", "μ": "u", "°": " deg ", "%": " percent ", "/": " per ", "′": "'"}
 REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNORECASE)
 """The only reference of levels that is accepted: "dB re 20 uPa" is dB."""
-MAX_ENDING_WORDS = 4
-"""Number of words of the longest suffix: lb_per_square_in."""
+MAX_ENDING_WORDS = 5
+"""Number of words of the longest suffix: lbf_per_in_2_s."""
 CALLED: dict[str, dict[str, str]] = {
     "pressure": {
         "overpressure": "peak_overpressure_pa",
@@ -141,7 +141,7 @@ PRESSURES = {
     "pa": "Pa", "upa": "uPa", "hpa": "hPa", "kpa": "kPa", "gpa": "GPa",
     "bar": "bar", "mbar": "mbar", "atm": "atm", "torr": "torr", "mmhg": "mmHg",
     "inhg": "inHg", "psi": "psi", "ksi": "ksi", "psf": "lbf/ft**2",
-    "poundspersquareinch": "psi", "lb_per_square_in": "psi",
+    "poundspersquareinch": "psi",
     **{f"{force}_per_{area}{square}": unit for force, area, unit in (
         ("n", "m", "Pa"), ("n", "mm", "MPa"), ("lbf", "in", "psi"), ("lb", "in", "psi"),
         ("kgf", "cm", "kgf/cm**2"),

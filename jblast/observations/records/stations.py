@@ -85,7 +85,7 @@ def read_stations(
         sensitivities = {row[0]: float(row[4]) for row in found if row[4:]}
         head = ("sensor", *DEGREES)
         cells = [Row(n, list(row[:4])) for n, row in enumerate([head, *found])]
-        table = table_of_rows(os.fspath(path), cells, row_word="point")
+        table = table_of_rows(os.fspath(path), cells)
     else:
         table = table_of(path, f"a table of stations: {within}")
     header = read_header(table, COLUMNS)

@@ -1,7 +1,7 @@
 """Files of samples to picks: whatever one file holds, the others are picked."""
 
 import warnings
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from importlib import import_module
 from pathlib import Path
 
@@ -105,7 +105,7 @@ def test_times_of_day_share_the_clock_of_the_first(tmp_path):
     (error,) = found.refused
     assert "phone.wav: expected a start at a time of day, as" in str(error)
     assert "column start_utc of the table of stations" in str(error)
-    start = 1_772_409_599_250_000_000  # 2026-03-01T23:59:59.25Z, by `date -u -d`
+    start = datetime(2026, 3, 1, 23, 59, 59, 250_000, tzinfo=UTC)
     phone = PLACED | {"phone": Station((0.0, 0.0, 0.0), "", start=start)}
     together = gathered([*paths, wav], stations=phone)
     assert not together.refused
@@ -125,11 +125,14 @@ def test_times_of_day_share_the_clock_of_the_first(tmp_path):
 
 def test_channels_of_a_file_begin_together(tmp_path):
     wav = sound(tmp_path, "a.wav", [[(3.0, 20.0)], [(3.0, 20.0)]])
-    one = {"a.1": Station((0.0, 0.0, 0.0), "", start=10**18)}
-    same = one | {"a.2": Station((9.0, 0.0, 0.0), "", start=10**18)}
+    start = datetime(2001, 9, 9, 1, 46, 40, tzinfo=UTC)
+    one = {"a.1": Station((0.0, 0.0, 0.0), "", start=start)}
+    same = one | {"a.2": Station((9.0, 0.0, 0.0), "", start=start)}
     found = gathered([wav], stations=same)
-    assert found.epoch == datetime(2001, 9, 9, 1, 46, 40, tzinfo=UTC)
-    two = one | {"a.2": Station((9.0, 0.0, 0.0), "", start=10**18 + 1)}
+    assert found.epoch == start
+    two = one | {
+        "a.2": Station((9.0, 0.0, 0.0), "", start=start + timedelta(seconds=1))
+    }
     (error,) = gathered([wav], stations=two).refused
     assert "a.wav: expected one start_utc for all channels of a file" in str(error)
 
@@ -171,7 +174,7 @@ def test_clocks_that_were_not_set_share_no_time(tmp_path):
         name: Station((0.0, 0.0, 0.0), clock=name, start=None) for name in ("a", "b")
     }
     assert not gathered([one, other], stations=own).refused
-    start = 1_715_946_780_000_000_000  # 2024-05-17T11:53:00Z
+    start = datetime(2024, 5, 17, 11, 53, tzinfo=UTC)
     given = PLACED | {"a": Station((0.0, 0.0, 0.0), "", start=start)}
     together = gathered([dated, one], stations=given)
     times = [float(one.pick.air_arrival_s) for one in together.picks]
