@@ -217,5 +217,9 @@ def _classic(path: Path):
     """Open NetCDF 3."""
     from scipy.io import netcdf_file
 
-    with netcdf_file(path, mmap=False) as file:
-        yield {"": file._attributes, **file.variables}
+    file = netcdf_file(path, mmap=True)
+    yield {"": file._attributes, **file.variables}
+    with warnings.catch_warnings():
+        # arrays of it are alive: the file is closed with them
+        warnings.simplefilter("ignore", RuntimeWarning)
+        file.close()

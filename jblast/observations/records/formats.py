@@ -47,6 +47,7 @@ class RecordFormat:
         name: Name of the format.
         suffixes: Suffixes of its files: (".wav", ".flac").
         open: Function of a path that returns its columns, or "module:name".
+        head: The same from the beginning of a file, for their names; `open` if None.
         beginnings: First bytes of its files, and the suffix for messages: a file of
             another format's suffix that begins with them is refused.
         inside: Names of formats in which its files may be written.
@@ -56,6 +57,7 @@ class RecordFormat:
     name: str
     suffixes: tuple[str, ...]
     open: Opener | str
+    head: Opener | str | None = None
     beginnings: Mapping[bytes, str] = field(default_factory=dict)
     inside: tuple[str, ...] = ()
     is_whole: bool = False
@@ -74,6 +76,7 @@ RECORD_FORMATS = Registry[RecordFormat](
         name="csv",
         suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"),
         open=f"{_FOLDER}.text_samples:open_text",
+        head=f"{_FOLDER}.text_samples:open_head",
         is_whole=True,
     ),
     RecordFormat(
@@ -158,15 +161,16 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[Channels, ...]:
     """
     path = Path(path)
     with warned(), reading(path, f"a complete {path.suffix} file"):
-        return channels_of(path, _groups(path))
+        return channels_of(path, _groups(path, head=True))
 
 
-def _groups(path: Path) -> tuple[Group, ...]:
+def _groups(path: Path, *, head: bool = False) -> tuple[Group, ...]:
+    """Return the columns of a file."""
     if not path.exists():
         raise InputError(f"{path}: no such file; expected a record of samples")
     kind = _kind(path)
     _check(path, kind)
-    return resolved(kind.open)(path)
+    return resolved(kind.head if head and kind.head else kind.open)(path)
 
 
 def _dated(one: Recording) -> Recording:

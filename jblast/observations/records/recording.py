@@ -319,6 +319,14 @@ class Column(NamedTuple):
         """Its name for messages."""
         return f"{self.kind} {self.name}".strip()
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of its channels for messages."""
+        if self.channels == 1 and self.label != "channel":
+            return (self.label,)
+        numbers = (f"channel {number + 1}" for number in range(self.channels))
+        return tuple(f"{self.label}, {n}" if self.name else n for n in numbers)
+
 
 class Group(NamedTuple):
     """Columns that may have common times: a text, a struct, a group of a file.
@@ -363,24 +371,21 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
         InputError: There are none; one has no unit, or two have one word and two units.
     """
     held = [(group, column) for group in groups for column in group.columns]
+    for group, column in held:
+        own = word_and_unit(column.name)[1]
+        meant, stated = sample_unit(own), sample_unit(column.its_unit)
+        expected = ""
+        if meant.dimension and stated.dimension and meant != stated:
+            expected = f"one unit, got {own} in its name and {column.unit}"
+        elif not column.dimension and re.match("(over)?pressure", column.word.lower()):
+            expected = "a unit of pressure, as in pressure_kpa, got "
+            expected += column.its_unit or "none"
+        if expected:
+            raise InputError(
+                f"{_place(path, group)}{column.label}: expected {expected}"
+            )
     used = [one for one in held if one[1].dimension in ("pressure", "voltage")]
     used = used or [one for one in held if one[1].dimension in ("count", "share")]
-    for group, column in held:
-        word, own = column.word.lower(), word_and_unit(column.name)[1]
-        if sample_unit(own).dimension not in ("", sample_unit(column.its_unit)) and (
-            sample_unit(own) != sample_unit(column.its_unit)
-        ):
-            raise InputError(
-                f"{_place(path, group)}{column.label}: expected one unit, got {own} in "
-                f"its name and {column.unit}"
-            )
-        if column.dimension == "" and (
-            "overpressure" in word or word.startswith("pressure")
-        ):
-            raise InputError(
-                f"{_place(path, group)}{column.label}: expected a unit of pressure, as "
-                f"in pressure_kpa, got {column.its_unit or 'none'}"
-            )
     if not used:
         got = ", ".join(_listed(column) for _, column in held)
         log = "sensor" in (column.name.strip().lower() for _, column in held)
@@ -406,21 +411,21 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
         for _, column in used
         for number in range(column.channels)
     ]
-    numbers = [f"{path.stem}.{number + 1}" for number in range(len(words))]
-    numbers = [path.stem] if len(words) == 1 else numbers
     named = len(used) > 1 and len(set(words)) == len(words) and "" not in words
     found, at = [], 0
     for group, column in used:
-        names, aliases = [], []
-        for word, number in zip(words[at:], numbers[at:], strict=True):
-            own = [number, *([f"{path.stem}.{word}", word] if word else [])]
-            names.append(own[1] if named else number)
-            others = [one for one in (*own, *column.aliases) if one != names[-1]]
-            aliases.append(tuple(dict.fromkeys(others)))
-            if len(names) == column.channels:
-                break
+        options = []
+        for number in range(at, at + column.channels):
+            word = words[number]
+            by_number = f"{path.stem}.{number + 1}" if len(words) > 1 else path.stem
+            by_word = [f"{path.stem}.{word}", word] if word else []
+            first = by_word[0] if named else by_number
+            own = dict.fromkeys([first, by_number, *by_word, *column.aliases])
+            options.append(tuple(own))
         at += column.channels
-        found.append(Channels(group, column, tuple(names), tuple(aliases)))
+        names = tuple(own[0] for own in options)
+        aliases = tuple(own[1:] for own in options)
+        found.append(Channels(group, column, names, aliases))
     return tuple(found)
 
 
@@ -444,38 +449,29 @@ def recordings_of(
         and re.split(r"[\s_]", column.name.lower())[0] not in IGNORED
     ]
     notes = (f"left out, not pressure: {', '.join(others)}",) if others else ()
-    recordings, clocks = [], {}
+    recordings: list[Recording] = []
+    clocks: dict[int, Clock] = {}
     for group, column, names, aliases in found:
         where = f"{_place(path, group)}{column.label}"
         factor, calibrated = _scale(column, scaling, where)
+        full_scale = column.full_scale and factor * column.full_scale
         for clock in column.clocks or (_clock(path, group, column, clocks),):
             epoch, start_s = None, clock.start_s
             if clock.zero is not None:
                 start = clock.zero + round(clock.start_s * BILLION)
                 epoch, start_s = epoch_and_start(start)
-            labels = [
-                f"{column.label}, channel {number + 1}" * bool(column.name)
-                or f"channel {number + 1}"
-                for number in range(column.channels)
-            ]
-            if column.name and column.channels == 1:
-                labels = [column.label]
             recordings.append(
                 Recording(
                     source=str(path),
                     names=names,
-                    labels=tuple(labels),
+                    labels=column.labels,
                     rate_hz=clock.rate_hz,
                     length=column.length if clock.length is None else clock.length,
                     read=_scaled(column, clock.begin, factor),
                     start_s=start_s,
                     epoch=epoch,
                     calibrated=calibrated,
-                    full_scale=(
-                        None
-                        if column.full_scale is None
-                        else factor * column.full_scale
-                    ),
+                    full_scale=full_scale,
                     notes=(*group.notes, *column.notes, *clock.notes, *notes),
                     line=group.line,
                     aliases=aliases,
