@@ -36,8 +36,8 @@ MAX_PRESSURE_PA = 1e9
 that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
 Bulmash begin (Z = 0.067 m/kg^(1/3)). A sensitivity given as its reciprocal is off by
 more than a factor of a million."""
-MAX_NAMED = 3
-"""Files that a message on several names."""
+MAX_NAMED, MAX_STATIONS = 3, 10
+"""Files, and stations or channels, that a message names."""
 
 
 class Gathered(NamedTuple):
@@ -105,13 +105,11 @@ def gathered(
     found: list[RecordPick] = []
     for batch in _batches(reading.records(files)):
         for one in pick_records(batch):
-            if one.pick.found:
-                empty = (
-                    one.record
-                    if keep_samples
-                    else replace(one.record, samples=np.zeros(0))
-                )
-                found.append(replace(one, record=empty))
+            if not one.pick.found:
+                continue
+            if not keep_samples:
+                one = replace(one, record=replace(one.record, samples=np.zeros(0)))
+            found.append(one)
     names = [_channel(one.record) for one in found]
     return Gathered(
         picks=tuple(found),
@@ -134,9 +132,9 @@ def _by_cause(refused: Sequence[tuple[Path, InputError]]) -> tuple[InputError, .
     return tuple(InputError(f"{_listed(own)}: {text}") for text, own in causes.items())
 
 
-def _listed(names: Sequence[str]) -> str:
-    more = len(names) - MAX_NAMED
-    return ", ".join(names[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
+def _listed(names: Sequence[str], most: int = MAX_NAMED) -> str:
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 class _Names(NamedTuple):
@@ -221,10 +219,10 @@ class _Reading:
         folders = _folders(list(held))
         # a name that several channels have is the name of none
         shared = Counter(
-            (folders[file], name)
+            (folders[file], one)
             for file, own in held.items()
-            for _, aliases in own
-            for name in aliases
+            for name, aliases in own
+            for one in (name, *aliases)
         )
         absent: list[str] = []
         sensors: dict[Path, dict[str, str]] = {}
@@ -236,13 +234,13 @@ class _Reading:
                 options += [name, *(a for a in aliases if shared[folder, a] == 1)]
                 stations = (name,) if self.stations is None else self.stations
                 sensor = next((one for one in options if one in stations), None)
-                absent += [] if sensor else options[:1]
+                absent += [] if sensor else [name]
                 sensors[file][name] = sensor or name
         if absent:
-            got = ", ".join(self.stations or ())
+            got = _listed(tuple(self.stations or ()), MAX_STATIONS)
             raise InputError(
-                f"{held and next(iter(held))}: expected a station for "
-                f"{', '.join(absent)}, got {got}"
+                f"{next(iter(held))}: expected a station for "
+                f"{_listed(list(dict.fromkeys(absent)), MAX_STATIONS)}, got {got}"
             )
         of_all = [(folders[f], s) for f, own in sensors.items() for s in own.values()]
         shots = len({sensor for _, sensor in of_all}) < len(set(of_all))

@@ -37,7 +37,7 @@ def test_a_bad_file_costs_the_others_nothing(jblast):
     assert out == "Nothing found in 1 record\n"
     assert "b.csv: line 2, column time_s: expected at least two samples" in err
     several = jblast.refused("pick", bad, jblast.file("c.csv", "x\n"))
-    assert "2 files cannot be read: " in several
+    assert "files cannot be read for 2 causes: " in several
 
 
 @pytest.mark.slow  # the fit of a pulse is compiled
