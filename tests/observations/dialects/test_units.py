@@ -116,6 +116,13 @@ def test_an_error_may_be_a_share_of_its_value(log):
 
 
 def test_a_peak_level_is_a_pressure_and_its_decibels_a_share(log):
+    for name in ("peak level dB(L)", "PSPL dBL", "Peak SPL [dBZ]"):
+        assert (
+            of(log, f"a,{name},154,1,90").value
+            == of(log, "a,peak_level_db,154,1,90").value
+        )
+    (velocity,) = of(log, "a,PPV (mm/s),5,1,90").value
+    assert velocity == pytest.approx(5e-3)
     found = of(log, "a,peak_level_db,154,1,90", "b,Peak level (dB),>160,2,90")
     assert set(found.quantity) == {"peak_overpressure_pa"}
     np.testing.assert_allclose(found.value, [1002.374, 2000.0], rtol=1e-6)

@@ -201,6 +201,27 @@ def test_netcdf_is_read_by_its_units(tmp_path, engine):
     np.testing.assert_allclose(recording.samples(0, 400)[1], 2 * pulse())
 
 
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_times_in_days_and_packed_samples_are_read(tmp_path, engine):
+    path = tmp_path / "field.nc"
+    packed = np.rint(pulse() / 0.5).astype("i2")
+    packed[7] = -999
+    days = (12 * 3600 + 7 + times()) / 86400
+    units = {"units": "Pa", "scale_factor": 0.5, "_FillValue": np.int16(-999)}
+    data = xr.Dataset(
+        {"p": ("time", packed, units)},
+        {"time": ("time", days, {"units": "days since 2026-03-01"})},
+    )
+    data.to_netcdf(path, engine=engine)
+    recording = only(path)
+    assert recording.rate_hz == pytest.approx(RATE_HZ)
+    assert recording.epoch == BEGAN.replace(microsecond=0)
+    assert recording.start_s == pytest.approx(START_S, abs=1e-8)
+    np.testing.assert_allclose(recording.samples(8, 400)[0], pulse()[8:], atol=0.26)
+    with pytest.raises(InputError, match=r"sample 8 .*: expected a finite sample"):
+        recording.samples(0, 400)
+
+
 def test_netcdf_without_attributes_is_read_by_its_names(tmp_path):
     path = tmp_path / "named.nc"
     named = xr.Dataset(

@@ -128,6 +128,12 @@ FORMATS = {
         + rows("01.02.2026;12:00:00;{v}", one=1e3),
         (),
     ),
+    "seismograph.txt": (
+        '"Pre-trigger Length : 0.25 sec"\n"Sample Rate : 2000 sps"\n'
+        '"Units : mm/s and psi(L)"\n"Title : quarry"\n\n   Tran     MicL\n'
+        + rows("   {w}   {v}", one=si_factor("psi")),
+        (),
+    ),
     "plain.txt": (
         "Sample rate: 2 kHz\nUnit: kPa\nStart: 250 ms\n" + rows("{v}", one=1e3),
         (),
@@ -142,7 +148,7 @@ def test_the_text_of_an_instrument_is_read(tmp_path, name):
     path.write_bytes(text.encode("cp1252"))
     recordings = open_record(path, Scaling(sensitivity=VOLTS))
     # the memory of this instrument begins at the trigger
-    start_s = 0.0 if name == "instek.csv" else START_S
+    start_s = {"instek.csv": 0.0, "seismograph.txt": -0.25}.get(name, START_S)
     names = tuple((f"{path.stem}.{one}",) for one in channels) or ((path.stem,),)
     assert tuple(one.names for one in recordings) == names
     for k, one in enumerate(recordings):
@@ -210,8 +216,10 @@ def test_a_preamble_does_not_hide_faults(tmp_path, body, said):
         open_record(path)
 
 
-def test_dates_next_to_times_are_left_out(tmp_path):
+def test_dates_and_velocities_next_to_pressures_are_left_out(tmp_path):
     path = tmp_path / "gate.csv"
     path.write_text("Date,time_s,p_kpa\n" + rows("2026-02-01 12:00,{t},{v}", one=1e3))
     (recording,) = open_record(path)
     assert recording.notes == ("left out, not pressure: Date",)
+    path.write_text(FORMATS["seismograph.txt"][0])
+    assert "left out, not pressure: Tran (mm/s)" in open_record(path)[0].notes
