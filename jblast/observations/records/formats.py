@@ -24,6 +24,7 @@ from jblast.observations.records.recording import (
     Recording,
     Scaling,
     channels_of,
+    first_bytes,
     recordings_of,
     warned,
 )
@@ -115,6 +116,7 @@ RECORD_FORMATS = Registry[RecordFormat](
 )
 """Formats by name; `register` adds one from any module."""
 register = RECORD_FORMATS.register
+EXPECTED = "a record of samples"
 MAX_WHOLE_BYTES = 2 * 10**9
 """Largest size of a file that is read whole: as double precision it takes several times
 its size in memory. Sound, HDF5, NetCDF and TDMS are read in segments."""
@@ -166,10 +168,9 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[Channels, ...]:
 
 def _groups(path: Path, *, head: bool = False) -> tuple[Group, ...]:
     """Return the columns of a file."""
-    if not path.exists():
-        raise InputError(f"{path}: no such file; expected a record of samples")
+    start = first_bytes(path, EXPECTED)
     kind = _kind(path)
-    _check(path, kind)
+    _check(path, kind, start)
     return resolved(kind.head if head and kind.head else kind.open)(path)
 
 
@@ -211,20 +212,8 @@ def _kind(path: Path) -> RecordFormat:
     )
 
 
-def _check(path: Path, kind: RecordFormat) -> None:
-    """Raise an error for a folder and for an empty, too large or mislabelled file."""
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; expected a record of samples")
-    try:
-        with path.open("rb") as file:
-            start = file.read(8)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); expected a record of samples"
-        ) from None
-    size = path.stat().st_size
-    if not start:
-        raise InputError(f"{path}: is empty; expected a record of samples")
+def _check(path: Path, kind: RecordFormat, start: bytes) -> None:
+    """Raise an error for a file that is too large or begins like another format."""
     for other in RECORD_FORMATS.values():
         if other.name in (kind.name, *kind.inside):
             continue
@@ -235,6 +224,7 @@ def _check(path: Path, kind: RecordFormat) -> None:
                     f"{path}: expected a {path.suffix} file, got one that begins "
                     f"like {ending}; rename it"
                 )
+    size = path.stat().st_size
     if kind.is_whole and size > MAX_WHOLE_BYTES:
         raise InputError(
             f"{path}: expected at most {MAX_WHOLE_BYTES / 1e9:g} GB of {path.suffix}, "

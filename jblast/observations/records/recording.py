@@ -233,6 +233,27 @@ class Recording:
         )
 
 
+def first_bytes(path: Path, expected: str) -> bytes:
+    """Return the first bytes of a file.
+
+    Raises:
+        InputError: There is no such file, or it is empty or cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            start = file.read(8)
+    except OSError as error:
+        faults = {
+            FileNotFoundError: "no such file",
+            IsADirectoryError: "is a directory",
+        }
+        fault = faults.get(type(error), f"cannot be read ({error.strerror})")
+        raise InputError(f"{path}: {fault}; expected {expected}") from None
+    if not start:
+        raise InputError(f"{path}: is empty; expected {expected}")
+    return start
+
+
 class Scaling(NamedTuple):
     """Scale of the recorders as specified by the user.
 

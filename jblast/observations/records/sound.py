@@ -36,6 +36,7 @@ from jblast.observations.records.recording import (
     Clock,
     Column,
     Group,
+    first_bytes,
 )
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ LARGEST = {
 codes of 8 bits libsndfile expands to 16."""
 READ_SUBTYPES = {"FLOAT", "DOUBLE", *LARGEST}
 FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
-EXPECTED = "expected a sound file, WAV or FLAC"
+EXPECTED = "a sound file, WAV or FLAC"
 MAX_BYTES = 2**32 - 2**16
 """Largest size of the samples of a WAV file: its sizes have 32 bits, and 64 KiB are
 left for the header."""
@@ -334,14 +335,7 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
     # imported here: loading libsndfile would delay readers of other formats
     import soundfile
 
-    if not path.exists():
-        raise InputError(f"{path}: no such file; {EXPECTED}")
-    if path.is_dir():
-        raise InputError(f"{path}: is a directory; {EXPECTED}")
-    if path.is_file() and path.stat().st_size == 0:
-        raise InputError(f"{path}: is empty; {EXPECTED}")
-    if not os.access(path, os.R_OK):
-        raise InputError(f"{path}: may not be read; {EXPECTED}")
+    start = first_bytes(path, EXPECTED)
     header = _header(path)
     try:
         with ExitStack() as stack:
@@ -370,13 +364,11 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
                 header = header._replace(notes=(note,))
             yield file, header
     except soundfile.LibsndfileError as error:
-        with path.open("rb") as file:
-            start = file.read(4)
-        if any(mark.startswith(start) for mark in (b"RIFF", b"RF64", b"fLaC")):
+        if any(mark.startswith(start[:4]) for mark in (b"RIFF", b"RF64", b"fLaC")):
             reason = error.error_string.strip().rstrip(".")
             fault = f"{path}: is cut short or damaged ({reason})"
         else:
-            fault = f"{path}: is not a sound file; {EXPECTED}"
+            fault = f"{path}: is not a sound file; expected {EXPECTED}"
         raise InputError(fault) from None
 
 
@@ -388,7 +380,8 @@ def check_kind(path: Path, kind: str, subtype: str, channels: int) -> None:
     """
     if kind not in FORMATS or subtype not in READ_SUBTYPES:
         raise InputError(
-            f"{path}: {EXPECTED} of 8 to 32 bits or float, got {kind} {subtype}"
+            f"{path}: expected {EXPECTED} of 8 to 32 bits or float, got {kind} "
+            f"{subtype}"
         )
     if channels > MAX_CHANNELS:
         raise InputError(
