@@ -17,7 +17,7 @@ the time of the first sample belongs into the table of stations.
 
 import math
 import re
-from itertools import takewhile
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,6 +28,8 @@ from jblast.errors import InputError, shown
 from jblast.observations.records.recording import RATES, Clock, Column, Group
 from jblast.observations.text_table import (
     COUNTS,
+    MAX_PREAMBLE,
+    RUN_ROWS,
     TIME_WORDS,
     Table,
     cells_of,
@@ -350,10 +352,12 @@ def _clock_column(table: Table, columns: list[Column], stated: _Stated) -> int |
         return None
     if clock is None:
         return table.numeric[0]
+    lines = islice(numbered(table.text), MAX_PREAMBLE + RUN_ROWS)
+    rows = [
+        cells_of(text, table.separator) for n, text in lines if n >= table.first_line
+    ]
     for at in table.numeric:
-        rows = [row for _, row in zip(range(50), table._rows(), strict=False)]
-        cells = [cells_of(text, table.separator) for _, text in rows]
-        held = [number_of(row[at], table.decimal) for row in cells if at < len(row)]
+        held = [number_of(row[at], table.decimal) for row in rows if at < len(row)]
         if not _is_unit(columns[at].its_unit) and any(
             len(held) > 1
             and np.allclose(np.diff(held), of, rtol=STEP_TOLERANCE, atol=0)
