@@ -521,7 +521,7 @@ def _start(
         EBU Tech 3285: `bext` has date, time and the samples since midnight, of a clock
         whose zone is not stated.
     """
-    samples, note = 0, "its comment"
+    samples, note = 0, "its comment, to the second"
     if found := RECORDED_AT.search(file.comment):
         time, day, month, year, sign, hours, minutes = found.groups()
         zone = f"{sign or '+'}{int(hours or 0):02}:{minutes or '00'}"

@@ -161,8 +161,8 @@ class _Reading:
     quieter: dict[str, int] = field(default_factory=dict)
     refused: list[tuple[Path, InputError]] = field(default_factory=list)
     epoch: datetime | None = None
-    # source of the first recording, and whether its clock was set
-    first: tuple[str, bool] | None = None
+    # source of the first recording, and whether it has a time of day
+    first: tuple[str, str] | None = None
 
     def records(self, files: Sequence[Path]) -> Iterator[PressureRecord]:
         """Yield intervals with a signal, those of a channel in order of time."""
@@ -264,33 +264,24 @@ class _Reading:
         recording = started(recording, stations, recording.own_start_s - begin)
         if self.trigger:
             return replace(recording, epoch=None, start_s=recording.own_start_s)
+        kind = "given" if recording.epoch else "none"
+        kind += ", as its clock was not set" * (not recording.clock_is_set)
         if self.first is None:
-            self.epoch = recording.epoch
-            self.first = recording.source, recording.clock_is_set
-        first, first_is_set = self.first
-        remedy = (
-            "add the time of the first sample of each file without one to column "
-            "start_utc of the table of stations, or pick the files separately"
-        )
-        if (self.epoch is None) != (recording.epoch is None):
-            one, other = "a time of day", "none"
-            if recording.epoch is None:
-                one, other = other, one
-            unset = "" if recording.clock_is_set else ", as its clock was not set"
-            raise InputError(
-                f"{recording.source}: expected a start at {other}, as in "
-                f"{first}, got {one}{unset}; {remedy}"
-            )
+            self.epoch, self.first = recording.epoch, (recording.source, kind)
+        first, first_kind = self.first
         own_clock = all(
             name in stations and stations[name].clock for name in recording.names
         )
-        if recording.source != first and not (
-            own_clock or (recording.clock_is_set and first_is_set)
+        is_shared = "not set" not in kind + first_kind or own_clock
+        if (self.epoch is None) != (recording.epoch is None) or (
+            recording.source != first and not is_shared
         ):
             raise InputError(
-                f"{recording.source}: expected a start on the clock of {first}, "
-                f"got a clock that was not set; {remedy}, or name the clock of each "
-                "recorder in column clock"
+                f"{recording.source}: expected a start on the clock of {first} (time "
+                f"of day: {first_kind}), got a time of day: {kind}; add the time of "
+                "the first sample of each file without one to column start_utc of the "
+                "table of stations, or pick the files separately, or name the clock of "
+                "each recorder in column clock"
             )
         if self.epoch is None or recording.epoch is None:
             return recording
