@@ -283,7 +283,7 @@ def test_recorders_begin_at_the_time_in_their_files(tmp_path):
         samples = file.read()
     with soundfile.SoundFile(files[-1], "w", RATE, 1, "PCM_16") as file:
         file.comment = "Recorded at 16:05:00 17/05/2024 (UTC+2) by AudioMoth 24F31901"
-        file.write(samples / 40.0)
+        file.write(np.asarray(samples / 40.0, np.float64))
     found = gathered(files, Scaling(full_scale_pa=40.0))
     assert not found.refused
     assert found.epoch == datetime(2024, 5, 17, 14, 5, tzinfo=UTC)
