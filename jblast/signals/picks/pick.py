@@ -515,7 +515,7 @@ def _peak_sd(fit: _Fit) -> float:
 
 
 class _Found(NamedTuple):
-    """What notes are tests of."""
+    """Arguments of the tests of notes."""
 
     fit: _Fit
     record: Prepared
