@@ -29,7 +29,7 @@ from jblast.signals.arrays import (
 )
 from jblast.signals.matched_filter import Detection
 from jblast.signals.noise import bin_variances
-from jblast.signals.search import Searched
+from jblast.signals.sound_watch import Searched
 
 MAX_ARRAY_WIDTH = 5.0
 """Largest distance between the microphones of an array [m]. Within it a front is plane
@@ -196,7 +196,7 @@ def _window(
     """Return samples about an event, and the variance of each bin of their noise."""
     rate = members[0].channel.rate_hz
     times = [arrival.time_s for arrival in arrivals]
-    length_s = members[0].kernel.template_samples / rate
+    length_s = max(arrival.template_s for arrival in arrivals)
     margin = largest_s + 0.5 * length_s + 0.01
     start = max(int((min(times) - margin) * rate), 0)
     stop = int((max(times) + length_s + margin) * rate)

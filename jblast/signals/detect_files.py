@@ -11,7 +11,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -27,20 +27,16 @@ from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
 from jblast.progress_line import Progress, reported
 from jblast.signals.arrival_log import Log, log_of
-from jblast.signals.live import search_bank_as_stream
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
-from jblast.signals.search import (
-    DURATIONS,
+from jblast.signals.sound_watch import (
     OTHER_FRONT,
+    PACKET_S,
     SAME_FRONT,
     Channel,
     Searched,
-    bank_of_pulses,
     search,
-    search_as_stream,
-    search_bank,
 )
-from jblast.signals.templates import blast_template
+from jblast.signals.templates import DURATIONS, bank_of_pulses, blast_template
 
 # sound does without cameras
 if TYPE_CHECKING:
@@ -172,7 +168,7 @@ def detect(
     mass_kg: float | None = None,
     range_m: float | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-    blast_form: bool = False,
+    all_sounds: bool = False,
     stream: bool = False,
     positions: AnyPath | None = None,
     fps: float | None = None,
@@ -191,8 +187,9 @@ def detect(
         range_m: Its distance.
         false_alarms_per_hour: Accepted false alarms per channel; for films, by scenes
             that resemble a blast.
-        blast_form: Accept only sounds with the form of a blast pulse.
-        stream: Filter block by block, with the noise of the first ten seconds.
+        all_sounds: In a search without a template or charge, accept impulsive sounds
+            of any form.
+        stream: Search packet by packet, as live sound; the arrivals are the same.
         positions: Table of stations of the microphones, or of the clips.
         fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
@@ -215,7 +212,7 @@ def detect(
         "template": template,
         "mass_kg": mass_kg,
         "range_m": range_m,
-        "blast_form": blast_form,
+        "all_sounds": all_sounds,
         "stream": stream,
         "positions": positions,
     }
@@ -376,7 +373,7 @@ def detect_sound(
     mass_kg: float | None = None,
     range_m: float | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-    blast_form: bool = False,
+    all_sounds: bool = False,
     stream: bool = False,
     positions: AnyPath | None = None,
 ) -> SoundDetections:
@@ -388,7 +385,7 @@ def detect_sound(
         mass_kg: As for `detect`.
         range_m: As for `detect`.
         false_alarms_per_hour: As for `detect`.
-        blast_form: As for `detect`.
+        all_sounds: As for `detect`.
         stream: As for `detect`.
         positions: As for `detect`.
 
@@ -396,7 +393,7 @@ def detect_sound(
         InputError: A recording cannot be read, a channel has no station, or arguments
             exclude each other.
     """
-    check_target(template, mass_kg, range_m, blast_form=blast_form)
+    check_target(template, mass_kg, range_m, all_sounds=all_sounds)
     begin = stages({"reading": 1.0, "searching": 4.0})
     begin("reading")
     files = [os.fspath(file) for file in recordings]
@@ -407,30 +404,21 @@ def detect_sound(
         stations = _stations(os.fspath(positions), named)
     begin("searching")
     shapes, method = _target(template, mass_kg, range_m)
-    look = partial(
-        search_as_stream if stream else search,
-        front_samples=OTHER_FRONT if template is None else SAME_FRONT,
-    )
     # templates cost more than a search; most rates are equal
     shapes_at = cache(shapes)
-    searched = []
-    for channel in each(channels, "channels"):
-        templates = shapes_at(channel.rate_hz)
-        for one in templates:
-            _check_length(channel, one.size, method.words)
-        if len(templates) == 1:
-            searched.append(look(channel, templates[0], false_alarms_per_hour))
-            continue
-        whole = search_bank_as_stream if stream else search_bank
-        searched.append(
-            whole(
-                channel,
-                templates,
-                false_alarms_per_hour,
-                front_samples=OTHER_FRONT,
-                any_form=not blast_form,
-            )
+    searched = [
+        search(
+            channel,
+            shapes_at(channel.rate_hz),
+            false_alarms_per_hour=false_alarms_per_hour,
+            forms=template is None and mass_kg is None,
+            front_samples=OTHER_FRONT if template is None else SAME_FRONT,
+            packet_s=PACKET_S if stream else None,
         )
+        for channel in each(channels, "channels")
+    ]
+    if all_sounds:
+        searched = [_with_all_sounds(one) for one in searched]
     # an arrival of a template is the time of its first sample, which may not be a front
     if template is None:
         searched = _picked(searched)
@@ -440,6 +428,12 @@ def detect_sound(
         names = ", ".join(Path(file).name for file in files)
         log = log_of(searched, stations, [f"jblast detect of {names}: {method.words}"])
     return SoundDetections(tuple(searched), tuple(dead), method, log)
+
+
+def _with_all_sounds(one: Searched) -> Searched:
+    """Return a channel whose detections include sounds of another form."""
+    sounds = sorted(one.detections + one.others, key=lambda found: found.time_s)
+    return one._replace(detections=tuple(sounds), others=())
 
 
 def _picked(searched: Sequence[Searched]) -> list[Searched]:
@@ -472,13 +466,13 @@ def check_target(
     mass_kg: float | None,
     range_m: float | None,
     *,
-    blast_form: bool,
+    all_sounds: bool,
 ) -> None:
     """Raise an error for search targets that exclude each other.
 
     Raises:
         InputError: A template with a charge, a mass without a range or a range without
-            a mass, or `blast_form` with a template or a charge.
+            a mass, or `all_sounds` with a template or a charge.
     """
     mass, distance = argument("mass_kg"), argument("range_m")
     if template and (mass_kg or range_m):
@@ -487,10 +481,10 @@ def check_target(
     if (mass_kg is None) != (range_m is None):
         one, other = (mass, distance)[:: 1 if mass_kg else -1]
         raise InputError(f"{one}: expected {other} with it, got none")
-    if blast_form and (template or mass_kg):
+    if all_sounds and (template or mass_kg):
         other = argument("template") if template else mass
         raise InputError(
-            f"{argument('blast_form')}: expected no {other} with it, got both"
+            f"{argument('all_sounds')}: expected no {other} with it, got both"
         )
 
 
@@ -622,16 +616,6 @@ def _read_template(file: str) -> SoundRecord:
             f"{file}: expected a template with a sound, got one value throughout"
         )
     return sound
-
-
-def _check_length(channel: Channel, samples: int, what: str) -> None:
-    """Raise an error for a template that is longer than a recording."""
-    if samples > channel.samples.size:
-        raise InputError(
-            f"{channel.record}: expected a recording at least as long as {what}, "
-            f"{samples / channel.rate_hz:.6g} s; got "
-            f"{channel.samples.size / channel.rate_hz:.6g} s"
-        )
 
 
 def detect_film(

@@ -24,7 +24,7 @@ from jblast.observations.records.recording import PressureRecord
 from jblast.signals.matched_filter import Detection
 from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES, filled_length
-from jblast.signals.search import OTHER_FRONT
+from jblast.signals.sound_watch import OTHER_FRONT
 
 BEFORE_S, AFTER_S = 0.25, 0.75
 """Interval before and after an arrival that is picked [s]: enough quiet to measure the

@@ -31,15 +31,14 @@ from a quiet background, or continue. A single N-wave of thunder or a burst ball
 quiet surroundings has the form of a blast and is accepted.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr
 
-from jblast.signals.matched_filter import fast_length
-from jblast.signals.noise import NoiseSpectrum, whitening_taps
+from jblast.signals.noise import NoiseSpectrum, fast_length, whitening_taps
 
 BEFORE_S, AFTER_S = 0.05, 0.1
 """Window before the arrival and after the pulse [s]: a cycle of 20 Hz, and the next
@@ -214,7 +213,7 @@ class PulseTest:
         return PulseFit(
             misfit=(chi2 - dof * least) / energy,
             log_likelihood_ratio=(energy - ringing) / (2 * max(level, 1.0) ** 2),
-            p=float(ndtr(-z)),
+            p=0.5 * math.erfc(z / math.sqrt(2)),
             dof=dof,
             level=level,
         )
