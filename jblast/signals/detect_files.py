@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -48,6 +47,20 @@ AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
 EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
+OF_SOUND = ("template", "mass_kg", "range_m", "all_sounds", "stream", "positions")
+KINDS: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "frames": ((), ("fps", "scene")),
+    "video": (VIDEOS, ("fps", "scene", *OF_SOUND)),
+    "events": (EVENT_FILES, ("scene", "size")),
+    "sound": ((".wav", ".flac"), OF_SOUND),
+}
+"""Suffixes of recordings of each kind, and the arguments that apply to it. Frames are
+those of a folder; a file of any other suffix is read as sound."""
+EXCLUSIVE = (
+    *(("template", "mass_kg"), ("template", "range_m"), ("scene", "positions")),
+    *(("all_sounds", "template"), ("all_sounds", "mass_kg")),
+)
+"""Arguments that exclude each other."""
 LOSSY_SD_S = 1e-3
 """Standard error of an arrival by the compression of a phone's sound [s]: transients
 spread within a block of AAC, of 128 samples or 2.7 ms at 48 kHz."""
@@ -217,7 +230,7 @@ def detect(
         "positions": positions,
     }
     of_film: dict[str, Any] = {"fps": fps, "scene": scene, "size": size}
-    kind = recording_kind(files, of_sound, of_film)
+    kind = recording_kind(files, **of_sound, **of_film)
     if kind == "sound":
         return detect_sound(
             files, false_alarms_per_hour=false_alarms_per_hour, **of_sound
@@ -225,10 +238,6 @@ def detect(
     rate = {"false_alarms_per_hour": false_alarms_per_hour}
     if kind != "video":
         return detect_film(files[0], **rate, **of_film)
-    if positions and scene:
-        raise InputError(
-            f"{argument('scene')}: expected it or {argument('positions')}, got both"
-        )
     _check_stems(files)
     table = None
     if positions is not None:
@@ -315,55 +324,57 @@ def _clip_log(
     return replace(log, frame=next(iter(stations.values())).frame)
 
 
-def recording_kind(
-    recordings: Sequence[AnyPath],
-    of_sound: Mapping[str, Any] = MappingProxyType({}),
-    of_film: Mapping[str, Any] = MappingProxyType({}),
-) -> Kind:
-    """Return the kind of recordings: frames for a folder, else by suffix.
+def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
+    """Return the kind of recordings, for which arguments of `detect` are checked.
 
     Args:
         recordings: Files, or one folder.
-        of_sound: Arguments that apply to sound only, by name.
-        of_film: Arguments that apply to frames, videos and events only.
+        **arguments: Arguments of `detect`; None or False if not given.
 
     Raises:
-        InputError: Sound and pictures are combined, there are several films, or an
-            argument does not apply to the kind.
+        InputError: Sound and pictures are combined, there are several films, an
+            argument does not apply to the kind, or arguments exclude each other.
     """
-    kinds: list[Kind] = [_kind(Path(file)) for file in recordings]
-    seen = [f for f, kind in zip(recordings, kinds, strict=True) if kind != "sound"]
-    if seen and len(kinds) > 1 and {*kinds} != {"video"}:
+    kinds = [_kind_of(Path(file)) for file in recordings]
+    first, kind = recordings[0], kinds[0]
+    if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):
+        seen = next(f for f, k in zip(recordings, kinds, strict=True) if k != "sound")
         raise InputError(
-            f"{seen[0]}: expected one folder of frames, file of events, or videos, "
+            f"{seen}: expected one folder of frames, file of events, or videos, "
             f"without sound; got {len(kinds)} recordings"
         )
-    first, kind = recordings[0], kinds[0]
-    if kind == "sound":
-        others = [("frames, a video or events", *item) for item in of_film.items()]
-    elif kind == "video":  # sound tracks are searched as sound
-        others = [("one video", "scene", of_film.get("scene"))] * (len(kinds) > 1)
-    else:
-        others = [("sound", *item) for item in of_sound.items()]
-    if kind in ("frames", "video"):
-        others.append(("events", "size", of_film.get("size")))
-    for only, name, value in others:
-        if value and not Path(first).exists():
-            raise InputError(f"{first}: no such file or directory")
-        if value:
+    given = [
+        k for k, value in arguments.items() if not (value is None or value is False)
+    ]
+    for name in given:
+        fitting = [k for k, (_, names) in KINDS.items() if name in names]
+        if name == "scene" and len(kinds) > 1:
+            fitting = ["one video"]
+        if kind not in fitting:
+            if not Path(first).exists():
+                raise InputError(f"{first}: no such file or directory")
             raise InputError(
-                f"{argument(name)}: expected it with {only} only, got {first}"
+                f"{argument(name)}: expected it with {' or '.join(fitting)} only, "
+                f"got {first}"
+            )
+    for one, other in EXCLUSIVE:
+        if one in given and other in given:
+            raise InputError(
+                f"{argument(one)}: expected it or {argument(other)}, got both"
+            )
+    for one, other in (("mass_kg", "range_m"), ("range_m", "mass_kg")):
+        if one in given and other not in given:
+            raise InputError(
+                f"{argument(one)}: expected {argument(other)} with it, got none"
             )
     return kind
 
 
-def _kind(path: Path) -> Kind:
-    suffix = path.suffix.lower()
+def _kind_of(path: Path) -> Kind:
     if path.is_dir():
         return "frames"
-    if suffix in VIDEOS:
-        return "video"
-    return "events" if suffix in EVENT_FILES else "sound"
+    suffix = path.suffix.lower()
+    return next((kind for kind, (own, _) in KINDS.items() if suffix in own), "sound")
 
 
 def detect_sound(
@@ -390,10 +401,8 @@ def detect_sound(
         positions: As for `detect`.
 
     Raises:
-        InputError: A recording cannot be read, a channel has no station, or arguments
-            exclude each other.
+        InputError: A recording cannot be read, or a channel has no station.
     """
-    check_target(template, mass_kg, range_m, all_sounds=all_sounds)
     begin = stages({"reading": 1.0, "searching": 4.0})
     begin("reading")
     files = [os.fspath(file) for file in recordings]
@@ -459,33 +468,6 @@ def _with_compression(one: Searched) -> Searched:
         for found in one.detections
     )
     return one._replace(detections=tuple(arrivals))
-
-
-def check_target(
-    template: AnyPath | None,
-    mass_kg: float | None,
-    range_m: float | None,
-    *,
-    all_sounds: bool,
-) -> None:
-    """Raise an error for search targets that exclude each other.
-
-    Raises:
-        InputError: A template with a charge, a mass without a range or a range without
-            a mass, or `all_sounds` with a template or a charge.
-    """
-    mass, distance = argument("mass_kg"), argument("range_m")
-    if template and (mass_kg or range_m):
-        other = mass if mass_kg else distance
-        raise InputError(f"{argument('template')}: expected it or {other}, got both")
-    if (mass_kg is None) != (range_m is None):
-        one, other = (mass, distance)[:: 1 if mass_kg else -1]
-        raise InputError(f"{one}: expected {other} with it, got none")
-    if all_sounds and (template or mass_kg):
-        other = argument("template") if template else mass
-        raise InputError(
-            f"{argument('all_sounds')}: expected no {other} with it, got both"
-        )
 
 
 def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
@@ -585,7 +567,7 @@ def _target(
             return [resampled(sound.samples[0], sound.rate_hz, rate_hz)]
 
         return at_rate, Method(words, keys)
-    if mass_kg and range_m:
+    if mass_kg is not None and range_m is not None:
         words = f"the pulse of {mass_kg:g} kg of TNT at {range_m:g} m"
         keys = {"name": "matched_filter"}
         keys |= {"charge_mass_kg": mass_kg, "range_m": range_m}
@@ -642,12 +624,12 @@ def detect_film(
     from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
 
     path = os.fspath(recording)
-    kind = recording_kind([path], of_film={"size": size})
+    kind = recording_kind([path], fps=fps, scene=scene, size=size)
     assert kind != "sound"
     camera = None if scene is None else _camera(scene)
     exposure_s = 0.0 if camera is None or kind == "events" else float(camera.exposure_s)
     opened = (
-        _events(path, fps, camera, size)
+        _events(path, camera, size)
         if kind == "events"
         else _frames(path, fps, exposure_s)
     )
@@ -760,7 +742,6 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
 
 def _events(
     path: str,
-    fps: float | None,
     camera: "Camera | None",
     size: tuple[int, int] | None,
 ) -> _Opened:
@@ -768,10 +749,6 @@ def _events(
     from jblast.sensors.camera.files.event_files import read_events
     from jblast.signals.flash.search import STEP_S, event_changes
 
-    if fps is not None:
-        raise InputError(
-            f"{argument('fps')}: expected it with frames or a video only, got {path}"
-        )
     if size is None and camera is not None:
         size = camera.width, camera.height
     events = read_events(path, size=size)

@@ -35,7 +35,8 @@ because crossings between two samples are not seen. The rate holds for steady no
 only.
 
 Between samples the output is interpolated, $y(t) = \sum_k y_k\,\mathrm{sinc}(t-k)$,
-with a window of sixteen samples on either side. Its maximum is the arrival, with the Cramér-Rao bound
+with a window of sixteen samples on either side. Its maximum is the arrival, with the
+Cramér-Rao bound
 
 $$\sigma_t = \frac{1}{\beta \sqrt{2E/N_0}}$$
 

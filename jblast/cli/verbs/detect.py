@@ -136,7 +136,6 @@ def run(options: argparse.Namespace) -> int:
     from jblast.signals.detect_files import (
         ClipDetections,
         SoundDetections,
-        check_target,
         detect,
         recording_kind,
     )
@@ -150,19 +149,10 @@ def run(options: argparse.Namespace) -> int:
         "positions": options.positions,
     }
     of_film = {"fps": options.fps, "scene": options.scene, "size": options.size}
-    kind = recording_kind(options.recordings, of_sound, of_film)
-    if kind in ("sound", "video"):
-        # `detect` checks the same, but only after the seconds in which JAX starts
-        check_target(
-            options.template,
-            options.charge,
-            options.range,
-            all_sounds=options.all_sounds,
-        )
-        if options.positions and not options.out:
-            raise InputError(
-                "--positions: expected --out to write the log to, got none"
-            )
+    # `detect` checks the same, but only after the seconds in which JAX starts
+    kind = recording_kind(options.recordings, **of_sound, **of_film)
+    if options.positions and not options.out:
+        raise InputError("--positions: expected --out to write the log to, got none")
     if options.out:
         from jblast.report.fit.files import check_directory
 
