@@ -424,7 +424,10 @@ def _plane_wave_fit(
     left = time + apart @ slowness
     wave = PlaneWave(basis @ inside @ basis.T, slowness, sound_speed, log_speed_sd)
     found = wave.nearest(wave.start())
-    other = wave.nearest(wave.mirrored(found))
+    other = wave.mirrored(found)
+    # microphones in a plane do not distinguish its sides at all
+    if basis.shape[1] == 3:
+        other = wave.nearest(other)
     if wave.misfit(other) < wave.misfit(found):
         found, other = other, found
     chi2 = float(left @ weight @ left) + wave.misfit(found)

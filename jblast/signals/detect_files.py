@@ -373,8 +373,10 @@ def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
 def _kind_of(path: Path) -> Kind:
     if path.is_dir():
         return "frames"
-    suffix = path.suffix.lower()
-    return next((kind for kind, (own, _) in KINDS.items() if suffix in own), "sound")
+    for kind, (suffixes, _) in KINDS.items():
+        if path.suffix.lower() in suffixes:
+            return kind
+    return "sound"
 
 
 def detect_sound(

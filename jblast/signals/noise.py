@@ -234,14 +234,17 @@ class NoiseFollower:
         return NoiseSpectrum(frequency, density, self.offset)
 
 
-def window_size(rate_hz: float, samples: float = np.inf) -> int:
+def window_size(rate_hz: float, samples: int | None = None) -> int:
     """Return the number of samples of a window of the spectrum.
 
     Args:
         rate_hz: Sampling rate [Hz].
-        samples: Number of samples, in which `LEAST_SEGMENTS` windows must fit.
+        samples: Number of samples, in which `LEAST_SEGMENTS` windows must fit; None for
+            a stream.
     """
-    longest = min(SEGMENT_S * rate_hz, 2 * samples / (LEAST_SEGMENTS + 1))
+    longest = SEGMENT_S * rate_hz
+    if samples is not None:
+        longest = min(longest, 2 * samples / (LEAST_SEGMENTS + 1))
     return 2 ** int(np.log2(max(longest, 8)))
 
 

@@ -1,7 +1,7 @@
 """Onsets in a recording of any length: intervals that may contain a blast.
 
 An onset is a large ratio of the power of a few milliseconds to that of the half second
-before them (STA/LTA, Allen 1978), about the mean of that half second. A recording is read
+before them (STA/LTA, Allen 1978), about the mean of that half second. Samples are read
 block by block, and four numbers of each bin are stored. The result is an interval of
 equal length about each onset. The fit of a pulse decides if it contains a blast
 (`picks`).

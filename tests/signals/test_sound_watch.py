@@ -1,6 +1,7 @@
 """Search of sound: the same arrivals in packets of any size, in bounded memory."""
 
 import tracemalloc
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def test_a_file_has_the_same_arrivals_whole_and_in_packets_of_any_size(
     bank, sound, templates
 ):
     shapes = bank if templates == "bank" else [blast_template(5.0, 100.0, RATE)]
-    options = {"forms": templates == "bank"}
+    options: dict[str, Any] = {"forms": templates == "bank"}
     whole = search(channel(sound), shapes, **options)
     assert len(whole.detections) >= len(BLASTS)
     assert whole.statistic.size == sound.size
@@ -218,7 +219,7 @@ def test_a_loud_blast_of_another_front_is_within_its_error():
         (loudest,) = [one for one in found if one.snr_db > 40]
         assert 0.4 / RATE < loudest.sigma_s < 0.6 / RATE
         assert abs(loudest.time_s - at / RATE) < 2 * loudest.sigma_s
-    options = {"forms": False, "front_samples": SAME_FRONT}
+    options: dict[str, Any] = {"forms": False, "front_samples": SAME_FRONT}
     (exact, *_) = search(channel(samples), [clipped], **options).detections
     assert exact.sigma_s < 0.2 / RATE
 
