@@ -115,7 +115,9 @@ def _timed(arrival: Detection, picked: RecordPick | None) -> Detection:
     """Return an arrival with the time of its pick, or with a larger error."""
     if picked is not None and picked.quality != "poor":
         time_s = float(picked.pick.air_arrival_s)
-        if abs(time_s - arrival.time_s) <= arrival.template_s:
+        # a short pulse can be loudest within a longer sound, at which others begin
+        reach_s = max(arrival.template_s, arrival.spread_s)
+        if abs(time_s - arrival.time_s) <= reach_s:
             # a sample may be an instant or the mean over an interval
             unknown_s = OTHER_FRONT / picked.record.rate_hz
             sigma_s = math.hypot(float(picked.pick.spread[0]), unknown_s)
