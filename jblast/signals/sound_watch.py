@@ -253,8 +253,9 @@ class SoundWatch:
         # short blocks have little delay, but long pulses need long transforms anyway
         self._block = size * max(1, min(longest // (2 * size) + 1, 2))
         self._learn = self._block * math.ceil(LEARN_S * rate_hz / self._block)
-        # the form test uses samples after the pulse, too
-        self._wait = max(longest, round(AFTER_S * rate_hz) + 1, HALF_WIDTH)
+        # the form test uses samples after the pulse, too, and long before it
+        after, earlier = (AFTER_S, LEVEL_S + FITTED_BEFORE_S) if forms else (0.0, 0.0)
+        self._wait = max(longest, round(after * rate_hz) + 1, HALF_WIDTH)
         self._waiting = np.zeros(0)
         self._outputs: list[np.ndarray] = []
         self._found: list[Detection] = []
@@ -263,11 +264,8 @@ class SoundWatch:
         self._ring, self._recent = np.zeros(0), deque[tuple[int, np.ndarray]]()
         self._taken, self._filtered, self._fed = 0, 0, 0
         self._loud_at, self._known_s = -math.inf, 0.0
-        self._keep = (
-            round((LEVEL_S + FITTED_BEFORE_S) * rate_hz)
-            + 2 * (size + longest + self._block)
-            + self._wait
-        )
+        self._keep = round(earlier * rate_hz) + 2 * (size + longest + self._block)
+        self._keep += self._wait
         self._filter: OverlapSave | None = None
         self._tests: dict[int, PulseTest] = {}
         self._follower: NoiseFollower | None = None
