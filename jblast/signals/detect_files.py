@@ -335,7 +335,7 @@ def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
         InputError: Sound and pictures are combined, there are several films, an
             argument does not apply to the kind, or arguments exclude each other.
     """
-    kinds = [_kind_of(Path(file)) for file in recordings]
+    kinds: list[Kind] = [_kind_of(Path(file)) for file in recordings]
     first, kind = recordings[0], kinds[0]
     if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):
         seen = next(f for f, k in zip(recordings, kinds, strict=True) if k != "sound")
