@@ -77,7 +77,7 @@ from jblast.sensors.camera.events.exact import frameless_events
 from jblast.sensors.camera.events.noise import IDEAL, NoiseModel, noisy_stream
 from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.simulated_readings import readings, written
-from jblast.signals import filtered_by, matched_kernel, threshold_for, white_noise
+from jblast.signals import filtered, matched_kernel, threshold_for, white_noise
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
     PositionHold,
@@ -789,7 +789,7 @@ def detector_points() -> list[Point]:
         possible = matched_kernel(whole, rate, spectrum).response
         for length in LENGTHS_S:
             kernel = matched_kernel(beginning(length), rate, spectrum)
-            response = filtered_by(alone, kernel).statistic[2**14]
+            response = filtered(alone, kernel)[2**14]
             lost = max(1 - (response / possible) ** 2, 1e-3)
             needed = 20 * np.log10(threshold_for(kernel))
             over = f"threshold {needed:.1f} dB for one false alarm an hour"
@@ -803,8 +803,8 @@ def detector_points() -> list[Point]:
         kernel = matched_kernel(shape, rate, spectrum)
 
         def loudest(window: np.ndarray) -> float:
-            out = filtered_by(window, kernel)
-            return float(out.statistic[out.start : out.stop].max())
+            inside = filtered(window, kernel)[kernel.before : -kernel.reach]
+            return float(inside.max())
 
         return loudest
 

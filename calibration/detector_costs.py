@@ -1,77 +1,66 @@
-"""What a stream costs, and after how long it tells of a blast."""
+"""Cost of a stream of sound, and its delay."""
 
 import time
 
 import numpy as np
 
 from calibration.cases import RATE, coloured, pulse, rumble
-from jblast.signals import stream
+from jblast.signals import SoundWatch, bank_of_pulses
 
-BLOCKS = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
-SECONDS = 1
+SECONDS = 4
+TEMPLATES_S = (0.02, 0.05)
+"""Lengths of single templates [s]."""
+REPEATS = 20
 
 
-def cost(template_s: float, block_s: float, repeats: int = 100) -> float:
-    """Return what a second of sound costs a core [s].
+def watch_for(templates: list[np.ndarray]) -> SoundWatch:
+    """Return a search in known noise; of a bank with the test of form."""
+    forms = len(templates) > 1
+    return SoundWatch(templates, RATE, noise=rumble(), forms=forms)
 
-    Args:
-        template_s: Length of the template [s].
-        block_s: Of a block [s].
-        repeats: How often it is timed; the least counts.
-    """
+
+def cost(templates: list[np.ndarray]) -> float:
+    """Return the processor time for a second of sound, the least of all repeats [s]."""
     sound = coloured(np.random.default_rng(0), rumble(), SECONDS * round(RATE))[0]
-    block = round(block_s * RATE)
-    blocks = [sound[start : start + block] for start in range(0, sound.size, block)]
-    listening = stream(
-        pulse(template_s), RATE, noise_spectrum=rumble(), block_s=block_s
-    )
-
-    best = np.inf
-    for _ in range(repeats):
-        start = time.process_time()  # of this core: others may be busy
-        for samples in blocks:
-            listening.push(samples)
+    watch, best = watch_for(templates), np.inf
+    for _ in range(REPEATS):
+        start = time.process_time()  # of this process: others may be busy
+        for packet in np.split(sound, 10 * SECONDS):
+            watch.push(packet)
         best = min(best, time.process_time() - start)
     return best / SECONDS
 
 
-def told_after(template_s: float, block_s: float) -> tuple[float, float]:
-    """Return how long after its first sample a blast is told, and at most [s].
+def reported_after(templates: list[np.ndarray]) -> tuple[float, float]:
+    """Return the delay of a report from the first sample of a blast, and its bound [s].
 
-    Args:
-        template_s: Length of the template [s].
-        block_s: Of a block [s].
+    The blast is that of the last template.
     """
-    shape, at, step = pulse(template_s), 30_000, 24
-    sound = coloured(np.random.default_rng(1), rumble(), 2**16)[0]
-    sound[at:][: shape.size] += 20 * shape
-    listening = stream(shape, RATE, noise_spectrum=rumble(), block_s=block_s)
-    told = next(
+    shape, at, step = templates[-1], 60_000, 24
+    sound = coloured(np.random.default_rng(1), rumble(), 2**17)[0]
+    watch = watch_for(templates)
+    sound[at:][: shape.size] += 50 * shape / watch.kernels[-1].response
+    reported = next(
         start + step - at
         for start in range(0, sound.size, step)
-        if listening.push(sound[start : start + step])
+        if watch.push(sound[start : start + step])
     )
-    assert listening.latency_s is not None
-    return told / RATE, listening.latency_s
+    return reported / RATE, watch.latency_s
 
 
-def costs() -> tuple[list[str], dict[float, float]]:
-    """Return lines of a table, and milliseconds a second by block."""
+def costs() -> tuple[list[str], dict[str, float]]:
+    """Return lines of a table, and milliseconds a second by search."""
+    searches = {f"{1e3 * t:.0f} ms": [pulse(t)] for t in TEMPLATES_S}
+    searches["bank"] = bank_of_pulses(RATE)
+    price = {name: 1e3 * cost(shapes) for name, shapes in searches.items()}
     lines = [
-        "Told after, from the first sample of a blast: measured, and at most [ms]",
-        "  template   block 100 ms     block 20 ms      block 5 ms",
+        "Stream at 48 kHz: delay of a report from the first sample of a blast, and at",
+        "most [ms]; compute for a second of sound, one core [ms]",
+        "  template      delay    at most    compute",
     ]
-    for template_s in (0.02, 0.05):
-        row = [told_after(template_s, block) for block in (0.1, 0.02, 0.005)]
+    for name, shapes in searches.items():
+        delay, most = reported_after(shapes)
         lines.append(
-            f"  {1e3 * template_s:3.0f} ms  "
-            + "".join(f"{1e3 * a:9.1f} {1e3 * b:6.1f}" for a, b in row)
+            f"  {name:9s}{1e3 * delay:10.1f}{1e3 * most:11.1f}{price[name]:11.2f}"
         )
-    price = {block: 1e3 * cost(0.02, block) for block in BLOCKS}
-    lines += [
-        "",
-        "Compute for a second of sound at 48 kHz, template of 20 ms, one core [ms]",
-        "  block  " + "".join(f"{1e3 * block:7.0f} ms" for block in BLOCKS),
-        "         " + "".join(f"{price[block]:10.2f}" for block in BLOCKS),
-    ]
     return lines, price

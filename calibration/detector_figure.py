@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import log_ticks, new_figure, quiet, titled
+from jblast.report.figure_style import new_figure, quiet, titled
 
 
 def draw(
@@ -47,13 +47,9 @@ def draw(
     titled(misses, "Bang of 1 s in birdsong", "1 % false alarms of 3 s")
     misses.set(xlabel="rms over rms [dB]", ylabel="share missed", ylim=(-0.02, 1.02))
     misses.legend(frameon=False, fontsize=8, loc=(0.02, 0.4))
-    blocks = np.array(list(found.costs))
-    costs.loglog(1e3 * blocks, list(found.costs.values()), "o-")
-    costs.axhline(1.0, linestyle=":", linewidth=1)
-    titled(costs, "Compute for a second", "48 kHz, template 20 ms, a core")
-    costs.set(xlabel="block [ms]", ylabel="ms")
-    log_ticks(costs.xaxis, costs.get_xlim())
-    log_ticks(costs.yaxis, costs.get_ylim())
+    costs.barh(list(found.costs), list(found.costs.values()))
+    titled(costs, "Compute for a second", "48 kHz, a core")
+    costs.set(xlabel="ms", ylabel="template")
     for axes in (rates, arrivals, misses, costs):
         quiet(axes)
     write_figure(figure, path)

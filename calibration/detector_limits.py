@@ -31,8 +31,7 @@ from calibration.cases import (
 from calibration.detector_costs import costs
 from calibration.detector_figure import draw
 from jblast.signals import (
-    filtered_by,
-    matched_filter,
+    filtered,
     matched_kernel,
     noise_spectrum,
     recorded_template,
@@ -62,14 +61,14 @@ class Limits(NamedTuple):
         rates: Detection rates by false-alarm rate: measured and bound.
         arrivals: Error over bound, and mean over sigma, for each of `LOUD`, by pulse.
         misses: Share missed at each of `LEVELS`, by method.
-        costs: Milliseconds a second by block in seconds.
+        costs: Milliseconds a second by template.
     """
 
     lines: list[str]
     rates: dict[float, tuple[np.ndarray, np.ndarray]]
     arrivals: dict[str, list[tuple[float, float]]]
     misses: dict[str, list[float]]
-    costs: dict[float, float]
+    costs: dict[str, float]
 
 
 def bounds(shape: np.ndarray) -> tuple[float, float]:
@@ -93,12 +92,12 @@ def detection_rates() -> tuple[list[str], dict]:
     possible, _ = bounds(shape)
     lines, rates = [], {}
     for name, spectrum in (("known", rumble()), ("from 11 s", learnt)):
-        heard = filtered_by(noise, matched_kernel(shape, RATE, spectrum))
+        kernel = matched_kernel(shape, RATE, spectrum)
         # the blast goes through the same filter, alone: it is linear
         alone = np.zeros(2**15)
         alone[2**14 :][: shape.size] = shape
-        answer = filtered_by(alone + heard.kernel.offset, heard.kernel).statistic[2**14]
-        quiet = heard.statistic[heard.start : heard.stop]
+        answer = filtered(alone + kernel.offset, kernel)[2**14]
+        quiet = filtered(noise, kernel)[kernel.before : -kernel.reach]
         worst = 0.0
         for false in FALSE:
             height, amounts = norm.isf(false), 10 ** (SNRS / 20)
@@ -144,13 +143,11 @@ def arrival_errors(shape: np.ndarray) -> tuple[list[str], list[tuple[float, floa
     quiet, alone = np.empty((ROWS, 2000)), np.empty((ROWS, 2000))
     near = slice(at - 1000, at + 1000)
     for row, part in enumerate(parts):
-        quiet[row] = filtered_by(coloured(rng, rumble(), 12000)[0], kernel).statistic[
-            near
-        ]
+        quiet[row] = filtered(coloured(rng, rumble(), 12000)[0], kernel)[near]
         # between samples as a recorder of this band has it
         spectrum = np.fft.rfft(shape, 12000) * np.exp(turn * (at + part))
         blast = np.fft.irfft(spectrum, 12000)
-        alone[row] = filtered_by(blast, kernel).statistic[near]
+        alone[row] = filtered(blast, kernel)[near]
     lines, found = [], []
     for snr in LOUD:
         amount = 10 ** (snr / 20)
@@ -191,8 +188,9 @@ def real_misses() -> tuple[list[str], dict[str, list[float]]]:
 
     def matched(template: np.ndarray):
         def loudest(window: np.ndarray) -> float:
-            heard = matched_filter(window, template, rate)
-            return float(heard.statistic[heard.start : heard.stop].max())
+            kernel = matched_kernel(template, rate, noise_spectrum(window, rate))
+            inside = filtered(window, kernel)[kernel.before : -kernel.reach]
+            return float(inside.max())
 
         return loudest
 
@@ -230,7 +228,7 @@ def other_distances() -> list[str]:
         other = matched_kernel(blast_template(5.0, distance, RATE), RATE, rumble())
         sound = np.zeros(2**15)
         sound[2**14 :][: true.size] = true
-        best = filtered_by(sound, other).statistic
+        best = filtered(sound, other)
         right = matched_kernel(true, RATE, rumble()).response
         late = (int(best.argmax()) - 2**14) / RATE
         lines.append(

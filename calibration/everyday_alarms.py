@@ -29,8 +29,13 @@ from calibration.everyday_sounds import (
 from jblast.observations.records.formats import open_record
 from jblast.observations.records.sound import resampled
 from jblast.progress import each
-from jblast.signals import recorded_template
-from jblast.signals.search import Channel, Searched, bank_of_pulses, search_bank
+from jblast.signals import (
+    Channel,
+    Searched,
+    bank_of_pulses,
+    recorded_template,
+    search,
+)
 
 HERE = Path(__file__).parent
 SOUND, RESULT = HERE / "data" / "sound", HERE / "results" / "everyday_alarms.txt"
@@ -73,13 +78,13 @@ class Count(NamedTuple):
 def searched(samples: np.ndarray, bank: list[np.ndarray]) -> Searched:
     """Search samples as `jblast detect` does without a template."""
     channel = Channel("sound", "sound.wav", 1, samples, RATE_HZ)
-    return search_bank(channel, bank, 1.0)
+    return search(channel, bank)
 
 
 def counted(found: Searched, seconds: float, events: int) -> Count:
     """Return the alarms of a search."""
     after = len(found.detections)
-    return Count(seconds / 3600, events, after + len(found.rejected), after)
+    return Count(seconds / 3600, events, after + len(found.others), after)
 
 
 def total(counts: list[Count]) -> Count:
@@ -130,7 +135,7 @@ def steady(bank: list[np.ndarray], minutes: int) -> str:
 def near(found: Searched, start_s: float, end_s: float) -> tuple[bool, bool]:
     """Return whether an arrival lies in an interval, before and after the test."""
     of = [one.time_s for one in found.detections]
-    every = of + [one.time_s for one, _ in found.rejected]
+    every = of + [one.time_s for one in found.others]
     hits = [any(start_s <= t <= end_s for t in times) for times in (every, of)]
     return hits[0], hits[1]
 
@@ -188,7 +193,7 @@ def phones() -> list[str]:
         (record,) = open_record(file)
         (samples,) = record.samples(0, record.length)
         channel = Channel(file.stem, str(file), 1, samples, record.rate_hz)
-        found = search_bank(channel, bank_of_pulses(record.rate_hz), 1.0)
+        found = search(channel, bank_of_pulses(record.rate_hz))
         seconds = samples.size / record.rate_hz
         lines.append(counted(found, seconds, 1).line(file.stem))
     return lines

@@ -45,7 +45,7 @@ from jblast.sensors.simulated_readings import Noise
 from jblast.signals.arrival_log import log_of
 from jblast.signals.matched_filter import matched_kernel
 from jblast.signals.noise import noise_spectrum
-from jblast.signals.search import Channel, Searched, search
+from jblast.signals.sound_watch import SAME_FRONT, Channel, Searched, search
 from jblast.signals.templates import blast_template
 
 SCENES, SEED = 200, 19
@@ -134,7 +134,9 @@ def heard(scene: Scene, samples: np.ndarray, *, own: bool) -> list[Searched]:
     return [
         search(
             Channel(f"m.{n}", "m.wav", n, row, RATE_HZ),
-            blast_template(mass, far, RATE_HZ),
+            [blast_template(mass, far, RATE_HZ)],
+            forms=False,
+            front_samples=SAME_FRONT,
         )
         for n, (row, far) in enumerate(zip(samples, ranges, strict=True), start=1)
     ]

@@ -77,7 +77,7 @@ from jblast.sensors.calculator import (
     with_rows,
 )
 from jblast.sensors.camera.geometry import project, unproject
-from jblast.signals import matched_filter
+from jblast.signals import noise_spectrum
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
     Each,
@@ -893,9 +893,7 @@ TWO_OF_30 = 0.07
 
 def detector_failures() -> list[Mode]:
     """Measure the failure mode of a detector of sound."""
-    message = refusal(
-        lambda: matched_filter(np.zeros(2**15), cases.pulse(0.02), cases.RATE)
-    )
+    message = refusal(lambda: noise_spectrum(np.zeros(2**15), cases.RATE))
     return [
         Mode(
             "detectors",

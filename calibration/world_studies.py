@@ -35,7 +35,13 @@ from jblast.report.figure_style import COLOURS, MUTED, new_figure, quiet, titled
 from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone
-from jblast.signals import blast_template, matched_filter, threshold_for, white_noise
+from jblast.signals import (
+    blast_template,
+    filtered,
+    matched_kernel,
+    threshold_for,
+    white_noise,
+)
 from jblast.study.statistics import wilson_interval
 from jblast.vehicle import (
     Each,
@@ -154,13 +160,11 @@ def _heard(scenes: Scene) -> Bool[np.ndarray, " world"]:
     )
     samples = np.asarray(record(scenes, jax.random.split(jax.random.key(SEED), WORLDS)))
     template = blast_template(TEMPLATE_KG, TEMPLATE_M, RATE_HZ)
-    noise = white_noise(NOISE_PA, RATE_HZ)
+    kernel = matched_kernel(template, RATE_HZ, white_noise(NOISE_PA, RATE_HZ))
     first, last = (round((ARRIVAL_S + d) * RATE_HZ) for d in (-NEAR_S, NEAR_S))
     found = np.zeros(WORLDS, bool)
     for n, one in enumerate(samples):
-        filtered = matched_filter(one, template, RATE_HZ, noise_spectrum=noise)
-        threshold = threshold_for(filtered.kernel)
-        found[n] = filtered.statistic[first:last].max() > threshold
+        found[n] = filtered(one, kernel)[first:last].max() > threshold_for(kernel)
     return found
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
 from typing import Any
 
 from jblast.report.words import aligned, joined
@@ -15,8 +14,7 @@ from jblast.signals.arrival_log import (
     Log,
 )
 from jblast.signals.matched_filter import Detection
-from jblast.signals.pulse_fit import PulseFit
-from jblast.signals.search import Searched
+from jblast.signals.sound_watch import Searched
 
 LAYOUTS = {
     "coplanar": "microphones in one plane",
@@ -66,40 +64,38 @@ def detection_text(
     if dead:
         noun = "constant channel" if len(dead) == 1 else "constant channels"
         lines.append(f"{noun} skipped: {joined(list(dead))}")
-    fits = [fit for one in searched for fit in one.fits]
-    if other := sum(not fit.blast_form for fit in fits):
-        lines += [
-            f"{len(fits) - other} of {len(fits)} have the form of a blast pulse; the "
-            "remaining ones can be doors, clicks, thunder,",
-            "or distant or reverberant blasts (--blast-form removes them)",
-        ]
-    if rejected := sum(len(one.rejected) for one in searched):
-        sounds = "impulsive sound" if rejected == 1 else "impulsive sounds"
-        lines.append(f"{rejected} {sounds} rejected: not the form of a blast pulse")
+    if others := sum(not found.is_blast for found in _sounds(searched)):
+        sounds = "impulsive sound" if others == 1 else "impulsive sounds"
+        listed = any(one.others for one in searched)
+        lines.append(
+            f"{others} other {sounds} without the form of a blast, such as doors, "
+            f"clicks, thunder, or reverberant blasts{' (--all-sounds)' * listed}"
+        )
     if log is not None:
         lines += _of_log(log)
     return "\n".join(lines) + "\n"
 
 
+def _sounds(searched: Sequence[Searched]) -> list[Detection]:
+    """Return all sounds above the threshold."""
+    return [found for one in searched for found in one.detections + one.others]
+
+
 def _table(searched: Sequence[Searched]) -> list[str]:
-    rows, tested = [], any(one.fits for one in searched)
+    rows, tested = [], any(found.fit for found in _sounds(searched))
     for one in searched:
-        for found, fit in zip_longest(one.detections, one.fits):
+        for found in one.detections:
             # a time is printed to the second significant digit of its standard error
             digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
-            rows.append(
-                (
-                    one.channel.sensor,
-                    f"{found.time_s:.{digits}f}",
-                    f"{found.sigma_s:.2g}",
-                    f"{found.snr_db:.1f}",
-                    *(
-                        (f"{fit.misfit:.2f}", f"{fit.log_likelihood_ratio:.1f}")
-                        if fit
-                        else ()
-                    ),
-                )
+            row = (
+                one.channel.sensor,
+                f"{found.time_s:.{digits}f}",
+                f"{found.sigma_s:.2g}",
+                f"{found.snr_db:.1f}",
             )
+            if fit := found.fit:
+                row += (f"{fit.misfit:.2f}", f"{fit.log_likelihood_ratio:.1f}")
+            rows.append(row)
     rows.sort(key=lambda row: float(row[1]))
     head = ("sensor", "arrival [s]", "sigma [s]", "SNR [dB]")
     head += ("misfit", "ln LR") if tested else ()
@@ -272,8 +268,10 @@ class DetectionAnswer(Document):
         dead_channels: Names of constant channels, which were skipped.
         arrays: Bangs at arrays, in a search with positions; the keys on the direction
             are absent without a common wave.
-        rejected_arrivals: Arrivals above the threshold that do not have the form of a
-            blast pulse, or with equally loud noise before them (`--blast-form`).
+        other_sounds: Number of sounds above the threshold that do not have the form of
+            a blast pulse, or have equally loud noise before them.
+        rejected_arrivals: These sounds; with `--all-sounds` they are among the
+            arrivals.
     """
 
     detected: bool
@@ -284,6 +282,7 @@ class DetectionAnswer(Document):
     channels: tuple[SearchedChannel, ...]
     dead_channels: tuple[str, ...]
     arrays: tuple[ArrayAnswer, ...]
+    other_sounds: int
     rejected_arrivals: tuple[SoundArrival, ...]
 
 
@@ -302,7 +301,7 @@ def detection_answer(
         arrays: Results of arrays.
     """
     arrivals = sound_arrivals(searched)
-    rejected = [_arrival(one, *pair) for one in searched for pair in one.rejected]
+    rejected = [_arrival(one, found) for one in searched for found in one.others]
     return DetectionAnswer(
         detected=bool(arrivals),
         arrivals=arrivals,
@@ -322,24 +321,20 @@ def detection_answer(
         ),
         dead_channels=tuple(dead),
         arrays=tuple(_array(finding) for finding in arrays),
+        other_sounds=sum(not found.is_blast for found in _sounds(searched)),
         rejected_arrivals=tuple(sorted(rejected, key=lambda arrival: arrival.time_s)),
     )
 
 
 def sound_arrivals(searched: Sequence[Searched]) -> tuple[SoundArrival, ...]:
     """Return the arrivals of all channels in order of time."""
-    # a search with a template has detections without fits
-    arrivals = [
-        _arrival(one, found, fit)
-        for one in searched
-        for found, fit in zip_longest(one.detections, one.fits)
-    ]
+    arrivals = [_arrival(one, found) for one in searched for found in one.detections]
     return tuple(sorted(arrivals, key=lambda arrival: arrival.time_s))
 
 
-def _arrival(one: Searched, found: Detection, fit: PulseFit | None) -> SoundArrival:
+def _arrival(one: Searched, found: Detection) -> SoundArrival:
     form = None
-    if fit is not None:
+    if fit := found.fit:
         numbers = fit.misfit, fit.log_likelihood_ratio, fit.p, fit.dof, fit.level
         form = BlastForm(fit.blast_form, *numbers)
     channel = one.channel

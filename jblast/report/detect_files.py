@@ -23,7 +23,7 @@ from jblast.report.figure_style import (
     titled,
 )
 from jblast.signals.flash.search import Flash, FlashDetections
-from jblast.signals.search import Searched
+from jblast.signals.sound_watch import Searched
 
 MAX_DRAWN = 4
 """Largest number of flashes in a figure."""

@@ -10,10 +10,8 @@ transform of a block takes three quarters of the time, and nothing is compiled
 
 from jblast.signals.arrays import (
     Direction as Direction,
-    PairDelay as PairDelay,
     RelativeTimes as RelativeTimes,
     direction as direction,
-    pair_delay as pair_delay,
     relative_times as relative_times,
 )
 from jblast.signals.detect_files import (
@@ -23,17 +21,11 @@ from jblast.signals.detect_files import (
 )
 from jblast.signals.matched_filter import (
     Detection as Detection,
-    Filtered as Filtered,
     MatchedKernel as MatchedKernel,
     OverlapSave as OverlapSave,
-    PeakPicker as PeakPicker,
-    Stream as Stream,
-    detections as detections,
     false_alarms_at as false_alarms_at,
-    filtered_by as filtered_by,
-    matched_filter as matched_filter,
+    filtered as filtered,
     matched_kernel as matched_kernel,
-    stream as stream,
     threshold_for as threshold_for,
 )
 from jblast.signals.noise import (
@@ -41,7 +33,14 @@ from jblast.signals.noise import (
     noise_spectrum as noise_spectrum,
     white_noise as white_noise,
 )
+from jblast.signals.sound_watch import (
+    Channel as Channel,
+    Searched as Searched,
+    SoundWatch as SoundWatch,
+    search as search,
+)
 from jblast.signals.templates import (
+    bank_of_pulses as bank_of_pulses,
     blast_template as blast_template,
     recorded_template as recorded_template,
 )

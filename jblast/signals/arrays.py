@@ -1,25 +1,25 @@
-r"""Arrays of microphones: arrivals of one blast, delays, and direction of the source.
+r"""Arrays of microphones: arrivals of one blast, times, and direction of the source.
 
-The delay of a pair is the maximum of the generalised cross-correlation of its two
-records, whose cross spectrum $G_k = X_{1k}^* X_{2k}$ has the weights $\psi_k$,
+In a bin of the window's transform, sound of power $S$ is common to all records $X_i$,
+and each has noise of its own power $N_i$. For Gaussian sound and noise the
+log-likelihood of the times $t_i$ at which the front passes is
 
-$$C(\tau) = \sum_k \psi_k \,\mathrm{Re}\,(G_k e^{i\omega_k\tau}).$$
+$$\ln L = \sum_\omega q \left|\sum_i X_i e^{i\omega t_i}/N_i\right|^2, \qquad
+  q = \frac{S}{1 + S\sum_i 1/N_i},$$
 
-With sound of power $S_k$ in both and noise of powers $N_{1k}$, $N_{2k}$ (in a bin of
-the window's transform) the weights are those of maximum likelihood,
+up to a constant, with the Fisher information
+$J_{ij} = -2\sum_\omega \omega^2 q S/(N_i N_j)$ for $i \ne j$ and rows that sum to
+zero: delays do not constrain the mean time. Its pseudo-inverse is the covariance of
+times relative to the mean of all microphones. For two microphones this is the bound
+$\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$ of the delay, with the coherence
+$\gamma^2 = S^2/((S+N_1)(S+N_2))$. Sums run over the bins above zero and below half the
+rate. The search begins at the delays of all pairs, the maxima of
 
-$$\psi_k = \frac{S_k}{S_k(N_{1k}+N_{2k}) + N_{1k}N_{2k}}
-         = \frac{1}{S_k}\frac{\gamma_k^2}{1-\gamma_k^2},$$
+$$C(\tau) = \sum_\omega \psi\, \mathrm{Re}\,(X_1^* X_2 e^{i\omega\tau}), \qquad
+  \psi = \frac{S}{S(N_1+N_2) + N_1 N_2}.$$
 
-with the coherence $\gamma^2 = S^2/((S+N_1)(S+N_2))$. While the correct peak is found,
-the variance of a delay is the Cramér-Rao bound,
-$\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$. Sums run over the bins above zero
-and below half the rate.
-
-Times relative to the mean of all microphones, with their covariance, are a
-least-squares fit to the delays of all pairs. Noise is assumed independent between
-microphones. Wind and electronics satisfy this, a distant road does not: an array
-smaller than its wavelength records it as another front.
+Noise is assumed independent between microphones. Wind and electronics satisfy this, a
+distant road does not: an array smaller than its wavelength records it as another front.
 
 A plane wave from the unit direction $n$ passes the microphone at $r_i$ at
 $t_i = t_0 - n\cdot r_i/c$. Weighted least squares give the slowness $p = n/c$ with its
@@ -49,8 +49,9 @@ The front is assumed flat otherwise. At the range $R$ an array of width $D$ reco
 curvature of $D^2/8Rc$ [s], which a symmetric array does not take for a rotation.
 
 References:
-    Knapp and Carter (1976), IEEE Trans. ASSP 24(4), 320-327: the weights in their table
-    I; the bound with a sum over bins for their integral.
+    Knapp and Carter (1976), IEEE Trans. ASSP 24(4), 320-327: the weights of pairs in
+    their table I; the bound with a sum over bins for their integral.
+    Hahn and Tretter (1973), IEEE Trans. Inf. Theory 19(5), 608-614: several sensors.
 """
 
 from collections.abc import Mapping, Sequence
@@ -85,7 +86,9 @@ reaches five or six among the lags of a window; a wrong peak would be a wrong be
 with a small error, so the limit is far above."""
 LAGS_PER_SAMPLE = 8
 """Lags per sample among which the maximum is searched: at half the sampling rate an
-eighth is a 16th of a period, from which Newton's method converges."""
+eighth is a 16th of a period, from which the scoring of all times converges."""
+SCORINGS = 8
+"""Steps of Fisher scoring, whose error falls tenfold or more in each."""
 FLAT_SHARE = 1e-6
 """Smallest extent of an array in a dimension that it spans, over its largest. A smaller
 one is rounding, far below the error of any survey."""
@@ -99,11 +102,6 @@ ANGLES = ("bearing_rad", "elevation_rad")
 SAME_DIRECTION_SD = 2.0
 """Largest distance of two directions that count as one [standard deviations]: their
 intervals overlap."""
-MAX_STEPS = 100
-"""Largest number of steps of the search for a plane wave, which converges slowly near
-the plane of the microphones, where the slope along its normal vanishes."""
-CONVERGED_RAD = 1e-13
-"""Step at which the search ends [rad], a few hundred units of rounding."""
 PATH_SCATTER = 0.01
 """Standard deviation of ln of a travel time, as for the laws of arrivals in air."""
 SOURCE_RANGE = 2000.0
@@ -122,38 +120,19 @@ TRAVEL_MARGIN_S = 0.01
 """Margin on the travel time between microphones [s]: 3 m of position errors."""
 
 
-class PairDelay(NamedTuple):
-    """Delay of the record of the second microphone of a pair.
-
-    Attributes:
-        delay: Of the second record [s]; NaN if none is found.
-        sigma: Its standard deviation [s]; infinite if none is found.
-        share: Shares of its variance by the noise of the first record, by that of the
-            second, and by their product.
-        significance: Height of the peak [standard deviations of noise alone]. Below
-            `PEAK_SIGNIFICANCE` there is no delay.
-    """
-
-    delay: float
-    sigma: float
-    share: tuple[float, float, float]
-    significance: float
-
-
 class RelativeTimes(NamedTuple):
     """Times at which a front passed each microphone, relative to their mean.
 
     Attributes:
-        time: Times relative to the mean of all [s].
+        time: Times relative to the mean of all [s]; NaN if delays do not connect all
+            microphones.
         covariance: Covariance of these times [s^2]; singular, since their sum is zero.
-        pairs: Delay of each pair, `(first, second)` counted from zero.
-        lost: Pairs without a delay.
+        lost: Pairs without a delay, `(first, second)` counted from zero.
     """
 
     time: Float[np.ndarray, " channel"]
     covariance: Float[np.ndarray, "channel channel"]
-    pairs: dict[tuple[int, int], PairDelay]
-    lost: tuple[tuple[int, int], ...]
+    lost: tuple[tuple[int, int], ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -213,18 +192,37 @@ def relative_times(
     # microphones of unlike gain record one sound: equal signals are what the weights
     # of pairs assume
     spectra, noise = spectra / np.sqrt(gain)[:, None], noise / gain[:, None]
+    # of a dead microphone none
+    precision = np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)
     reach = np.broadcast_to(np.asarray(largest_s, float), (count, count))
-    pairs = {
-        (i, j): pair_delay(
-            spectra[[i, j]],
-            sound,
-            noise[[i, j]],
-            rate_hz,
-            float(reach[i, j]),
-        )
-        for i, j in combinations(range(count), 2)
-    }
-    return _combined(pairs, count)
+    pairs = [*combinations(range(count), 2)]
+    delays = np.array(
+        [
+            _delay(spectra[[*pair]], sound, precision[[*pair]], rate_hz, reach[pair])
+            for pair in pairs
+        ]
+    )
+    known = np.isfinite(delays)
+    lost = tuple(pair for pair, found in zip(pairs, known, strict=True) if not found)
+    first, second = np.array(pairs)[known].reshape(-1, 2).T
+    design = np.eye(count)[second] - np.eye(count)[first]
+    if np.linalg.matrix_rank(design) < count - 1:
+        nothing = np.full((count, count), np.nan)
+        return RelativeTimes(nothing[0], nothing, lost)
+    # pseudo-inverses set the mean time to zero, which delays do not constrain
+    time = np.linalg.pinv(design) @ delays[known]
+    omega = 2 * np.pi * np.arange(len(sound)) * rate_hz / length
+    weight = sound / (1 + sound * precision.sum(axis=0))
+    # spectra are real at zero and at half the rate: no phase is defined there
+    weight[[0, -1]] = 0.0
+    between = 2 * (weight * sound * omega**2 * precision) @ precision.T
+    np.fill_diagonal(between, 0.0)
+    covariance = np.linalg.pinv(np.diag(between.sum(axis=1)) - between, hermitian=True)
+    for _ in range(SCORINGS):
+        beams = spectra * precision * np.exp(1j * omega * time[:, None])
+        slope = -2 * np.imag(np.conj(beams.sum(axis=0)) * beams) @ (weight * omega)
+        time = time + covariance @ slope
+    return RelativeTimes(time, covariance, lost)
 
 
 def _gain_and_sound(
@@ -249,106 +247,28 @@ def _gain_and_sound(
     return gain, np.where(audible, (above / gain[:, None]).mean(axis=0), 0.0)
 
 
-def _combined(pairs: dict[tuple[int, int], PairDelay], count: int) -> RelativeTimes:
-    """Return the least-squares times by the delays of all pairs."""
-    lost = tuple(pair for pair, delay in pairs.items() if np.isnan(delay.delay))
-    known = {pair: delay for pair, delay in pairs.items() if pair not in lost}
-    design = np.zeros((len(known), count))
-    for row, (i, j) in enumerate(known):
-        design[row, [i, j]] = -1.0, 1.0
-    if np.linalg.matrix_rank(design) < count - 1:
-        nothing = np.full((count, count), np.nan)
-        return RelativeTimes(nothing[0], nothing, pairs, lost)
-    variance = np.array([delay.sigma**2 for delay in known.values()])
-    share = np.array([delay.share for delay in known.values()])
-    weighted = design.T / variance
-    # delays do not constrain the mean time: the pseudo-inverse sets it to zero
-    gives = np.linalg.pinv(weighted @ design) @ weighted
-    # an error of one record is common to all its pairs; an error by the product of two
-    # records' noise is independent
-    own = np.zeros(count)
-    seen = np.abs(design).sum(axis=0)
-    for (i, j), v, (first, second, _) in zip(known, variance, share, strict=True):
-        own[i] += v * first / seen[i]
-        own[j] += v * second / seen[j]
-    between = design @ np.diag(own) @ design.T + np.diag(variance * share[:, 2])
-    delays = np.array([delay.delay for delay in known.values()])
-    return RelativeTimes(gives @ delays, gives @ between @ gives.T, pairs, lost)
-
-
-def pair_delay(
+def _delay(
     spectra: Complex[np.ndarray, "2 bin"],
     sound: Float[np.ndarray, " bin"],
-    noise: Float[np.ndarray, "2 bin"],
+    precision: Float[np.ndarray, "2 bin"],
     rate_hz: float,
     largest_s: float,
-) -> PairDelay:
-    """Return the delay between two records of one window.
-
-    Args:
-        spectra: Their transforms (`rfft`), of an even number of samples.
-        sound: Power of the sound in both, in each bin.
-        noise: Power of the noise in each.
-        rate_hz: Sampling rate [Hz].
-        largest_s: Largest delay that the positions of the microphones allow [s]; the
-            sound must be at least as far from either end of the window.
-    """
-    cross = np.conj(spectra[0]) * spectra[1]
-    bins = np.arange(len(cross))
-    omega = 2 * np.pi * bins * rate_hz / (2 * (len(cross) - 1))
-    both = sound * noise.sum(axis=0) + noise[0] * noise[1]
-    psi = np.divide(sound, both, out=np.zeros_like(both), where=both > 0)
-    # spectra are real at zero and at half the rate: no phase is defined there
-    psi[[0, -1]] = 0.0
-    # the height at the maximum is compared with the standard deviation of the same sum
-    # for noise alone, whose phases are random
-    lag = _greatest_lag(psi * cross, rate_hz, largest_s)
-    spectrum = psi * cross * np.exp(1j * omega * lag)
-    by_chance = np.sqrt(0.5 * np.sum(psi**2 * noise[0] * noise[1]))
-    height = float(np.sum(spectrum.real))
-    significance = height / by_chance if by_chance > 0 else 0.0
-    curvature = np.sum(psi * omega**2 * sound)
-    if (
-        not significance > PEAK_SIGNIFICANCE
-        or not curvature > 0
-        or abs(lag) > largest_s
-    ):
-        return PairDelay(np.nan, np.inf, (0.0, 0.0, 0.0), float(significance))
-    parts = [
-        float(np.sum(psi**2 * omega**2 * part) / 2 / curvature**2)
-        for part in (sound * noise[0], sound * noise[1], noise[0] * noise[1])
-    ]
-    whole = sum(parts)
-    first, second, product = (part / whole if whole else 0.0 for part in parts)
-    sigma = float(np.sqrt(whole))
-    return PairDelay(lag, sigma, (first, second, product), float(significance))
-
-
-def _greatest_lag(
-    weighted: Complex[np.ndarray, " bin"], rate_hz: float, largest_s: float
 ) -> float:
-    """Return the lag of the largest correlation of a weighted cross spectrum [s].
-
-    The maximum of `LAGS_PER_SAMPLE` lags per sample is refined by Newton's method on
-    the sum of cosines, so that the result does not depend on the sampling.
-    """
-    samples = 2 * (len(weighted) - 1)
-    fine = np.fft.irfft(weighted, samples * LAGS_PER_SAMPLE)
-    reach = min(int(np.ceil(largest_s * rate_hz * LAGS_PER_SAMPLE)), len(fine) // 2 - 1)
+    """Return the delay of the second of two records [s]; NaN if none is found."""
+    product = precision[0] * precision[1]
+    sound = sound / (1 + sound * precision.sum(axis=0))
+    sound[[0, -1]] = 0.0
+    size = 2 * (len(sound) - 1) * LAGS_PER_SAMPLE
+    cross = sound * product * np.conj(spectra[0]) * spectra[1]
+    fine = np.fft.irfft(cross, size) * (size / 2)
+    reach = min(int(largest_s * rate_hz * LAGS_PER_SAMPLE), size // 2 - 1)
     lags = np.arange(-reach, reach + 1)
-    step = 1.0 / (rate_hz * LAGS_PER_SAMPLE)
-    start = float(lags[np.argmax(fine[lags])]) * step
-    omega = 2 * np.pi * np.arange(len(weighted)) * rate_hz / samples
-    lag = start
-    # quadratic convergence: six steps from a 16th of a period reach rounding
-    for _ in range(6):
-        turned = weighted * np.exp(1j * omega * lag)
-        slope = -np.sum(omega * np.imag(turned))
-        bend = -np.sum(omega**2 * np.real(turned))
-        if not bend < 0:
-            return start
-        lag = float(np.clip(lag - slope / bend, start - step, start + step))
-    return lag
+    lag = lags[np.argmax(fine[lags])]
+    # standard deviation of the same sum for noise alone, whose phases are random
+    by_chance = np.sqrt(0.5 * np.sum(sound**2 * product))
+    if not fine[lag] > PEAK_SIGNIFICANCE * by_chance:
+        return np.nan
+    return float(lag) / (rate_hz * LAGS_PER_SAMPLE)
 
 
 class Direction(NamedTuple):
@@ -504,7 +424,10 @@ def _plane_wave_fit(
     left = time + apart @ slowness
     wave = PlaneWave(basis @ inside @ basis.T, slowness, sound_speed, log_speed_sd)
     found = wave.nearest(wave.start())
-    other = wave.nearest(wave.mirrored(found))
+    other = wave.mirrored(found)
+    # microphones in a plane do not distinguish its sides at all
+    if basis.shape[1] == 3:
+        other = wave.nearest(other)
     if wave.misfit(other) < wave.misfit(found):
         found, other = other, found
     chi2 = float(left @ weight @ left) + wave.misfit(found)
@@ -592,32 +515,28 @@ class PlaneWave(NamedTuple):
         return float(left @ self.information @ left + known)
 
     def nearest(self, front: Front) -> Front:
-        """Return the front of least chi-squared near one, by damped Gauss-Newton."""
-        damping, misfit = 1e-3, self.misfit(front)
-        for _ in range(MAX_STEPS):
-            # steps on the tangent plane: bearing and elevation are singular overhead
-            tangent = _tangent(front.toward)
-            slope = self._slope(front, tangent)
-            hessian = slope.T @ self.information @ slope
-            gradient = slope.T @ self.information @ self._left(front)
-            if self.log_sd:
-                hessian[2, 2] += self.log_sd**-2
-                gradient[2] += front.log_speed * self.log_sd**-2
-            else:
-                hessian[2], hessian[:, 2], gradient[2] = 0.0, 0.0, 0.0
-            scale = damping * np.trace(hessian)
-            step = -np.linalg.solve(hessian + scale * np.eye(3), gradient)
-            turned = front.toward + tangent.T @ step[:2]
-            tried = Front(turned / np.linalg.norm(turned), front.log_speed + step[2])
-            if (less := self.misfit(tried)) <= misfit:
-                front, misfit, damping = tried, less, max(damping / 5, 1e-15)
-                if np.abs(step).max() < CONVERGED_RAD:
-                    break
-            else:
-                damping *= 8
-                if damping > 1e12:
-                    break
-        return front
+        """Return the front of least chi-squared near one."""
+        # SciPy's optimisers take 0.3 s to import, and most searches have no array
+        from scipy.optimize import least_squares
+
+        sizes, axes = np.linalg.eigh(self.information)
+        root = (axes * np.sqrt(np.maximum(sizes, 0.0))).T
+        # steps across the direction: bearing and elevation are singular overhead
+        tangent = np.linalg.svd(front.toward[None])[2][1:]
+        scale = self.log_sd or 1.0
+
+        def moved(step: np.ndarray) -> Front:
+            toward = front.toward + step[:2] @ tangent
+            log_speed = front.log_speed + scale * (step[2] if self.log_sd else 0.0)
+            return Front(toward / np.linalg.norm(toward), log_speed)
+
+        def misfit(step: np.ndarray) -> np.ndarray:
+            tried = moved(step)
+            return np.append(root @ self._left(tried), tried.log_speed / scale)
+
+        # Levenberg and Marquardt's method accepts unknowns that are not identified
+        free = np.zeros(3 if self.log_sd else 2)
+        return moved(least_squares(misfit, free, method="lm", xtol=1e-12).x)
 
     def covariance(self, front: Front) -> Float[np.ndarray, "2 2"]:
         """Return the covariance of bearing and elevation [rad^2].
@@ -681,15 +600,6 @@ def angles_of(toward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
     level = np.hypot(toward[0], toward[1])
     bearing = np.arctan2(toward[0], toward[1]) % (2 * np.pi)
     return np.array([bearing, np.arctan2(toward[2], level)])
-
-
-def _tangent(toward: np.ndarray) -> np.ndarray:
-    """Return two unit vectors across a direction and across each other."""
-    # the axis farthest from it, so that the product does not vanish
-    least = np.eye(3)[np.argmin(np.abs(toward))]
-    first = np.cross(toward, least)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(toward, first)])
 
 
 class Bangs(NamedTuple):

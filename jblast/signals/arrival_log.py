@@ -11,7 +11,6 @@ plane wave, the microphones have separate rows.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +28,7 @@ from jblast.signals.arrays import (
 )
 from jblast.signals.matched_filter import Detection
 from jblast.signals.noise import bin_variances
-from jblast.signals.search import Searched
+from jblast.signals.sound_watch import Searched
 
 MAX_ARRAY_WIDTH = 5.0
 """Largest distance between the microphones of an array [m]. Within it a front is plane
@@ -73,14 +72,8 @@ class Log(NamedTuple):
     left_out: tuple[tuple[str, Detection], ...]
 
 
-class _Row(NamedTuple):
-    sensor: str
-    quantity: str
-    value: float
-    sigma: float
-    position: np.ndarray
-    shot: str
-    clock: str
+_Row = tuple[str, str, float, float, Sequence[float], str, str]
+"""Sensor, quantity, value, sigma, position, shot and clock."""
 
 
 def log_of(
@@ -114,13 +107,24 @@ def log_of(
             for member in members if finding.used else ():
                 alone.pop(member.channel.sensor)
         for name, arrival in alone.items():
+            when = ("air_arrival_s", arrival.time_s, arrival.sigma_s)
             station = stations[name]
-            place = np.array(station.position)
-            when = (arrival.time_s, arrival.sigma_s)
-            rows.append(_Row(name, "air_arrival_s", *when, place, shot, station.clock))
-    frame = next((stations[name].frame for name in of if stations[name].frame), None)
+            rows.append((name, *when, station.position, shot, station.clock))
     # all stations of a table have one frame
-    log = replace(_observations(rows, comments), frame=frame)
+    frame = next((stations[name].frame for name in of if stations[name].frame), None)
+    columns = zip(*rows, strict=True) if rows else [()] * 7
+    sensor, quantity, value, sigma, position, shots, row_clocks = map(list, columns)
+    log = observed(
+        sensor,
+        quantity,
+        value,
+        sigma,
+        position=np.reshape(position, (-1, 3)).astype(float),
+        shot=tuple(shots),
+        clock=tuple(row_clocks),
+        comments=tuple(comments),
+        frame=frame,
+    )
     return Log(log, tuple(arrays), grouped.left_out)
 
 
@@ -182,9 +186,9 @@ def _array_rows(
         "bearing_rad": (found.bearing, float(sd[0])),
         "elevation_rad": (found.elevation, float(sd[1])),
     }
-    middle, clock = where.mean(axis=0), stations[names[0]].clock
+    middle, clock = tuple(where.mean(axis=0)), stations[names[0]].clock
     return finding, [
-        _Row(name, quantity, *measured, middle, shot, clock)
+        (name, quantity, *measured, middle, shot, clock)
         for quantity, measured in values.items()
         if np.isfinite(measured).all()
     ]
@@ -196,7 +200,7 @@ def _window(
     """Return samples about an event, and the variance of each bin of their noise."""
     rate = members[0].channel.rate_hz
     times = [arrival.time_s for arrival in arrivals]
-    length_s = members[0].kernel.template_samples / rate
+    length_s = max(arrival.template_s for arrival in arrivals)
     margin = largest_s + 0.5 * length_s + 0.01
     start = max(int((min(times) - margin) * rate), 0)
     stop = int((max(times) + length_s + margin) * rate)
@@ -207,16 +211,3 @@ def _window(
     # each microphone has noise of its own, which weights its delays
     variances = [bin_variances(m.noise, stop - start, rate) for m in members]
     return window, np.array(variances)
-
-
-def _observations(rows: Sequence[_Row], comments: Sequence[str]) -> Observations:
-    return observed(
-        [row.sensor for row in rows],
-        [row.quantity for row in rows],
-        [row.value for row in rows],
-        [row.sigma for row in rows],
-        position=np.array([row.position for row in rows]).reshape(len(rows), 3),
-        shot=tuple(row.shot for row in rows),
-        clock=tuple(row.clock for row in rows),
-        comments=tuple(comments),
-    )

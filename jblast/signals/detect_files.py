@@ -11,9 +11,8 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -27,20 +26,16 @@ from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
 from jblast.progress_line import Progress, reported
 from jblast.signals.arrival_log import Log, log_of
-from jblast.signals.live import search_bank_as_stream
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
-from jblast.signals.search import (
-    DURATIONS,
+from jblast.signals.sound_watch import (
     OTHER_FRONT,
+    PACKET_S,
     SAME_FRONT,
     Channel,
     Searched,
-    bank_of_pulses,
     search,
-    search_as_stream,
-    search_bank,
 )
-from jblast.signals.templates import blast_template
+from jblast.signals.templates import DURATIONS, bank_of_pulses, blast_template
 
 # sound does without cameras
 if TYPE_CHECKING:
@@ -52,6 +47,20 @@ AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
 EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
+OF_SOUND = ("template", "mass_kg", "range_m", "all_sounds", "stream", "positions")
+KINDS: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "frames": ((), ("fps", "scene")),
+    "video": (VIDEOS, ("fps", "scene", *OF_SOUND)),
+    "events": (EVENT_FILES, ("scene", "size")),
+    "sound": ((".wav", ".flac"), OF_SOUND),
+}
+"""Suffixes of recordings of each kind, and the arguments that apply to it. Frames are
+those of a folder; a file of any other suffix is read as sound."""
+EXCLUSIVE = (
+    *(("template", "mass_kg"), ("template", "range_m"), ("scene", "positions")),
+    *(("all_sounds", "template"), ("all_sounds", "mass_kg")),
+)
+"""Arguments that exclude each other."""
 LOSSY_SD_S = 1e-3
 """Standard error of an arrival by the compression of a phone's sound [s]: transients
 spread within a block of AAC, of 128 samples or 2.7 ms at 48 kHz."""
@@ -172,7 +181,7 @@ def detect(
     mass_kg: float | None = None,
     range_m: float | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-    blast_form: bool = False,
+    all_sounds: bool = False,
     stream: bool = False,
     positions: AnyPath | None = None,
     fps: float | None = None,
@@ -191,8 +200,9 @@ def detect(
         range_m: Its distance.
         false_alarms_per_hour: Accepted false alarms per channel; for films, by scenes
             that resemble a blast.
-        blast_form: Accept only sounds with the form of a blast pulse.
-        stream: Filter block by block, with the noise of the first ten seconds.
+        all_sounds: In a search without a template or charge, accept impulsive sounds
+            of any form.
+        stream: Search packet by packet, as live sound; the arrivals are the same.
         positions: Table of stations of the microphones, or of the clips.
         fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
@@ -215,12 +225,12 @@ def detect(
         "template": template,
         "mass_kg": mass_kg,
         "range_m": range_m,
-        "blast_form": blast_form,
+        "all_sounds": all_sounds,
         "stream": stream,
         "positions": positions,
     }
     of_film: dict[str, Any] = {"fps": fps, "scene": scene, "size": size}
-    kind = recording_kind(files, of_sound, of_film)
+    kind = recording_kind(files, **of_sound, **of_film)
     if kind == "sound":
         return detect_sound(
             files, false_alarms_per_hour=false_alarms_per_hour, **of_sound
@@ -228,10 +238,6 @@ def detect(
     rate = {"false_alarms_per_hour": false_alarms_per_hour}
     if kind != "video":
         return detect_film(files[0], **rate, **of_film)
-    if positions and scene:
-        raise InputError(
-            f"{argument('scene')}: expected it or {argument('positions')}, got both"
-        )
     _check_stems(files)
     table = None
     if positions is not None:
@@ -318,55 +324,59 @@ def _clip_log(
     return replace(log, frame=next(iter(stations.values())).frame)
 
 
-def recording_kind(
-    recordings: Sequence[AnyPath],
-    of_sound: Mapping[str, Any] = MappingProxyType({}),
-    of_film: Mapping[str, Any] = MappingProxyType({}),
-) -> Kind:
-    """Return the kind of recordings: frames for a folder, else by suffix.
+def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
+    """Return the kind of recordings, for which arguments of `detect` are checked.
 
     Args:
         recordings: Files, or one folder.
-        of_sound: Arguments that apply to sound only, by name.
-        of_film: Arguments that apply to frames, videos and events only.
+        **arguments: Arguments of `detect`; None or False if not given.
 
     Raises:
-        InputError: Sound and pictures are combined, there are several films, or an
-            argument does not apply to the kind.
+        InputError: Sound and pictures are combined, there are several films, an
+            argument does not apply to the kind, or arguments exclude each other.
     """
-    kinds: list[Kind] = [_kind(Path(file)) for file in recordings]
-    seen = [f for f, kind in zip(recordings, kinds, strict=True) if kind != "sound"]
-    if seen and len(kinds) > 1 and {*kinds} != {"video"}:
+    kinds: list[Kind] = [_kind_of(Path(file)) for file in recordings]
+    first, kind = recordings[0], kinds[0]
+    if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):
+        seen = next(f for f, k in zip(recordings, kinds, strict=True) if k != "sound")
         raise InputError(
-            f"{seen[0]}: expected one folder of frames, file of events, or videos, "
+            f"{seen}: expected one folder of frames, file of events, or videos, "
             f"without sound; got {len(kinds)} recordings"
         )
-    first, kind = recordings[0], kinds[0]
-    if kind == "sound":
-        others = [("frames, a video or events", *item) for item in of_film.items()]
-    elif kind == "video":  # sound tracks are searched as sound
-        others = [("one video", "scene", of_film.get("scene"))] * (len(kinds) > 1)
-    else:
-        others = [("sound", *item) for item in of_sound.items()]
-    if kind in ("frames", "video"):
-        others.append(("events", "size", of_film.get("size")))
-    for only, name, value in others:
-        if value and not Path(first).exists():
-            raise InputError(f"{first}: no such file or directory")
-        if value:
+    given = [
+        k for k, value in arguments.items() if not (value is None or value is False)
+    ]
+    for name in given:
+        fitting = [k for k, (_, names) in KINDS.items() if name in names]
+        if name == "scene" and len(kinds) > 1:
+            fitting = ["one video"]
+        if kind not in fitting:
+            if not Path(first).exists():
+                raise InputError(f"{first}: no such file or directory")
             raise InputError(
-                f"{argument(name)}: expected it with {only} only, got {first}"
+                f"{argument(name)}: expected it with {' or '.join(fitting)} only, "
+                f"got {first}"
+            )
+    for one, other in EXCLUSIVE:
+        if one in given and other in given:
+            raise InputError(
+                f"{argument(one)}: expected it or {argument(other)}, got both"
+            )
+    for one, other in (("mass_kg", "range_m"), ("range_m", "mass_kg")):
+        if one in given and other not in given:
+            raise InputError(
+                f"{argument(one)}: expected {argument(other)} with it, got none"
             )
     return kind
 
 
-def _kind(path: Path) -> Kind:
-    suffix = path.suffix.lower()
+def _kind_of(path: Path) -> Kind:
     if path.is_dir():
         return "frames"
-    if suffix in VIDEOS:
-        return "video"
-    return "events" if suffix in EVENT_FILES else "sound"
+    for kind, (suffixes, _) in KINDS.items():
+        if path.suffix.lower() in suffixes:
+            return kind
+    return "sound"
 
 
 def detect_sound(
@@ -376,7 +386,7 @@ def detect_sound(
     mass_kg: float | None = None,
     range_m: float | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-    blast_form: bool = False,
+    all_sounds: bool = False,
     stream: bool = False,
     positions: AnyPath | None = None,
 ) -> SoundDetections:
@@ -388,15 +398,13 @@ def detect_sound(
         mass_kg: As for `detect`.
         range_m: As for `detect`.
         false_alarms_per_hour: As for `detect`.
-        blast_form: As for `detect`.
+        all_sounds: As for `detect`.
         stream: As for `detect`.
         positions: As for `detect`.
 
     Raises:
-        InputError: A recording cannot be read, a channel has no station, or arguments
-            exclude each other.
+        InputError: A recording cannot be read, or a channel has no station.
     """
-    check_target(template, mass_kg, range_m, blast_form=blast_form)
     begin = stages({"reading": 1.0, "searching": 4.0})
     begin("reading")
     files = [os.fspath(file) for file in recordings]
@@ -407,30 +415,21 @@ def detect_sound(
         stations = _stations(os.fspath(positions), named)
     begin("searching")
     shapes, method = _target(template, mass_kg, range_m)
-    look = partial(
-        search_as_stream if stream else search,
-        front_samples=OTHER_FRONT if template is None else SAME_FRONT,
-    )
     # templates cost more than a search; most rates are equal
     shapes_at = cache(shapes)
-    searched = []
-    for channel in each(channels, "channels"):
-        templates = shapes_at(channel.rate_hz)
-        for one in templates:
-            _check_length(channel, one.size, method.words)
-        if len(templates) == 1:
-            searched.append(look(channel, templates[0], false_alarms_per_hour))
-            continue
-        whole = search_bank_as_stream if stream else search_bank
-        searched.append(
-            whole(
-                channel,
-                templates,
-                false_alarms_per_hour,
-                front_samples=OTHER_FRONT,
-                any_form=not blast_form,
-            )
+    searched = [
+        search(
+            channel,
+            shapes_at(channel.rate_hz),
+            false_alarms_per_hour=false_alarms_per_hour,
+            forms=template is None and mass_kg is None,
+            front_samples=OTHER_FRONT if template is None else SAME_FRONT,
+            packet_s=PACKET_S if stream else None,
         )
+        for channel in each(channels, "channels")
+    ]
+    if all_sounds:
+        searched = [_with_all_sounds(one) for one in searched]
     # an arrival of a template is the time of its first sample, which may not be a front
     if template is None:
         searched = _picked(searched)
@@ -440,6 +439,12 @@ def detect_sound(
         names = ", ".join(Path(file).name for file in files)
         log = log_of(searched, stations, [f"jblast detect of {names}: {method.words}"])
     return SoundDetections(tuple(searched), tuple(dead), method, log)
+
+
+def _with_all_sounds(one: Searched) -> Searched:
+    """Return a channel whose detections include sounds of another form."""
+    sounds = sorted(one.detections + one.others, key=lambda found: found.time_s)
+    return one._replace(detections=tuple(sounds), others=())
 
 
 def _picked(searched: Sequence[Searched]) -> list[Searched]:
@@ -465,33 +470,6 @@ def _with_compression(one: Searched) -> Searched:
         for found in one.detections
     )
     return one._replace(detections=tuple(arrivals))
-
-
-def check_target(
-    template: AnyPath | None,
-    mass_kg: float | None,
-    range_m: float | None,
-    *,
-    blast_form: bool,
-) -> None:
-    """Raise an error for search targets that exclude each other.
-
-    Raises:
-        InputError: A template with a charge, a mass without a range or a range without
-            a mass, or `blast_form` with a template or a charge.
-    """
-    mass, distance = argument("mass_kg"), argument("range_m")
-    if template and (mass_kg or range_m):
-        other = mass if mass_kg else distance
-        raise InputError(f"{argument('template')}: expected it or {other}, got both")
-    if (mass_kg is None) != (range_m is None):
-        one, other = (mass, distance)[:: 1 if mass_kg else -1]
-        raise InputError(f"{one}: expected {other} with it, got none")
-    if blast_form and (template or mass_kg):
-        other = argument("template") if template else mass
-        raise InputError(
-            f"{argument('blast_form')}: expected no {other} with it, got both"
-        )
 
 
 def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
@@ -591,7 +569,7 @@ def _target(
             return [resampled(sound.samples[0], sound.rate_hz, rate_hz)]
 
         return at_rate, Method(words, keys)
-    if mass_kg and range_m:
+    if mass_kg is not None and range_m is not None:
         words = f"the pulse of {mass_kg:g} kg of TNT at {range_m:g} m"
         keys = {"name": "matched_filter"}
         keys |= {"charge_mass_kg": mass_kg, "range_m": range_m}
@@ -624,16 +602,6 @@ def _read_template(file: str) -> SoundRecord:
     return sound
 
 
-def _check_length(channel: Channel, samples: int, what: str) -> None:
-    """Raise an error for a template that is longer than a recording."""
-    if samples > channel.samples.size:
-        raise InputError(
-            f"{channel.record}: expected a recording at least as long as {what}, "
-            f"{samples / channel.rate_hz:.6g} s; got "
-            f"{channel.samples.size / channel.rate_hz:.6g} s"
-        )
-
-
 def detect_film(
     recording: AnyPath,
     *,
@@ -658,12 +626,12 @@ def detect_film(
     from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
 
     path = os.fspath(recording)
-    kind = recording_kind([path], of_film={"size": size})
+    kind = recording_kind([path], fps=fps, scene=scene, size=size)
     assert kind != "sound"
     camera = None if scene is None else _camera(scene)
     exposure_s = 0.0 if camera is None or kind == "events" else float(camera.exposure_s)
     opened = (
-        _events(path, fps, camera, size)
+        _events(path, camera, size)
         if kind == "events"
         else _frames(path, fps, exposure_s)
     )
@@ -776,7 +744,6 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
 
 def _events(
     path: str,
-    fps: float | None,
     camera: "Camera | None",
     size: tuple[int, int] | None,
 ) -> _Opened:
@@ -784,10 +751,6 @@ def _events(
     from jblast.sensors.camera.files.event_files import read_events
     from jblast.signals.flash.search import STEP_S, event_changes
 
-    if fps is not None:
-        raise InputError(
-            f"{argument('fps')}: expected it with frames or a video only, got {path}"
-        )
     if size is None and camera is not None:
         size = camera.width, camera.height
     events = read_events(path, size=size)

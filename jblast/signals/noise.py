@@ -43,7 +43,9 @@ LEAST_SEGMENTS = 7
 DENSITY_FLOOR = 1e-10
 """Smallest density, over the mean: no recorder resolves a signal 100 dB below it."""
 
-
+FAST_FACTORS = (1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135)
+"""Odd factors of fast lengths. Without prime factors above 5 all passes of a transform
+are fast."""
 MEMORY_S = 32.0
 """Length of noise at which the older half of its mean counts half [s]: the standard
 deviation of an output is then known to 3 %, and the wind may change in minutes."""
@@ -84,7 +86,6 @@ def noise_spectrum(
     recording: ArrayLike,
     rate_hz: float,
     *,
-    segment_s: float | None = None,
     average: Literal["mean", "median"] = "mean",
 ) -> NoiseSpectrum:
     """Measure the spectrum of the noise in a recording.
@@ -92,8 +93,6 @@ def noise_spectrum(
     Args:
         recording: Samples of one channel.
         rate_hz: Sampling rate [Hz].
-        segment_s: Length of a window [s]; None for 0.1 s, or less in a recording too
-            short for seven windows.
         average: Average over the windows.
 
     Raises:
@@ -101,17 +100,7 @@ def noise_spectrum(
     """
     samples = checked_samples("recording", recording, least=8 * (LEAST_SEGMENTS + 1))
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
-    if segment_s is None:
-        longest = min(SEGMENT_S * rate_hz, 2 * samples.size / (LEAST_SEGMENTS + 1))
-        size = 2 ** int(np.log2(longest))
-    else:
-        size = round(checked_positive("segment_s", segment_s, "s") * rate_hz)
-        least = size * (LEAST_SEGMENTS + 1) // 2
-        if size < 8 or samples.size < least:
-            raise InputError(
-                f"{argument('segment_s')}: expected windows of at least 8 samples, "
-                f"seven of them half overlapping in {samples.size} samples, got {size}"
-            )
+    size = window_size(rate_hz, samples.size)
     windows, alive = _windows(samples, size)
     if alive.sum() < LEAST_SEGMENTS:
         raise InputError(
@@ -245,9 +234,18 @@ class NoiseFollower:
         return NoiseSpectrum(frequency, density, self.offset)
 
 
-def window_size(rate_hz: float) -> int:
-    """Return the number of samples of a window of `SEGMENT_S` at most."""
-    return 2 ** int(np.log2(max(SEGMENT_S * rate_hz, 8)))
+def window_size(rate_hz: float, samples: int | None = None) -> int:
+    """Return the number of samples of a window of the spectrum.
+
+    Args:
+        rate_hz: Sampling rate [Hz].
+        samples: Number of samples, in which `LEAST_SEGMENTS` windows must fit; None for
+            a stream.
+    """
+    longest = SEGMENT_S * rate_hz
+    if samples is not None:
+        longest = min(longest, 2 * samples / (LEAST_SEGMENTS + 1))
+    return 2 ** int(np.log2(max(longest, 8)))
 
 
 def median_bias(count: int) -> float:
@@ -319,6 +317,14 @@ def whitening_taps(noise: NoiseSpectrum, rate_hz: float) -> Float[np.ndarray, " 
     # a quarter of the circle is twice the window of the spectrum, longer than the
     # response lasts; the rest is aliasing
     return taps[: size // 4]
+
+
+def fast_length(least: int) -> int:
+    """Return a length of at least `least` whose Fourier transform is fast.
+
+    It is a power of two times one of `FAST_FACTORS`, mostly at most a tenth longer.
+    """
+    return min(n << max(-(-least // n) - 1, 0).bit_length() for n in FAST_FACTORS)
 
 
 def checked_samples(

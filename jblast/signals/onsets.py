@@ -1,8 +1,8 @@
 """Onsets in a recording of any length: intervals that may contain a blast.
 
 An onset is a large ratio of the power of a few milliseconds to that of the half second
-before them (STA/LTA, Allen 1978), about the mean of that half second, in bins and block
-by block: a recording of any length takes constant memory. The result is an interval of
+before them (STA/LTA, Allen 1978), about the mean of that half second. Samples are read
+block by block, and four numbers of each bin are stored. The result is an interval of
 equal length about each onset. The fit of a pulse decides if it contains a blast
 (`picks`).
 """
@@ -32,8 +32,9 @@ for a pulse and its noise at the low rates of barographs."""
 LEAST_PEAK_SHARE = 0.1
 """Smallest peak of an onset, over that of the loudest (20 dB down): weaker ones are
 mostly echoes and rattle, each at the cost of a pick."""
-ROUNDING_SHARE = 1e-12
-"""Share of a block's power below which differences of running sums are rounding."""
+ROUNDING_SHARE = 1e-10
+"""Share of a channel's mean power below which differences of running sums can be
+rounding: of an hour, 4e-11."""
 MAX_ONSETS = 16
 """Largest number of onsets of a channel, of which the loudest are kept: bounds the time
 spent on a channel of continuous impulsive noise."""
@@ -82,10 +83,13 @@ def stretches(recording: Recording) -> tuple[Stretches, ...]:
             Stretches((recording.stretch(channel, 0, own),), 0)
             for channel, own in enumerate(samples)
         )
-    found, loudest = _onsets(recording, after)
+    bins = [_Bins(recording.rate_hz) for _ in recording.names]
+    for _, block in recording.blocks():
+        for channel, samples in zip(bins, block, strict=True):
+            channel.add(samples)
     return tuple(
-        _stretches(recording, channel, own, loud)
-        for channel, (own, loud) in enumerate(zip(found, loudest, strict=True))
+        _stretches(recording, channel, *found.onsets(after))
+        for channel, found in enumerate(bins)
     )
 
 
@@ -114,90 +118,53 @@ def _lengths(rate_hz: float) -> tuple[int, int]:
     return round(BEFORE_S * max(rate_hz, least)), round(AFTER_S * max(rate_hz, least))
 
 
-class _Channel:
-    """State of one channel between blocks."""
+class _Bins:
+    """Sum, sum of squares, smallest and largest sample of each bin of a channel.
 
-    def __init__(self):
-        self.onsets: list[Onset] = []
-        self.mean = 0.0
-        self.largest, self.loudest = 0.0, 0
+    Sums are about the first sample: the squares of a large offset would cost digits.
+    """
 
+    def __init__(self, rate_hz: float):
+        self._size = max(BIN_SAMPLES, round(BIN_S * rate_hz))
+        self._parts: list[np.ndarray] = []
+        self._left = np.zeros(0)
+        self._middle: float | None = None
 
-def _onsets(recording: Recording, after: int) -> tuple[list[list[Onset]], list[int]]:
-    """Return each channel's onsets, at least `after` apart, and its loudest sample."""
-    size = max(BIN_SAMPLES, round(BIN_S * recording.rate_hz))
-    carry = np.zeros((len(recording.names), 0))
-    channels = [_Channel() for _ in recording.names]
-    # number of the first carried sample
-    first = 0
-    for start, block in recording.blocks():
-        samples = np.concatenate([carry, block], axis=1)
-        bins = samples.shape[1] // size
-        for channel, own in zip(channels, samples, strict=True):
-            _take_in(channel, own[: bins * size], first, size, after)
-            size_of = np.abs(own - own.mean())
-            at = int(np.argmax(size_of))
-            if size_of[at] > channel.largest:
-                channel.largest, channel.loudest = float(size_of[at]), first + at
-        # the last windows of a block need samples of the next one, and are carried
-        keep = (LONG_BINS + SHORT_BINS - 1) * size + samples.shape[1] - bins * size
-        carry = samples[:, max(samples.shape[1] - keep, 0) :]
-        first = start + block.shape[1] - carry.shape[1]
-    return [one.onsets for one in channels], [one.loudest for one in channels]
+    def add(self, samples: Float[np.ndarray, " sample"]) -> None:
+        """Add the next samples; an incomplete bin waits for its end."""
+        if self._middle is None:
+            self._middle = float(samples[0])
+        row = np.concatenate([self._left, samples - self._middle])
+        whole = row.size - row.size % self._size
+        bins, self._left = row[:whole].reshape(-1, self._size), row[whole:]
+        parts = bins.sum(axis=1), (bins**2).sum(axis=1), bins.min(axis=1)
+        self._parts.append(np.array([*parts, bins.max(axis=1)]))
 
-
-def _take_in(
-    channel: _Channel,
-    samples: Float[np.ndarray, " sample"],
-    first: int,
-    size: int,
-    after: int,
-) -> None:
-    """Add the onsets of a block, the first of each interval."""
-    ratio, means = _ratios(samples.reshape(-1, size))
-    for nth in np.flatnonzero(ratio > ON):
-        at = first + (LONG_BINS + int(nth)) * size
-        if channel.onsets and at < channel.onsets[-1].sample + after:
-            continue
-        _follow(channel, samples, first, after)
-        channel.onsets.append(Onset(at, float(ratio[nth]), 0.0))
-        channel.mean = float(means[nth])
-    _follow(channel, samples, first, after)
-
-
-def _follow(
-    channel: _Channel, samples: Float[np.ndarray, " sample"], first: int, after: int
-) -> None:
-    """Update the peak of a channel's last onset by the samples of a block."""
-    if not channel.onsets:
-        return
-    last = channel.onsets[-1]
-    since = samples[max(last.sample - first, 0) : max(last.sample + after - first, 0)]
-    peak = float(np.abs(since - channel.mean).max(initial=last.peak))
-    channel.onsets[-1] = last._replace(peak=peak)
-
-
-def _ratios(
-    bins: Float[np.ndarray, "bin sample"],
-) -> tuple[Float[np.ndarray, " end"], Float[np.ndarray, " end"]]:
-    """Return the power after each bin over that before it, and the mean before it."""
-    if len(bins) < LONG_BINS + SHORT_BINS:
-        return np.zeros(0), np.zeros(0)
-    # relative to the mean: the squares of a large offset would cost the digits
-    middle = float(bins.mean())
-    sums = np.cumsum(bins.sum(axis=1) - bins.shape[1] * middle)
-    squares = np.cumsum(((bins - middle) ** 2).sum(axis=1))
-    sums, squares = (np.concatenate([[0.0], total]) for total in (sums, squares))
-    ends = np.arange(LONG_BINS, len(bins) - SHORT_BINS + 1)
-    n_before, n_after = LONG_BINS * bins.shape[1], SHORT_BINS * bins.shape[1]
-    sum_before = sums[ends] - sums[ends - LONG_BINS]
-    mean = sum_before / n_before
-    before = (squares[ends] - squares[ends - LONG_BINS]) / n_before - mean**2
-    power = (squares[ends + SHORT_BINS] - squares[ends]) / n_after
-    shift = (sums[ends + SHORT_BINS] - sums[ends]) / n_after
-    # about the mean before, so that a step of the baseline counts as power
-    now = power - 2.0 * mean * shift + mean**2
-    # after digital silence any sound is an onset, but not the rounding of the sums
-    floor = ROUNDING_SHARE * squares[-1] / bins.size
-    ratio = now / np.maximum(before, floor) if floor > 0 else np.zeros_like(now)
-    return ratio, mean + middle
+    def onsets(self, after: int) -> tuple[list[Onset], int]:
+        """Return the onsets, at least `after` samples apart, and the loudest sample."""
+        sums, squares, low, high = np.concatenate(self._parts, axis=1)
+        middle = sums.sum() / (sums.size * self._size)
+        loudest = int(np.argmax(np.maximum(high - middle, middle - low))) * self._size
+        total, power = (np.append(0.0, np.cumsum(row)) for row in (sums, squares))
+        ends = np.arange(LONG_BINS, sums.size - SHORT_BINS + 1)
+        if not ends.size or not power[-1] > 0:
+            return [], loudest
+        n_before, n_after = LONG_BINS * self._size, SHORT_BINS * self._size
+        mean = (total[ends] - total[ends - LONG_BINS]) / n_before
+        quiet = (power[ends] - power[ends - LONG_BINS]) / n_before - mean**2
+        loud = (power[ends + SHORT_BINS] - power[ends]) / n_after
+        shift = (total[ends + SHORT_BINS] - total[ends]) / n_after
+        # about the mean before, so that a step of the baseline counts as power
+        now = loud - 2.0 * mean * shift + mean**2
+        # after digital silence any sound is an onset, but not the rounding of the sums
+        floor = ROUNDING_SHARE * power[-1] / (sums.size * self._size)
+        ratio = now / np.maximum(quiet, floor)
+        found: list[Onset] = []
+        for nth in np.flatnonzero(ratio > ON):
+            at = int(ends[nth])
+            if found and at * self._size < found[-1].sample + after:
+                continue
+            since = slice(at, at + -(-after // self._size))
+            peak = max(high[since].max() - mean[nth], mean[nth] - low[since].min())
+            found.append(Onset(at * self._size, float(ratio[nth]), float(peak)))
+        return found, loudest

@@ -24,7 +24,7 @@ from jblast.observations.records.recording import PressureRecord
 from jblast.signals.matched_filter import Detection
 from jblast.signals.picks import pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
-from jblast.signals.search import OTHER_FRONT
+from jblast.signals.sound_watch import OTHER_FRONT
 
 BEFORE_S, AFTER_S = 0.25, 0.75
 """Interval before and after an arrival that is picked [s]: enough quiet to measure the
@@ -97,7 +97,9 @@ def _timed(arrival: Detection, record: PressureRecord) -> Detection:
     if _can_be_picked(record):
         (picked,) = pick_records([record])
         time_s = picked.pick.air_arrival_s
-        near = abs(time_s - arrival.time_s) <= arrival.template_s
+        # a short pulse can be loudest within a longer sound, at which others begin
+        reach_s = max(arrival.template_s, arrival.spread_s)
+        near = abs(time_s - arrival.time_s) <= reach_s
         if picked.quality != "poor" and near:
             # a sample may be an instant or the mean over an interval
             unknown_s = OTHER_FRONT / record.rate_hz

@@ -1,7 +1,7 @@
 """Detectors of a run: each microphone and the camera searched as packets come.
 
 A microphone is searched with the bank of pulses and the test of form
-(`signals.live.SoundWatch`). The saturated pixels of the camera are searched for flashes
+(`signals.SoundWatch`). The saturated pixels of the camera are searched for flashes
 (`signals.flash.FlashWatch`): a fireball is far brighter than anything in daylight for
 which a camera is exposed, and the edges of ground, sky and smoke, which move as a
 vehicle turns, are not. A detection is attributed to the blast whose true arrival at the
@@ -19,10 +19,10 @@ import numpy as np
 from jblast.scene import Instrument, Scene
 from jblast.signals.flash import Flash, FlashWatch
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
-from jblast.signals.live import LEAST_NOISE, LiveDetection, SoundWatch
-from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
+from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
-from jblast.signals.search import bank_of_pulses
+from jblast.signals.sound_watch import LEAST_NOISE, SoundWatch
+from jblast.signals.templates import bank_of_pulses
 from jblast.study.running import Frames, Packet, RunDetection, Samples
 from jblast.world import Arrivals
 from jblast.world.drawn import CAMERA
@@ -101,7 +101,7 @@ class RunDetectors:
                 watch = SoundWatch(
                     self._bank(samples.rate_hz),
                     samples.rate_hz,
-                    self._rate,
+                    false_alarms_per_hour=self._rate,
                     least_noise=_least_noise(self._instruments[name]),
                 )
                 self._ears[name] = watch, samples.start_s
@@ -135,11 +135,11 @@ class RunDetectors:
             found += self._sounds(name, watch.finish())
         return found
 
-    def _sounds(self, name: str, found: Iterable[LiveDetection]) -> list[RunDetection]:
+    def _sounds(self, name: str, found: Iterable[Detection]) -> list[RunDetection]:
         """Return the detections of the last push to a microphone's search."""
         watch, start_s = self._ears[name]
         first, samples = watch.latest
-        arrivals = [one.arrival for one in found]
+        arrivals = [one for one in found if one.is_blast]
         rate_hz = watch.rate_hz
         heard = SearchedChannel(samples, rate_hz, first / rate_hz, arrivals)
         return [

@@ -5,40 +5,39 @@ from scipy.stats import multivariate_normal, norm
 from calibration.cases import RATE, coloured, pulse, rumble
 from jblast.errors import InputError
 from jblast.signals import (
-    detections,
+    SoundWatch,
     false_alarms_at,
-    filtered_by,
+    filtered,
     matched_kernel,
     threshold_for,
     white_noise,
 )
-from jblast.signals.matched_filter import PeakPicker, between_samples
+from jblast.signals.matched_filter import between_samples
+from jblast.signals.sound_watch import PeakPicker
 
 NOISE, SHAPE = rumble(), pulse(0.02)
 KERNEL = matched_kernel(SHAPE, RATE, NOISE)
 
 
-def heard(*blasts: tuple[float, float]):
-    """Filter 0.7 s of noise with blasts at (sample, sigmas)."""
+def heard(*blasts: tuple[float, float], shape=SHAPE, rise_s=2e-4):
+    """Sounds in 0.7 s of noise with blasts at (sample, sigmas)."""
     sound = coloured(np.random.default_rng(8), NOISE, 2**15)[0]
+    response = matched_kernel(shape, RATE, NOISE).response
     for at, sigmas in blasts:
         whole = int(at)
-        late = pulse(0.02, float(at - whole))
-        sound[whole : whole + late.size] += sigmas / KERNEL.response * late
-    return filtered_by(sound, KERNEL)
+        late = pulse(0.02, float(at - whole), rise_s=rise_s)
+        sound[whole : whole + late.size] += sigmas / response * late
+    watch = SoundWatch([shape], RATE, noise=NOISE, forms=False, front_samples=0.0)
+    return [*watch.push(sound), *watch.finish()]
 
 
 @pytest.mark.parametrize("part", [0.0, 0.25, 0.5, 0.9])
 def test_arrivals_between_samples_are_found_there(part):
-    kernel = matched_kernel(pulse(0.02, rise_s=5e-3), RATE, NOISE)
-    sound = np.zeros(2**15)
-    sound[9000:9960] = 300 / kernel.response * pulse(0.02, part, rise_s=5e-3)
-    found = detections(filtered_by(sound, kernel), 10.0)
-    assert len(found) == 1
-    # a twentieth of the bound at 50 dB; a window's ripple and the pulse's own corners
-    assert found[0].time_s * RATE == pytest.approx(9000 + part, abs=5e-3)
-    assert found[0].sigma_s * RATE > 0.05
-    assert found[0].statistic == pytest.approx(300, rel=1e-3)
+    soft = pulse(0.02, rise_s=5e-3)
+    (found,) = heard((9000 + part, 1e4), shape=soft, rise_s=5e-3)
+    # a window's ripple and the pulse's own corners
+    assert found.time_s * RATE == pytest.approx(9000 + part, abs=5e-3)
+    assert found.statistic == pytest.approx(1e4, rel=1e-3)
 
 
 def test_arrivals_err_by_the_bound_of_cramer_and_rao():
@@ -49,7 +48,7 @@ def test_arrivals_err_by_the_bound_of_cramer_and_rao():
     errors, statistics = [], []
     for row, part in zip(sound, parts, strict=True):
         row[4000:][: SHAPE.size] += sigmas / KERNEL.response * pulse(0.02, part)
-        out = filtered_by(row, KERNEL).statistic
+        out = filtered(row, KERNEL)
         top = 3990 + int(np.argmax(out[3990:4012]))
         shift, height = between_samples(out[top - 16 : top + 17])
         errors.append(top + shift - 4000 - part)
@@ -62,65 +61,42 @@ def test_arrivals_err_by_the_bound_of_cramer_and_rao():
 
 
 def test_sigma_and_decibels_are_those_of_the_statistic():
-    found = detections(heard((9000.3, 31.6)), 6.0)[0]
+    (found,) = heard((9000.3, 31.6))
     assert found.snr_db == pytest.approx(20 * np.log10(found.statistic))
     assert found.sigma_s == pytest.approx(1 / (KERNEL.timing_rad_s * found.statistic))
     assert abs(found.time_s - 9000.3 / RATE) < 4 * found.sigma_s
 
 
-def test_a_loud_blast_is_one_and_its_foot_is_none():
-    found = detections(heard((9000, 1e4)), threshold_for(KERNEL))
-    assert [round(one.time_s * RATE) for one in found] == [9000]
-
-
-def test_two_blasts_apart_are_two_and_close_ones_the_louder():
-    apart = detections(heard((9000, 40.0), (15000, 20.0)), 6.0)
-    assert [round(one.time_s * RATE) for one in apart] == [9000, 15000]
-    close = heard((9000, 20.0), (9500, 40.0))
-    assert [round(one.time_s * RATE) for one in detections(close, 6.0)] == [9500]
-    both = detections(close, 6.0, dead_s=0.004, wait_s=0.004)
-    assert [round(one.time_s * RATE) for one in both] == [9000, 9500]
-
-
-def test_noise_alone_is_no_blast():
-    assert detections(heard(), threshold_for(KERNEL)) == ()
+@pytest.mark.parametrize(
+    ("blasts", "found"),
+    [
+        ([], []),
+        ([(9000, 1e4)], [9000]),
+        ([(9000, 40.0), (15000, 20.0)], [9000, 15000]),
+        ([(9000, 20.0), (9500, 40.0)], [9500]),
+    ],
+    ids=["noise", "loud", "apart", "close"],
+)
+def test_of_blasts_within_their_length_the_loudest_is_found(blasts, found):
+    assert [round(one.time_s * RATE) for one in heard(*blasts)] == found
 
 
 def test_peaks_pushed_one_by_one_are_those_of_the_whole():
-    out = np.random.default_rng(10).standard_normal(5000)
+    out = np.random.default_rng(10).standard_normal(5000) / 1.5
     out[2000:2003] = 5.0  # equal neighbours: one peak, the first
-    whole = PeakPicker(KERNEL, 1.5, dead_s=1e-3, wait_s=2e-4)
-    found = (*whole.push(out), *whole.finish())
-    pieces = PeakPicker(KERNEL, 1.5, dead_s=1e-3, wait_s=2e-4)
-    parts = [d for i in range(out.size) for d in pieces.push(out[i : i + 1])]
-    parts += pieces.finish()
-    assert len(found) > 20
-    # the last sixteen are interpolated towards what is not there, in both
-    assert [d.time_s for d in parts] == pytest.approx([d.time_s for d in found])
+    found = PeakPicker(48, 10).push(out, ended=True)
+    pieces = PeakPicker(48, 10)
+    parts = [pieces.push(out[i : i + 1]) for i in range(out.size)]
+    parts.append(pieces.push(np.zeros(0), ended=True))
+    assert found.size > 20
+    np.testing.assert_array_equal(np.concatenate(parts), found)
     # by hand: higher than all 48 before and none higher in the 10 after
     tops = 1 + np.flatnonzero((out[1:-1] > out[:-2]) & (out[1:-1] >= out[2:]))
-    tops = tops[out[tops] > 1.5]
+    tops = tops[out[tops] > 1]
     kept = [
-        t
-        for t in tops
-        if all(out[u] < out[t] for u in tops if t - 48 <= u < t)
-        and all(out[u] <= out[t] for u in tops if t < u <= t + 10)
+        t for t in tops if all(out[u] <= out[t] for u in tops if t - 48 <= u <= t + 10)
     ]
-    assert [round(d.time_s * RATE) for d in found] == pytest.approx(kept, abs=1)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"threshold": 0.0}, "threshold: expected a positive number"),
-        ({"threshold": np.nan}, "threshold: expected a positive number"),
-        ({"dead_s": -1.0}, "expected a time from 0 up"),
-        ({"wait_s": np.nan}, "expected a time from 0 up"),
-    ],
-)
-def test_thresholds_and_times_out_of_range_are_refused(wrong, said):
-    with pytest.raises(InputError, match=said):
-        detections(heard(), **({"threshold": 6.0} | wrong))
+    np.testing.assert_array_equal(found, kept)
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 3.0])
@@ -135,8 +111,7 @@ def test_the_rate_is_that_of_two_neighbours_on_either_side(threshold):
 
 def test_noise_rises_through_a_threshold_as_often_as_said():
     sound = coloured(np.random.default_rng(5), rumble(), 2**20)[0]
-    heard = filtered_by(sound, KERNEL)
-    out = heard.statistic[heard.start : heard.stop]
+    out = filtered(sound, KERNEL)[KERNEL.before : -KERNEL.reach]
     seen = int(np.sum((out[:-1] <= 3.0) & (out[1:] > 3.0)))
     said = false_alarms_at(KERNEL, 3.0) / 3600 * out.size / RATE
     assert seen == pytest.approx(said, abs=4 * np.sqrt(said))  # of a Poisson number

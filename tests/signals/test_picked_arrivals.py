@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from jblast.signals import picked_arrivals as module
+from jblast.signals import Channel, bank_of_pulses, picked_arrivals as module, search
 from jblast.signals.matched_filter import Detection
 from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
-from jblast.signals.search import Channel, bank_of_pulses, search_bank
 from tests.signals.records.made import picked_at_its_peak
 
 RATE = 8000.0
@@ -96,7 +95,7 @@ CASES = {
 @pytest.mark.parametrize("sound", CASES.values(), ids=CASES.keys())
 def test_the_bang_of_a_telephone_is_timed_within_its_error(sound):
     bank = bank_of_pulses(RATE)
-    found = search_bank(Channel("a", "a", 1, sound, RATE), bank, 1.0, any_form=True)
+    found = search(Channel("a", "a", 1, sound, RATE), bank, forms=False)
     picks = picked_arrivals([SearchedChannel(sound, RATE, 0.0, found.detections)])[0]
     one = max(picks, key=lambda arrival: arrival.statistic)
     assert one.sigma_s < 2e-3

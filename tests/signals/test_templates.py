@@ -3,7 +3,8 @@ import pytest
 
 from calibration.cases import RATE
 from jblast.errors import InputError
-from jblast.signals import blast_template, recorded_template
+from jblast.signals import bank_of_pulses, blast_template, recorded_template
+from jblast.signals.templates import BANK_SCALED_DISTANCE, DURATION_RATIO, DURATIONS
 from jblast.waves.waveform import blast_pulse
 
 
@@ -60,3 +61,29 @@ def test_a_recorded_template_starts_at_the_front_and_fades():
 def test_stretches_without_sound_are_refused(level, start, said):
     with pytest.raises(InputError, match=said):
         recorded_template(np.full(1000, level), 1000.0, start, 0.2)
+
+
+def likeness(one, other):
+    """Greatest correlation of two pulses, of any size and delay, in white noise."""
+    n = 2 * max(one.size, other.size)
+    product = np.fft.rfft(one, n) * np.conj(np.fft.rfft(other, n))
+    return np.fft.irfft(product, n).max() / np.sqrt((one @ one) * (other @ other))
+
+
+def test_a_bank_has_a_pulse_near_any_blast():
+    bank = bank_of_pulses(RATE)
+    positive = [np.argmax(samples < 0) / RATE for samples in bank]
+    np.testing.assert_allclose(positive, DURATIONS, atol=1 / RATE)
+    # half a step longer than a pulse of 5 kg
+    size = 5 ** (1 / 3) * DURATION_RATIO**0.5
+    between = blast_template(size**3, BANK_SCALED_DISTANCE * size, RATE)
+    ratios = np.argmax(between < 0) / RATE / np.array(DURATIONS)
+    steps = np.log(ratios) / np.log(DURATION_RATIO)
+    best = max(likeness(between, samples) for samples in bank)
+    assert np.abs(steps).min() < 0.51
+    assert 0.92 < best <= 1.0
+
+
+def test_a_pulse_of_minutes_is_no_template():
+    with pytest.raises(InputError, match="a blast of 60 s at most"):
+        blast_template(1e20, 5e6, RATE)

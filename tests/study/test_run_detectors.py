@@ -8,7 +8,7 @@ from scipy.signal import butter, lfilter
 
 from jblast.scene import Camera, Charge, Instrument, Scene, Sensor
 from jblast.sensors.camera.image import linear_to_srgb
-from jblast.signals.search import bank_of_pulses
+from jblast.signals import bank_of_pulses
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.running import Frames, Packet, Samples
 from jblast.world import Arrivals

@@ -257,8 +257,10 @@ COMMANDS = (
     _refused("pick_refused", "pick log.csv --json", "log.csv"),
     Command("listen", "listen heard.toml --seconds 0.3 --seed 1 --out heard --json"),
     _refused("listen_refused", "listen records.toml --out none --json", "kind"),
-    _searched("detect", "detect DATA/sound/bang.flac --json"),
-    _searched("detect_stream", "detect DATA/sound/bang.flac --stream --json"),
+    _searched("detect", "detect DATA/sound/bang.flac --all-sounds --json"),
+    _searched(
+        "detect_stream", "detect DATA/sound/bang.flac --all-sounds --stream --json"
+    ),
     _searched(
         "detect_pulse",
         "detect heard/phone.wav --charge 15 --range 60 --out found --json",

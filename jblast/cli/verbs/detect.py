@@ -108,16 +108,16 @@ def add_arguments(verb: VerbParser) -> None:
         "due to scenes that resemble a blast in film (default: 1)",
     )
     verb.advanced.add_argument(
-        "--blast-form",
+        "--all-sounds",
         action="store_true",
-        help="search without a template for the form of a blast pulse only: rejects "
-        "doors, clicks and most thunder, but also reverberant or distant blasts",
+        help="search without a template for impulsive sounds of any form: also "
+        "reverberant or distant blasts, but doors, clicks and thunder as well "
+        "(default: sounds with the form of a blast pulse)",
     )
     verb.advanced.add_argument(
         "--stream",
         action="store_true",
-        help="block by block filter, as for a live stream; the noise is that of the "
-        "first 10 s, without a template that of the sound so far",
+        help="search packet by packet, as a live stream; the arrivals are the same",
     )
     verb.outputs.add_argument(
         "--out",
@@ -136,7 +136,6 @@ def run(options: argparse.Namespace) -> int:
     from jblast.signals.detect_files import (
         ClipDetections,
         SoundDetections,
-        check_target,
         detect,
         recording_kind,
     )
@@ -145,24 +144,15 @@ def run(options: argparse.Namespace) -> int:
         "template": options.template,
         "mass_kg": options.charge,
         "range_m": options.range,
-        "blast_form": options.blast_form,
+        "all_sounds": options.all_sounds,
         "stream": options.stream,
         "positions": options.positions,
     }
     of_film = {"fps": options.fps, "scene": options.scene, "size": options.size}
-    kind = recording_kind(options.recordings, of_sound, of_film)
-    if kind in ("sound", "video"):
-        # `detect` checks the same, but only after the seconds in which JAX starts
-        check_target(
-            options.template,
-            options.charge,
-            options.range,
-            blast_form=options.blast_form,
-        )
-        if options.positions and not options.out:
-            raise InputError(
-                "--positions: expected --out to write the log to, got none"
-            )
+    # `detect` checks the same, but only after the seconds in which JAX starts
+    kind = recording_kind(options.recordings, **of_sound, **of_film)
+    if options.positions and not options.out:
+        raise InputError("--positions: expected --out to write the log to, got none")
     if options.out:
         from jblast.report.fit.files import check_directory
 

@@ -126,7 +126,9 @@ def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):
     with pytest.raises(InputError, match="without sound; got 2 recordings"):
         recording_kind(["a.wav", "a.mp4"])
     (tmp_path / "a.wav").touch()
-    with pytest.raises(InputError, match=r"^fps: expected it with frames, a video or"):
+    with pytest.raises(
+        InputError, match=r"^fps: expected it with frames or video only"
+    ):
         library.detect(tmp_path / "a.wav", fps=50.0)
 
 

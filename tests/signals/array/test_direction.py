@@ -29,7 +29,7 @@ def passed(positions, source, rng, speed=C, sigma=SIGMA):
     """Times at which a plane wave passes, with errors."""
     times = -(positions @ source) / speed + sigma * rng.standard_normal(len(positions))
     apart = np.eye(len(positions)) - 1 / len(positions)
-    return RelativeTimes(apart @ times, apart * sigma**2, {}, ())
+    return RelativeTimes(apart @ times, apart * sigma**2)
 
 
 def scaled_errors(positions, angle, *, speed_sd=0.0):
@@ -139,7 +139,7 @@ def test_intervals_contain_directions_of_fronts_that_air_has_turned():
         times = distance / C * (1 + 0.01 * root @ rng.standard_normal(count))
         times += SIGMA * rng.standard_normal(count)
         center = np.eye(count) - 1 / count
-        relative = RelativeTimes(center @ times, center * SIGMA**2, {}, ())
+        relative = RelativeTimes(center @ times, center * SIGMA**2)
         found = direction(places, relative, C, 10.0)
         if "bearing_rad" in found.undetermined:
             continue

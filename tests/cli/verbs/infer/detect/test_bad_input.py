@@ -45,7 +45,7 @@ def test_templates_that_are_none(jblast, good):
     for file, said in (
         (write(jblast, "silent.wav", np.zeros(100)), "one value throughout"),
         (write(jblast, "two.wav", recording([[1.0], [1.0]])), "one channel, got 2"),
-        (write(jblast, "long.wav", long), "at least as long as the template long.wav"),
+        (write(jblast, "long.wav", long), "at least as long as the longest template"),
         (jblast.file("empty.wav", b""), "is empty"),
     ):
         assert said in refused(jblast, good, "--template", file)
@@ -57,7 +57,7 @@ OPTIONS = table("""
 --charge 1 => --charge: expected --range with it
 --range 1 => --range: expected --charge with it
 --template SHAPE --charge 1 --range 5 => expected it or --charge, got both
---template SHAPE --blast-form => --blast-form: expected no --template with it
+--template SHAPE --all-sounds => --all-sounds: expected it or --template
 --template SHAPE --false-alarms 0 => --false-alarms: expected a positive
 --template SHAPE --false-alarms 1e12 => --false-alarms: expected less than
 --template SHAPE --positions x.csv => --positions: expected --out

@@ -97,7 +97,10 @@ def test_what_cannot_be_is_refused_in_one_line(jblast):
         ((film, sound), ", without sound;"),
         ((sound, film), ", without sound;"),
         ((film, "--fps", 1000, "--template", sound), "--template: expected it with"),
-        ((film, "--fps", 1000, "--stream"), "--stream: expected it with sound"),
+        (
+            (film, "--fps", 1000, "--stream"),
+            "--stream: expected it with video or sound only",
+        ),
         ((sound, "--fps", 1000), "--fps: expected it with frames"),
         (("nowhere", "--fps", 1000), "nowhere: no such file or directory"),
         ((film, "--fps", 1000, "--scene", scene(jblast, 90)), "expected 80 x 60"),

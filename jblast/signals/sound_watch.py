@@ -1,0 +1,529 @@
+r"""Sound searched for blasts: files, streams and microphones of a simulation.
+
+`SoundWatch` is pushed samples in packets of any size and returns what it has decided.
+It filters them in blocks of its own, so that packets change nothing. The filters of all
+templates share the transform of a block. The statistic of a sample is the largest
+output over its threshold. A maximum above 1 is a sound if none is higher within the
+longest filter before it and within the longest template after it. The accepted false
+alarms are shared among the templates, which costs 0.6 dB at one per hour for a bank.
+Compared with STA/LTA the output is in standard deviations of the noise: the false-alarm
+rate is the requested one in noise of any colour, and arrivals have a known error. A
+sound found by a bank of pulses is compared with the form of a blast (`pulse_fit`).
+
+The noise is given, or learnt from the first second by the median over windows, which a
+blast in it hardly changes. It is then refined as more of it is known
+(`noise.NoiseFollower`), without the sound around arrivals. Later the filters are
+computed again if the noise has changed. In addition a blast must exceed the threshold
+in the noise just before it (`PulseFit.loud`).
+
+An estimate of the noise over few seconds has an error, which would increase the rate of
+false alarms. An output in true standard deviations crosses $u$ upwards at a rate
+proportional to $e^{-u^2/2}$ (Rice 1945). If the variance is estimated with $\nu$
+degrees of freedom, the mean over $\chi^2_\nu$ of that rate is that of Student's t,
+
+$$\left(1 + \frac{u_\nu^2}{\nu}\right)^{-\nu/2} = e^{-u^2/2}
+\quad\Rightarrow\quad u_\nu^2 = \nu\left(e^{u^2/\nu} - 1\right)$$
+
+with $\nu = 2 W T$ for an output of the equivalent bandwidth $W$ and noise over the time
+$T$. The threshold is raised to $u_\nu$.
+
+An exactly silent beginning has no noise. The density is therefore at least that of
+white noise of a given level; sound above it is learnt when it begins.
+
+The Cramér-Rao bound of an arrival decreases without limit as a blast becomes louder.
+The error by the position of the front between two samples, and by a front that is not
+the template's, does not decrease. It is added in quadrature.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
+
+from jblast.errors import InputError
+from jblast.signals.matched_filter import (
+    FALSE_ALARMS_PER_HOUR,
+    HALF_WIDTH,
+    Detection,
+    MatchedKernel,
+    OverlapSave,
+    between_samples,
+    in_decibels,
+    matched_kernel,
+    threshold_for,
+)
+from jblast.signals.noise import (
+    MEMORY_S,
+    RELEARN_S,
+    NoiseFollower,
+    NoiseSpectrum,
+    bin_variances,
+    checked_samples,
+    fast_length,
+    noise_spectrum,
+    white_noise,
+    window_size,
+)
+from jblast.signals.pulse_fit import (
+    AFTER_S,
+    BEFORE_S as FITTED_BEFORE_S,
+    LEVEL_S,
+    PulseFit,
+    PulseTest,
+)
+
+BEFORE_S, MASKED_LENGTHS = 0.01, 3
+"""Parts of a recording that are left out of its noise at a sound: time before it [s],
+and lengths of the longest template after it, for reverberation."""
+LEAST_QUIET = 0.5
+"""Smallest share of a recording in which the noise is measured without its sounds; with
+less left, the spectrum of the whole recording is the better estimate."""
+SAME_FRONT = 0.1
+"""Error of an arrival of exactly the template's form, by the position of the front
+between samples [samples]. Measured for 5 kg at 100 m, 48 kHz, 40 dB and more."""
+OTHER_FRONT = 0.5
+"""The same for a template by the laws, whose front differs from a real one's [samples].
+Measured there: 0.68 with a template for a quarter of the distance, 0.55 with clipping
+at two fifths of the peak."""
+LEARN_S = 1.0
+"""First part of a stream, in which the noise is learnt [s]: its median is worth the
+mean of ten windows. The first thresholds of short pulses are 1.1 times as high as later
+ones, of the longest pulses 2.2 times."""
+MEDIAN_SHARE = 0.48
+"""Variance of the mean of exponential variables over that of their scaled median: the
+share of the time that a median is worth."""
+REFINED = 3.0
+"""Ratio of the known length of noise to that of the filters at which these are computed
+again, until `MEMORY_S` is reached."""
+DRIFT = 0.1
+"""Relative change of an output's standard deviation at which filters are computed again
+later. The rate of false alarms is then up to 30 times or a fortieth of the requested
+one; at once the threshold in the noise just before an arrival corrects it."""
+LEAST_NOISE = 20e-6
+"""Smallest standard deviation of noise: the hearing threshold of 20 uPa for samples in
+pascals, two thirds of a step of 16 bits for samples of full scale 1."""
+MAX_WINDOWS = 4
+"""Largest number of pulses whose models of the form test are stored, up to 20 MB each
+at 48 kHz."""
+PACKET_S = 0.1
+"""Length of the packets in which a recording is pushed as a stream [s]."""
+
+
+class Channel(NamedTuple):
+    """One microphone's recording.
+
+    Attributes:
+        sensor: Name: the stem of its file, or stem.channel.
+        record: Its file.
+        number: Number of the channel in the file, from 1.
+        samples: Samples in any unit.
+        rate_hz: Sampling rate [Hz].
+    """
+
+    sensor: str
+    record: str
+    number: int
+    samples: Float[np.ndarray, " sample"]
+    rate_hz: float
+
+
+class Searched(NamedTuple):
+    """Result of the search of a channel.
+
+    Attributes:
+        channel: The channel.
+        noise: Spectrum of its noise.
+        threshold: Highest threshold [standard deviations of the noise].
+        statistic: Largest output of the filters at each sample.
+        detections: Arrivals of blasts, in order of time.
+        others: Sounds above the threshold that are not blasts by form, or have equally
+            loud noise before them.
+        latency_s: Largest delay of a report from the first sample of a blast [s].
+    """
+
+    channel: Channel
+    noise: NoiseSpectrum
+    threshold: float
+    statistic: Float[np.ndarray, " sample"]
+    detections: tuple[Detection, ...]
+    others: tuple[Detection, ...]
+    latency_s: float
+
+    @property
+    def threshold_snr_db(self) -> float:
+        """The threshold as 2E/N0 [dB]."""
+        return in_decibels(self.threshold)
+
+
+class PeakPicker:
+    """Maxima above 1 of a statistic, block by block in constant memory.
+
+    Args:
+        dead: Number of outputs before a peak in which none is higher.
+        wait: Number of outputs after it likewise.
+
+    Attributes:
+        decided: Number of the output before which all peaks are accepted or rejected.
+    """
+
+    def __init__(self, dead: int, wait: int):
+        self._dead, self._wait = dead, wait
+        self._buffer = np.zeros(0)
+        # number of the first buffered output
+        self._first = 0
+        self.decided = 0
+
+    def push(
+        self, outputs: Float[np.ndarray, " new"], *, ended: bool = False
+    ) -> Int[np.ndarray, " peak"]:
+        """Add outputs; return the numbers of those that are accepted by now.
+
+        Args:
+            outputs: The next outputs.
+            ended: True if no more will follow.
+        """
+        buffer = np.concatenate([self._buffer, outputs])
+        decided = self.decided
+        # the last output is a peak or not by the next one
+        self.decided = self._first + buffer.size - (0 if ended else self._wait + 1)
+        inner = buffer[1:-1]
+        rising = (inner > buffer[:-2]) & (inner >= buffer[2:]) & (inner > 1)
+        peaks = 1 + np.flatnonzero(rising)
+        # reduceat needs an index behind the last peak, at a height that never counts
+        heights = np.append(buffer[peaks], -np.inf)
+        lo = np.searchsorted(peaks, peaks - self._dead)
+        hi = np.searchsorted(peaks, peaks + self._wait, side="right")
+        bounds = np.stack([lo, hi], axis=1).ravel()
+        highest = np.maximum.reduceat(heights, bounds)[::2] if peaks.size else heights
+        stands = peaks[heights[:-1] >= highest[: peaks.size]] + self._first
+        keep = max(self.decided - self._dead - 1 - self._first, 0)
+        # a copy, so that the buffer does not keep the whole block in memory
+        self._buffer, self._first = buffer[keep:].copy(), self._first + keep
+        return stands[(stands >= decided) & (stands < self.decided)]
+
+
+class SoundWatch:
+    """Search of an unlimited stream of samples for blasts, in bounded memory.
+
+    Args:
+        templates: Templates at the stream's rate (`templates.bank_of_pulses`).
+        rate_hz: Sampling rate [Hz].
+        false_alarms_per_hour: Mean rate of false alarms of all together [1/h].
+        noise: Spectrum of the noise, which is then not followed; None to learn it.
+        least_noise: Smallest standard deviation of the noise, in the stream's unit.
+        forms: True to compare arrivals with the form of a blast.
+        front_samples: Error of an arrival by its front, in samples: `SAME_FRONT`, or
+            `OTHER_FRONT`.
+
+    Attributes:
+        rate_hz: Sampling rate [Hz].
+        statistic: Largest outputs of all filters, by the last push; 0 where the filters
+            lack samples before or after.
+        kernels: Filters; empty while the noise is learnt.
+        thresholds: Their thresholds [standard deviations of the noise].
+        noise: Present estimate of the noise; None while it is learnt.
+
+    Raises:
+        InputError: Templates or numbers cannot be used.
+    """
+
+    def __init__(
+        self,
+        templates: Sequence[np.ndarray],
+        rate_hz: float,
+        *,
+        false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+        noise: NoiseSpectrum | None = None,
+        least_noise: float = LEAST_NOISE,
+        forms: bool = True,
+        front_samples: float = OTHER_FRONT,
+    ):
+        self._templates, self.rate_hz, self._forms = templates, rate_hz, forms
+        # by Bonferroni: alarms of the bank are at most the sum of the members'
+        self._share = false_alarms_per_hour / len(templates)
+        self._front_s = front_samples / rate_hz
+        self._floor = float(white_noise(least_noise, rate_hz).density[0])
+        self._window = size = window_size(rate_hz)
+        self._sizes = np.array([[template.size] for template in templates])
+        self._longest = longest = int(self._sizes.max())
+        # short blocks have little delay, but long pulses need long transforms anyway
+        self._block = size * max(1, min(longest // (2 * size) + 1, 2))
+        self._learn = self._block * math.ceil(LEARN_S * rate_hz / self._block)
+        # the form test uses samples after the pulse, too, and long before it
+        after, earlier = (AFTER_S, LEVEL_S + FITTED_BEFORE_S) if forms else (0.0, 0.0)
+        self._wait = max(longest, round(after * rate_hz) + 1, HALF_WIDTH)
+        self._waiting = np.zeros(0)
+        self._outputs: list[np.ndarray] = []
+        self._found: list[Detection] = []
+        # the latest samples and outputs, and numbers of filtered samples, of outputs
+        # and of samples in the estimate of the noise
+        self._ring, self._recent = np.zeros(0), deque[tuple[int, np.ndarray]]()
+        self._taken, self._filtered, self._fed = 0, 0, 0
+        self._loud_at, self._known_s = -math.inf, 0.0
+        self._keep = round(earlier * rate_hz) + 2 * (size + longest + self._block)
+        self._keep += self._wait
+        self._filter: OverlapSave | None = None
+        self._tests: dict[int, PulseTest] = {}
+        self._follower: NoiseFollower | None = None
+        self.kernels: list[MatchedKernel] = []
+        self.thresholds: Float[np.ndarray, " template"] = np.zeros(0)
+        self.statistic: Float[np.ndarray, " output"] = np.zeros(0)
+        self.noise: NoiseSpectrum | None = None
+        if noise is not None:
+            self._tune(noise, math.inf)
+
+    @property
+    def latency_s(self) -> float:
+        """Largest delay from the first sample of a blast to its report [s]."""
+        return (self._wait + self._longest + self._block) / self.rate_hz
+
+    @property
+    def latest(self) -> tuple[int, Float[np.ndarray, " sample"]]:
+        """Number of the first stored sample, and the stored samples.
+
+        They contain those about the arrivals of the last push.
+        """
+        return self._taken - self._ring.size, self._ring
+
+    def push(self, samples: ArrayLike) -> tuple[Detection, ...]:
+        """Add any number of samples; return the sounds that are decided by now.
+
+        Raises:
+            InputError: Samples are not finite. The stream is left unchanged.
+        """
+        new = checked_samples("samples", samples, least=0)
+        self._waiting = np.concatenate([self._waiting, new])
+        if not self.kernels and self._waiting.size >= self._learn:
+            self._learn_noise(self._waiting[: self._learn])
+        if self.kernels:
+            cut = self._waiting.size - self._waiting.size % self._block
+            whole, self._waiting = self._waiting[:cut], self._waiting[cut:].copy()
+            for start in range(0, cut, self._block):
+                self._process(whole[start : start + self._block])
+        return self._reported()
+
+    def finish(self) -> tuple[Detection, ...]:
+        """Return the remaining sounds at the end of the stream."""
+        rest, self._waiting = self._waiting, np.zeros(0)
+        if not self.kernels:
+            self._learn_noise(rest)
+        for start in range(0, rest.size, self._block):
+            self._process(rest[start : start + self._block])
+        self._process(None)
+        return self._reported()
+
+    def _reported(self) -> tuple[Detection, ...]:
+        self.statistic = np.concatenate([np.zeros(0), *self._outputs])
+        found, self._found, self._outputs = self._found, [], []
+        return tuple(found)
+
+    def _learn_noise(self, samples: np.ndarray) -> None:
+        try:
+            noise = noise_spectrum(samples, self.rate_hz, average="median")
+        except InputError:
+            # silent or too short: noise of the least level
+            offset = float(np.median(samples)) if samples.size else 0.0
+            frequency = np.fft.rfftfreq(self._window, 1 / self.rate_hz)
+            noise = NoiseSpectrum(frequency, np.zeros(frequency.size), offset)
+        self._follower = NoiseFollower(self.rate_hz, noise.offset)
+        self._tune(noise, MEDIAN_SHARE * max(samples.size, self._block) / self.rate_hz)
+
+    def _tune(self, noise: NoiseSpectrum, seconds: float) -> None:
+        """Compute filters and thresholds for noise that was measured over a time."""
+        rate = self.rate_hz
+        noise = noise._replace(density=np.maximum(noise.density, self._floor))
+        self.kernels = [matched_kernel(one, rate, noise) for one in self._templates]
+        before = self.kernels[0].before
+        taps = np.zeros((len(self.kernels), before + self._longest))
+        for row, kernel in zip(taps, self.kernels, strict=True):
+            row[: kernel.taps.size] = kernel.taps
+        size = fast_length(2 * taps.shape[1])
+        # response of the outputs' power to that of the noise, by Parseval's theorem
+        self._power = np.abs(np.fft.rfft(taps, size)) ** 2 * (2 / size)
+        self._sums = taps.sum(axis=1, keepdims=True)
+        single = np.array([threshold_for(one, self._share) for one in self.kernels])
+        self.thresholds = single
+        if math.isfinite(seconds):
+            powers = self._power * bin_variances(noise, size, rate)
+            width_hz = powers.sum(axis=1) ** 2 / np.sum(powers**2, axis=1) * rate / size
+            # the window of the spectrum has a width of 1.5 lines
+            dof = 2 * np.maximum(width_hz, 1.5 * rate / self._window) * seconds
+            # and filters prefer lines whose noise is underestimated: with n windows the
+            # variance of their output is n / (n - 2) times the estimate (Reed, Mallett
+            # and Brennan 1974, for the mean of inverse densities)
+            windows = max(2 * seconds * rate / self._window, 4.0)
+            raised = np.sqrt(dof * np.expm1(single**2 / dof))
+            self.thresholds = raised / math.sqrt(1 - 2 / windows)
+        if self._filter is None:
+            self._filter = OverlapSave(taps, before, self._block)
+            self._picker = PeakPicker(taps.shape[1], self._wait)
+        self._filter.retune(taps)
+        self.noise, self._known_s, self._tests = noise, seconds, {}
+
+    def _process(self, block: np.ndarray | None) -> None:
+        """Filter a block; None for the end of the stream."""
+        assert self._filter is not None
+        assert self.noise is not None
+        ended, start = block is None, self._filtered
+        outputs = self._filter.finish() if block is None else self._filter.push(block)
+        outputs -= self.noise.offset * self._sums
+        self._filtered += outputs.shape[1]
+        # outputs that lack samples before or after the stream are not searched
+        outputs[:, : max(self.kernels[0].before - start, 0)] = 0.0
+        if block is None:
+            at = np.arange(start, self._filtered)
+            outputs[at > self._taken - self._sizes] = 0.0
+        else:
+            self._ring = np.concatenate([self._ring, block])[-self._keep :]
+            self._taken += block.size
+        self._recent.append((start, outputs))
+        self._outputs.append(outputs.max(axis=0))
+        scaled = (outputs / self.thresholds[:, None]).max(axis=0)
+        loud = np.flatnonzero(scaled > 1)
+        if loud.size:
+            self._loud_at = start + int(loud[-1])
+        peaks = self._picker.push(scaled, ended=ended)
+        self._found += [self._detection(int(peak)) for peak in peaks]
+        oldest = self._picker.decided - self._longest - HALF_WIDTH
+        while len(self._recent) > 1 and self._recent[1][0] < oldest:
+            self._recent.popleft()
+        if self._follower is not None and not ended:
+            self._follow(self._follower)
+
+    def _detection(self, peak: int) -> Detection:
+        """Return the sound whose statistic has a peak, of the loudest filter there."""
+        outputs = np.concatenate([part for _, part in self._recent], axis=1)
+        at, rate = peak - self._recent[0][0], self.rate_hz
+        nth = int(np.argmax(outputs[:, at] / self.thresholds))
+        near = np.pad(outputs[nth], HALF_WIDTH)[at : at + 2 * HALF_WIDTH + 1]
+        shift, height = between_samples(near)
+        beside = outputs[:, max(at - self._longest, 0) : at + self._longest + 1]
+        loud = beside.max(axis=1) > self.thresholds
+        times = beside[loud].argmax(axis=1)
+        kernel, time_s = self.kernels[nth], (peak + shift) / rate
+        fit = None
+        if self._forms:
+            fit = self._test(time_s, nth).over(height, float(self.thresholds[nth]))
+        return Detection(
+            time_s=time_s,
+            sigma_s=math.hypot(1 / (kernel.timing_rad_s * height), self._front_s),
+            snr_db=in_decibels(height),
+            statistic=height,
+            template_s=kernel.template_samples / rate,
+            spread_s=float(np.ptp(times)) / rate if times.size else 0.0,
+            fit=fit,
+        )
+
+    def _test(self, time_s: float, nth: int) -> PulseFit:
+        assert self.noise is not None
+        if nth not in self._tests:
+            if len(self._tests) == MAX_WINDOWS:
+                self._tests.clear()
+            self._tests[nth] = PulseTest(self._templates, self.rate_hz, self.noise)
+        first, samples = self.latest
+        return self._tests[nth](samples, time_s - first / self.rate_hz, nth)
+
+    def _follow(self, follower: NoiseFollower) -> None:
+        """Update the noise by blocks whose neighbourhood is filtered."""
+        first = self._taken - self._ring.size
+        while self._fed + self._block + self._longest <= self._filtered:
+            quiet = self._loud_at < self._fed - MASKED_LENGTHS * self._longest
+            at = self._fed - first
+            follower.add(self._ring[at : at + self._block], quiet=quiet)
+            self._fed += self._block
+        louder = follower.relearnt()
+        if louder is not None:
+            self._tune(louder, MEDIAN_SHARE * RELEARN_S)
+        elif follower.quiet_s >= REFINED * self._known_s or self._drifted(follower):
+            self._tune(follower.mean(), follower.quiet_s)
+
+    def _drifted(self, follower: NoiseFollower) -> bool:
+        """Return True if outputs have another standard deviation in the noise now."""
+        if follower.quiet_s < MEMORY_S / REFINED:
+            return False
+        size = 2 * (self._power.shape[1] - 1)
+        noise = follower.mean()
+        least = np.maximum(noise.density, self._floor)
+        powers = bin_variances(noise._replace(density=least), size, self.rate_hz)
+        return bool(np.any(np.abs(np.sqrt(self._power @ powers) - 1) > DRIFT))
+
+
+def search(
+    channel: Channel,
+    templates: Sequence[np.ndarray],
+    *,
+    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    noise: NoiseSpectrum | None = None,
+    forms: bool = True,
+    front_samples: float = OTHER_FRONT,
+    packet_s: float | None = None,
+) -> Searched:
+    """Search a recording by `SoundWatch`, with the noise of all of it.
+
+    A loud blast raises the estimate of the noise, and would appear less significant
+    than it is. The noise is therefore measured twice: in the whole recording, and, if
+    there are sounds, in the rest without them.
+
+    Args:
+        channel: The channel.
+        templates: As for `SoundWatch`, at the channel's rate.
+        false_alarms_per_hour: As for `SoundWatch`.
+        noise: Spectrum of the noise; None to measure it.
+        forms: As for `SoundWatch`.
+        front_samples: As for `SoundWatch`.
+        packet_s: Length of the packets that are pushed [s]; None to push all samples
+            together, with the same result.
+
+    Raises:
+        InputError: Templates or recording cannot be used.
+    """
+    samples, rate_hz = channel.samples, channel.rate_hz
+    longest = max(template.size for template in templates)
+    least = longest + window_size(rate_hz, samples.size) // 2
+    if samples.size < least:
+        raise InputError(
+            f"{channel.record}: expected a recording at least as long as the longest "
+            f"template and the noise before it, {least / rate_hz:.6g} s; got "
+            f"{samples.size / rate_hz:.6g} s"
+        )
+    packet = samples.size if packet_s is None else max(round(packet_s * rate_hz), 1)
+
+    def searched(noise: NoiseSpectrum, forms: bool) -> Searched:
+        watch = SoundWatch(
+            templates,
+            rate_hz,
+            false_alarms_per_hour=false_alarms_per_hour,
+            noise=noise,
+            forms=forms,
+            front_samples=front_samples,
+        )
+        found: list[Detection] = []
+        outputs: list[np.ndarray] = []
+        for start in range(0, samples.size + packet, packet):
+            part = samples[start : start + packet]
+            found += watch.push(part) if part.size else watch.finish()
+            outputs.append(watch.statistic)
+        return Searched(
+            channel=channel,
+            noise=noise,
+            threshold=float(watch.thresholds.max()),
+            statistic=np.concatenate(outputs),
+            detections=tuple(one for one in found if one.is_blast),
+            others=tuple(one for one in found if not one.is_blast),
+            latency_s=watch.latency_s,
+        )
+
+    if noise is None:
+        noise = noise_spectrum(samples, rate_hz)
+        quiet = np.ones(samples.size, bool)
+        for one in searched(noise, forms=False).detections:
+            start = max(int((one.time_s - BEFORE_S) * rate_hz), 0)
+            stop = int(one.time_s * rate_hz) + MASKED_LENGTHS * longest
+            quiet[start:stop] = False
+        if quiet.mean() >= LEAST_QUIET:
+            noise = noise_spectrum(samples[quiet], rate_hz)
+    return searched(noise, forms)
