@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
-EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
+EVENT_FILES = (*(".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt", ".csv", ".dat"),)
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
 LOSSY_SD_S = 1e-3
 """Standard error of an arrival by the compression of a phone's sound [s]: transients
@@ -759,8 +759,8 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
     notes: tuple[str, ...] = ()
     if fps is not None and film.varying:
         notes = (
-            f"the frame rate varies: times are the time stamps of the file, and "
-            f"{argument('fps')} is not used",
+            "the frame rate varies: times are the time stamps of the file, and the "
+            "given rate is not used",
         )
     return _Opened(
         blocks(),

@@ -49,7 +49,7 @@ def add_arguments(verb: VerbParser) -> None:
         help="WAV or FLAC files of one to eight channels, each searched; several "
         "files start simultaneously, unless --positions has their clocks. Or one "
         "folder of PNG frames, one file of camera events (.h5, .npz, .raw, .aedat4, "
-        ".txt), or one or more videos, whose sound tracks are searched, too",
+        ".dat, .csv, .txt), or one or more videos, whose sound tracks are searched",
     )
     verb.inputs.add_argument(
         "--fps",
