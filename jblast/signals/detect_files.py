@@ -21,7 +21,7 @@ import numpy as np
 from jblast.errors import InputError, argument, check_declared
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, observed
-from jblast.observations.records.clips import VIDEOS, has_sound, read_track
+from jblast.observations.records.clips import VIDEOS, created, has_sound, read_track
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
@@ -106,7 +106,7 @@ class FilmDetections(NamedTuple):
     """Flashes in a film or in camera events.
 
     Attributes:
-        flashes: The flashes, and alarms that were rejected.
+        flashes: The flashes, and other bright spots.
         path: The recording.
         kind: Its kind.
         width: Width of the image [px].
@@ -256,6 +256,13 @@ def _clip(
     """Search the picture and the sound track of a clip."""
     film = detect_film(file, **of_film)
     notes, sound = list(film.notes), None
+    made = created(Path(file))
+    if made is not None:
+        notes.append(
+            f"the clip states that it was created at {made}, of a phone the time of "
+            f"its first frame: as {START} in the table of positions it is that for "
+            "jblast pick"
+        )
     if has_sound(Path(file)):
         unused = "the sound track was not searched"
         # frames of slow motion are not on the clock of the sound

@@ -261,7 +261,7 @@ def _of_clips(found: "ClipDetections") -> Answer:
 def film_answer(found: "FilmDetections") -> "FlashAnswer":
     """Return the answer on a film."""
     from jblast.report.detect import sound_arrivals
-    from jblast.report.flash import Searched, flash_answer, rejected_alarms, slow_film
+    from jblast.report.flash import Searched, flash_answer, slow_film
     from jblast.signals.detect_files import bang_of
     from jblast.signals.flash.search import SLOW_HZ
 
@@ -273,7 +273,7 @@ def film_answer(found: "FilmDetections") -> "FlashAnswer":
         Searched(*found[1:8]),
         found.false_alarms_per_hour,
         found.directions,
-        [*warnings, *rejected_alarms(seen.rejected), *found.notes],
+        [*warnings, *found.notes],
         sound_arrivals(found.sound.searched) if found.sound else (),
         bang and bang.time_s,
     )
