@@ -57,7 +57,10 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
         read_track(cut)
 
 
-def test_the_time_of_creation_is_named_with_the_option_that_uses_it(tmp_path):
+def test_the_time_of_creation_is_named_with_the_option_that_uses_it(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr("jblast.signals.detect_files.has_sound", lambda _: False)
     path = clip(tmp_path / "one.mp4", created=START)
     found = detect(path)
     assert isinstance(found, FilmDetections)
