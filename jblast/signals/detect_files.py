@@ -259,9 +259,8 @@ def _clip(
     made = created(Path(file))
     if made is not None:
         notes.append(
-            f"the clip states that it was created at {made}, of a phone the time of "
-            f"its first frame: as {START} in the table of positions it is that for "
-            "jblast pick"
+            f"the clip states that it was created at {made}, of a phone the start of "
+            f"the recording: jblast pick uses it as {START} in the table of positions"
         )
     if has_sound(Path(file)):
         unused = "the sound track was not searched"
