@@ -27,7 +27,7 @@ from jblast.progress import counted
 from jblast.report.words import aligned
 from jblast.sensors.camera import explosion_views
 from jblast.signals.flash import detect_flashes
-from jblast.signals.flash.search import FlashDetections, flash_threshold
+from jblast.signals.flash.search import Candidate, FlashDetections, flash_threshold
 
 RESULTS = Path(__file__).parent / "results"
 FIRST = 3_000_000
@@ -44,6 +44,11 @@ def searched(times: np.ndarray, frames: np.ndarray) -> FlashDetections:
         for a in range(0, len(times), BLOCK)
     )
     return detect_flashes(blocks, RATE_HZ, flash_threshold(1.0))
+
+
+def rejected(seen: FlashDetections) -> list[Candidate]:
+    """Return the alarms that were not left."""
+    return [one for one in seen.candidates if one.cause != "faint"]
 
 
 def an_hour(count: int, hours: float) -> str:
@@ -66,7 +71,7 @@ def negatives_table(each: int) -> list[str]:
         for seed in range(FIRST, FIRST + each):
             seen = searched(*negative(kind, seed))
             left += len(seen.flashes)
-            raised += len(seen.flashes) + len(seen.rejected)
+            raised += len(seen.flashes) + len(rejected(seen))
             through(done := done + 1)
         hours = each * SECONDS / 3600
         counts = an_hour(raised, hours), an_hour(left, hours)
@@ -87,8 +92,8 @@ def blasts_lines(count: int) -> list[str]:
         film = blast(FIRST + k, pictures=pictures if k % 2 else None, filmed_s=FILMED_S)
         seen = searched(film.times, film.frames)
         soon = film.burst_s, film.burst_s + 0.02
-        found = sum(soon[0] <= one.told_s <= soon[1] for one in seen.flashes)
-        spurned = sum(soon[0] <= one.time_s <= soon[1] for one in seen.rejected)
+        found = sum(soon[0] <= one.alarm_s <= soon[1] for one in seen.flashes)
+        spurned = sum(soon[0] <= one.time_s <= soon[1] for one in rejected(seen))
         raised, left = raised + bool(found + spurned), left + bool(found)
         through(k + 1)
     return [

@@ -51,13 +51,14 @@ def made(folder: Path, suffix: str) -> Path:
     return path
 
 
-def clip(path: Path, light=None, samples=None) -> Path:
+def clip(path: Path, light=None, samples=None, created=None) -> Path:
     """Write a clip of 30 frames a second by FFmpeg; without arguments black, a click.
 
     Args:
         path: Its file.
         light: Values of grey from 0 to 1, shape (frame, height, width).
         samples: Sound at 48 kHz, shares of full scale.
+        created: Time of creation that it states.
     """
     import av
 
@@ -68,6 +69,8 @@ def clip(path: Path, light=None, samples=None) -> Path:
         samples[24000:24200] = 0.9
     values = np.rint(255 * light).astype(np.uint8)
     with av.open(str(path), "w") as file:
+        if created is not None:
+            file.metadata["creation_time"] = created
         video, sound = file.add_stream("mpeg4", 30), file.add_stream("aac", 48000)
         video.height, video.width = values.shape[1:]
         video.pix_fmt, sound.layout = "yuv420p", "mono"

@@ -8,10 +8,18 @@ from typing import Literal
 from jblast.report.detect import SoundArrival
 from jblast.results import Document, among
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
-from jblast.signals.flash.search import Flash, FlashDetections, Rejected
+from jblast.signals.flash.search import Candidate, Flash, FlashDetections
 from jblast.signals.matched_filter import in_decibels
 
 Kind = Literal["frames", "video", "events"]
+CAUSES = {
+    "faint": "below the threshold",
+    "grows_on": "its growth did not slow down as a fireball's of up to 1 t does",
+    "flicker": "its size changed without an order, as on glittering water",
+}
+"""Reasons for which a bright spot is not reported as a blast."""
+MAX_LISTED = 5
+"""Largest number of such spots in the text; the document has all of them."""
 
 
 def slow_film(frames_hz: float) -> str:
@@ -23,14 +31,17 @@ def slow_film(frames_hz: float) -> str:
     )
 
 
-def rejected_alarms(rejected: Sequence[Rejected]) -> list[str]:
-    """Return a note for each reason for which alarms were rejected."""
-    notes = []
-    for reason in dict.fromkeys(one.reason for one in rejected):
-        times = [f"{one.time_s:.5g} s" for one in rejected if one.reason == reason]
-        more = f" and {len(times) - 1} more" if len(times) > 1 else ""
-        notes.append(f"no blast at {times[0]}{more}: {reason}")
-    return notes
+def candidate_lines(candidates: Sequence[Candidate], threshold: float) -> list[str]:
+    """Return a line for each of the strongest other bright spots."""
+    strongest = sorted(candidates, key=lambda one: -one.statistic)[:MAX_LISTED]
+    lines = [
+        f"frame {one.frame} ({one.time_s:.5g} s) at x {one.x_px:.0f}, "
+        f"y {one.y_px:.0f} px: {CAUSES[one.cause]}, statistic {one.statistic:.3g} of "
+        f"{threshold:.3g}"
+        for one in strongest
+    ]
+    more = len(candidates) - len(lines)
+    return lines + [f"and {more} fainter ones"] * (more > 0)
 
 
 @dataclass(frozen=True)
@@ -82,7 +93,7 @@ class FlashSeen:
             *("radius_px", "radius_sigma_px", "growth_s", "growth_sigma_s"),
         )
     )
-    alarm: Flash = field(metadata=among("frame", "told_s", "statistic"))
+    alarm: Flash = field(metadata=among("frame", "alarm_s", "statistic"))
     direction: Direction | None
     growth: tuple[GrownTo, ...]
 
@@ -141,6 +152,7 @@ class FlashAnswer(Document):
         warnings: Warnings, as sentences.
         sound_arrivals: Arrivals in the sound track of a video, from the first frame.
         bang_s: Time of the loudest arrival after the flash; null without one.
+        candidates: Bright spots that are not reported as blasts, in order of time.
     """
 
     detected: bool
@@ -153,6 +165,7 @@ class FlashAnswer(Document):
     warnings: tuple[str, ...]
     sound_arrivals: tuple[SoundArrival, ...] = ()
     bang_s: float | None = None
+    candidates: tuple[Candidate, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -182,6 +195,9 @@ def flash_text(answer: FlashAnswer) -> str:
         if answer.arrivals:
             later = answer.bang_s - answer.arrivals[0].time_s
             lines[-1] += f", {later:.4f} s after the first light"
+    others = candidate_lines(answer.candidates, answer.method.threshold)
+    if others:
+        lines += ["", "other bright spots:", *(f"  {line}" for line in others)]
     lines += [
         "",
         "search target: a bright spot that grows in all directions and stays; "
@@ -205,7 +221,7 @@ def _lines(flash: FlashSeen, number: int | None) -> list[str]:
     grown, seen_from = flash.grown, flash.direction
     # a time is printed to the second significant digit of its standard error
     digits = min(max(1 - math.floor(math.log10(grown.sigma_s)), 1), 9)
-    late = 1e3 * (flash.alarm.told_s - grown.time_s)
+    late = 1e3 * (flash.alarm.alarm_s - grown.time_s)
     lines = [f"Blast {number}"] if number else []
     lines += [
         f"first light  {grown.time_s:.{digits}f} ± {grown.sigma_s:.2g} s, frame "
@@ -255,7 +271,7 @@ def flash_answer(
         sound_arrivals: Arrivals in the sound track.
         bang_s: Time of the bang.
     """
-    late = [f.told_s - f.growth.time_s for f in watched.flashes]
+    late = [f.alarm_s - f.growth.time_s for f in watched.flashes]
     return FlashAnswer(
         detected=bool(watched.flashes or sound_arrivals),
         arrivals=tuple(_arrival(flash) for flash in watched.flashes),
@@ -275,6 +291,7 @@ def flash_answer(
         warnings=tuple(warnings),
         sound_arrivals=tuple(sound_arrivals),
         bang_s=bang_s,
+        candidates=watched.candidates,
     )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from jblast.errors import InputError, argument, check_declared
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, observed
-from jblast.observations.records.clips import VIDEOS, has_sound, read_track
+from jblast.observations.records.clips import VIDEOS, created, has_sound, read_track
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
-EVENT_FILES = (".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt")
+EVENT_FILES = (*(".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt", ".csv", ".dat"),)
 """Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
 OF_SOUND = ("template", "mass_kg", "range_m", "all_sounds", "stream", "positions")
 KINDS: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
@@ -115,7 +115,7 @@ class FilmDetections(NamedTuple):
     """Flashes in a film or in camera events.
 
     Attributes:
-        flashes: The flashes, and alarms that were rejected.
+        flashes: The flashes, and other bright spots.
         path: The recording.
         kind: Its kind.
         width: Width of the image [px].
@@ -262,6 +262,12 @@ def _clip(
     """Search the picture and the sound track of a clip."""
     film = detect_film(file, **of_film)
     notes, sound = list(film.notes), None
+    made = created(Path(file))
+    if made is not None:
+        notes.append(
+            f"the clip states that it was created at {made}, of a phone the start of "
+            f"the recording: jblast pick uses it as {START} in the table of positions"
+        )
     if has_sound(Path(file)):
         unused = "the sound track was not searched"
         # frames of slow motion are not on the clock of the sound
@@ -727,8 +733,8 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
     notes: tuple[str, ...] = ()
     if fps is not None and film.varying:
         notes = (
-            f"the frame rate varies: times are the time stamps of the file, and "
-            f"{argument('fps')} is not used",
+            "the frame rate varies: times are the time stamps of the file, and the "
+            "given rate is not used",
         )
     return _Opened(
         blocks(),

@@ -49,7 +49,7 @@ def add_arguments(verb: VerbParser) -> None:
         help="WAV or FLAC files of one to eight channels, each searched; several "
         "files start simultaneously, unless --positions has their clocks. Or one "
         "folder of PNG frames, one file of camera events (.h5, .npz, .raw, .aedat4, "
-        ".txt), or one or more videos, whose sound tracks are searched, too",
+        ".dat, .csv, .txt), or one or more videos, whose sound tracks are searched",
     )
     verb.inputs.add_argument(
         "--fps",
@@ -251,7 +251,7 @@ def _of_clips(found: "ClipDetections") -> Answer:
 def film_answer(found: "FilmDetections") -> "FlashAnswer":
     """Return the answer on a film."""
     from jblast.report.detect import sound_arrivals
-    from jblast.report.flash import Searched, flash_answer, rejected_alarms, slow_film
+    from jblast.report.flash import Searched, flash_answer, slow_film
     from jblast.signals.detect_files import bang_of
     from jblast.signals.flash.search import SLOW_HZ
 
@@ -263,7 +263,7 @@ def film_answer(found: "FilmDetections") -> "FlashAnswer":
         Searched(*found[1:8]),
         found.false_alarms_per_hour,
         found.directions,
-        [*warnings, *rejected_alarms(seen.rejected), *found.notes],
+        [*warnings, *found.notes],
         sound_arrivals(found.sound.searched) if found.sound else (),
         bang and bang.time_s,
     )

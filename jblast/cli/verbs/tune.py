@@ -1,11 +1,11 @@
 """Estimate sensor and medium parameters from a recording, or tune a vehicle's gains.
 
 RECORDED is a sound file (WAV, FLAC, CSV) of a microphone or pressure gauge, a folder
-of PNG frames, a video, or a file of camera events (.h5, .npz, .raw, .aedat4). The blast
-is that of the scene. Parameters that the scene leaves free, or gives a prior, are
-estimated together with those of --free. Exit code 3: the origin time is free, and no
-blast is detected. Exit code 4: a parameter is not identifiable, the fit did not
-converge, or the residuals are large.
+of PNG frames, a video, or a file of camera events (.h5, .npz, .raw, .aedat4,
+.dat). The blast is that of the scene. Parameters that the scene leaves free, or gives a
+prior, are estimated together with those of --free. Exit code 3: the origin time is
+free, and no blast is detected. Exit code 4: a parameter is not identifiable, the fit
+did not converge, or the residuals are large.
 
 --gains needs no recording. It tunes the gains of the vehicle's position controller by
 gradient on blasts sampled from the scene's priors, within stability margins, and tests

@@ -70,7 +70,7 @@ def tune(
     # files of events are recognised by their suffix alone
     suffix = Path(path).suffix.lower()
     # a text may be a record of sound or of events: here it is one of sound
-    is_sound = suffix == ".txt" or suffix not in (*EVENT_FORMATS, *VIDEOS)
+    is_sound = suffix in (".txt", ".csv") or suffix not in (*EVENT_FORMATS, *VIDEOS)
     if is_sound and is_record(Path(path)) and not Path(path).is_dir():
         of_sight = {"fps": fps, "start": start, "background": background}
         _refuse(of_sight, path, "frames or events")

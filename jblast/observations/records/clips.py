@@ -45,6 +45,16 @@ def has_sound(path: Path) -> bool:
         return bool(container.streams.audio)
 
 
+def created(path: Path) -> str | None:
+    """Return the time at which a clip states that it was created; None without one.
+
+    Raises:
+        InputError: As for `open_container`.
+    """
+    with open_container(path) as container:
+        return container.metadata.get("creation_time")
+
+
 def read_track(path: Path) -> Track:
     """Read the first sound track of a clip whole.
 

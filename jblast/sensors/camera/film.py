@@ -465,7 +465,7 @@ def film_to_events(
         InputError: The film cannot be read, the file cannot be written, or an argument
             cannot be used.
     """
-    check_suffix(Path(out))
+    check_suffix(Path(out), writing=True)
     refuse_existing(out, force=force)
     opened = open_recording(os.fspath(film), fps, srgb=srgb)
     if srgb and opened.is_video:

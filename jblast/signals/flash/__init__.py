@@ -7,11 +7,11 @@ from jblast.signals.flash.fireball import (
     direction_of as direction_of,
 )
 from jblast.signals.flash.search import (
+    Candidate as Candidate,
     EventSteps as EventSteps,
     Flash as Flash,
     FlashDetections as FlashDetections,
     FlashWatch as FlashWatch,
-    Rejected as Rejected,
     detect_flashes as detect_flashes,
     event_changes as event_changes,
     flash_threshold as flash_threshold,

@@ -477,22 +477,6 @@ def joined(
     return seen, before
 
 
-def seed_of(
-    lit: Sequence[Bool[np.ndarray, "height width"]], box: tuple[int, int, int, int]
-) -> Bool[np.ndarray, "height width"]:
-    """Return the pixels that were lit in a tile.
-
-    Args:
-        lit: Lit pixels of each frame since the evidence began.
-        box: The tile: left, top, right, bottom [px].
-    """
-    left, top, right, bottom = box
-    out = np.zeros_like(lit[0])
-    inside = np.logical_or.reduce([one[top:bottom, left:right] for one in lit])
-    out[top:bottom, left:right] = inside
-    return out
-
-
 class Direction(NamedTuple):
     """Direction from the camera to the burst.
 

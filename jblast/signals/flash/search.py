@@ -5,16 +5,19 @@ The sequential test of `watch` is tuned for 1,000 frames a second and images up 
 at most that width. Events are summed to a change of the logarithm of light in each
 millisecond.
 
-The test raises an alarm within milliseconds. The frames that follow reject two other
-causes. The first is sparkle, as of the sun on waves: pixels that light up as often
-after an alarm as before it are no onset. The second is growth that does not slow down.
-A radius that grows by a power law of time, as that of a balloon, has a constant
-logarithmic slope $d\ln R / d\ln t = p$: 1/3 for a constant flow, 1 for a constant
-speed. A fireball, $R = R_\infty (1 - e^{-t/\tau})$, has
+The test raises an alarm for each bright spot of the image within milliseconds. The
+frames that follow decide on it, by the radius $R_k$ of its silhouette in each. Steps
+$d_k = \ln R_k - \ln R_{k-1}$ are those of a cause, with the scatter $s_k$, or jumps, by
+soot, merging spots or another glint,
 
-$$\frac{d\ln R}{d\ln t} = \frac{t/\tau}{e^{t/\tau} - 1}.$$
+$$p(d_k) = (1 - \epsilon)\,N(d_k; g_k, s_k) + \epsilon\,N(d_k; 0, s_J).$$
 
-The slope of the later half of the radii is compared with that of the slowest fireball.
+The steps $g_k$ of a fireball are those of $R_\infty (1 - e^{-t/\tau})$, until it has
+grown, with $\tau$ up to that of the slowest; those of an inflated object are of
+$(t - t_0)^p$, with $p$ from 1/3 (constant flow) to 1 (constant speed), and flicker, as
+of the sun on waves, has none, and jumps in half of the frames. Evidence is the mean
+likelihood over the parameters. A spot below the threshold, or with another cause, is
+listed as a candidate.
 
 The threshold follows from the largest statistic of each of many sequences without a
 blast. Above a level $u$ the rate per hour is assumed to fall exponentially, as for a
@@ -31,8 +34,9 @@ The larger of both thresholds is used.
 import math
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Integer
@@ -49,19 +53,9 @@ from jblast.signals.flash.fireball import (
     growth,
     joined,
     radius_in_middle,
-    seed_of,
     silhouettes,
 )
-from jblast.signals.flash.watch import (
-    LIGHT_OFFSET,
-    LIT_LOG_CHANGE,
-    MIN_PIXELS,
-    PIXEL_NOISES,
-    REMEMBERED,
-    Seen,
-    Watch,
-    stays_for,
-)
+from jblast.signals.flash.watch import REMEMBERED, Seen, Watch, stays_for
 from jblast.signals.matched_filter import HOUR_S
 from jblast.signals.noise import checked_positive
 
@@ -73,35 +67,37 @@ frames, and the test is not tuned for that."""
 MAX_WIDTH = 320
 """Largest number of columns or rows of the tested image [px]: the tuned sizes of tiles
 then cover fireballs of up to a third of it, and larger images cost no more time."""
-FRAMES_BEFORE, FRAMES_AFTER = 60, 40
+FRAMES_BEFORE, DECISION_FRAMES = 60, 60
 """Frames before an alarm that are stored, for the background and the start of growth,
-and frames after it that are measured: four time constants of 1 t at 1,000 frames a
-second."""
-DECISION_FRAMES = 60
-"""Frames after an alarm by which it is checked: at their end, growth by the cube root
-of time has 1.5 times the slope of the slowest fireball."""
+and frames after it, at whose end it is decided: growth by the cube root of time has
+then 1.5 times the slope of the slowest fireball."""
 LAG_S = 0.5e-3
 """Delay by the low-pass of an event pixel of 300 Hz [s], added to the error."""
 LIT_SUM = 0.3
 """Sum of the changes of the logarithm by events from which on a pixel belongs to a
 fireball: one or two events of the usual threshold, 0.2."""
 Image = Float[np.ndarray, "height width"]
-SETTLED_FRAMES = 20
-"""Frames after an alarm from which on a fireball lights few more pixels: two time
-constants of 1 t at 1,000 frames a second."""
-MIN_FITTED = 10
-"""Smallest number of frames for a rate, or of radii for a slope."""
-SPARKLE_RATIO = 0.5
-"""Rate of lit pixels after an alarm, over that before it, from which on it is sparkle:
-half way between stationary sparkle, 1, and a growth that has ended, 0."""
-NORMAL = 1.4826
-"""Standard deviation of normal noise over the median of its absolute value."""
 SLOWEST_S = 0.02
 """Time constant of the slowest fireball [s]: twice that of 1 t by the law, which is
 known to a factor of two (`waves.fireball`). The test is tuned for up to 1 t."""
-SPARKLE = "pixels went on lighting up as before it, as on glittering water"
-GROWS_ON = "its growth did not slow down as a fireball's of up to 1 t does"
-SAME_AS_REJECTED = "it belongs to what had been rejected there before"
+UNRESOLVED = 2.0
+"""The same, at least, in frame intervals: slow films do not resolve growth."""
+STEP_SD, RADIUS_SD_PX, LAW_SD = 0.02, 0.1, 0.5
+"""Scatter of a step of ln R: of any fireball, by 0.1 px of either radius, and, as laws
+are rough, half of the law's step."""
+JUMP_SD, JUMPS, FLICKERS = 0.5, 0.1, 0.5
+"""Standard deviation of a jump of ln R, its probability in a frame of a spot that
+grows, and of flicker. On 60 explosions soot and lit ground make up to 7 jumps in 68
+frames."""
+POWERS, BEGUN = (1 / 3, 0.5, 0.7, 1.0), (0.0, 0.1, 0.3)
+"""Exponents of inflated objects, and their age at first light, over the time since."""
+LN_ODDS = 5.0
+"""Logarithm of the odds against a fireball from which on an alarm is rejected: those
+of 60 explosions were up to 2.7, of inflated discs and glitter from 9 on."""
+FAINTEST_PER_HOUR = 600.0
+"""False-alarm rate from which on a spot is listed as a candidate [1/h]: the start of
+the tail that was measured."""
+Cause = Literal["fireball", "grows_on", "flicker", "faint"]
 STEP_S = 1e-3
 """Time over which events are summed to one change [s]: the tuned frame interval."""
 STEP_US = round(1e6 * STEP_S)
@@ -122,7 +118,7 @@ class Flash(NamedTuple):
 
     Attributes:
         statistic: Statistic of the test at the alarm.
-        told_s: Time of the alarm [s].
+        alarm_s: Time of the alarm [s].
         frame: Number of the first frame that shows it; of the millisecond for events.
         growth: First light, position and growth.
         silhouettes: Silhouette in each frame, from the first on.
@@ -130,23 +126,32 @@ class Flash(NamedTuple):
     """
 
     statistic: float
-    told_s: float
+    alarm_s: float
     frame: int
     growth: Growth
     silhouettes: tuple[Silhouette, ...]
     picture: Image | None
 
 
-class Rejected(NamedTuple):
-    """An alarm that the frames after it do not confirm as a blast.
+class Candidate(NamedTuple):
+    """A bright spot that is not reported as a blast.
 
     Attributes:
-        time_s: Time of the alarm [s].
-        reason: Reason of the rejection: `SPARKLE`, `GROWS_ON` or `SAME_AS_REJECTED`.
+        time_s: Time of its first frame [s].
+        frame: Number of that frame; of the millisecond for events.
+        x_px: Column of its middle [px].
+        y_px: Row of its middle [px].
+        statistic: Largest statistic of the test.
+        cause: `faint` below the threshold, `grows_on` for growth that does not slow
+            down, `flicker` for sizes without an order.
     """
 
     time_s: float
-    reason: str
+    frame: int
+    x_px: float
+    y_px: float
+    statistic: float
+    cause: Cause
 
 
 class FlashDetections(NamedTuple):
@@ -159,7 +164,7 @@ class FlashDetections(NamedTuple):
         threshold: Threshold of the statistic.
         latency_s: Smallest delay from first light to the alarm [s].
         binned: Side of the squares of pixels that were averaged [px].
-        rejected: Rejected alarms, in order of time.
+        candidates: Other bright spots, in order of time.
     """
 
     flashes: tuple[Flash, ...]
@@ -168,7 +173,7 @@ class FlashDetections(NamedTuple):
     threshold: float
     latency_s: float
     binned: int
-    rejected: tuple[Rejected, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
 
 
 class _Kept(NamedTuple):
@@ -177,7 +182,29 @@ class _Kept(NamedTuple):
     number: int
     time: float
     image: Image
-    lit: Bool[np.ndarray, "height width"]
+
+
+@dataclass(eq=False)
+class _Spot:
+    """A bright spot of the image.
+
+    Attributes:
+        first: First frame of the evidence of `seen`.
+        last: Number of the last frame in which it had evidence.
+        seen: Largest statistic, after an alarm that of the alarm.
+        pixels: All its pixels so far.
+        alarm: Number of the frame of its alarm; None before.
+        seed: Its bright pixels then.
+        decided: True once the alarm is confirmed or has another cause.
+    """
+
+    first: _Kept
+    last: int
+    seen: Seen
+    pixels: Bool[np.ndarray, "height width"]
+    alarm: int | None = None
+    seed: Bool[np.ndarray, "height width"] = field(init=False)
+    decided: bool = False
 
 
 def detect_flashes(
@@ -193,18 +220,18 @@ def detect_flashes(
     Args:
         blocks: Times at the middle of the exposures [s] and linear light, full scale 1;
             or with `changes` the changes of its logarithm by events.
-        rate_hz: Frame rate [Hz].
+        rate_hz: Frame rate, of a varying one the mean [Hz].
         threshold: Threshold of the statistic.
         changes: True for changes by events.
         exposure_s: Exposure of a frame, 0 if not known [s].
     """
     watch = FlashWatch(rate_hz, threshold, changes=changes, exposure_s=exposure_s)
     flashes: list[Flash] = []
-    rejected: list[Rejected] = []
+    candidates: list[Candidate] = []
     times, statistics = [np.zeros(0)], [np.zeros(0)]
     for block in chain(blocks, [None]):
         flashes += watch.finish() if block is None else watch.push(*block)
-        rejected += watch.rejected
+        candidates += watch.candidates
         times.append(watch.times)
         statistics.append(watch.statistic)
     return FlashDetections(
@@ -214,7 +241,7 @@ def detect_flashes(
         threshold,
         watch.latency_s,
         watch.binned,
-        tuple(sorted(rejected)),
+        tuple(sorted(candidates)),
     )
 
 
@@ -222,10 +249,10 @@ class FlashWatch:
     """Search of an unlimited stream of frames, or of changes, in bounded memory.
 
     An alarm is raised within milliseconds of a fireball, and decided `DECISION_FRAMES`
-    later, for example 0.6 s at 100 frames a second.
+    later, for example 0.6 s at 100 frames a second. Each bright spot has one alarm.
 
     Attributes:
-        rejected: Alarms that the last push rejected.
+        candidates: Other bright spots that the last push decided.
         times: Times of the frames that the last push tested [s].
         statistic: Statistic of the test after each.
         latency_s: Smallest delay from first light to the alarm [s].
@@ -244,7 +271,7 @@ class FlashWatch:
         """Create the search.
 
         Args:
-            rate_hz: Frame rate [Hz].
+            rate_hz: Frame rate, of a varying one the mean [Hz].
             threshold: Threshold of the statistic.
             changes: True for changes by events.
             exposure_s: Exposure of a frame, 0 if not known [s].
@@ -253,15 +280,14 @@ class FlashWatch:
         self._group = 1 if changes else max(1, round(rate_hz / TUNED_RATE_HZ))
         rate = rate_hz / self._group
         self._threshold, self._changes = threshold, changes
+        self._faintest = min(threshold, flash_threshold(FAINTEST_PER_HOUR))
         # averaged frames are one longer exposure
         self._exposure_s = exposure_s + (self._group - 1) / rate_hz
         self._stays = stays_for(rate)
         self._watch: Watch | None = None
         self._shape = shape
         self._kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
-        self._alarm: int | None = None
-        self._pending: deque[tuple[int, Seen]] = deque()
-        self._spurned: tuple[int, tuple[int, int, int, int]] | None = None
+        self._spots: list[_Spot] = []
         self._number = -1
         self._parts: np.ndarray | float = 0.0
         self._part_times: list[float] = []
@@ -270,7 +296,7 @@ class FlashWatch:
 
     def _start(self) -> None:
         self._flashes: list[Flash] = []
-        self._rejected: list[Rejected] = []
+        self.candidates: list[Candidate] = []
         self._times: list[float] = []
         self._statistics: list[float] = []
 
@@ -300,12 +326,10 @@ class FlashWatch:
     def finish(self) -> tuple[Flash, ...]:
         """Return the remaining blasts at the end of the frames."""
         self._start()
-        while self._pending:
-            self._decide(*self._pending.popleft())
+        self._settle(0)
         return self._reported()
 
     def _reported(self) -> tuple[Flash, ...]:
-        self.rejected = tuple(sorted(self._rejected))
         self.times = np.array(self._times)
         self.statistic = np.array(self._statistics)
         return tuple(self._flashes)
@@ -317,14 +341,12 @@ class FlashWatch:
             raise ValueError("shape: expected it for a first step without events")
         self.binned = max(1, math.ceil(max(shape) / MAX_WIDTH))
         self._still = _binned(np.zeros(shape, np.float32), self.binned)
-        self._none = np.zeros(self._still.shape, bool)
         self._watch = Watch(self._still.shape, stays=self._stays)
         return self._watch
 
     def _add(self, time: float, image: Image | None) -> None:
         """Test a frame."""
         self._number += 1
-        number = self._number
         watch = self._watch or self._begin(image)
         # averaging before the logarithm: light adds up, its logarithm does not
         image = self._still if image is None else _binned(image, self.binned)
@@ -335,70 +357,121 @@ class FlashWatch:
             seen, image = watch.rest(), self._still
         else:
             seen = watch.change(image)
-        lit = self._none if watch.last is None else watch.last.lit
-        self._kept.append(_Kept(number, time, image, lit))
+        self._kept.append(_Kept(self._number, time, image))
         self._times.append(time)
         self._statistics.append(seen.statistic)
-        loud = seen.statistic > self._threshold
-        if self._alarm is None and loud:
-            self._alarm = number
-            self._pending.append((number, seen))
-        # one alarm for each blast: its remaining evidence is dropped
-        if self._alarm is not None and number - self._alarm >= FRAMES_AFTER:
-            self._alarm = None
-            watch.forget()
-        if self._pending and number - self._pending[0][0] >= DECISION_FRAMES:
-            self._decide(*self._pending.popleft())
+        if seen.statistic > self._faintest:
+            self._follow(watch)
+        self._settle(DECISION_FRAMES)
 
-    def _decide(self, number: int, seen: Seen) -> None:
-        """Check an alarm by all stored frames; measure it if it is a blast."""
-        frames = [one for one in self._kept if one.number > number - FRAMES_BEFORE]
-        numbers = np.array([one.number for one in frames])
-        at = int(np.searchsorted(numbers, number))
-        begun = max(at - seen.frames + 1, 0)
-        reason = self._objection(frames, begun, at, seen)
-        if reason is not None:
-            self._rejected.append(Rejected(frames[at].time, reason))
-            self._spurned = number, seen.box
-            return
-        frames = [one for one in frames if one.number <= number + FRAMES_AFTER]
-        self._flashes += _measured(
-            frames,
-            number,
-            seen,
-            self._group,
-            self.binned,
-            self._changes,
-            self._exposure_s,
+    def _settle(self, age: int) -> None:
+        """Decide alarms of an age in frames; release spots without recent evidence."""
+        for spot in [*self._spots]:
+            if spot not in self._spots:  # a part of a fire that was just decided
+                continue
+            pending = spot.alarm is not None and not spot.decided
+            if pending and self._number >= (spot.alarm or 0) + age:
+                self._decide(spot)
+            if self._number >= spot.last + min(age, REMEMBERED):
+                self._spots.remove(spot)
+                if spot.alarm is None:
+                    self._list(spot, "faint")
+
+    def _follow(self, watch: Watch) -> None:
+        """Attribute the evidence of a frame to bright spots; raise their alarms."""
+        # imported here: films without evidence do not need it
+        from scipy import ndimage
+
+        assert watch.last is not None
+        bright = watch.last.bright
+        every = np.logical_or.reduce([bright, *(spot.pixels for spot in self._spots)])
+        names = np.zeros(every.shape, np.int32)
+        ndimage.label(every, np.ones((3, 3)), output=names)
+        # pixels that touch a spot belong to it, to the oldest of several
+        owners = {
+            int(name): spot
+            for spot in reversed(self._spots)
+            for name in np.unique(names[spot.pixels])
+        }
+        done: set[int] = set()
+        for seen in watch.above(self._faintest):
+            left, top, right, bottom = seen.box
+            inside = np.s_[top:bottom, left:right]
+            sizes = np.bincount(names[inside][bright[inside]])
+            name = int(np.argmax(sizes)) if sizes.size else 0
+            # scattered pixels, as of glitter, are no spot
+            if name in done or 2 * sizes[name : name + 1].sum() <= sizes.sum():
+                continue
+            done.add(name)
+            here = names == name
+            spot = owners.get(name)
+            if spot is None:
+                spot = _Spot(self._kept[0], self._number, seen, here)
+                self._spots.append(spot)
+            spot.last, spot.pixels = self._number, spot.pixels | here
+            if spot.alarm is not None:
+                continue
+            if seen.statistic >= spot.seen.statistic:
+                spot.first = self._kept[-min(seen.frames, len(self._kept))]
+                spot.seen = seen
+            if seen.statistic > self._threshold:
+                spot.alarm, spot.seed = self._number, np.zeros_like(bright)
+                others = [n for n, owner in owners.items() if owner is not spot]
+                spot.seed[inside] = (bright & ~np.isin(names, others))[inside]
+
+    def _list(self, spot: _Spot, cause: Cause) -> None:
+        rows, columns = np.nonzero(spot.pixels)
+        side = self.binned
+        self.candidates.append(
+            Candidate(
+                spot.first.time,
+                spot.first.number * self._group,
+                side * float(columns.mean()) + 0.5 * (side - 1),
+                side * float(rows.mean()) + 0.5 * (side - 1),
+                spot.seen.statistic,
+                cause,
+            )
         )
 
-    def _objection(
-        self, frames: "list[_Kept]", begun: int, at: int, seen: Seen
-    ) -> str | None:
-        """Return the reason for the rejection of an alarm; None for a blast."""
-        number = frames[at].number
-        if self._spurned is not None:
-            last, box = self._spurned
-            # pixels of the rejected alarm do not count again for that long, so later
-            # evidence in its tile is the rest of it
-            if number - last <= FRAMES_AFTER + REMEMBERED and _overlap(box, seen.box):
-                return SAME_AS_REJECTED
-        left, top, right, bottom = seen.box
+    def _decide(self, spot: _Spot) -> None:
+        """Measure the spot of an alarm by all stored frames; list another cause."""
+        assert spot.alarm is not None
+        spot.decided = True
+        frames = [one for one in self._kept if one.number > spot.alarm - FRAMES_BEFORE]
+        times = np.array([one.time for one in frames])
         images = np.stack([one.image for one in frames])
-        part = images[:, top:bottom, left:right]
-        changes = part
-        if not self._changes:
-            logs = np.log(np.maximum(part, 0.0) + LIGHT_OFFSET)
-            changes = np.diff(logs, axis=0, prepend=logs[:1])
-        if sparkles(changes, begun, at):
-            return SPARKLE
-        spots, earliest, _ = _spots(frames, images, begun, at, seen, self._changes)
-        return GROWS_ON if grows_on(spots, earliest) else None
-
-
-def _overlap(one: tuple[int, int, int, int], other: tuple[int, int, int, int]) -> bool:
-    across = min(one[2], other[2]) > max(one[0], other[0])
-    return across and min(one[3], other[3]) > max(one[1], other[1])
+        begun = max(spot.first.number - frames[0].number, 0)
+        measured = _event_silhouettes if self._changes else silhouettes
+        seen, earliest, shown = measured(times, images, begun, spot.seed)
+        cause = verdict(seen, earliest)
+        if cause != "fireball":
+            self._list(spot, cause)
+            return
+        # spots within the fire, such as ground that it lights, are a part of it
+        largest = max(growing(seen), key=lambda one: one.radius_px, default=seen[0])
+        rows, columns = np.ogrid[: images.shape[1], : images.shape[2]]
+        away = np.hypot(columns - largest.x_px, rows - largest.y_px)
+        spot.pixels |= away < largest.radius_px
+        for other in [*self._spots]:
+            shared = 2 * (other.pixels & spot.pixels).sum()
+            if other is not spot and shared > other.pixels.sum():
+                spot.pixels |= other.pixels
+                self._spots.remove(other)
+        seen = [_unbinned(one, self.binned) for one in seen]
+        # event pixels respond late by an unknown part of their low-pass
+        lag = LAG_S if self._changes else 0.0
+        fitted = growth(seen, earliest - lag, shown, self._exposure_s)
+        first = int(np.searchsorted(times, seen[0].time_s))
+        self._flashes.append(
+            Flash(
+                spot.seen.statistic,
+                float(times[spot.alarm - frames[0].number]),
+                frames[first].number * self._group,
+                fitted._replace(sigma_s=math.hypot(fitted.sigma_s, lag)),
+                tuple(seen),
+                None if self._changes else images[min(first + 15, len(images) - 1)],
+            )
+        )
 
 
 def _binned(image: Image, side: int) -> Float[np.ndarray, "row column"]:
@@ -410,65 +483,19 @@ def _binned(image: Image, side: int) -> Float[np.ndarray, "row column"]:
     return blocks.mean(axis=(1, 3), dtype=np.float32)
 
 
-def _spots(
-    frames: "list[_Kept]",
-    images: Float[np.ndarray, "frame row column"],
+def _event_silhouettes(
+    times: Float[np.ndarray, " step"],
+    changes: Float[np.ndarray, "step row column"],
     begun: int,
-    at: int,
-    seen: Seen,
-    events: bool,
+    seed: Bool[np.ndarray, "row column"],
 ) -> tuple[list[Silhouette], float, float]:
-    """Return the silhouettes about an alarm, the last dark time, and the next [s]."""
-    times = np.array([one.time for one in frames])
-    seed = seed_of([one.lit for one in frames[begun : at + 1]], seen.box)
-    if not events:
-        return silhouettes(times, images, begun, seed)
+    """Return the same as `silhouettes` of changes by events."""
     first = max(begun - 2, 0)
-    shares = (np.cumsum(images[first:], axis=0) > LIT_SUM).astype(np.float32)
+    shares = (np.cumsum(changes[first:], axis=0) > LIT_SUM).astype(np.float32)
     # a step earlier than the first, as the frame before it is unknown
     before = times[first - 1] if first else times[0] - (times[1] - times[0])
     spots, dark = joined(times[first:], shares, seed, float(before))
     return spots, dark, spots[0].time_s if spots else float(times[-1])
-
-
-def _measured(
-    frames: "list[_Kept]",
-    number: int,
-    seen: Seen,
-    group: int,
-    binned: int,
-    events: bool,
-    exposure_s: float,
-) -> list[Flash]:
-    """Return the flash about an alarm; an empty list without a measurable spot."""
-    numbers = np.array([one.number for one in frames])
-    times = np.array([one.time for one in frames])
-    at = int(np.searchsorted(numbers, number))
-    begun = max(at - seen.frames + 1, 0)
-    images = np.stack([one.image for one in frames])
-    spots, earliest, shown = _spots(frames, images, begun, at, seen, events)
-    if not spots:
-        return []
-    spots = [_unbinned(one, binned) for one in spots]
-    # event pixels respond late by an unknown part of their low-pass
-    earliest -= LAG_S if events else 0.0
-    fitted = growth(spots, earliest, shown, exposure_s)
-    if events:
-        sigma = float(np.hypot(fitted.sigma_s, LAG_S))
-        fitted = fitted._replace(sigma_s=sigma)
-    first_time = spots[0].time_s
-    shown = int(np.searchsorted(times, first_time))
-    picture = None if events else images[min(shown + 15, len(images) - 1)]
-    return [
-        Flash(
-            seen.statistic,
-            float(times[at]),
-            int(numbers[shown]) * group,
-            fitted,
-            tuple(spots),
-            picture,
-        )
-    ]
 
 
 def _unbinned(one: Silhouette, side: int) -> Silhouette:
@@ -484,70 +511,46 @@ def _unbinned(one: Silhouette, side: int) -> Silhouette:
     )
 
 
-def sparkles(
-    changes: Float[np.ndarray, "frame row column"], begun: int, at: int
-) -> bool:
-    """Return True if pixels light up after an alarm as often as before it.
-
-    A pixel is lit by a change that is large compared with its own noise, as in
-    `Brightening`: the logarithm of light is noisy in the dark.
+def verdict(seen: Sequence[Silhouette], earliest_s: float) -> Cause:
+    """Return the cause of a spot by the evidence of its radii.
 
     Args:
-        changes: Changes of the logarithm of light between frames, about the alarm.
-        begun: Number of the frame in which its evidence began.
-        at: Number of the frame of the alarm.
-    """
-    noise = NORMAL * np.median(np.abs(changes), axis=0)
-    least = np.maximum(LIT_LOG_CHANGE, PIXEL_NOISES * noise)
-    lit = np.count_nonzero(changes > least, axis=(1, 2))
-    before, after = lit[begun : at + 1].mean(), lit[at + SETTLED_FRAMES :]
-    # too few frames or pixels give no rate
-    if len(after) < MIN_FITTED or before < MIN_PIXELS:
-        return False
-    return bool(after.mean() > SPARKLE_RATIO * before)
-
-
-def grows_on(seen: Sequence[Silhouette], earliest_s: float) -> bool:
-    """Return True if a spot grows when the slowest fireball would slow down.
-
-    Args:
-        seen: Its silhouettes in order of time. Those after a cut or a leap, and those
-            with an uncertain radius, are left out.
+        seen: Its silhouettes in order of time.
         earliest_s: Time of the last frame without it [s].
     """
-    whole = [
-        one
-        for one in growing(seen)
-        if one.sigma_px <= MAX_RELATIVE_ERROR * one.radius_px
-    ]
-    time, radius, error = (
-        np.array([getattr(one, name) for one in whole])
-        for name in ("time_s", "radius_px", "sigma_px")
-    )
-    if len(time) < 2 * MIN_FITTED:
-        return False
-    since = time - 0.5 * (earliest_s + seen[0].time_s)
-    late = since > 0.5 * since[-1]
-    if np.count_nonzero(late) < MIN_FITTED:
-        return False
-    since, radius, error = since[late], radius[late], error[late]
-    # a power law is a line in logarithms
-    slope, sigma = _slope(np.log(since), np.log(radius))
-    fireball, _ = _slope(np.log(since), np.log(-np.expm1(-since / SLOWEST_S)))
-    # errors of neighbouring silhouettes are common and do not average out
-    shared = float(np.mean(error / radius)) / float(np.log(since[-1] / since[0]))
-    return slope - 2.0 * float(np.hypot(sigma, shared)) > fireball
+    if len(seen) < 3:
+        return "fireball" if seen else "flicker"
+    time = np.array([one.time_s for one in seen])
+    # a fraction of a pixel has no size
+    radius = np.maximum([one.radius_px for one in seen], 0.5)
+    steps = np.diff(np.log(radius))
+    since = time - 0.5 * (earliest_s + time[0])
+    interval = float(np.median(np.diff(time)))
+    slowest = max(SLOWEST_S, UNRESOLVED * interval)
+    taus = np.geomspace(0.3 * interval, slowest, 10)[:, None]
+    powers = np.repeat(POWERS, len(BEGUN))[:, None]
+    ages = np.tile(BEGUN, len(POWERS))[:, None] * since[-1]
+    evidence = {}
+    for cause, curves, jumps in (
+        ("fireball", np.log(-np.expm1(-since / taus)), JUMPS),
+        ("grows_on", powers * np.log(since + ages), JUMPS),
+        ("flicker", np.zeros((1, len(seen))), FLICKERS),
+    ):
+        law = np.diff(curves, axis=1)
+        # no law holds after an edge, another spot or soot
+        law[:, max(len(growing(seen)) - 1, 0) :] = 0.0
+        by_pixels = RADIUS_SD_PX * np.hypot(1.0 / radius[1:], 1.0 / radius[:-1])
+        scatter = np.sqrt(STEP_SD**2 + (LAW_SD * law) ** 2 + by_pixels**2)
+        each = (1.0 - jumps) * _normal(steps - law, scatter)
+        level = np.log(each + jumps * _normal(steps, JUMP_SD)).sum(axis=1)
+        evidence[cause] = float(np.logaddexp.reduce(level)) - math.log(len(level))
+    best = max(evidence, key=lambda cause: evidence[cause])
+    likely = evidence[best] - evidence["fireball"] > LN_ODDS
+    return best if likely else "fireball"
 
 
-def _slope(
-    x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"]
-) -> tuple[float, float]:
-    """Return the slope of a line by least squares, and its standard deviation."""
-    x, y = x - x.mean(), y - y.mean()
-    square = float(x @ x)
-    slope = float(x @ y) / square
-    left = y - slope * x
-    return slope, float(np.sqrt(left @ left / (len(x) - 2) / square))
+def _normal(x: np.ndarray, sd: np.ndarray | float) -> np.ndarray:
+    return np.exp(-0.5 * (x / sd) ** 2) / (sd * math.sqrt(2.0 * math.pi))
 
 
 class Tail(NamedTuple):

@@ -40,6 +40,7 @@ having been bright are ignored, because soot around an explosion is darker than 
 background. The statistic is the smallest sum of the last frames: lit pixels must stay.
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -206,14 +207,15 @@ class Watch:
             np.concatenate([v.ravel() for v in some])
             for some in zip(*evidence, strict=True)
         )
-        statistic = self._cusum.push(*whole)
-        best = int(np.argmax(statistic))
-        begun = int(self._cusum.begun[best])
-        return Seen(float(statistic[best]), begun, self._box(best))
+        self._cusum.push(*whole)
+        return next(self.above(-1.0))
 
-    def forget(self) -> None:
-        """Reset the evidence; the estimates of scene and noise stay."""
-        self._cusum.forget()
+    def above(self, level: float) -> Iterator[Seen]:
+        """Yield the tiles above a level after the last frame, the largest first."""
+        statistic = self._cusum.statistic
+        for tile in np.argsort(-statistic)[: np.count_nonzero(statistic > level)]:
+            begun = int(self._cusum.begun[tile])
+            yield Seen(float(statistic[tile]), begun, self._box(int(tile)))
 
     def _box(self, number: int) -> tuple[int, int, int, int]:
         for tiles, count in zip(self._tiles, self._counts, strict=True):
@@ -421,12 +423,6 @@ class Cusum:
     def idle(self) -> bool:
         """True if no tile has evidence now or in the last frames."""
         return not self._kept.any()
-
-    def forget(self) -> None:
-        """Reset the evidence; the estimate of the noise stays."""
-        self._sum[:] = 0.0
-        self._kept[:] = 0.0
-        self.begun[:] = 0
 
     def rest(self, frames: int = 1) -> None:
         """Process frames that light no pixel while there is no evidence."""

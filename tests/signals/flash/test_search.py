@@ -35,7 +35,7 @@ def test_a_blast_is_seen_when_and_where_it_was(half):
     assert (told.x_px, told.y_px) == pytest.approx((41.0, 33.0), abs=1.0)
     # a pixel half covered shines more than half: up to 0.4 px too large
     assert told.radius_px == pytest.approx(15.0, abs=0.6)
-    assert flash.told_s - 0.0304 < 0.02
+    assert flash.alarm_s - 0.0304 < 0.02
 
 
 def test_a_quiet_film_and_one_of_a_lamp_show_nothing():

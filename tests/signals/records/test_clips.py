@@ -57,6 +57,18 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
         read_track(cut)
 
 
+def test_the_time_of_creation_is_named_with_the_option_that_uses_it(
+    tmp_path, monkeypatch
+):
+    monkeypatch.setattr("jblast.signals.detect_files.has_sound", lambda _: False)
+    path = clip(tmp_path / "one.mp4", created=START)
+    found = detect(path)
+    assert isinstance(found, FilmDetections)
+    (note,) = found.notes
+    assert "created at 2024-05-17T11:53:00" in note
+    assert "start_utc" in note
+
+
 @pytest.mark.slow
 def test_a_varying_frame_rate_goes_by_the_time_stamps_of_the_file():
     # 30 frames a second, from 0.5 to 1.0 s 20: by even steps the flash is 0.15 s early

@@ -5,6 +5,7 @@ A file is written completely or not at all. Only npz is assembled in memory.
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,13 +38,13 @@ class EventFormat(NamedTuple):
         name: Suffix of its files.
         read: Reader: path, and size for files that do not state it, to events.
         write: Writer: empty file, columns, width and height, last millisecond of an
-            index.
+            index; None for a format that is only read.
         largest: Largest number of columns or rows [px].
     """
 
     name: str
     read: Callable[[Path, tuple[int, int] | None], RecordedEvents]
-    write: Callable[[Path, Iterable[Columns], tuple[int, int], int], None]
+    write: Callable[[Path, Iterable[Columns], tuple[int, int], int], None] | None = None
     largest: int = 1 << 16
 
 
@@ -55,6 +56,8 @@ EVENT_FORMATS = Registry[EventFormat](
     EventFormat(".raw", evt3.read_raw, evt3.write_evt3, evt3.MAX_SIDE),
     EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.MAX_SIDE),
     EventFormat(".txt", read_lines, write_text),
+    EventFormat(".csv", partial(read_lines, order="xypt")),
+    EventFormat(".dat", evt3.read_dat),
 )
 """Formats by the suffix of their files; `register` adds one from any module."""
 register = EVENT_FORMATS.register
@@ -122,8 +125,8 @@ def write_events(
         InputError: The suffix is unknown, the image is too large for the format, or an
             event is outside it, before the one that precedes it, or before 0.
     """
-    suffix = check_suffix(path)
-    form = EVENT_FORMATS[suffix]
+    form = EVENT_FORMATS[check_suffix(path, writing=True)]
+    assert form.write is not None
     if max(width, height) > form.largest:
         raise InputError(
             f"{path}: expected images of at most {form.largest:,} pixels per side, the "
@@ -138,18 +141,22 @@ def write_events(
     return Written(**counts, darker=darker)
 
 
-def check_suffix(path: str | Path) -> str:
+def check_suffix(path: str | Path, *, writing: bool = False) -> str:
     """Return the suffix of an event file.
+
+    Args:
+        path: The file.
+        writing: True to require a format that can be written.
 
     Raises:
         InputError: It is not a known one.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in EVENT_FORMATS:
-        *some, last = EVENT_FORMATS
+    known = [one.name for one in EVENT_FORMATS.values() if one.write or not writing]
+    if suffix not in known:
         raise InputError(
-            f"{path}: expected a name ending in {', '.join(some)} or {last}, got "
-            f"{suffix or 'no suffix'}"
+            f"{path}: expected a name ending in {', '.join(known[:-1])} or "
+            f"{known[-1]}, got {suffix or 'no suffix'}"
         )
     return suffix
 

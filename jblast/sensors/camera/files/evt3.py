@@ -1,4 +1,4 @@
-"""EVT 3.0 and 2.0, the raw files of Prophesee's event cameras.
+"""EVT 3.0, EVT 2.0 and DAT, the raw files of Prophesee's event cameras.
 
 A text header with lines "% keyword value" is followed by little-endian words, of which
 the upper four bits are the kind. Those of EVT 3.0 have 16 bits: a word changes the
@@ -6,14 +6,17 @@ state of the decoder (the time's upper and lower 12 bits, the row, the column at
 vectors begin), or contains events. Those of EVT 2.0 have 32 bits: an event with the
 lower 6 bits of its time, or the upper 28 bits of the time.
 
-Files of EVT 2.0 are only read.
+A DAT file has, after its header, the type and the size of an event, and 8 bytes per
+event: microseconds, then 14 bits of the column, 14 of the row, and the sign.
+
+Files of EVT 2.0 and DAT are only read.
 
 Encoder and decoder are our own: expelliarmus 1.1.12 loses the time of events after
 4,096 us or more without one, and handles neither an empty file nor its size.
 
 References:
     Prophesee, Metavision documentation: EVT 3.0 format; EVT 2.0 format; RAW file
-    format.
+    format; DAT file format.
 """
 
 import os
@@ -65,6 +68,8 @@ PERIOD = 1 << 12
 EVT2_TIME, EVT2_EVENTS, EVT2_OTHERS = 0x8, (0x0, 0x1), (0xA, 0xE, 0xF)
 """Kinds of words of EVT 2.0: upper bits of the time; an event, darker or brighter;
 triggers and extensions of vendors."""
+DAT_EVENTS = b"\x0c\x08"
+"""Type of events, those of change detection, and their size, in a DAT file."""
 EVT2_STEP, EVT2_STEPS = 1 << 6, 1 << 28
 """Microseconds per step of the upper bits, and number of steps until they begin again,
 after 4.8 hours."""
@@ -274,6 +279,32 @@ def read_raw(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
     return found._replace(notes=notes if over else ())
 
 
+def read_dat(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
+    """Read a DAT file of change-detection events.
+
+    Raises:
+        InputError: It has no header of version 2, other events, or is incomplete.
+    """
+    with path.open("rb") as file:
+        stated = _stated(file)
+        kind, data = file.read(2), file.read()
+    if stated.get("Version") != "2" or kind != DAT_EVENTS:
+        raise InputError(
+            f"{path}: expected a complete DAT file, version 2, of CD events of 8 bytes"
+        )
+    if over := len(data) % 8:
+        raise InputError(
+            f"{path}: expected a complete DAT file, got {over} of the 8 bytes of the "
+            "last event"
+        )
+    times, words = np.frombuffer(data, "<u4").reshape(-1, 2).T.astype(np.int64)
+    across, down = (whole_number(stated.get(name, "")) for name in ("Width", "Height"))
+    if across is not None and down is not None:
+        size = across, down
+    columns = {"x": words & 0x3FFF, "y": words >> 14 & 0x3FFF, "p": words >> 28}
+    return recorded(path, columns | {"t": _counted(times, -1, 1 << 32)}, size)
+
+
 def _word_blocks(path: Path, file, encoding: Encoding) -> Iterator[np.ndarray]:
     """Yield words, block by block."""
     word = np.dtype(encoding.word)
@@ -399,12 +430,8 @@ def header_of(width: int, height: int, words: int) -> bytes:
     return "".join(f"% {line}\n" for line in lines).encode()
 
 
-def read_header(path: Path, file: BinaryIO) -> Header:
-    """Read a header; the file is then at its first word.
-
-    Raises:
-        InputError: There is none, or it is of another encoding.
-    """
+def _stated(file: BinaryIO) -> dict[str, str]:
+    """Return the keywords of a header; the file is then at the first byte after it."""
     stated: dict[str, str] = {}
     start = file.tell()
     while file.tell() < MAX_HEADER:
@@ -417,6 +444,16 @@ def read_header(path: Path, file: BinaryIO) -> Header:
             break
         stated[key] = value
     file.seek(start)
+    return stated
+
+
+def read_header(path: Path, file: BinaryIO) -> Header:
+    """Read a header; the file is then at its first word.
+
+    Raises:
+        InputError: There is none, or it is of another encoding.
+    """
+    stated = _stated(file)
     encoding, _, options = stated.get("format", "").partition(";")
     version = stated.get("evt", "")
     by_version = {"3.0": "EVT3", "2.0": "EVT2"}

@@ -4,21 +4,26 @@ HDF5 has the layout of DSEC. `events/{x, y, t, p}`: column, row, whole microseco
 frame 0, 1 for brighter and 0 for darker. `t_offset` is 0. `ms_to_idx[i]` is the first
 event at or after millisecond i, to the end of the film: DSEC's slicer looks up the
 milliseconds in which a window begins and by which it ends, and returns None where there
-is no entry. An npz file has the same columns as NumPy arrays. A text
-has a line `t x y p` per event, with the time in seconds, as the Event Camera Dataset
-and v2e.
+is no entry. An npz file has the same columns as NumPy arrays. A text has a line
+`t x y p` per event, as the Event Camera Dataset and v2e, or `x,y,p,t`, as Metavision's
+CSV; its first line may state the size, or name the columns.
+
+Times that a file's format does not state in microseconds are in seconds if they are
+fractions, else in microseconds, unless that leaves fewer than `SPARSE_HZ` events.
 
 References:
     Gehrig, Aarents, Gehrig and Scaramuzza (2021), DSEC: a stereo event camera dataset
     for driving scenarios; its description of the data format, and its `eventslicer.py`.
     Mueggler, Rebecq, Gallego, Delbruck and Scaramuzza (2017), The Event-Camera Dataset;
-    Hu, Liu and Delbruck (2021), v2e.
+    Hu, Liu and Delbruck (2021), v2e. Prophesee, Metavision documentation: CSV format.
 """
 
+import math
 import os
 import re
 import warnings
 from collections.abc import Iterable
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 from zipfile import ZipFile
@@ -38,6 +43,27 @@ MAX_PIXELS = 1 << 24
 search keeps several images in memory."""
 LAST_US = 1 << 60
 """Largest time [us], 36,000 years: sums of times stay within 64 bits."""
+SPARSE_HZ = 100.0
+"""Smallest plausible rate of events over the image [1/s]: the noise of a small camera,
+0.05 events per pixel and second, is ten times that. Fewer are a synthetic stream, or
+have another unit of time."""
+UNITS = {
+    "f": (("seconds", 1e6), ("milliseconds", 1e3), ("microseconds", 1.0)),
+    "i": (("microseconds", 1.0), ("nanoseconds", 1e-3)),
+}
+"""Units of time of fractions and of whole numbers [us], the usual first."""
+SIZE_LINES = (
+    r"# size (\d+)x(\d+), events (\d+)",
+    r"% ?geometry[: ]+(\d+)[x,](\d+)",
+    r"#? ?(\d+)[ ,\t]+(\d+)",
+)
+"""Lines that state the size of the image, and ours the number of events: of this
+package, of Metavision's CSV, and of texts with the size alone in the first line."""
+COLUMN_NAMES = {"ts": "t", "time": "t", "timestamp": "t", "pol": "p", "polarity": "p"}
+"""Names of columns in the first line of a text, beside x, y, t and p."""
+COLUMN_WORDS = {"t": "time", "x": "column", "y": "row", "p": "sign"}
+EXAMPLES = {"t": "0.000123 33 39 1", "x": "33,39,1,123"}
+"""Events of a text by its first column."""
 _PACKED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 """Fastest level of gzip, after `shuffle` has grouped bytes of equal significance."""
 
@@ -71,18 +97,22 @@ def recorded(
     columns: Columns,
     size: tuple[int, int] | None,
     t_offset: int = 0,
+    *,
+    in_us: bool = True,
 ) -> RecordedEvents:
     """Return the events of a file's columns after checks.
 
     Args:
         path: The file, for messages.
-        columns: x, y, t and p, whole numbers; p may also be 1 and -1.
+        columns: x, y, t and p, numbers; p may also be 1 and -1.
         size: Width and height; None if the file does not state them.
         t_offset: Offset of the result [us].
+        in_us: True if the format's times are microseconds. Otherwise the unit is the
+            first of `UNITS` that gives `SPARSE_HZ`, with a note if that is unusual.
 
     Raises:
-        InputError: The columns differ in length, a pixel is outside the image, times
-            fall, or the size is unknown.
+        InputError: The columns differ in length or are no numbers, a pixel is outside
+            the image, times fall, or the size is unknown.
     """
     if size is None:
         raise InputError(
@@ -96,47 +126,70 @@ def recorded(
         )
     for name in TYPES:
         column = columns[name]
-        if column.dtype.kind not in "iub" or column.ndim != 1:
+        if column.dtype.kind not in "iubf" or column.ndim != 1:
             raise InputError(
-                f"{path}: {name}: expected whole numbers, got {column.dtype}"
+                f"{path}: {name}: expected numbers, got {column.dtype}"
                 + f" of the shape {column.shape}" * (column.ndim != 1)
             )
     lengths = {name: len(columns[name]) for name in TYPES}
     if len({*lengths.values()}) > 1:
         counts = ", ".join(f"{number:,} of {name}" for name, number in lengths.items())
         raise InputError(f"{path}: expected as many of each column, got {counts}")
-    for name, limit in zip("xy", size, strict=True):
-        check_place(path, name, columns[name], limit)
-    check_rising(path, columns["t"])
-    if len(columns["t"]) and int(columns["t"][-1]) > LAST_US:
+    t, notes = columns["t"], ()
+    if not np.isfinite(t).all() or (abs(t[-1:]) > LAST_US).any():
         raise InputError(
-            f"{path}: t: expected microseconds up to {LAST_US}, got {columns['t'][-1]}"
+            f"{path}: t: expected microseconds up to {LAST_US}, got {t[-1]}"
         )
-    p = columns["p"]
-    # some writers code darker as -1
-    if p.dtype.kind == "i":
-        p = np.where(p == -1, 0, p)
-    if len(p) and not ((p == 0) | (p == 1)).all():
-        other = p[(p != 0) & (p != 1)][0]
-        raise InputError(
-            f"{path}: p: expected 1 for brighter, 0 for darker, got {other}"
-        )
-    values = {**columns, "p": p}
+    if not in_us:
+        t, notes = _in_microseconds(t)
+    values = {**columns, "t": t}
+    if columns["p"].dtype.kind in "if":  # some writers code darker as -1
+        values["p"] = np.where(columns["p"] == -1, 0, columns["p"])
+    for name, limit in zip("xyp", (*size, 2), strict=True):
+        check_place(path, name, values[name], limit)
+    check_rising(path, t)
     x, y, t, p = (values[name].astype(kind) for name, kind in TYPES.items())
-    return RecordedEvents(x, y, t, p, *size, t_offset)
+    return RecordedEvents(x, y, t, p, *size, t_offset, notes)
+
+
+def _in_microseconds(t: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return times in whole microseconds, and a note on an unlikely unit."""
+    units = UNITS["f" if t.dtype.kind == "f" else "i"]
+    span = float(t[-1]) - float(t[0]) if len(t) else 0.0
+    rates = {
+        unit: len(t) / (1e-6 * factor * span) if span > 0.0 else math.inf
+        for unit, factor in units
+    }
+    usual, factor = units[0]
+    unit, factor = next((u for u in units if rates[u[0]] >= SPARSE_HZ), units[0])
+    if factor < 1.0:
+        t = t // round(1.0 / factor)
+    elif factor > 1.0 or t.dtype.kind == "f":
+        t = np.rint(factor * t).astype(np.int64)
+    sparse = f"{rates[usual]:.3g} events a second over the whole image"
+    if unit != usual:
+        return t, (f"times were read as {unit}: in {usual} there are {sparse}",)
+    if rates[usual] < SPARSE_HZ:
+        return t, (f"{sparse} are few for a camera: the unit of its times may differ",)
+    return t, ()
 
 
 def check_place(path: str | Path, name: str, values: np.ndarray, limit: int) -> None:
-    """Reject columns or rows outside the image.
+    """Reject columns, rows or signs that are not whole numbers below a limit.
 
     Raises:
         InputError: The first such event, with its value.
     """
-    if len(values) and not 0 <= values.min() <= values.max() < limit:
-        wrong = int(np.flatnonzero((values < 0) | (values >= limit))[0])
+    wrong = (values < 0) | (values >= limit)
+    if values.dtype.kind == "f":
+        wrong |= ~np.isfinite(values) | (values != np.rint(values))
+    if wrong.any():
+        at = int(np.argmax(wrong))
+        allowed = f"0 to {limit - 1}, as the image has"
+        if name == "p":
+            allowed = "1 for brighter, 0 for darker"
         raise InputError(
-            f"{path}: {name} of event {wrong}: expected 0 to {limit - 1}, as the image "
-            f"has, got {values[wrong]}"
+            f"{path}: {name} of event {at}: expected {allowed}, got {values[at]}"
         )
 
 
@@ -203,10 +256,11 @@ def read_arrays(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
                 got = ", ".join(file)
                 raise InputError(f"{path}: expected arrays x, y, t and p, got {got}")
             columns = {name: file[name] for name in TYPES}
-            offset = _whole(file["t_offset"]) if "t_offset" in file else 0
+            in_us = "t_offset" in file
+            offset = _whole(file["t_offset"]) if in_us else 0
             if {"width", "height"} <= {*file}:
                 size = _whole(file["width"]), _whole(file["height"])
-    return recorded(path, columns, size, offset)
+    return recorded(path, columns, size, offset, in_us=in_us)
 
 
 def write_dsec(
@@ -285,8 +339,9 @@ def read_hdf5(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
                 "(Prophesee) or a table events of four columns (v2e), got "
                 f"{', '.join(file) or 'nothing'}"
             )
+        in_us = "t_offset" in file or table is not None
         offset = _whole(file["t_offset"]) if "t_offset" in file else 0
-    return recorded(path, columns, size, offset)
+    return recorded(path, columns, size, offset, in_us=in_us)
 
 
 def _dataset(path: Path, held: Any) -> np.ndarray:
@@ -356,60 +411,60 @@ def _ends_line(path: Path) -> bool:
         return file.read() == b"\n"
 
 
-def read_lines(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
-    """Read a text of time [s], column, row and sign.
+def read_lines(
+    path: Path, size: tuple[int, int] | None, *, order: str = "txyp"
+) -> RecordedEvents:
+    """Read a text with a line per event, with spaces or commas between the numbers.
+
+    Args:
+        path: The file.
+        size: Width and height, if no line states them.
+        order: Order of the columns, if no line names them.
 
     Raises:
         InputError: It is no such text, or has fewer events than its first line states.
     """
-    with path.open("rb") as file:
-        head = re.match(rb"# size (\d+)x(\d+), events (\d+)\n", file.read(100))
-    if head and not _ends_line(path):
-        raise InputError(f"{path}: expected a complete text, got half of a last line")
-    try:
-        with warnings.catch_warnings():  # a text without events
-            warnings.simplefilter("ignore", UserWarning)
-            rows = np.loadtxt(path, np.float64, ndmin=2, encoding="ascii")
-    except ValueError as error:
+    count, line, names = None, "", ""
+    with path.open(encoding="ascii", errors="replace") as file:
+        for line in file:
+            words = [str(word) for word in re.findall(r"\w+", line.lower())]
+            named = "".join(COLUMN_NAMES.get(word, word) for word in words)
+            stated = (re.fullmatch(form, line.strip()) for form in SIZE_LINES)
+            found = next(filter(None, stated), None)
+            if found:
+                size = int(found[1]), int(found[2])
+                count = int(found[3]) if found.re.groups > 2 else None
+            elif sorted(named) == sorted(TYPES):
+                order = named
+            elif line[0] not in "#%\n":
+                break
+            line = ""
+        if count is not None and not _ends_line(path):
+            raise InputError(f"{path}: expected a complete text, got half of a line")
+        names = ", ".join(COLUMN_WORDS[name] for name in order)
+        try:
+            with warnings.catch_warnings():  # a text without events
+                warnings.simplefilter("ignore", UserWarning)
+                separator = "," if "," in line else None
+                lines = chain([line], file)
+                rows = np.loadtxt(lines, np.float64, ndmin=2, delimiter=separator)
+        except ValueError as error:
+            raise InputError(
+                f"{path}: expected lines of {names}, such as {EXAMPLES[order[0]]}; got "
+                f"another text ({' '.join(str(error).split())})"
+            ) from None
+    if count not in (None, len(rows)):
         raise InputError(
-            f"{path}: expected lines of time [s], column, row and sign, such as "
-            f"0.000123 33 39 1; got another text ({' '.join(str(error).split())})"
-        ) from None
+            f"{path}: expected a complete text of {count:,} events, got {len(rows):,}"
+        )
     rows = rows.reshape(-1, 4) if not rows.size else rows
-    if rows.shape[1] != 4 or not np.isfinite(rows).all():
+    if rows.shape[1] != 4:
         raise InputError(
-            f"{path}: expected four finite numbers a line, time [s], column, row and "
-            f"sign, got {rows.shape[1]} columns"
+            f"{path}: expected four numbers a line, {names}, got {rows.shape[1]}"
         )
-    if head and int(head[3]) != len(rows):
-        raise InputError(
-            f"{path}: expected a complete text of {int(head[3]):,} events, got "
-            f"{len(rows):,}"
-        )
-    times, others = rows[:, 0], rows[:, 1:]
-    if (
-        not head
-        and len(times) > 1
-        and times[-1] > 0
-        and (times == np.rint(times)).all()
-    ):
-        raise InputError(
-            f"{path}: expected times in seconds, as 0.000123, got whole numbers up to "
-            f"{times[-1]:.12g} (microseconds?); divide them by 1,000,000"
-        )
-    wrong = np.flatnonzero((others != np.rint(others)).any(axis=1))
-    if len(wrong):
-        raise InputError(
-            f"{path}: event {wrong[0]}: expected whole numbers of column, row and "
-            f"sign, got {others[wrong[0]].tolist()}"
-        )
-    if head:
-        size = int(head[1]), int(head[2])
-    if (np.abs(rows) > LAST_US / 1e6).any():
-        raise InputError(
-            f"{path}: expected numbers up to {LAST_US / 1e6:.3g}, got "
-            f"{np.abs(rows).max():.3g}"
-        )
-    whole = np.rint(others).astype(np.int64).T
-    columns = {"t": np.rint(1e6 * times).astype(np.int64)}
-    return recorded(path, columns | dict(zip("xyp", whole, strict=True)), size)
+    columns: Columns = dict(zip(order, rows.T, strict=True))
+    t = columns["t"]
+    ours = count is not None
+    if ours or ("." not in line and (t == np.rint(t)).all()):
+        columns["t"] = np.rint(1e6 * t if ours else t).astype(np.int64)
+    return recorded(path, columns, size, in_us=ours)

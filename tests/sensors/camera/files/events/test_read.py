@@ -15,6 +15,7 @@ from jblast.sensors.camera.files.event_files import (
     write_events,
 )
 
+WRITTEN = [name for name, one in EVENT_FORMATS.items() if one.write]
 COLUMNS = {"x": [3, 0, 1], "y": [2, 2, 0], "t": [0, 40, 999], "p": [1, 0, 1]}
 
 
@@ -46,7 +47,7 @@ def streams(draw):
     return [np.asarray(column, np.int64) for column in columns], cuts
 
 
-@pytest.mark.parametrize("suffix", EVENT_FORMATS)
+@pytest.mark.parametrize("suffix", WRITTEN)
 @given(stream=streams())
 @settings(max_examples=40, deadline=None)
 def test_any_events_come_back_as_they_were(tmp_path_factory, suffix, stream):
@@ -64,7 +65,7 @@ def test_any_events_come_back_as_they_were(tmp_path_factory, suffix, stream):
         np.testing.assert_array_equal(getattr(found, name), expected)
 
 
-@pytest.mark.parametrize("suffix", EVENT_FORMATS)
+@pytest.mark.parametrize("suffix", WRITTEN)
 def test_what_cannot_be_is_not_written(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"
     for columns, said in (
@@ -94,7 +95,7 @@ def test_what_is_no_file_of_events_is_refused(tmp_path, suffix):
         read_events(path)
 
 
-@pytest.mark.parametrize("suffix", EVENT_FORMATS)
+@pytest.mark.parametrize("suffix", WRITTEN)
 @pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_file_that_breaks_off_is_refused(tmp_path, suffix, share):
     path = tmp_path / f"a{suffix}"
@@ -128,8 +129,13 @@ def test_columns_that_cannot_be_are_named(tmp_path, suffix):
         ({"t": [0, 999, 40]}, r"t: expected events in order of time, got 40 us after"),
         ({"x": [0, 1, 9]}, r"x of event 2: expected 0 to 3, .*got 9"),
         ({"y": [0, 1]}, r"as many of each column, got 3 of x, 2 of y"),
-        ({"p": [0, 1, 2]}, r"p: expected 1 for brighter, 0 for darker, got 2"),
-        ({"t": [0.0, 0.1, 0.2]}, r"t: expected whole numbers, got float64"),
+        (
+            {"p": [0, 1, 2]},
+            r"p of event 2: expected 1 for brighter, 0 for darker, got 2",
+        ),
+        ({"t": [0.0, np.nan, 0.2]}, r"t: expected microseconds up to"),
+        ({"t": [b"0", b"1", b"2"]}, r"t: expected .*numbers"),
+        ({"x": [0, 1.5, 3]}, r"x of event 1: expected 0 to 3, .*got 1\.5"),
     ):
         saved(path, COLUMNS | change, width=4, height=3)
         with pytest.raises(InputError, match=said):
@@ -197,10 +203,78 @@ def test_text_of_v2e_is_read(tmp_path):
     found = read_events(path, size=(4, 3))
     for name, column in COLUMNS.items():
         assert getattr(found, name).tolist() == column
-    path.write_text("0 3 2 1\n40 0 2 0\n")
-    refused(path, r"times in seconds, as 0\.000123, got whole numbers", size=(4, 3))
     path.write_text("0.1 3 2.5 1\n0.2 0 2 0\n")
-    refused(path, r"event 0: expected whole numbers of column", size=(4, 3))
+    refused(path, r"y of event 0: expected 0 to 2.*got 2\.5", size=(4, 3))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text"),
+    [
+        (".txt", "4 3\n0 3 2 1\n40 0 2 0\n999 1 0 1\n"),
+        (".txt", "# x y p t\n# 4 3\n3 2 1 0\n0 2 0 0.00004\n1 0 1 0.000999\n"),
+        (".csv", "%geometry:4,3\n3,2,1,0\n0,2,0,40\n1,0,1,999\n"),
+        (
+            ".csv",
+            "% geometry 4x3\ntimestamp,x,y,polarity\n0,3,2,1\n40,0,2,0\n999,1,0,1\n",
+        ),
+    ],
+)
+def test_texts_of_other_programs_are_read(tmp_path, suffix, text):
+    path = tmp_path / f"a{suffix}"
+    path.write_text(text)
+    found = read_events(path)
+    assert (found.width, found.height) == (4, 3)
+    for name, column in COLUMNS.items():
+        assert getattr(found, name).tolist() == column
+
+
+@pytest.mark.parametrize(
+    ("per_us", "kind", "note"),
+    [
+        (1, np.int64, ""),
+        (1000, np.int64, "read as nanoseconds: in microseconds there are 10 events"),
+        (1e-6, np.float64, ""),
+        (1e-3, np.float64, "read as milliseconds: in seconds there are 10 events"),
+    ],
+)
+def test_times_have_the_unit_that_gives_a_camera_s_rate(tmp_path, per_us, kind, note):
+    t = np.linspace(0, 10**6, 10**4).round()
+    some = np.zeros(len(t), int)
+    columns = {"x": some, "y": some, "p": some, "t": (per_us * t).astype(kind)}
+    found = read_events(saved(tmp_path / "a.npz", columns, width=4, height=3))
+    np.testing.assert_array_equal(found.t, t)
+    assert note in "".join(found.notes)
+    assert bool(note) == bool(found.notes)
+
+
+def test_a_stream_too_sparse_in_any_unit_is_doubted(tmp_path):
+    columns = COLUMNS | {"t": [0, 10**12, 3 * 10**12]}
+    path = saved(tmp_path / "a.npz", columns, width=4, height=3)
+    assert (
+        "1e-06 events a second over the whole image are few"
+        in read_events(path).notes[0]
+    )
+    # a file that states its unit by its format may be sparse
+    path = saved(tmp_path / "b.npz", columns, width=4, height=3, t_offset=0)
+    assert not read_events(path).notes
+
+
+def test_dat_files_of_prophesee_are_read(tmp_path):
+    path = tmp_path / "a.dat"
+    head = b"% Data file containing CD events\n% Version 2\n% Height 3\n% Width 4\n"
+    t = np.array([0, 40, 999 + (1 << 32)])  # its counter begins again
+    word = np.array(COLUMNS["x"]) | np.array(COLUMNS["y"]) << 14
+    word |= np.array(COLUMNS["p"]) << 28
+    data = np.stack([t, word], axis=1).astype(np.uint32).tobytes()
+    path.write_bytes(head + b"\x0c\x08" + data)
+    found = read_events(path)
+    assert (found.width, found.height) == (4, 3)
+    for name, column in COLUMNS.items():
+        assert getattr(found, name).tolist() == column
+    path.write_bytes(head + b"\x0c\x08" + data[:-3])
+    refused(path, "expected a complete DAT file, got 5 of the 8 bytes")
+    path.write_bytes(head + b"\x0e\x08" + data)
+    refused(path, "of CD events of 8 bytes")
 
 
 def test_files_that_declare_more_than_they_contain_are_refused(tmp_path):
