@@ -72,6 +72,7 @@ REASONS: dict[Reason, str] = {
     "high_passed": "distorted by a high-pass of unknown corner",
     "cut_short": "the record ends too early",
     "zero_shift": "the zero of the gauge shifts at the front",
+    "misfit": "no blast pulse fits the samples",
     "front_alone": "the record after the front is not a blast pulse",
     "duration_lost": "the pulse is too faint",
     "weaker": "weaker than another pick of the same bang: possibly an echo",

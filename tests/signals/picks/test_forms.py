@@ -69,7 +69,8 @@ def test_a_textbook_pulse_that_continues_below_zero_is_picked():
 def test_each_form_is_picked_within_its_errors(k):
     rng = np.random.default_rng(140 + k)
     start = 250.0 + 0.077 * k
-    samples = record(*PAIRS[k], start) + rng.standard_normal(SAMPLES) / 100.0
+    negative, rise = PAIRS[k]
+    samples = record(negative, rise, start) + rng.standard_normal(SAMPLES) / 100.0
     mine = pick(np.arange(SAMPLES, dtype=float), samples)
     # three standard deviations: once in 400 values, of which there are 24
     assert abs(mine.air_arrival_s - start) < 3.0 * mine.sd("air_arrival_s")
