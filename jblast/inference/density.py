@@ -51,7 +51,7 @@ from jblast.inference.posterior.posterior import (
 from jblast.kept_programs import kept
 from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unresolved
-from jblast.observations.grouping import some_rows
+from jblast.observations.table import some_rows
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import ARRIVALS, CIRCULAR, CLOCK_TIMES
 from jblast.registry import call, law_for

@@ -6,6 +6,7 @@ from jblast.lazy import lazy_face
 from jblast.observations.table import (
     Observations as Observations,
     observed as observed,
+    some_rows as some_rows,
 )
 from jblast.quantities import (
     CLOCK_TIMES as CLOCK_TIMES,
@@ -14,7 +15,6 @@ from jblast.quantities import (
 )
 
 if TYPE_CHECKING:
-    from jblast.observations.grouping import some_rows as some_rows
     from jblast.observations.log_io import (
         read as read,
         to_pandas as to_pandas,
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 HOMES = {
     "read": "jblast.observations.log_io",
     "resolve_positions": "jblast.observations.placement",
-    "some_rows": "jblast.observations.grouping",
     "starter_scene": "jblast.observations.scenes",
     "to_pandas": "jblast.observations.log_io",
     "write": "jblast.observations.log_io",

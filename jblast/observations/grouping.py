@@ -11,16 +11,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations.places import MAX_DISTANCE, Frame
 from jblast.observations.table import (
-    PER_ROW,
     Observations,
-    some_rows as some_rows,
+    some_rows,
+    stacked,
 )
 from jblast.quantities import CLOCK_TIMES
 from jblast.scene import UncertainScene
@@ -89,20 +88,6 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         epoch=epoch,
         covariances=tuple(of for log in clocked for of in log.covariances),
     ), tuple(names[1:])
-
-
-def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
-    """Return the fields that have one entry a row, of logs one after another."""
-    columns: dict[str, Any] = {}
-    # optional columns are filled, since another part may have them
-    filled = [replace(of, lower_bound=of.bounds(), record=of.records()) for of in logs]
-    for name in PER_ROW:
-        parts = [getattr(log, name) for log in filled]
-        if isinstance(parts[0], np.ndarray):
-            columns[name] = np.concatenate(parts)
-        else:
-            columns[name] = tuple(entry for part in parts for entry in part)
-    return columns
 
 
 def _on_one_earth(

@@ -18,8 +18,12 @@ from pathlib import Path
 import numpy as np
 
 from jblast.observations.clocks import clocks_apart, has_common_clock
-from jblast.observations.grouping import some_rows
-from jblast.observations.table import RECORD_QUANTITIES, SAMPLES, Observations
+from jblast.observations.table import (
+    RECORD_QUANTITIES,
+    SAMPLES,
+    Observations,
+    some_rows,
+)
 from jblast.parameters import ALTITUDES, CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import (
     ADDITIVE,

@@ -299,3 +299,17 @@ def quoted(name: str) -> str:
     if any(c in name for c in ',"') or name.startswith("#"):
         return '"' + name.replace('"', '""') + '"'
     return name
+
+
+def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
+    """Return the fields that have one entry a row, of logs one after another."""
+    columns: dict[str, Any] = {}
+    # optional columns are filled, since another part may have them
+    filled = [replace(of, lower_bound=of.bounds(), record=of.records()) for of in logs]
+    for name in PER_ROW:
+        parts = [getattr(log, name) for log in filled]
+        if isinstance(parts[0], np.ndarray):
+            columns[name] = np.concatenate(parts)
+        else:
+            columns[name] = tuple(entry for part in parts for entry in part)
+    return columns

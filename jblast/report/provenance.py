@@ -7,9 +7,8 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
-
-import jax
 
 import jblast
 from jblast.observations.covariances import covariance_file
@@ -81,7 +80,7 @@ def provenance_of(
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         versions={
             "jblast": jblast.__version__,
-            "jax": jax.__version__,
+            "jax": version("jax"),
             "python": platform.python_version(),
         },
         logs=tuple(file for file in found if file is not None),

@@ -8,39 +8,73 @@ transform of a block takes three quarters of the time, and nothing is compiled
 (`calibration/detector_limits.py`).
 """
 
-from jblast.signals.arrays import (
-    Direction as Direction,
-    RelativeTimes as RelativeTimes,
-    direction as direction,
-    relative_times as relative_times,
-)
-from jblast.signals.detect_files import (
-    FilmDetections as FilmDetections,
-    SoundDetections as SoundDetections,
-    detect as detect,
-)
-from jblast.signals.matched_filter import (
-    Detection as Detection,
-    MatchedKernel as MatchedKernel,
-    OverlapSave as OverlapSave,
-    false_alarms_at as false_alarms_at,
-    filtered as filtered,
-    matched_kernel as matched_kernel,
-    threshold_for as threshold_for,
-)
-from jblast.signals.noise import (
-    NoiseSpectrum as NoiseSpectrum,
-    noise_spectrum as noise_spectrum,
-    white_noise as white_noise,
-)
-from jblast.signals.sound_watch import (
-    Channel as Channel,
-    Searched as Searched,
-    SoundWatch as SoundWatch,
-    search as search,
-)
-from jblast.signals.templates import (
-    bank_of_pulses as bank_of_pulses,
-    blast_template as blast_template,
-    recorded_template as recorded_template,
-)
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
+
+if TYPE_CHECKING:
+    from jblast.signals.arrays import (
+        Direction as Direction,
+        RelativeTimes as RelativeTimes,
+        direction as direction,
+        relative_times as relative_times,
+    )
+    from jblast.signals.detect_files import (
+        FilmDetections as FilmDetections,
+        SoundDetections as SoundDetections,
+        detect as detect,
+    )
+    from jblast.signals.matched_filter import (
+        Detection as Detection,
+        MatchedKernel as MatchedKernel,
+        OverlapSave as OverlapSave,
+        false_alarms_at as false_alarms_at,
+        filtered as filtered,
+        matched_kernel as matched_kernel,
+        threshold_for as threshold_for,
+    )
+    from jblast.signals.noise import (
+        NoiseSpectrum as NoiseSpectrum,
+        noise_spectrum as noise_spectrum,
+        white_noise as white_noise,
+    )
+    from jblast.signals.sound_watch import (
+        Channel as Channel,
+        Searched as Searched,
+        SoundWatch as SoundWatch,
+        search as search,
+    )
+    from jblast.signals.templates import (
+        bank_of_pulses as bank_of_pulses,
+        blast_template as blast_template,
+        recorded_template as recorded_template,
+    )
+
+HOMES = {
+    "Channel": "jblast.signals.sound_watch",
+    "Detection": "jblast.signals.matched_filter",
+    "Direction": "jblast.signals.arrays",
+    "FilmDetections": "jblast.signals.detect_files",
+    "MatchedKernel": "jblast.signals.matched_filter",
+    "NoiseSpectrum": "jblast.signals.noise",
+    "OverlapSave": "jblast.signals.matched_filter",
+    "RelativeTimes": "jblast.signals.arrays",
+    "Searched": "jblast.signals.sound_watch",
+    "SoundDetections": "jblast.signals.detect_files",
+    "SoundWatch": "jblast.signals.sound_watch",
+    "bank_of_pulses": "jblast.signals.templates",
+    "blast_template": "jblast.signals.templates",
+    "detect": "jblast.signals.detect_files",
+    "direction": "jblast.signals.arrays",
+    "false_alarms_at": "jblast.signals.matched_filter",
+    "filtered": "jblast.signals.matched_filter",
+    "matched_kernel": "jblast.signals.matched_filter",
+    "noise_spectrum": "jblast.signals.noise",
+    "recorded_template": "jblast.signals.templates",
+    "relative_times": "jblast.signals.arrays",
+    "search": "jblast.signals.sound_watch",
+    "threshold_for": "jblast.signals.matched_filter",
+    "white_noise": "jblast.signals.noise",
+}
+
+__getattr__, __dir__ = lazy_face(__name__, HOMES)

@@ -59,10 +59,10 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Complex, Float
+from jaxtyping import Complex, Float
+from numpy.typing import ArrayLike
 
 from jblast.errors import InputError
-from jblast.sensors.path_scatter import KERNELS, TYPICAL, decorrelation
 from jblast.signals.matched_filter import Detection
 
 MIN_MICROPHONES, MAX_MICROPHONES = 2, 8
@@ -108,12 +108,6 @@ SOURCE_RANGE = 2000.0
 """Range at which the scatter of neighbouring paths is evaluated [m]. It is rather too
 large than too small: at 50 m standard deviations of angles are 1.8 times too large, at
 5 km 1.2 times too small."""
-SMALL_APERTURE_WEIGHTS = np.eye(len(KERNELS))[1:]
-"""Weights of the correlation functions for arrays that are small compared with the
-range. The first function, rough at small separations, is left out: at D/R = 0.001 it
-gives bearings a standard deviation of 80 degrees, while those of eight infrasound
-arrays are off by 3.6 degrees (`path_scatter`). Three microphones have no redundant
-times that could exclude it."""
 SLOWEST_FRONT = 300.0
 """Slowest speed of a front [m/s]: sound at -50 degrees Celsius."""
 TRAVEL_MARGIN_S = 0.01
@@ -141,10 +135,10 @@ class RelativeTimes(NamedTuple):
 
 
 def relative_times(
-    samples: Float[ArrayLike, "channel n"],
+    samples: ArrayLike,
     rate_hz: float,
-    noise_variance: Float[ArrayLike, "channel bin"],
-    largest_s: Float[ArrayLike, "..."],
+    noise_variance: ArrayLike,
+    largest_s: ArrayLike,
 ) -> RelativeTimes:
     """Return the times at which a front passed each microphone.
 
@@ -299,7 +293,7 @@ class Direction(NamedTuple):
 
 
 def direction(
-    positions: Float[ArrayLike, "channel 3"],
+    positions: ArrayLike,
     times: RelativeTimes,
     sound_speed: float,
     sound_speed_sigma: float = 0.0,
@@ -342,9 +336,17 @@ def direction(
         )
     basis, center = axes[:span].T, np.eye(len(positions)) - 1 / len(positions)
     between = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    # grouping of picks needs no scatter, whose package imports JAX
+    from jblast.sensors.path_scatter import KERNELS, TYPICAL, decorrelation
+
+    # The first function of the correlation, rough at small separations, is left out for
+    # arrays that are small compared with the range: at D/R = 0.001 it gives bearings a
+    # standard deviation of 80 degrees; those of eight infrasound arrays are off by 3.6.
+    # Three microphones have no redundant times that could exclude it.
+    small_aperture = np.eye(len(KERNELS))[1:]
     travel_sd = path_scatter * source_range / sound_speed
     fits = []
-    for weights in SMALL_APERTURE_WEIGHTS if path_scatter > 0 else [TYPICAL]:
+    for weights in small_aperture if path_scatter > 0 else [TYPICAL]:
         lacking = decorrelation(between / source_range, weights)
         # covariance relative to the mean time; the common part of the scatter cancels
         of_air = -(travel_sd**2) * center @ lacking @ center
@@ -359,11 +361,7 @@ def direction(
             )
         )
     best = fits[int(np.argmax([fit.log_evidence for fit in fits]))]
-    typical = (
-        fits[int(np.argmax(SMALL_APERTURE_WEIGHTS @ TYPICAL))]
-        if len(fits) > 1
-        else best
-    )
+    typical = fits[int(np.argmax(small_aperture @ TYPICAL))] if len(fits) > 1 else best
     resolved, covariance, mirror = _resolved_angles(best, _averaged(fits, best), span)
     hidden = ~resolved
     values = np.where(resolved, angles_of(best.found.toward), np.nan)

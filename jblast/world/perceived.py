@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from jblast.errors import whole_number
 from jblast.observations import Observations
-from jblast.observations.grouping import stacked
+from jblast.observations.table import stacked
 from jblast.scene import Scene, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors import Track, readings

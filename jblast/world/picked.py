@@ -27,8 +27,8 @@ from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.observations import Observations, observed
-from jblast.observations.grouping import stacked
 from jblast.observations.records.recording import PressureRecord, Recording
+from jblast.observations.table import stacked
 from jblast.scene import Charge, Imu, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.imu import Felt, JoltPick, base_of, felt, pick_jolt, read

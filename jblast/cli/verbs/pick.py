@@ -54,9 +54,6 @@ def run(options: argparse.Namespace) -> int:
         from jblast.report.fit.files import check_directory
 
         check_directory(options.report, options.force)
-    from jblast.cli.jax_start import start_jax
-
-    start_jax(quick=True)
     from jblast.observations import write
     from jblast.report.picks import picks_answer, picks_text
     from jblast.report.provenance import provenance_of

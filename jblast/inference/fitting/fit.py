@@ -31,10 +31,10 @@ from jblast.inference.posterior.parameters import Parameters, as_seen
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import untied_flashes
-from jblast.observations.grouping import located, some_rows
+from jblast.observations.grouping import located
 from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import for_log
-from jblast.observations.table import SAMPLES
+from jblast.observations.table import SAMPLES, some_rows
 from jblast.parameters import CLOCK_OFFSET
 from jblast.progress import each, stages
 from jblast.progress_line import Progress, reported

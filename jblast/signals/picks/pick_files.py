@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jblast.errors import InputError, argument
-from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations
 from jblast.observations.records.formats import Scaling, record_files
 from jblast.observations.records.stations import read_stations
@@ -82,7 +81,6 @@ class PickedFiles(NamedTuple):
         return replace(self.log.observations, source=name)
 
 
-@kept_between_runs()
 @reported("pick_files")
 def pick_files(
     records: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],

@@ -17,10 +17,14 @@ import numpy as np
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations import Observations, observed, some_rows
-from jblast.observations.grouping import stacked
 from jblast.observations.records.formats import Scaling
 from jblast.observations.records.stations import Station
-from jblast.observations.table import RECORD_QUANTITIES, SAMPLES, RecordCovariance
+from jblast.observations.table import (
+    RECORD_QUANTITIES,
+    SAMPLES,
+    RecordCovariance,
+    stacked,
+)
 from jblast.progress import each
 from jblast.quantities import CLOCK_TIMES
 from jblast.signals.arrays import bangs

@@ -1,5 +1,8 @@
 """The pick of a record: exact without noise, with the errors that repetitions have."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -148,3 +151,18 @@ def test_a_stated_high_pass_is_part_of_the_pulse():
     wrong = pick(TIME, samples)
     off = abs(wrong.positive_duration_s - TRUTH.duration) / TRUTH.duration
     assert off > 0.05 or "high_passed" in wrong.notes
+
+
+def test_files_are_picked_without_jax(tmp_path):
+    rows = zip(TIME.tolist(), samples_of(TRUTH).tolist(), strict=True)
+    text = "time_s,pressure_pa\n" + "".join(f"{t:.6f},{p:.3f}\n" for t, p in rows)
+    (tmp_path / "gate.csv").write_text(text)
+    program = (
+        "import sys, jblast\n"
+        f"found = jblast.pick_files({str(tmp_path / 'gate.csv')!r})\n"
+        "print(len(found.log.observations), 'jax' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "4 False\n"
