@@ -660,9 +660,9 @@ def take_decimal_commas(table: Table, numbers: Collection[int]) -> None:
         decimal, whole = text.replace(mark, "."), text.replace(mark, "")
         if not sure:
             raise InputError(
-                f"{where}: may be {decimal} or {whole}, which no other number decides; "
-                f"expected {decimal} with a point in a file with commas between "
-                f"fields, or {whole} without a mark"
+                f"{where}: expected {decimal} with a point in a file with commas "
+                f"between fields, or {whole} without a mark, got {shown(text)}, which "
+                "may be either"
             )
         ((place, known),) = sure.values()
         raise InputError(

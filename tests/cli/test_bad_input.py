@@ -67,7 +67,6 @@ def test_a_bad_log_exits_2_with_says(jblast, rows, said):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (HEADER.encode() + b"caf\xe9,air_arrival_s,1,0.1,30,0,1\n", "line 2 | UTF-8"),
         (TWO.encode("utf-16-le"), "control character"),
     ],
 )

@@ -21,7 +21,7 @@ LOGS = table(f"""
  line 1 | range_m once | 'range_m' and 'range_ft'
 {AT},{DEGREES},east_m,north_m,up_m / a,air_arrival_s,1,1,3,3,1,,, /\
  b,air_arrival_s,1,1,,,,1,0,0 =>\
- line 3, column east_m | expected all places | got metres here
+ line 3, column east_m | expected all places | got metres beside degrees
 {AT},{DEGREES},east_m,north_m,up_m / a,air_arrival_s,1,1,3,3,1,3,4,5 =>\
  line 2, column east_m | got metres beside degrees
 {UTC}15:08:18.3,0.01,33.9,35.5,10 =>\
@@ -59,7 +59,7 @@ def test_a_workbook_with_two_tables_is_told_by_sheet_and_row(jblast):
             table.to_excel(book, index=False, startrow=start)
     message = jblast.refused("fit", sheets)
     assert "expected one sheet with one table, got 'A', 'B'" in message
-    assert "row 6: expected one table" in jblast.refused("fit", one)
+    assert "row 6, column quantity: unknown quantity" in jblast.refused("fit", one)
 
 
 @pytest.mark.parametrize("verb", ["fit", "check", "pick"])
@@ -92,7 +92,7 @@ RECORDS = [
     (record(changed(TIME, 100, TIME[99])), "line 102 | a time after | got 0.099 s"),
     (record(changed(TIME, 100, TIME[50])), "line 102 | a time after | got 0.05 s"),
     (record(TIME[ONCE], PULSE[ONCE]), "line 102 | every 0.001 s | a gap of 0.021 s"),
-    (record(pressure=np.full(400, np.nan)), "pressure_pa | got no finite number"),
+    (record(pressure=np.full(400, np.nan)), "pressure_pa | got 'nan'"),
     (record(pressure=changed(PULSE, 100, np.nan)), "line 102 | a number | got 'nan'"),
     (record(header="time_s,voltage_v"), "column voltage_v | --sensitivity"),
 ]

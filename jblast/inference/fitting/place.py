@@ -20,7 +20,6 @@ on level ground, has fallen to given values.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from itertools import pairwise
 
 import numpy as np
@@ -390,19 +389,7 @@ def _time(fit: Fit, shot: int) -> str | None:
     estimate = fit.summary.estimates.get(name, Estimate(float(charge.time_s)))
     if epoch is None or not estimate.identified:
         return None
-    return utc(epoch, estimate.value)
-
-
-def utc(epoch: datetime, seconds: float) -> str:
-    """Return an instant as ISO 8601 to the microsecond, UTC.
-
-    Args:
-        epoch: Instant of time zero.
-        seconds: Seconds since the epoch.
-    """
-    # rounded first: the digits beyond microseconds are cut off below
-    text = written(epoch.astimezone(UTC), round(seconds, 6))
-    return f"{text[:-4]}Z"
+    return written(epoch, estimate.value)
 
 
 @dataclass(frozen=True)

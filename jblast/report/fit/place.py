@@ -20,9 +20,9 @@ from jblast.inference.fitting.place import (
     place_draws,
     rests_on_clocks,
     shock_rings,
-    utc,
 )
 from jblast.inference.posterior.parameters import Estimate
+from jblast.observations.instants import written
 from jblast.observations.places import Frame
 from jblast.report.fit.rows import Accepted, outlier_rows
 from jblast.report.words import law_words, printed_number
@@ -103,10 +103,10 @@ def _time(fit: Fit, name: str) -> str:
     half = 0.5 * (estimate.q95 - estimate.q05)
     if not half > 0.0:
         value = float(fit.origin_time[0])
-        return f"{utc(epoch, value)[:-1].replace('T', ' ')} UTC"
+        return f"{written(epoch, value)[:-1].replace('T', ' ')} UTC"
     # datetime has six decimals of a second
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 6)
-    text = utc(epoch, round(estimate.value, decimals))[:-1].replace("T", " ")
+    text = written(epoch, round(estimate.value, decimals))[:-1].replace("T", " ")
     text = text[: len(text) - 6 + decimals] if decimals else text[:-7]
     return f"{text} UTC ± {half:.{decimals}f} s (90 %)"
 

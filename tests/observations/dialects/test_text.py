@@ -53,8 +53,8 @@ def test_quoted_decimal_commas_are_read_between_commas(log):
 @pytest.mark.parametrize(
     ("value", "sigma", "said"),
     [
-        ("1,234", "1", "may be 1.234 or 1234"),
-        ("1.234", "1", "may be 1.234 or 1234"),
+        ("1,234", "1", "expected 1.234 .* or 1234"),
+        ("1.234", "1", "expected 1.234 .* or 1234"),
         ("1,234", "0.5", "no mark between thousands, and decimals as in 0.5"),
         ("1.234", "0,5", "no mark between thousands, and decimals as in 0,5"),
         ("1.234,5", "1", "without marks between thousands"),
