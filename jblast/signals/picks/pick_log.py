@@ -114,13 +114,10 @@ def log_of(
         left_out += [LeftOut(names[at], lost, reason) for reason, lost in gone.items()]
         made = [_row(one, quantity, shot, names[at]) for quantity in kept]
         rows += made
-        together = [row.quantity for row in made if not row.is_bound]
-        if len(together) > 1:
-            try:
-                covariances.append(covariance_of(one, names[at], together))
-            # not positive definite, as at an optimum at the edge of a sample
-            except ValueError:
-                independent.append(names[at])
+        shared = _covariances(one, names[at], kept)
+        covariances += shared
+        if not shared and sum(not row.is_bound for row in made) > 1:
+            independent.append(names[at])
     count = len(set(shots.values()))
     observations = _observations(rows, found, stations, comments)
     observations = replace(observations, covariances=tuple(covariances))
@@ -290,7 +287,7 @@ def picked_log(
     for row, one in zip(rows, picks, strict=True):
         kept, _ = kept_quantities(one)
         parts.append(_rows(observations, row, one, kept))
-        covariances += (covariance_of(one, observations.records()[row], kept),)
+        covariances += _covariances(one, observations.records()[row], kept)
     return replace(_joined(observations, parts), covariances=covariances, epoch=epoch)
 
 
@@ -400,6 +397,18 @@ def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
     if quantity == PEAK and one.pick.lower_bound:
         return one.pick.clipped_at_pa - one.pick.baseline_pa, one.pick.noise_pa
     return getattr(one.pick, quantity), one.pick.sd(quantity)
+
+
+def _covariances(
+    one: RecordPick, record: str, kept: Sequence[str]
+) -> tuple[RecordCovariance, ...]:
+    """Return the covariance of a pick's rows, if there is one."""
+    try:
+        shared = covariance_of(one, record, kept)
+    # not positive definite
+    except ValueError:
+        return ()
+    return (shared,) if len(shared.quantities) > 1 else ()
 
 
 def covariance_of(
