@@ -402,13 +402,13 @@ def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
 def _covariances(
     one: RecordPick, record: str, kept: Sequence[str]
 ) -> tuple[RecordCovariance, ...]:
-    """Return the covariance of a pick's rows, if there is one."""
-    try:
-        shared = covariance_of(one, record, kept)
-    # not positive definite
-    except ValueError:
+    """Return the covariance of a pick's rows, if they have one."""
+    if len(kept) - (one.pick.lower_bound and PEAK in kept) < 2:
         return ()
-    return (shared,) if len(shared.quantities) > 1 else ()
+    try:
+        return (covariance_of(one, record, kept),)
+    except ValueError:  # not positive definite
+        return ()
 
 
 def covariance_of(
