@@ -109,9 +109,9 @@ def test_each_record_becomes_four_rows_with_their_covariance(tmp_path):
 def test_quantities_that_a_record_does_not_identify_have_no_row(tmp_path):
     log = made(tmp_path, TWO[0])
     lines = (tmp_path / "g01.csv").read_text().splitlines(keepends=True)
-    # 5 ms of a positive phase of 13 ms from 0.2022 s on
+    # 10 ms of a positive phase of 13 ms from 0.2022 s on
     (tmp_path / "g01.csv").write_text(
-        "".join(lines[: 4 + int((0.2072 - 0.17715) * 20_000)])
+        "".join(lines[: 4 + int((0.2122 - 0.17715) * 20_000)])
     )
     picked = picked_log(read(log))
     assert picked.quantity == ("air_arrival_s", "peak_overpressure_pa")
