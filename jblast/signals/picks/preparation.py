@@ -191,7 +191,7 @@ def first_front(x: Float[np.ndarray, " sample"]) -> int:
         at, row, size = found
         earlier = (0, 0, 0.0)
         for k, w in enumerate(widths[: row + 1]):
-            before = steps[k, : max(at - max(2 * w, 2 * widths[row]), 0)]
+            before = steps[k, : max(at - 2 * w, 0)]
             if before.size and before.max() > earlier[2]:
                 i = int(np.argmax(before))
                 earlier = (i, k, before[i])
