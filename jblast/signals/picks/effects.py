@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jblast.signals.picks.preparation import BANK, BEHIND_DURATIONS, Window
+from jblast.signals.picks.preparation import BANK, Window
 from jblast.signals.picks.pulse import (
     CONTINUED,
     CUBIC,
@@ -71,7 +71,6 @@ class Effect:
         starts: Unknowns from which a search begins, given the best trial of the scan.
         suspected: True for a sign that no scan shows.
         all_forms: True if all forms are tried with it.
-        reach: End of its window behind the front, in durations.
     """
 
     name: str
@@ -84,7 +83,6 @@ class Effect:
     starts: Callable = lambda window, best, trial: None
     suspected: Callable = lambda best: False
     all_forms: bool = True
-    reach: float = BEHIND_DURATIONS
 
     @property
     def ln_width(self) -> float:
@@ -176,7 +174,7 @@ def _second_starts(window: Window, best, trial):
 
 
 def _shift(window: Window, arrival, relaxation):
-    """Return means of 1 - exp(-t/T), a shift of the zero that takes a time T."""
+    """Return means of 1 - exp(-t/T), a shift of the zero within a time T."""
     since = np.maximum(window.ends - arrival[:, None], 0)
     late = relaxation[:, None]
     return (np.diff(since + late * np.expm1(-since / late)) / window.widths)[:, None]
@@ -316,5 +314,4 @@ HIGH_PASSED = Effect(
     starts=_passed_starts,
     # the formula that continues below zero looks like any other pulse behind one
     suspected=lambda best: best.negative[0] == CONTINUED,
-    reach=HIGH_PASS_REACH,
 )

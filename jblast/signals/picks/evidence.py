@@ -30,6 +30,7 @@ from jaxtyping import Float, Int
 
 from jblast.signals.picks.effects import (
     EFFECTS,
+    HIGH_PASS_REACH,
     HIGH_PASSED,
     NOTHING,
     Effect,
@@ -75,13 +76,22 @@ FURTHER_STEP = 0.5
 """Largest change of an unknown in one step, where the expansion is about right."""
 DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4])
 """Differences for slopes, far above rounding and below any curvature."""
+ROUNDING = 1e-14
+"""Damping of every system, relative to its diagonal, so that none is singular."""
 ENOUGH = 0.05
 """Expected gain in ln evidence at which a search ends."""
 HOPELESS = 20.0
 """Lag in ln evidence behind the best at which a search is given up: the final weight
 would be below 1e-8."""
-LIKELY = 6.0
-"""Lag behind the best negative phase up to which all rises are tried with it."""
+LIKELY, LIKELY_END = 6.0, 12.0
+"""Lags behind the best negative phase up to which all rises are tried with it, and
+behind the best first end up to which all negative phases are, in ln evidence: the end
+of another length may be ahead with its own form."""
+LIKELY_EFFECT, HOPELESS_EFFECT = 3.0, 10.0
+"""Lags behind the best mode without an effect up to which all forms are tried with the
+effect, and beyond which its search is given up."""
+FORM_STEPS = 8
+"""Steps of a search from the end of a similar form."""
 LEAST_SIGN = 4.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
 searched. Noise has it in one record of three for a ring; the odds decide, not the
@@ -189,6 +199,24 @@ def hypotheses(unknowns, rise, negative, effect=NOTHING, instants=False) -> Hypo
     return Hypotheses(unknowns, rise, negative, ln_prior, effect, instants)
 
 
+def _unit_diagonal(matrices, damping):
+    """Return matrices scaled to a unit diagonal, to which damping is added; and scales.
+
+    Columns differ by many orders of magnitude if bins are clipped or noise is small.
+    """
+    scale = 1 / np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
+    unit = matrices * scale[:, :, None] * scale[:, None, :]
+    index = np.arange(scale.shape[1])
+    unit[:, index, index] += damping
+    return unit, scale
+
+
+def _solved(matrices, right, damping):
+    """Return the solution of each positive system of equations, damped."""
+    unit, scale = _unit_diagonal(matrices, damping)
+    return np.linalg.solve(unit, (right * scale)[..., None])[..., 0] * scale
+
+
 def _linear_prior(peak: float, effect: Effect) -> Float[np.ndarray, "amount amount"]:
     """Return the precision of peak, suction, changes, further columns and drift."""
     changes, more = (
@@ -239,7 +267,7 @@ def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
     prior = _linear_prior(peak, effect)
     normal = model @ model.transpose(0, 2, 1) + prior
     right = model @ window.data
-    c = np.linalg.solve(normal, right[..., None])[..., 0]
+    c = _solved(normal, right, ROUNDING)
     held = np.flatnonzero(window.held)
     bounds = None
     if held.size:
@@ -328,7 +356,7 @@ def _bounded(window: Window, columns, held, normal, right, c) -> _Bounds:
             to = (c[:, None] @ rows)[:, 0] - short
             with_bounds = normal + rows @ rows.transpose(0, 2, 1)
             pulled = right + (rows @ to[..., None])[..., 0]
-            c = np.linalg.solve(with_bounds, pulled[..., None])[..., 0]
+            c = _solved(with_bounds, pulled, ROUNDING)
     return _Bounds(c, short, slope * sign, rows)
 
 
@@ -346,19 +374,16 @@ def search(
     here = evaluate(window, start[np.arange(len(start))])  # a copy
     many, p = here.unknowns.shape
     damping, stalled = np.full(many, 0.03), np.zeros(many, int)
-    done, diagonal = ~np.isfinite(here.cost), np.arange(p)
+    done = ~np.isfinite(here.cost)
     largest = np.append(LONGEST_STEP, np.full(p - 5, FURTHER_STEP))
     for step in range(steps):
         some = np.flatnonzero(~done)
         if not some.size:
             break
         normal, slope = here.normal[some], here.slope[some]
-        scale = 1 / np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-        normal = normal * scale[:, :, None] * scale[:, None, :]
-        normal[:, diagonal, diagonal] += damping[some, None]
-        right = np.zeros(normal.shape[:2])
-        right[:, :p] = slope * scale[:, :p]
-        move = (np.linalg.solve(normal, right[..., None])[..., 0] * scale)[:, :p]
+        right, damped = np.zeros((2, *normal.shape[:2]))
+        right[:, :p], damped[:, :p] = slope, damping[some, None]
+        move = _solved(normal, right, damped + ROUNDING)[:, :p]
         move /= np.maximum(np.max(np.abs(move) / largest, axis=1), 1.0)[:, None]
         expected = 0.5 * np.sum(move * slope, axis=1)
         before = here[some]
@@ -385,9 +410,8 @@ def widening(window: Window, *groups: Modes) -> float:
 
 def covariance(modes: Modes) -> Float[np.ndarray, "mode row row"]:
     """Return the covariance of all unknowns of each, for noise as stated."""
-    scale = 1 / np.sqrt(np.diagonal(modes.normal, axis1=1, axis2=2))
-    both = scale[:, :, None] * scale[:, None, :]
-    return np.linalg.inv(modes.normal * both) * both
+    unit, scale = _unit_diagonal(modes.normal, ROUNDING)
+    return np.linalg.inv(unit) * scale[:, :, None] * scale[:, None, :]
 
 
 def levels(window: Window, modes: Modes, widened: float) -> Float[np.ndarray, " mode"]:
@@ -422,7 +446,8 @@ def _starts(window: Window, member: int) -> Hypotheses:
     trials[:, 3] = np.minimum(trials[:, 3], trials[:, 1] + np.log(0.4))
     tails = grid[:, 2].astype(int)
     tried = evaluate(window, hypotheses(trials, SMOOTH, tails), slopes=False)
-    chosen = _distinct(trials[:, 1], tails, np.argsort(tried.cost), 0.3)[:STARTS]
+    chosen = _distinct(trials[:, 1], tails, np.argsort(tried.cost), OTHER_LENGTH)
+    chosen = chosen[:STARTS]
     return hypotheses(trials[chosen], SMOOTH, tails[chosen])
 
 
@@ -436,7 +461,7 @@ def _distinct(length, form, order, apart) -> list[int]:
 
 
 def modes_of(
-    record: Prepared, *, longest: float = np.inf, until: int | None = None
+    record: Prepared, *, longest: float = np.inf, until: float = np.inf
 ) -> tuple[Window, list[Modes]]:
     """Return all hypotheses worth a weight, in groups of one effect and one sampling.
 
@@ -465,7 +490,7 @@ def modes_of(
 
 
 def _ends_in(
-    record: Prepared, duration: float, member: int, until: int | None
+    record: Prepared, duration: float, member: int, until: float
 ) -> tuple[Window, Modes]:
     """Return a window and the ends of the first searches in it."""
     window = record.window(duration, until=until)
@@ -481,10 +506,10 @@ def _duration(groups: list[Modes]) -> float:
     return float(np.exp(best.unknowns[int(np.argmin(best.cost)), 1]))
 
 
-def _leaves(window: Window, groups: list[Modes], until: int | None) -> bool:
+def _leaves(window: Window, groups: list[Modes], until: float) -> bool:
     """Return True if a pulse that fits has another length than its window is for."""
     ratio = _duration(groups) / window.duration
-    fits = until is None and widening(window, *groups) < MISFIT
+    fits = np.isinf(until) and widening(window, *groups) < MISFIT
     return fits and not 0.6 < ratio < 1.7
 
 
@@ -493,7 +518,7 @@ def _all_forms(window: Window, best: Modes) -> Modes:
     # ends of one length are one, since all negative phases are tried from each
     length, order = best.unknowns[:, 1], np.argsort(best.cost)
     ends = best[_distinct(length, np.zeros(len(best)), order, SAME_LENGTH)[:3]]
-    ends = ends[ends.cost <= ends.cost[0] + 12 * widening(window, ends)]
+    ends = ends[ends.cost <= ends.cost[0] + LIKELY_END * widening(window, ends)]
     many = len(NEGATIVES)
     unknowns = np.repeat(ends.unknowns, many, axis=0)
     forms = np.tile(np.arange(many), len(ends))
@@ -527,7 +552,7 @@ def _at_instants(window: Window, plain: Modes) -> list[Modes]:
     left = np.maximum(1 - longer / np.exp(unknowns[:, 1]), 0.1)
     unknowns[:, 3] = np.log(longer / left)
     start = hypotheses(unknowns, rise, plain.negative[best], instants=True)
-    found = search(window, start, 8)
+    found = search(window, start, FORM_STEPS)
     # both samplings are equally probable; these stand for all modes of the other
     rest = np.logaddexp.reduce(level) - np.logaddexp.reduce(level[best])
     return [replace(found, ln_prior=found.ln_prior + rest)]
@@ -569,10 +594,12 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
             halves = np.split(evaluate(window, trials, slopes=False).cost, 2)
             places = [int(np.argmin(half)) for half in halves]
             trials = trials[[places[0], len(halves[0]) + places[1]]]
-        found = search(window, trials, 20, against=best.cost[0] + 10 * widened)
+        found = search(
+            window, trials, 20, against=best.cost[0] + HOPELESS_EFFECT * widened
+        )
         reached = levels(window, found, widened)
         end = found[[int(np.argmax(reached))]]
-        if effect.all_forms and reached.max() > level.max() - 3:
+        if effect.all_forms and reached.max() > level.max() - LIKELY_EFFECT:
             # the best forms without the effect may only imitate it
             found = _forms_with(window, end)
         if reached.max() > level.max():
@@ -592,14 +619,14 @@ def _forms_with(window: Window, found: Hypotheses) -> Modes:
     many, effect = len(NEGATIVES), found.effect
     unknowns = np.repeat(found.unknowns, many, axis=0)
     start = hypotheses(unknowns, found.rise[0], np.arange(many), effect)
-    tails = search(window, start, 8)
+    tails = search(window, start, FORM_STEPS)
     best = tails[[int(np.argmin(tails.cost))]]
     rise = np.setdiff1d(np.arange(len(RISES)), found.rise)
     unknowns = np.repeat(best.unknowns, rise.size, axis=0)
     same = np.full(rise.size, found.rise[0])
     unknowns[:, :5] = moved(unknowns[:, :5], same, rise)
     start = hypotheses(unknowns, rise, best.negative[0], effect)
-    return joined(tails, search(window, start, 8))
+    return joined(tails, search(window, start, FORM_STEPS))
 
 
 @dataclass(frozen=True)
@@ -632,7 +659,7 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     level = levels(window, plain, widening(window, plain))
     best = plain[[int(np.argmax(level))]]
     duration = float(np.exp(best.unknowns[0, 1]))
-    end = int(min(record.front + HIGH_PASSED.reach * duration, record.samples.size))
+    end = int(min(record.front + HIGH_PASS_REACH * duration, record.samples.size))
     if record.bound.any() or record.high_pass is not None:
         return None
     net = abs(record.samples[record.quiet : end].sum())
@@ -642,7 +669,7 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     )
     if net > NET_SD * sd + NET_SHARE * impulse:
         return None
-    far = record.window(duration, reach=HIGH_PASSED.reach)
+    far = record.window(duration, reach=HIGH_PASS_REACH)
     far.peak = window.peak
     there = search(far, best, 4)
     sign, _ = _sign(far, HIGH_PASSED, there)

@@ -155,12 +155,13 @@ class Pick:
 
     Attributes:
         air_arrival_s: Start of the rise, on the clock of the samples [s].
-        peak_overpressure_pa: Overpressure behind the front [Pa]. positive_duration_s:
-        Duration of the positive phase, rise included [s]. positive_impulse_pa_s:
-        Impulse of the positive phase [Pa s]. decay: Friedlander's $b$ behind the rise
-        [-]. rise_time_s: Rise time from zero to the peak; of an exponential rise to 95
-        % [s]. negative_pressure_pa: Greatest underpressure; noise may make it negative
-        in a
+        peak_overpressure_pa: Overpressure behind the front [Pa].
+        positive_duration_s: Duration of the positive phase, rise included [s].
+        positive_impulse_pa_s: Impulse of the positive phase [Pa s].
+        decay: Friedlander's $b$ behind the rise [-].
+        rise_time_s: Rise time from zero to the peak; of an exponential rise to 95 %
+            of it [s].
+        negative_pressure_pa: Greatest underpressure; noise may make it negative in a
             record without a negative phase [Pa].
         negative_duration_s: Duration of the negative phase [s].
         covariance: Covariance of arrival [s], ln peak, ln duration and ln impulse.
@@ -518,16 +519,17 @@ class _Found(NamedTuple):
     """Arguments of the tests of notes."""
 
     fit: _Fit
-    record: Prepared
     values: Float[np.ndarray, " 8"]
     sd: Float[np.ndarray, " 8"]
 
+    @property
+    def record(self) -> Prepared:
+        """The record."""
+        return self.fit.window.record
+
     def shows(self, effect: str) -> bool:
         """Return True if an effect is probable."""
-        return (
-            self.fit.share(lambda modes: np.array(modes.effect.name == effect))
-            > PROBABLE
-        )
+        return self.fit.share(lambda m: np.array(m.effect.name == effect)) > PROBABLE
 
     def is_found(self) -> bool:
         """Return True if there is a pulse."""
@@ -623,7 +625,7 @@ def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
     if not fit.groups:
         return _nothing_found(record)
     mean, covariance = _moments(fit)
-    found = _Found(fit, record, mean, np.sqrt(np.diag(covariance)))
+    found = _Found(fit, mean, np.sqrt(np.diag(covariance)))
     notes: tuple[NoteKind, ...]
     notes = tuple(kind for kind, row in NOTES.items() if row.test(found))
     if "nothing_found" in notes:

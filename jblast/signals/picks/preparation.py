@@ -376,7 +376,7 @@ class Prepared:
         power += np.sum(self.powers[1:] * (1 + RHO) / (1 - RHO))
         return float(power * (samples + samples**2 / max(self.quiet, 1)))
 
-    def window(self, duration, *, reach=BEHIND_DURATIONS, until=None) -> "Window":
+    def window(self, duration, *, reach=BEHIND_DURATIONS, until=np.inf) -> "Window":
         """Return the whitened bins about a pulse of a duration.
 
         Args:
@@ -384,8 +384,8 @@ class Prepared:
             reach: End of the window behind the front, in durations.
             until: Sample at which it ends at the latest.
         """
-        end = self.samples.size if until is None else until
-        last = min(self.front + max(reach * duration, LEAST_BEHIND), end)
+        reach = max(reach * duration, LEAST_BEHIND)
+        last = min(self.front + reach, until, self.samples.size)
         first = self.front - max(BEFORE_DURATIONS * duration, LEAST_BEFORE)
         inside = (self.front + FIRST >= max(first, 0)) & (
             self.front + FIRST + WIDTH <= last

@@ -78,6 +78,27 @@ def test_in_noise_alone_and_in_nothing_nothing_is_found(level):
         assert np.isnan(found.air_arrival_s)
 
 
+@pytest.mark.parametrize("seed", range(24))
+def test_short_clipped_and_odd_records_are_picked_or_poor(seed):
+    # windows may be empty here, and systems of equations singular
+    rng = np.random.default_rng(seed)
+    count = int(rng.choice([16, 17, 20, 33, 200]))
+    time = np.arange(count, dtype=float)
+    since = time - rng.uniform(-5, count + 2)
+    long = np.exp(rng.uniform(0, np.log(count)))
+    decay = np.exp(-np.maximum(since, 0) / long)
+    pulse = np.where(since >= 0, (1 - since / long) * decay, 0.0)
+    kinds = (
+        *(pulse, -pulse, np.round(3 * pulse), np.minimum(pulse, 0.3)),
+        *(1.0 * (since > 0), 1.0 * (time == count // 2)),
+    )
+    noise = 10.0 ** rng.uniform(-9, 0) * rng.standard_normal(count)
+    samples = 10.0 ** rng.uniform(-12, 12) * (kinds[seed % len(kinds)] + noise)
+    scale = float(np.abs(samples).max() * rng.choice([0.5, 1, 2]))
+    found = pick(time, samples, full_scale_pa=scale if seed % 2 else None)
+    assert found.quality == "poor" or np.isfinite(found.covariance).all()
+
+
 def test_a_faint_pulse_is_not_three_times_as_long_with_its_suction():
     off = []
     for samples in noisy(TRUTH, 0.25 * TRUTH.peak, 8):

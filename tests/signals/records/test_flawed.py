@@ -125,7 +125,10 @@ def test_what_comes_after_the_front_costs_neither_arrival_nor_peak(others, kind)
     one = others[kind]
     assert one.quality == "doubtful"
     assert abs(one.pick.air_arrival_s - ARRIVAL) < 2.0 * RESOLVED
-    assert one.pick.peak_overpressure_pa == pytest.approx(PEAK, rel=0.05)
+    # a step of the zero at the front and a heated gauge differ by it
+    sd = one.pick.sd("peak_overpressure_pa")
+    assert abs(one.pick.peak_overpressure_pa - PEAK) < max(0.05 * PEAK, 3 * sd)
+    assert sd < 0.2 * PEAK
     assert left_out(one) >= set(TIMES)
 
 
