@@ -381,9 +381,10 @@ def search(
         if not some.size:
             break
         normal, slope = here.normal[some], here.slope[some]
-        right, damped = np.zeros((2, *normal.shape[:2]))
-        right[:, :p], damped[:, :p] = slope, damping[some, None]
-        move = _solved(normal, right, damped + ROUNDING)[:, :p]
+        right, damped = np.zeros(normal.shape[:2]), np.full(normal.shape[:2], ROUNDING)
+        right[:, :p] = slope
+        damped[:, :p] += damping[some, None]
+        move = _solved(normal, right, damped)[:, :p]
         move /= np.maximum(np.max(np.abs(move) / largest, axis=1), 1.0)[:, None]
         expected = 0.5 * np.sum(move * slope, axis=1)
         before = here[some]
