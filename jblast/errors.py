@@ -231,14 +231,15 @@ def read_text(path: str | os.PathLike[str], expected: str) -> str:
     return decoded(read_bytes(path, expected), path, expected)
 
 
-def read_bytes(path: str | os.PathLike[str], expected: str) -> bytes:
-    """Return the content of a file.
+def read_bytes(path: str | os.PathLike[str], expected: str, octets: int = -1) -> bytes:
+    """Return the content of a file, or its first bytes.
 
     Raises:
         InputError: The file is missing or cannot be read.
     """
     try:
-        return Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            return file.read(octets)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; expected {expected}") from None
     except IsADirectoryError:

@@ -78,11 +78,8 @@ def stretches(recording: Recording) -> tuple[Stretches, ...]:
     """
     before, after = _lengths(recording.rate_hz)
     if recording.length <= before + after:
-        samples = recording.samples(0, recording.length)
-        return tuple(
-            Stretches((recording.stretch(channel, 0, own),), 0)
-            for channel, own in enumerate(samples)
-        )
+        channels = range(len(recording.names))
+        return tuple(Stretches((recording.record(one),), 0) for one in channels)
     bins = [_Bins(recording.rate_hz) for _ in recording.names]
     for _, block in recording.blocks():
         for channel, samples in zip(bins, block, strict=True):

@@ -17,7 +17,6 @@ def held(samples: np.ndarray, rate_hz: float = RATE) -> Recording:
     return Recording(
         source="m.wav",
         names=names,
-        labels=names,
         rate_hz=rate_hz,
         length=samples.shape[1],
         read=lambda start, stop: samples[:, start:stop],

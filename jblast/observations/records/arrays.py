@@ -90,13 +90,8 @@ def _group(
 ) -> Group:
     """Return the arrays of one group, with the rate that it or the file states."""
     units = {n: _text(_attributes(a).get("units", "")) for n, a in arrays.items()}
-    rates = {
-        f"variable {name}": array[...]
-        for name, array in arrays.items()
-        if name.rpartition(".")[2].lower() in RATES
-    }
-    for of in (f"{group}.", ""):
-        rates |= {key: held[of][key] for key in RATES if key in held.get(of, {})}
+    short = {name: name.rpartition(".")[2].lower() for name in arrays}
+    rates = {key: arrays[name][...] for name, key in short.items() if key in RATES}
     lengths = {
         max(array.shape)
         for name, array in arrays.items()
@@ -106,18 +101,17 @@ def _group(
     }
     columns = []
     for name, array in arrays.items():
-        own = {
-            key: _attributes(array)[key] for key in RATES if key in _attributes(array)
-        }
         # the last axis of the right length, or of the largest
         axis = max(
             range(len(array.shape)),
             key=lambda n, of=array.shape: (of[n] in lengths, of[n], n),
             default=None,
         )
-        if axis is None or f"variable {name}" in rates:
+        if axis is None or short[name] in rates:
             continue
-        length = array.shape[axis]
+        length, stated = array.shape[axis], [_attributes(array)]
+        if length not in lengths:
+            stated += [rates, held.get(f"{group}.", {}), held.get("", {})]
         columns.append(
             Column(
                 name=name,
@@ -126,22 +120,23 @@ def _group(
                 read=partial(_read, opened, name, axis),
                 channels=int(np.prod(array.shape)) // max(length, 1),
                 kind="variable",
-                clocks=(_rated(path, own),) if own else (),
+                clocks=_clocks(path, stated),
             )
         )
-    return Group(tuple(columns), _rated(path, rates) if rates else None)
+    return Group(tuple(columns))
 
 
-def _rated(path: Path, rates: dict[str, Any]) -> Clock:
-    """Return the clock of a sampling rate, the first of several."""
-    label, rate = next(iter(rates.items()))
-    values = np.asarray(rate).ravel()
-    if values.size != 1 or not (np.isfinite(values[0]) and values[0] > 0):
-        raise InputError(
-            f"{path}: {label}: expected one positive number, got "
-            f"{shown(values.tolist())}"
-        )
-    return Clock(float(values[0]))
+def _clocks(path: Path, stated: list[Mapping]) -> tuple[Clock, ...]:
+    """Return the clock of the first sampling rate; none without one."""
+    for key, rate in ((k, of[k]) for of in stated for k in RATES if k in of):
+        values = np.asarray(rate).ravel()
+        if values.size != 1 or not (np.isfinite(values[0]) and values[0] > 0):
+            raise InputError(
+                f"{path}: {key}: expected one positive number, got "
+                f"{shown(values.tolist())}"
+            )
+        return (Clock(float(values[0])),)
+    return ()
 
 
 def _read(
@@ -192,14 +187,7 @@ def _hdf5(path: Path):
     """Open HDF5, which NetCDF 4 and .mat from version 7.3 on are."""
     import h5py
 
-    try:
-        file = h5py.File(path)
-    except OSError as error:
-        kind = "a .mat file" if path.suffix.lower() == ".mat" else "HDF5 or NetCDF"
-        raise InputError(
-            f"{path}: expected {kind}, got a file that h5py cannot read ({error})"
-        ) from None
-    with file:
+    with h5py.File(path) as file:
         held: dict[str, Any] = {"": file.attrs}
 
         def visit(name: str, one: Any) -> None:

@@ -19,7 +19,6 @@ from jblast.errors import InputError, check_declared, closest, reading
 from jblast.lazy import resolved
 from jblast.observations.records.clips import VIDEOS
 from jblast.observations.records.recording import (
-    Channels,
     Group,
     Recording,
     Scaling,
@@ -155,15 +154,16 @@ def open_record(
     )
 
 
-def open_channels(path: str | os.PathLike[str]) -> tuple[Channels, ...]:
-    """Return the channels of pressure of a file, for their names.
+def open_channels(path: str | os.PathLike[str]) -> tuple[tuple[str, ...], ...]:
+    """Return the names of each channel of pressure of a file, before it is read.
 
     Raises:
         InputError: As for `open_record`.
     """
     path = Path(path)
     with warned(), reading(path, f"a complete {path.suffix} file"):
-        return channels_of(path, _groups(path, head=True))
+        found = channels_of(path, _groups(path, head=True))
+    return tuple(names for one in found for names in one.names)
 
 
 def _groups(path: Path, *, head: bool = False) -> tuple[Group, ...]:

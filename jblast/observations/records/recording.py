@@ -21,18 +21,22 @@ finer.
 import logging
 import math
 import re
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import partial
+from itertools import islice
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Num
 
-from jblast.errors import InputError, argument, reading, shown
+from jblast.errors import InputError, argument, read_bytes, reading, shown
 from jblast.units import NO_UNITS, sample_unit, spelt, word_and_unit
 
 BLOCK_SAMPLES = 2**20
@@ -54,11 +58,6 @@ makes it 2, jitter at most 1.5."""
 RATE_TOLERANCE = 0.01
 """Largest shift of the last sample by a rounded rate, in steps: far below the error of
 any arrival."""
-NOT_OF_THE_FILE = (
-    DeprecationWarning, PendingDeprecationWarning, FutureWarning, ImportWarning,
-    ResourceWarning,
-)  # fmt: skip
-"""Warnings of libraries that do not concern a file."""
 START = datetime(1970, 1, 1, tzinfo=UTC)
 """Zero of POSIX time."""
 BILLION = 1_000_000_000
@@ -127,7 +126,6 @@ class Recording:
         source: The file.
         names: Names of the channels: the stem of the file, or stem.channel with the
             channel's name in the file, or its number from 1.
-        labels: Names of the channels in messages: "channel 2", "column pressure_kpa".
         rate_hz: Sampling rate [Hz].
         length: Number of samples of each channel.
         read: Function that returns the samples in a range, the last one excluded, in
@@ -149,7 +147,6 @@ class Recording:
 
     source: str
     names: tuple[str, ...]
-    labels: tuple[str, ...]
     rate_hz: float
     length: int
     read: Callable[[int, int], Float[np.ndarray, "channel sample"]]
@@ -181,7 +178,7 @@ class Recording:
             return samples
         # transposed, so that the first one in time is reported
         channel, sample = np.argwhere(~np.isfinite(samples.T))[0][::-1]
-        where = f"{self.source}: {self.labels[channel]}"
+        where = f"{self.source}: {self.names[channel]}"
         if not np.isfinite(samples[channel]).any():
             raise InputError(f"{where}: expected samples, got no finite number")
         nth = max(start, 0) + int(sample)
@@ -213,15 +210,9 @@ class Recording:
     ) -> PressureRecord:
         """Return an interval of one channel, counted from 0, as a `PressureRecord`."""
         start, stop = max(start, 0), self.length if stop is None else stop
-        return self.stretch(channel, start, self.samples(start, stop)[channel])
-
-    def stretch(
-        self, channel: int, start: int, samples: Float[np.ndarray, " sample"]
-    ) -> PressureRecord:
-        """Return existing samples of a channel as a `PressureRecord`."""
         return PressureRecord(
             name=self.names[channel],
-            samples=samples,
+            samples=self.samples(start, stop)[channel],
             rate_hz=self.rate_hz,
             start_s=self.time_s(start),
             epoch=self.epoch,
@@ -239,16 +230,7 @@ def first_bytes(path: Path, expected: str) -> bytes:
     Raises:
         InputError: There is no such file, or it is empty or cannot be read.
     """
-    try:
-        with path.open("rb") as file:
-            start = file.read(8)
-    except OSError as error:
-        faults = {
-            FileNotFoundError: "no such file",
-            IsADirectoryError: "is a directory",
-        }
-        fault = faults.get(type(error), f"cannot be read ({error.strerror})")
-        raise InputError(f"{path}: {fault}; expected {expected}") from None
+    start = read_bytes(path, expected, 8)
     if not start:
         raise InputError(f"{path}: is empty; expected {expected}")
     return start
@@ -274,18 +256,16 @@ class Clock(NamedTuple):
         start_s: Time of the first sample from the file's own zero [s].
         zero: UTC of that zero, nanoseconds since 1970; None if unknown.
         begin: Its first sample within the column, of a column with gaps.
-        length: Number of samples; None for those of the column.
+        length: Number of samples; 0 for those of the column.
         offset: As in `Recording`.
-        notes: Notes, a sentence each.
     """
 
     rate_hz: float
     start_s: float = 0.0
     zero: int | None = None
     begin: int = 0
-    length: int | None = None
+    length: int = 0
     offset: Callable[[int], float] | None = None
-    notes: tuple[str, ...] = ()
 
 
 class Column(NamedTuple):
@@ -298,8 +278,8 @@ class Column(NamedTuple):
         read: Function that returns the samples in a range, in that unit.
         channels: Number of channels.
         kind: Word for it in messages: "variable".
-        clocks: Its own clocks, several of a column with gaps; without one a column of
-            times of the same length, or the clock of the group.
+        clocks: Its own clocks, several of a column with gaps; without one that of a
+            column of times of the same length.
         full_scale: Largest absolute value of a sample, in its unit; None if unknown.
         aliases: Other names of the channel.
         notes: Notes, a sentence each.
@@ -340,28 +320,18 @@ class Column(NamedTuple):
         """Its name for messages."""
         return f"{self.kind} {self.name}".strip()
 
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of its channels for messages."""
-        if self.channels == 1 and self.label != "channel":
-            return (self.label,)
-        numbers = (f"channel {number + 1}" for number in range(self.channels))
-        return tuple(f"{self.label}, {n}" if self.name else n for n in numbers)
-
 
 class Group(NamedTuple):
     """Columns that may have common times: a text, a struct, a group of a file.
 
     Attributes:
         columns: The columns.
-        clock: Clock of columns without times; None without one.
         notes: Notes, a sentence each.
         where: Position of the names, for messages: "line 3".
         line: As in `Recording`.
     """
 
     columns: tuple[Column, ...]
-    clock: Clock | None = None
     notes: tuple[str, ...] = ()
     where: str = ""
     line: Callable[[int], str] | None = None
@@ -373,14 +343,13 @@ class Channels(NamedTuple):
     Attributes:
         group: Its group.
         column: The column.
-        names: Names of its channels: the stem of the file, or stem.channel.
-        aliases: Other names of each.
+        names: Names of each channel, of which the first is used: the stem of the file,
+            or stem.channel.
     """
 
     group: Group
     column: Column
-    names: tuple[str, ...]
-    aliases: tuple[tuple[str, ...], ...]
+    names: tuple[tuple[str, ...], ...]
 
 
 def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
@@ -433,20 +402,16 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
         for number in range(column.channels)
     ]
     named = len(used) > 1 and len(set(words)) == len(words) and "" not in words
-    found, at = [], 0
+    found, numbered = [], enumerate(words, start=1)
     for group, column in used:
-        options = []
-        for number in range(at, at + column.channels):
-            word = words[number]
-            by_number = f"{path.stem}.{number + 1}" if len(words) > 1 else path.stem
+        names = []
+        for number, word in islice(numbered, column.channels):
+            by_number = f"{path.stem}.{number}" if len(words) > 1 else path.stem
             by_word = [f"{path.stem}.{word}", word] if word else []
             first = by_word[0] if named else by_number
-            own = dict.fromkeys([first, by_number, *by_word, *column.aliases])
-            options.append(tuple(own))
-        at += column.channels
-        names = tuple(own[0] for own in options)
-        aliases = tuple(own[1:] for own in options)
-        found.append(Channels(group, column, names, aliases))
+            names.append((first, by_number, *by_word, *column.aliases))
+        own = tuple(tuple(dict.fromkeys(one)) for one in names)
+        found.append(Channels(group, column, own))
     return tuple(found)
 
 
@@ -472,7 +437,7 @@ def recordings_of(
     notes = (f"left out, not pressure: {', '.join(others)}",) if others else ()
     recordings: list[Recording] = []
     clocks: dict[int, Clock] = {}
-    for group, column, names, aliases in found:
+    for group, column, names in found:
         where = f"{_place(path, group)}{column.label}"
         factor, calibrated = _scale(column, scaling, where)
         full_scale = column.full_scale and factor * column.full_scale
@@ -480,22 +445,22 @@ def recordings_of(
             epoch, start_s = None, clock.start_s
             if clock.zero is not None:
                 start = clock.zero + round(clock.start_s * BILLION)
-                epoch, start_s = epoch_and_start(start)
+                whole, part = divmod(start, BILLION)
+                epoch, start_s = START + timedelta(seconds=whole), part / BILLION
             recordings.append(
                 Recording(
                     source=str(path),
-                    names=names,
-                    labels=column.labels,
+                    names=tuple(own[0] for own in names),
                     rate_hz=clock.rate_hz,
-                    length=column.length if clock.length is None else clock.length,
-                    read=_scaled(column, clock.begin, factor),
+                    length=clock.length or column.length,
+                    read=partial(_scaled, column, clock.begin, factor),
                     start_s=start_s,
                     epoch=epoch,
                     calibrated=calibrated,
                     full_scale=full_scale,
-                    notes=(*group.notes, *column.notes, *clock.notes, *notes),
+                    notes=(*group.notes, *column.notes, *notes),
                     line=group.line,
-                    aliases=aliases,
+                    aliases=tuple(own[1:] for own in names),
                     offset=clock.offset,
                     own_start_s=clock.start_s,
                 )
@@ -514,13 +479,10 @@ def _listed(column: Column) -> str:
 
 
 def _scaled(
-    column: Column, begin: int, factor: float
-) -> Callable[[int, int], Float[np.ndarray, "channel sample"]]:
-    def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
-        samples = np.asarray(column.read(begin + start, begin + stop), np.float64)
-        return factor * np.atleast_2d(samples)
-
-    return read
+    column: Column, begin: int, factor: float, start: int, stop: int
+) -> Float[np.ndarray, "channel sample"]:
+    samples = np.asarray(column.read(begin + start, begin + stop), np.float64)
+    return factor * np.atleast_2d(samples)
 
 
 def _scale(column: Column, scaling: Scaling, where: str) -> tuple[float, bool]:
@@ -534,63 +496,42 @@ def _scale(column: Column, scaling: Scaling, where: str) -> tuple[float, bool]:
         return factor, True
     share = column.dimension == "share"
     given = scaling.full_scale_pa if share else scaling.sensitivity
-    # without a sensitivity volts are an error, counts are not: those may be normalized
-    # sound
-    if dimension == "voltage" and given is None:
+    if given is not None:
+        return factor * given, True
+    # counts without a sensitivity may be normalized sound
+    if dimension == "voltage":
         raise InputError(
             f"{where}: expected pressure, got {column.its_unit}; add the pascals per "
             f"volt, {argument('sensitivity')}"
         )
-    return (1.0, False) if given is None else (factor * given, True)
+    return 1.0, False
 
 
 def _clock(path: Path, group: Group, column: Column, known: dict[int, Clock]) -> Clock:
-    """Return the clock of a column by the times of its group, or that of the group.
+    """Return the clock of a column by the times of its group.
 
     Raises:
-        InputError: There is none, or several columns of time.
+        InputError: There is no column of time of the same length, or several.
     """
-    times = [
-        one
-        for one in group.columns
-        if one.dimension == "time" and one.channels == 1 and one.length == column.length
-    ]
-    if len(times) == 1:
-        (one,) = times
+    others = [one for one in group.columns if one is not column]
+    times = [one for one in others if one.dimension == "time" and one.channels == 1]
+    fitting = [one for one in times if one.length == column.length]
+    if len(fitting) == 1:
+        (one,) = fitting
         if id(one) not in known:
             known[id(one)] = _read_clock(path, group, one)
         return known[id(one)]
-    if group.clock is not None and not times:
-        return group.clock
-    names = [one for one in group.columns if one is not column]
-    where = _place(path, group)
-    dates = [
-        c
-        for c in names
-        if re.search(r"(^|[\s_])(date|utc|timestamp)\b", c.name.lower())
-    ]
-    if dates and not times:
-        raise InputError(
-            f"{where}{dates[0].label}: expected seconds or milliseconds since any "
-            "moment, as time_s or time_ms, got times of day; add such a column, and "
-            "the time of the first sample to the column start_utc of the table of "
-            "stations"
-        )
-    untimed = [c for c in names if re.match(r"(elapsed|time|t)\b", c.word.lower())]
-    untimed = [c for c in untimed if not c.its_unit]
-    if untimed and not times:
-        raise InputError(
-            f"{where}{untimed[0].label}: expected a unit of time, as in time_s or "
-            "time_ms, got none"
-        )
     got = ", ".join(
-        one.name + f" ({one.length})" * (one.length != column.length)
-        for one in times or names
+        one.name + f" ({one.length})" * (one.length not in (0, column.length))
+        for one in fitting or others
     )
+    days = "; times of day belong in column start_utc of the table of stations"
     raise InputError(
-        f"{where}{column.label}: expected one {column.kind} of time of its "
-        f"{column.length} samples, as time_s or time_ms, or a sampling rate, got "
+        f"{_place(path, group)}{column.label}: expected one {column.kind} of time of "
+        f"its {column.length} samples, as time_s or time_ms, or a sampling rate, got "
         f"{shown(got) if got else 'neither'}"
+        + days
+        * bool(re.search("date|utc|stamp", got.lower()))
     )
 
 
@@ -626,27 +567,25 @@ def _read_clock(path: Path, group: Group, column: Column) -> Clock:
 
 @contextmanager
 def warned() -> Iterator[list[str]]:
-    """Collect the warnings of a library that reads a file: logged, or Python's own."""
+    """Collect the warnings of a library that reads a file: logged, or Python's own.
+
+    They are in the list when the context ends.
+    """
     found: list[str] = []
-
-    class Handler(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            found.append(f"{record.name.split('.')[0]}: {record.getMessage()}")
-
-    handler, root = Handler(logging.WARNING), logging.getLogger()
-    root.addHandler(handler)
+    logged, root = BufferingHandler(sys.maxsize), logging.getLogger()
+    logged.setLevel(logging.WARNING)
+    root.addHandler(logged)
     try:
         with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
+            # others concern the library, not the file
+            warnings.simplefilter("ignore")
+            for category in (UserWarning, RuntimeWarning):
+                warnings.simplefilter("always", category)
             yield found
     finally:
-        root.removeHandler(handler)
-    # of the others the reader's author is the addressee
-    found += [
-        f"{one.category.__name__}: {one.message}"
-        for one in caught
-        if not issubclass(one.category, NOT_OF_THE_FILE)
-    ]
+        root.removeHandler(logged)
+    found += [f"{one.name.split('.')[0]}: {one.getMessage()}" for one in logged.buffer]
+    found += [f"{one.category.__name__}: {one.message}" for one in caught]
 
 
 def even_clock(
@@ -662,20 +601,16 @@ def even_clock(
         where: Function that names file and sample, for messages.
 
     Raises:
-        InputError: There are fewer than two times; one is not finite or not after the
+        InputError: There are fewer than two times; one is not finite, or not after the
             one before; some are missing; or one is off an even clock by `MAX_JITTER`.
     """
     if times_s.size < 2:
         raise InputError(
             f"{where(0)}: expected at least two samples, got {times_s.size}"
         )
-    bad = np.flatnonzero(~np.isfinite(times_s))
-    if bad.size:
-        raise InputError(
-            f"{where(int(bad[0]))}: expected a time, got {times_s[bad[0]]}"
-        )
     steps = np.diff(times_s)
-    back = np.flatnonzero(steps <= 0)
+    # also for times that are not finite
+    back = np.flatnonzero(~((steps > 0) & np.isfinite(steps)))
     if back.size:
         at = int(back[0]) + 1
         twice = " (with too few digits?)" if steps[at - 1] == 0 else ""
@@ -703,7 +638,7 @@ def even_clock(
     # the intercept of rounded times has noise in its last digits
     if abs(times_s[0] - start) < RATE_TOLERANCE * step:
         start = float(times_s[0])
-    return start, _round(1.0 / step, times_s.size)
+    return start, rounded(1.0 / step, RATE_TOLERANCE / times_s.size)
 
 
 def _line(times_s: Float[np.ndarray, " sample"]) -> tuple[float, float]:
@@ -716,21 +651,10 @@ def _line(times_s: Float[np.ndarray, " sample"]) -> tuple[float, float]:
     return first + float(since.mean() + slope * number[0]), slope
 
 
-def _round(rate_hz: float, samples: int) -> float:
-    """Return the rate with the fewest digits that move no sample."""
-    # printed times give 47999.9998 Hz where the recorder has 48000
-    for digits in range(1, 16):
-        rounded = float(f"{rate_hz:.{digits}g}")
-        if abs(rounded / rate_hz - 1.0) * samples < RATE_TOLERANCE:
-            return rounded
-    return rate_hz
+def rounded(rate_hz: float, tolerance: float) -> float:
+    """Return the rate with the fewest digits within a relative tolerance.
 
-
-def epoch_and_start(nanoseconds: int) -> tuple[datetime, float]:
-    """Return the whole second of a time (UTC), and the rest [s].
-
-    Args:
-        nanoseconds: Nanoseconds since the beginning of 1970, without leap seconds.
+    Printed times give 47999.9998 Hz where the recorder has 48000.
     """
-    whole, part = divmod(nanoseconds, BILLION)
-    return START + timedelta(seconds=whole), part / BILLION
+    options = (float(f"{rate_hz:.{digits}g}") for digits in range(1, 18))
+    return next(one for one in options if abs(one / rate_hz - 1.0) <= tolerance)

@@ -27,12 +27,12 @@ from jaxtyping import Num
 from jblast.errors import InputError, needed
 from jblast.observations.records.recording import (
     BILLION,
-    MAX_JITTER,
     RATE_TOLERANCE,
     START,
     Clock,
     Column,
     Group,
+    rounded,
 )
 
 IDEP = {6: "ground displacement", 7: "ground velocity", 8: "ground acceleration"}
@@ -144,7 +144,15 @@ def open_seismic(path: Path) -> tuple[Group, ...]:
     for name in names:
         rate_hz, label = _rate(stats[name]), f"trace {name}"
         samples, segments = _divided(f"{path}: {label}", held[name], rate_hz)
-        clocks = [_clock(label, zero, rate_hz, segment) for segment in segments]
+        clocks = [_clock(zero, rate_hz, segment) for segment in segments]
+        own = _gaps(segments)
+        # with gaps, the rate of the longest segment
+        longest = max(clocks, key=lambda clock: clock.length)
+        if longest.rate_hz != rate_hz:
+            own += (
+                f"{label}: {longest.rate_hz:.7g} Hz by the times of its records, "
+                f"{rate_hz:.7g} Hz in its header",
+            )
         columns.append(
             Column(
                 name=name,
@@ -154,7 +162,7 @@ def open_seismic(path: Path) -> tuple[Group, ...]:
                 kind="trace",
                 clocks=tuple(clocks),
                 aliases=(name, stats[name].station),
-                notes=_gaps(segments),
+                notes=own,
             )
         )
     return (Group(tuple(columns), notes=tuple(notes)),)
@@ -282,11 +290,10 @@ def _step(records: list[_Record], rate_hz: float) -> float:
     return step if abs(step / nominal - 1.0) < MAX_RATE_OFFSET else nominal
 
 
-def _clock(label: str, zero: int, rate_hz: float, segment: _Segment) -> Clock:
+def _clock(zero: int, rate_hz: float, segment: _Segment) -> Clock:
     """Return the clock of one segment of a trace.
 
     Args:
-        label: The trace.
         zero: Start of the file, nanoseconds since 1970.
         rate_hz: Rate in the header.
         segment: The segment.
@@ -294,23 +301,14 @@ def _clock(label: str, zero: int, rate_hz: float, segment: _Segment) -> Clock:
     first = np.array(segment.first)
     # relative to the first, as nanoseconds since 1970 exceed the digits of a float
     since = np.array([(at - segment.start[0]) / BILLION for at in segment.start])
-    notes, stated, shift, offset = (), rate_hz, 0.0, None
+    offset = None
     # the end of the last record is no time of the file
     off = np.abs(since - first / rate_hz)[:-1].max()
     if off > max(RATE_TOLERANCE / rate_hz, LEAST_TIME_S):
-        step, shift = np.polyfit(first[:-1], since[:-1], 1)
-        rate_hz = float(f"{1.0 / step:.9g}")
-        # the intercept has noise of the last digits of the times
-        shift = 0.0 if abs(shift) < RATE_TOLERANCE * step else float(shift)
-        notes = (
-            f"{label}: {rate_hz:.7g} Hz by the times of its records, {stated:.7g} Hz "
-            "in its header",
-        )
-        if np.abs(since - shift - first * step).max() > MAX_JITTER * step:
-            shift = 0.0
-            offset = partial(np.interp, xp=first, fp=since)
-    start_s = (segment.start[0] - zero) / BILLION + shift
-    return Clock(rate_hz, start_s, zero, segment.begin, int(first[-1]), offset, notes)
+        rate_hz = float(f"{first[-2] / since[-2]:.9g}")
+        offset = partial(np.interp, xp=first, fp=since)
+    start_s = (segment.start[0] - zero) / BILLION
+    return Clock(rate_hz, start_s, zero, segment.begin, int(first[-1]), offset)
 
 
 def _gaps(segments: list[_Segment]) -> tuple[str, ...]:
@@ -334,11 +332,8 @@ def _utc(nanoseconds: int) -> str:
 
 
 def _rate(stats: Any) -> float:
-    """Return the sampling rate in a header [Hz]."""
-    # SAC's step has 32 bits: the rate with the fewest digits that it cannot distinguish
-    rate_hz = stats.sampling_rate
-    roundings = (float(f"{rate_hz:.{digits}g}") for digits in range(1, 17))
-    return next(r for r in roundings if abs(r / rate_hz - 1.0) < SINGLE_SPACING)
+    """Return the sampling rate in a header [Hz], to the precision of SAC's step."""
+    return rounded(stats.sampling_rate, SINGLE_SPACING)
 
 
 def _unit(path: Path, label: str, stats: Any) -> str:

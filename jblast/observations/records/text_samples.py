@@ -125,9 +125,10 @@ def open_text(path: Path, octets: int = -1) -> tuple[Group, ...]:
             notes += (f"times by the preamble: {1 / step.rate_hz:.9g} s per sample",)
             clock = step if at is None else None
         for number, own in zip([*order, *samples], numbers, strict=True):
-            columns[number] = _filled(table, columns[number], own)
+            filled = _filled(table, columns[number], own)
+            columns[number] = filled._replace(clocks=(clock,) if clock else ())
     where, lines = f"line {table.header_line}", table.lines
-    return (Group(tuple(columns), clock, notes, where, lambda n: f"line {lines[n]}"),)
+    return (Group(tuple(columns), notes, where, lambda n: f"line {lines[n]}"),)
 
 
 def open_head(path: Path) -> tuple[Group, ...]:

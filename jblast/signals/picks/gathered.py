@@ -202,7 +202,7 @@ class _Reading:
         Raises:
             InputError: A channel has no station.
         """
-        held: dict[Path, list[tuple[str, tuple[str, ...]]]] = {}
+        held: dict[Path, list[tuple[str, list[str]]]] = {}
         for file in files:
             try:
                 found = open_channels(file)
@@ -214,8 +214,7 @@ class _Reading:
             except InputError as error:
                 self.refused.append((file, error))
                 continue
-            both = (zip(one.names, one.aliases, strict=True) for one in found)
-            held[file] = [pair for pairs in both for pair in pairs]
+            held[file] = [(name, aliases) for name, *aliases in found]
         folders = _folders(list(held))
         # a name that several channels have is the name of none
         shared = Counter(
@@ -350,7 +349,7 @@ def _long_enough(recordings: Sequence[Recording]) -> list[Recording]:
     for one in recordings:
         if one.names not in names:
             raise InputError(
-                f"{one.source}: {one.labels[0]}: expected {LEAST_SAMPLES} samples or "
+                f"{one.source}: {one.names[0]}: expected {LEAST_SAMPLES} samples or "
                 f"more, got {one.length}"
             )
     return long

@@ -20,7 +20,7 @@ def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
         ("a.wav", b"time_s,p_pa\n0,1\n", "a.wav: is not a sound file"),
         ("b.mseed", b"time_s,p_pa\n0,1\n", "b.mseed: expected miniSEED or SAC"),
         ("b.tdms", b"time_s,p_pa\n0,1\n", "b.tdms: expected TDMS"),
-        ("b.nc", b"time_s,p_pa\n0,1\n", "b.nc: expected HDF5 or NetCDF"),
+        ("b.nc", b"time_s,p_pa\n0,1\n", "b.nc: expected a complete .nc file"),
         ("b.mat", b"time_s,p_pa\n0,1\n" * 20, "b.mat: expected a .mat file"),
         ("b.csv", b"\x00\x01\xff" * 50, "b.csv: line 1: expected"),
     ):
@@ -53,9 +53,9 @@ def test_a_sample_that_is_no_number_is_named_when_it_is_read(tmp_path):
     soundfile.write(path, samples, 1000, subtype="FLOAT")
     (recording,) = open_record(path, Scaling(full_scale_pa=1.0))
     recording.samples(0, 40)
-    with pytest.raises(InputError, match=r"a.wav: channel 2, sample 41 \(0.04 s\)"):
+    with pytest.raises(InputError, match=r"a.wav: a.2, sample 41 \(0.04 s\)"):
         recording.samples(20, 60)
     samples[:, 0] = np.nan
     soundfile.write(path, samples, 1000, subtype="FLOAT")
-    with pytest.raises(InputError, match="channel 1: expected samples, got no finite"):
+    with pytest.raises(InputError, match="a.1: expected samples, got no finite"):
         recording.samples(0, 100)

@@ -65,7 +65,6 @@ def test_a_drifting_clock_is_that_of_the_records(tmp_path):
     assert found.rate_hz == pytest.approx(100.02, rel=1e-6)
     assert found.time_s(2500) == pytest.approx(2500 / 100.02, abs=2e-6)
     assert found.record(0, 2500).start_s == pytest.approx(2500 / 100.02, abs=2e-6)
-    assert found.offset is None
     assert found.notes == (
         "trace XX.D01..HDF: 100.02 Hz by the times of its records, 100 Hz in its "
         "header",
