@@ -414,11 +414,11 @@ def with_ambient(
     sound = read_sound(ambient.file)
     if (count := sound.samples.shape[1]) < 2:
         raise InputError(f"{ambient.file}: expected two or more samples, got {count}")
-    notes = [f"ambient sound: a loop of {ambient.file}, {sound.seconds:g} s"]
+    notes = [f"ambient sound: a loop of {ambient.file}, {count / sound.rate_hz:g} s"]
     notes += [f"ambient sound: {note}" for note in sound.notes]
     if len(sound.samples) > 1:
         notes.append(f"the first of its {len(sound.samples)} channels is used")
-    if 0 in sound.dead_channels:
+    if not sound.samples[0].any():
         notes.append("the ambient recording is silent")
     loop = ambient.full_scale * jnp.asarray(sound.samples[0])
     ambient = replace(ambient, loop=loop, loop_rate=float(sound.rate_hz))

@@ -20,7 +20,8 @@ import numpy as np
 from jblast.errors import InputError, argument, check_declared
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, observed
-from jblast.observations.records.clips import VIDEOS, created, has_sound, read_track
+from jblast.observations.records.clips import VIDEOS, created, has_sound
+from jblast.observations.records.formats import open_record
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
@@ -522,18 +523,19 @@ def _sound(file: str) -> SoundRecord:
     """Read a sound file, or the sound track of a clip from its first frame on."""
     if Path(file).suffix.lower() not in VIDEOS:
         return read_sound(file)
-    track = read_track(Path(file))
+    (track,) = open_record(file)
+    samples = track.samples(0, track.length)
     # silence before a late track keeps one time zero for sound and picture
     late = round(track.start_s * track.rate_hz)
     # a damaged file can state any start
-    check_declared(file, 4 * max(late, 0) * len(track.samples))
-    if -late >= track.samples.shape[1]:
+    check_declared(file, 4 * max(late, 0) * len(samples))
+    if -late >= track.length:
         raise InputError(
             f"{file}: expected sound with the picture, got sound that ends before the "
             "first frame"
         )
-    samples = np.pad(track.samples[:, max(-late, 0) :], ((0, 0), (max(late, 0), 0)))
-    return SoundRecord(samples, int(track.rate_hz), track.codec, ())
+    samples = np.pad(samples[:, max(-late, 0) :], ((0, 0), (max(late, 0), 0)))
+    return SoundRecord(samples, int(track.rate_hz))
 
 
 def _stations(file: str, sensors: Sequence[tuple[str, str]]) -> dict[str, Station]:

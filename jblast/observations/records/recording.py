@@ -482,7 +482,7 @@ def _scaled(
     column: Column, begin: int, factor: float, start: int, stop: int
 ) -> Float[np.ndarray, "channel sample"]:
     samples = np.asarray(column.read(begin + start, begin + stop), np.float64)
-    return factor * np.atleast_2d(samples)
+    return np.multiply(np.atleast_2d(samples), factor, order="C")
 
 
 def _scale(column: Column, scaling: Scaling, where: str) -> tuple[float, bool]:

@@ -36,7 +36,9 @@ from jblast.observations.records.recording import (
     Clock,
     Column,
     Group,
+    Scaling,
     first_bytes,
+    recordings_of,
 )
 
 if TYPE_CHECKING:
@@ -84,21 +86,12 @@ class SoundRecord(NamedTuple):
     Attributes:
         samples: Whole numbers as a share of full scale, -1 to 1; floats unchanged.
         rate_hz: Sampling rate of each channel [Hz].
-        subtype: Subtype in libsndfile: "PCM_24", "FLOAT".
-        dead_channels: Channels, counted from 0, that contain only zeros.
         notes: Notes of the reader, a sentence each.
     """
 
     samples: Float[np.ndarray, "channel sample"]
     rate_hz: int
-    subtype: str
-    dead_channels: tuple[int, ...]
     notes: tuple[str, ...] = ()
-
-    @property
-    def seconds(self) -> float:
-        """Duration [s]."""
-        return self.samples.shape[1] / self.rate_hz
 
 
 def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
@@ -109,13 +102,10 @@ def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
             samples, some that are not finite, or more than eight channels; or its
             compression is lossy.
     """
-    path = Path(path)
-    with opened_sound(path) as (file, header):
-        rate_hz, subtype, notes = file.samplerate, file.subtype, header.notes
-        samples = _samples(path, file, file.frames)
-    _check_finite(path, samples, rate_hz)
-    dead = tuple(int(i) for i in np.flatnonzero(~samples.any(axis=1)))
-    return SoundRecord(np.ascontiguousarray(samples), rate_hz, subtype, dead, notes)
+    (group,) = groups = open_sound(Path(path))
+    (one,) = recordings_of(Path(path), groups, Scaling())
+    samples = one.samples(0, one.length)
+    return SoundRecord(samples, int(one.rate_hz), group.columns[0].notes)
 
 
 def write_sound(
@@ -137,11 +127,6 @@ def write_sound(
     Raises:
         InputError: The format cannot store these samples, or there are none.
     """
-    samples = np.atleast_2d(np.asarray(samples))
-    if samples.ndim != 2 or samples.shape[1] == 0:
-        raise InputError(
-            f"{path}: expected samples [channel, sample], got the shape {samples.shape}"
-        )
     write_sound_stream(path, [samples], rate_hz, bits)
 
 
@@ -171,67 +156,59 @@ def write_sound_stream(
     """
     import soundfile
 
-    kind = format_of(path, bits)
-    whole_rate_hz = whole_rate(rate_hz, path)
-    packets = iter(packets)
-    first = next(packets, None)
-    if first is None:
-        raise InputError(f"{path}: expected samples to write, got none")
-    first = np.atleast_2d(np.asarray(first))
-    channels, written = len(first), 0
-    if channels > MAX_CHANNELS:
+    kind = Path(path).suffix.lower().removeprefix(".").upper()
+    if kind not in SUBTYPES:
+        raise InputError(f"{path}: expected a name in .wav or .flac")
+    if bits not in SUBTYPES[kind]:
+        expected = ", ".join(map(str, SUBTYPES[kind]))
         raise InputError(
-            f"{path}: expected at most {MAX_CHANNELS} channels, got {channels}"
+            f"{path}: expected bits of {kind} ({expected}), got {shown(bits)}"
+        )
+    whole_rate_hz = whole_rate(rate_hz, path)
+    arrays = (np.atleast_2d(np.asarray(packet)) for packet in packets)
+    first = next(arrays, np.zeros((1, 0)))
+    if first.ndim != 2 or len(first) > MAX_CHANNELS:
+        raise InputError(
+            f"{path}: expected samples [channel, sample] of at most {MAX_CHANNELS} "
+            f"channels, got the shape {first.shape}"
         )
     # bytes of one sample of all channels
-    step = channels * (4 if bits == "float" else bits // 8)
+    step, written = len(first) * (4 if bits == "float" else bits // 8), 0
     broken: BaseException | None = None
-    with (
-        replacing(path) as temporary,
-        undated(temporary),
-        soundfile.SoundFile(
+    with replacing(path) as temporary:
+        with soundfile.SoundFile(
             temporary,
             mode="w",
             samplerate=whole_rate_hz,
-            channels=channels,
+            channels=len(first),
             format=kind,
             subtype=SUBTYPES[kind][bits],
-        ) as file,
-    ):
-        try:
-            for packet in chain([first], packets):
-                codes = encoded(path, np.atleast_2d(np.asarray(packet)), bits)
-                if (written + codes.shape[1]) * step > MAX_BYTES:
-                    raise InputError(
-                        f"{path}: expected at most {MAX_BYTES // step:,} samples, "
-                        "the limit of a WAV file, got more; write a shorter one"
-                    )
-                file.write(codes.T)
-                written += codes.shape[1]
-        except BaseException as error:
-            if not written:
-                # nothing to keep: what was there before stays
-                raise
-            broken = error
+        ) as file:
+            try:
+                for packet in chain([first], arrays):
+                    if (written + packet.shape[1]) * step > MAX_BYTES:
+                        raise InputError(
+                            f"{path}: expected at most {MAX_BYTES // step:,} samples, "
+                            "the limit of a WAV file, got more; write a shorter one"
+                        )
+                    file.write(_encoded(path, packet, bits).T)
+                    written += packet.shape[1]
+            except BaseException as error:
+                broken = error
+        # nothing to keep: what was there before stays
+        if not written:
+            raise broken or InputError(f"{path}: expected samples to write, got none")
+        with temporary.open("r+b") as file:
+            head = file.read(256)
+            at = head.find(b"PEAK")
+            # libsndfile adds the date of writing to floats: two equal records would be
+            # different files. It follows the chunk's name, size and version
+            if head.startswith(b"RIFF") and at >= 0:
+                file.seek(at + 12)
+                file.write(bytes(4))
     if broken is not None:
         raise broken
     return written
-
-
-@contextmanager
-def undated(path: Path) -> Iterator[None]:
-    """Remove the date of writing from a WAV file, which libsndfile adds to floats.
-
-    With it, two equal records would be different files.
-    """
-    yield
-    with path.open("r+b") as file:
-        head = file.read(256)
-        at = head.find(b"PEAK")
-        # the date follows the sizes of the chunk's name, length and version
-        if head.startswith(b"RIFF") and at >= 0:
-            file.seek(at + 12)
-            file.write(bytes(4))
 
 
 def resampled(
@@ -262,22 +239,6 @@ def resampled(
     return resample_poly(samples, ratio.numerator, ratio.denominator, axis=-1)
 
 
-def _check_finite(
-    path: Path, samples: Float[np.ndarray, "channel sample"], rate_hz: int
-) -> None:
-    """Raise an error for samples that are not finite, with the first one."""
-    if np.isfinite(samples).all():
-        return
-    # in the order of time
-    bad = np.argwhere(~np.isfinite(samples.T))
-    sample, channel = (int(i) for i in bad[0])
-    raise InputError(
-        f"{path}: expected finite samples, got {samples[channel, sample]} in channel "
-        f"{channel + 1} at {sample / rate_hz:.6g} s (sample {sample + 1}; "
-        f"{len(bad):,} of {samples.size:,} in total)"
-    )
-
-
 def open_sound(path: Path) -> tuple[Group, ...]:
     """Return the channels of a sound file, before its samples are read.
 
@@ -293,7 +254,13 @@ def open_sound(path: Path) -> tuple[Group, ...]:
     def read(start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
         with opened_sound(path) as (opened, _):
             opened.seek(start)
-            return _samples(path, opened, stop - start)
+            samples = opened.read(stop - start, dtype="float64", always_2d=True).T
+        if samples.shape[1] < stop - start:
+            raise InputError(
+                f"{path}: is cut short: expected {stop - start} samples, got "
+                f"{samples.shape[1]}"
+            )
+        return samples
 
     column = Column(
         name="",
@@ -303,25 +270,9 @@ def open_sound(path: Path) -> tuple[Group, ...]:
         channels=channels,
         clocks=(Clock(rate_hz, 0.0, zero),),
         full_scale=LARGEST.get(file.subtype),
-        notes=(*header.notes, *notes),
+        notes=header.notes,
     )
-    return (Group((column,)),)
-
-
-def _samples(
-    path: Path, file: "soundfile.SoundFile", count: int
-) -> Float[np.ndarray, "channel sample"]:
-    """Return the next samples of an open file.
-
-    Raises:
-        InputError: There are fewer: the file is cut short.
-    """
-    samples = file.read(count, dtype="float64", always_2d=True).T
-    if samples.shape[1] < count:
-        raise InputError(
-            f"{path}: is cut short: expected {count} samples, got {samples.shape[1]}"
-        )
-    return samples
+    return (Group((column,), notes),)
 
 
 @contextmanager
@@ -348,7 +299,17 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
                 at, octets = header.fix
                 source[at : at + len(octets)] = octets
             file = stack.enter_context(soundfile.SoundFile(source))
-            check_kind(path, file.format, file.subtype, file.channels)
+            kind = file.format, file.subtype
+            if kind[0] not in FORMATS or kind[1] not in READ_SUBTYPES:
+                raise InputError(
+                    f"{path}: expected {EXPECTED} of 8 to 32 bits or float, got "
+                    f"{' '.join(kind)}"
+                )
+            if file.channels > MAX_CHANNELS:
+                raise InputError(
+                    f"{path}: expected at most {MAX_CHANNELS} channels, got "
+                    f"{file.channels}"
+                )
             check_declared(path, file.frames * file.channels)
             if file.frames == 0:
                 raise InputError(
@@ -372,41 +333,6 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
         raise InputError(fault) from None
 
 
-def check_kind(path: Path, kind: str, subtype: str, channels: int) -> None:
-    """Raise an error for lossy compression or too many channels.
-
-    Raises:
-        InputError: The file has one of these.
-    """
-    if kind not in FORMATS or subtype not in READ_SUBTYPES:
-        raise InputError(
-            f"{path}: expected {EXPECTED} of 8 to 32 bits or float, got {kind} "
-            f"{subtype}"
-        )
-    if channels > MAX_CHANNELS:
-        raise InputError(
-            f"{path}: expected at most {MAX_CHANNELS} channels, got {channels}"
-        )
-
-
-def format_of(path: str | os.PathLike[str], bits: Bits) -> str:
-    """Return the format by the name of a file.
-
-    Raises:
-        InputError: The name has no known suffix, or the format no samples of these
-            bits.
-    """
-    kind = Path(path).suffix.lower().removeprefix(".").upper()
-    if kind not in SUBTYPES:
-        raise InputError(f"{path}: expected a name in .wav or .flac")
-    if bits not in SUBTYPES[kind]:
-        expected = ", ".join(map(str, SUBTYPES[kind]))
-        raise InputError(
-            f"{path}: expected bits of {kind} ({expected}), got {shown(bits)}"
-        )
-    return kind
-
-
 def whole_rate(rate_hz: float | int, path: str | os.PathLike[str] | None = None) -> int:
     """Return a sampling rate as a whole number [Hz].
 
@@ -422,7 +348,7 @@ def whole_rate(rate_hz: float | int, path: str | os.PathLike[str] | None = None)
     return int(rate_hz)
 
 
-def encoded(
+def _encoded(
     path: str | os.PathLike[str], samples: Float[np.ndarray, "channel n"], bits: Bits
 ) -> Float[np.ndarray, "channel n"] | Int[np.ndarray, "channel n"]:
     """Return samples in a form that libsndfile writes without rounding.
@@ -433,23 +359,15 @@ def encoded(
     Raises:
         InputError: A sample is not finite, or beyond full scale for whole numbers.
     """
-    if bits == "float":
-        # what is too large is refused below
-        with np.errstate(over="ignore"):
-            samples = samples.astype(np.float32)
-    if not np.isfinite(samples).all():
-        channel, at = np.argwhere(~np.isfinite(samples))[0]
-        raise InputError(
-            f"{path}: expected finite samples to write, got {samples[channel, at]} at "
-            f"sample {at + 1} of channel {channel + 1}"
-        )
-    if bits == "float":
-        return samples
+    limit = float(np.finfo(np.float32).max) if bits == "float" else 1.0
     most = float(np.abs(samples).max(initial=0.0))
-    if most > 1.0:
+    # also if one is NaN
+    if not most <= limit:
         raise InputError(
-            f"{path}: expected samples from -1 to 1 of full scale, got {most:g}"
+            f"{path}: expected finite samples from {-limit:g} to {limit:g}, got {most}"
         )
+    if bits == "float":
+        return samples.astype(np.float32)
     scale = 2 ** (bits - 1)
     # 64 bits, as full scale of 32 bits overflows before the limit below
     codes = np.rint(samples.astype(np.float64) * scale).astype(np.int64)
@@ -484,32 +402,31 @@ def _header(path: Path) -> _Header:
         head = file.read(12)
         if not head.startswith((b"RIFF", b"RF64")) or len(head) < 12:
             return _Header()
-        whole, bext = 8 + struct.unpack("<I", head[4:8])[0], b""
-        form, at_long, long_size = "<I", 0, STREAMED
+        whole, bext, ds64 = 8 + struct.unpack("<I", head[4:8])[0], b"", None
         while len(head := file.read(8)) == 8:
             name, size = struct.unpack("<4sI", head)
             at = file.tell()
             if name == b"data":
-                if size == STREAMED and at_long:
-                    form, size = "<Q", long_size
-                elif size == STREAMED:
-                    return _Header(0, None, bext)
-                # other chunks behind no samples are within the size of the whole
-                if size == 0 and at < there != whole:
-                    right = there - at if form == "<Q" else min(there - at, STREAMED)
-                    fix = at_long if form == "<Q" else at - 4, struct.pack(form, right)
-                    note = "its header has no size: read to the end of the file"
-                    return _Header(0, fix, bext, (note,))
-                return _Header(max(at + size - there, 0), None, bext)
+                break
             if name == b"ds64":
-                whole, long_size = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
-                whole, at_long = whole + 8, at + 8
+                whole, long = struct.unpack("<QQ", file.read(16).ljust(16, b"\0"))
+                whole, ds64 = whole + 8, (at + 8, "<Q", long)
             if name == b"bext":
                 bext = file.read(min(size, BEXT_BYTES))
             # chunks begin at even positions
             file.seek(at + size + size % 2)
-    # the file ends before the header of its samples
-    return _Header(8 - len(head))
+        else:
+            # the file ends before the header of its samples
+            return _Header(8 - len(head))
+    rest, field, form = there - at, at - 4, "<I"
+    if size == STREAMED and ds64:
+        field, form, size = ds64
+    # other chunks behind no samples are within the size of the whole
+    if size == 0 < rest and there != whole:
+        right = struct.pack(form, rest if form == "<Q" else min(rest, STREAMED))
+        note = "its header has no size: read to the end of the file"
+        return _Header(0, (field, right), bext, (note,))
+    return _Header(0 if size == STREAMED else max(size - rest, 0), None, bext)
 
 
 def _start(

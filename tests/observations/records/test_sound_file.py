@@ -40,8 +40,7 @@ def test_what_another_program_wrote_is_read(tmp_path, kind, subtype, bits):
         samples = ramps(channels)
         soundfile.write(path, samples.T, 8000, subtype=subtype, format=kind)
         record = read_sound(path)
-        assert (record.rate_hz, record.subtype) == (8000, subtype)
-        assert (record.seconds, record.dead_channels) == (0.125, ())
+        assert (record.rate_hz, record.samples.shape) == (8000, (channels, 1000))
         # libsndfile writes 1 as the largest whole number and reads that as one step
         # less: up to a step and a half
         step = 2.0 ** (1 - bits) if bits else 0.0
@@ -70,16 +69,8 @@ def test_floats_are_pascals_as_they_stand(tmp_path):
     pascals = np.array([[0.0, 2e5, -1013.25, 1e-6]])
     write_sound(path, pascals, 192000)
     record = read_sound(path)
-    assert record.subtype == "FLOAT"
     np.testing.assert_array_equal(record.samples, pascals.astype(np.float32))
     assert record.samples.dtype == np.float64
-
-
-def test_a_dead_channel_is_told(tmp_path):
-    samples = ramps(3)
-    samples[1] = 0.0
-    write_sound(tmp_path / "a.wav", samples, 8000)
-    assert read_sound(tmp_path / "a.wav").dead_channels == (1,)
 
 
 @pytest.mark.parametrize(("kind", "subtype", "_"), SUBTYPES)
@@ -183,8 +174,8 @@ def broken(path):
         nine: "at most 8 channels, got 9",
         lossy: "8 to 32 bits or float, got WAV IMA_ADPCM",
         ogg: "got OGG VORBIS",
-        nan: "got nan in channel 2 at 0.05 s (sample 401; 2 of 2,000 in total)",
-        infinite: "got -inf in channel 2 at 0.05 s",
+        nan: "nan.2, sample 401 (0.05 s): expected a finite sample, got nan",
+        infinite: "infinite.2, sample 401 (0.05 s): expected a finite sample, got -inf",
     }
 
 
@@ -202,10 +193,10 @@ def test_what_cannot_be_written_is_refused_and_leaves_what_was_there(tmp_path):
     before = path.read_bytes()
     one = np.ones((1, 4))
     cases: tuple[tuple, ...] = (
-        ("no samples", path, one[:, :0], 8000, "float"),
-        ("no sample axis", path, np.ones((1, 1, 1)), 8000, "float"),
-        ("at most 8 channels", path, np.ones((9, 4)), 8000, "float"),
-        ("from -1 to 1 of full scale, got 1.5", path, 1.5 * one, 8000, 16),
+        ("samples to write, got none", path, one[:, :0], 8000, "float"),
+        ("got the shape (1, 1, 1)", path, np.ones((1, 1, 1)), 8000, "float"),
+        ("at most 8 channels, got the shape", path, np.ones((9, 4)), 8000, "float"),
+        ("from -1 to 1, got 1.5", path, 1.5 * one, 8000, 16),
         ("finite", path, np.nan * one, 8000, "float"),
         ("finite", path, 1e39 * one, 8000, "float"),
         ("whole number of samples a second, got 0.5 Hz", path, one, 0.5, "float"),
@@ -218,8 +209,7 @@ def test_what_cannot_be_written_is_refused_and_leaves_what_was_there(tmp_path):
     for words, file, samples, rate_hz, bits in cases:
         with pytest.raises(InputError) as refusal:
             write_sound(file, samples, rate_hz, bits)
-        known = {"no samples": "got the shape", "no sample axis": "got the shape"}
-        assert known.get(words, words) in str(refusal.value)
+        assert words in str(refusal.value)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["a.wav"]
 

@@ -1,10 +1,11 @@
 """Sound tracks of clips: their clock, and one log of several clips."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations.records.clips import read_track
 from jblast.observations.records.formats import open_record
 from jblast.signals.detect_files import (
     FilmDetections,
@@ -54,7 +55,7 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     cut = tmp_path / "cut.mp4"
     cut.write_bytes(paths[0].read_bytes()[:900])
     with pytest.raises(InputError, match=r"cut\.mp4: expected a complete video"):
-        read_track(cut)
+        open_record(cut)
 
 
 def test_the_time_of_creation_is_named_with_the_option_that_uses_it(
@@ -90,8 +91,8 @@ def test_sound_far_from_the_picture_is_not_searched(
     tmp_path, monkeypatch, start_s, said
 ):
     path = clip(tmp_path / "one.mp4")
-    track = read_track(path)._replace(start_s=start_s)
-    monkeypatch.setattr("jblast.signals.detect_files.read_track", lambda _: track)
+    tracks = [replace(one, start_s=start_s) for one in open_record(path)]
+    monkeypatch.setattr("jblast.signals.detect_files.open_record", lambda _: tracks)
     found = detect(path)
     assert isinstance(found, FilmDetections)
     assert said in found.notes[0]

@@ -134,7 +134,10 @@ HEAD = "time_s,pressure_kpa\n"
         (HEAD + "0,1\n", "expected at least two samples, got 1"),
         (HEAD, "line 1: .* got no numbers"),
         ("sensor,quantity,value\na,air_arrival_s,1\n", "is a log, which jblast fit"),
-        ("utc,pressure_kpa\n15:08:18,1\n", "got 'utc'; times of day belong in column start_utc"),
+        (
+            "utc,pressure_kpa\n15:08:18,1\n",
+            "got 'utc'; times of day belong in column start_utc",
+        ),
         ("0,1\n1,2\n", "line 1: expected names of columns"),
         ("time,pressure_pa\n0,1\n", "one column of time .* as time_s or .* got 'time'"),
         ("time_s,pressure\n0,1\n", "column pressure: expected a unit of pressure"),

@@ -206,7 +206,10 @@ STEPPED = "Sample interval,0.1\n"
         (STEPPED + "n,p_kpa\n0,1\n1,2\n2,2\n4,3\n", "line 6.* a gap of 0.2 s"),
         ("Model,X\nA,B\n0,1\n1,2\n", "expected pressure, .* got 'A, B'"),
         (STEPPED + "p_kpa\n" + "1\n" * 300 + "-\n", "line 303, column p_kpa: .*'-'"),
-        ("Date,Time,p_kpa\n1.2.26,12:00,1\n1.2.26,12:00,2\n", "got 'Date, Time'; times of day belong"),
+        (
+            "Date,Time,p_kpa\n1.2.26,12:00,1\n1.2.26,12:00,2\n",
+            "got 'Date, Time'; times of day belong",
+        ),
     ],
 )
 def test_a_preamble_does_not_hide_faults(tmp_path, body, said):
