@@ -287,8 +287,8 @@ class Column(NamedTuple):
 
     name: str
     unit: str
-    length: int
-    read: Callable[[int, int], Num[np.ndarray, "..."]]
+    length: int = 0
+    read: Callable[[int, int], Num[np.ndarray, "..."]] = lambda *_: np.zeros(0)
     channels: int = 1
     kind: str = "channel"
     clocks: tuple[Clock, ...] = ()

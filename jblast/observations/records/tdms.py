@@ -31,26 +31,18 @@ def open_tdms(path: Path) -> tuple[Group, ...]:
     nptdms = needed("nptdms", "tdms", path, "TDMS is read")
     # npTDMS would print its warnings, which are notes or errors here
     nptdms.log.log_manager.console_handler.setLevel(logging.ERROR)
-    try:
-        with nptdms.TdmsFile.open(path) as file:
-            cut = file.file_status.incomplete_final_segment
-            # LabVIEW writes channels without samples, too
-            held = [[c for c in group.channels() if len(c)] for group in file.groups()]
-            names = [channel.name for group in held for channel in group]
-            columns = [
-                tuple(
-                    _column(path, c, f"{c.group_name}." * (names.count(c.name) > 1))
-                    for c in group
-                )
-                for group in held
-            ]
-    # npTDMS has no exception of its own
-    except Exception as error:
-        raise InputError(
-            f"{path}: expected TDMS, got a file that npTDMS cannot read ({error})"
-        ) from None
-    if not names:
-        raise InputError(f"{path}: expected TDMS with channels, got none")
+    with nptdms.TdmsFile.open(path) as file:
+        cut = file.file_status.incomplete_final_segment
+        # LabVIEW writes channels without samples, too
+        held = [[c for c in group.channels() if len(c)] for group in file.groups()]
+        names = [channel.name for group in held for channel in group]
+        columns = [
+            tuple(
+                _column(path, c, f"{c.group_name}." * (names.count(c.name) > 1))
+                for c in group
+            )
+            for group in held
+        ]
     if cut:
         raise InputError(f"{path}: is cut short: its last segment is incomplete")
     return tuple(map(Group, columns))

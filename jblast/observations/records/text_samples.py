@@ -299,14 +299,11 @@ def _columns(table: Table, stated: _Stated) -> list[Column]:
         [*held, *[""] * (max(width, len(names)) - len(held))]
         for held in (names, table.units)
     )
-    empty = np.zeros(0)
     return [
         Column(
             name,
             # numbers of rows have no unit
             "" if spelt(unit) in COUNTS else unit,
-            0,
-            lambda *_: empty,
             kind="column" if name else f"column {at + 1}",
         )
         for at, (name, unit) in enumerate(zip(names, units, strict=False))
