@@ -9,13 +9,12 @@ length.
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import NamedTuple
 
-from jblast.errors import InputError, check_declared, closest, reading
+from jblast.errors import InputError, check_declared, nearest, reading
 from jblast.lazy import resolved
 from jblast.observations.records.clips import VIDEOS
 from jblast.observations.records.recording import (
@@ -48,9 +47,8 @@ class RecordFormat:
         suffixes: Suffixes of its files: (".wav", ".flac").
         open: Function of a path that returns its columns, or "module:name".
         head: The same from the beginning of a file, for their names; `open` if None.
-        beginnings: First bytes of its files, and the suffix for messages: a file of
-            another format's suffix that begins with them is refused.
-        inside: Names of formats in which its files may be written.
+        beginnings: First bytes of its files: a file of another format's suffix that
+            begins with them is refused.
         is_whole: True if a file is read whole, which limits its size.
     """
 
@@ -58,8 +56,7 @@ class RecordFormat:
     suffixes: tuple[str, ...]
     open: Opener | str
     head: Opener | str | None = None
-    beginnings: Mapping[bytes, str] = field(default_factory=dict)
-    inside: tuple[str, ...] = ()
+    beginnings: tuple[bytes, ...] = ()
     is_whole: bool = False
 
 
@@ -70,7 +67,7 @@ RECORD_FORMATS = Registry[RecordFormat](
         name="sound",
         suffixes=(".wav", ".flac"),
         open=f"{_FOLDER}.sound:open_sound",
-        beginnings={b"RIFF": ".wav", b"RF64": ".wav", b"fLaC": ".flac"},
+        beginnings=(b"RIFF", b"RF64", b"fLaC"),
     ),
     RecordFormat(
         name="csv",
@@ -95,26 +92,27 @@ RECORD_FORMATS = Registry[RecordFormat](
         name="tdms",
         suffixes=(".tdms",),
         open=f"{_FOLDER}.tdms:open_tdms",
-        beginnings={b"TDSm": ".tdms"},
+        beginnings=(b"TDSm",),
     ),
     RecordFormat(
         name="netcdf",
         suffixes=(".nc", ".nc4", ".h5", ".hdf5", ".hdf", ".cdf"),
         open=f"{_FOLDER}.arrays:open_arrays",
-        beginnings={b"\x89HDF": ".h5", b"CDF": ".nc"},
+        beginnings=(b"\x89HDF", b"CDF"),
     ),
     RecordFormat(
         name="matlab",
         suffixes=(".mat",),
         open=f"{_FOLDER}.arrays:open_arrays",
-        beginnings={b"MATLAB": ".mat"},
         # version 7.3 is HDF5
-        inside=("netcdf",),
+        beginnings=(b"MATLAB", b"\x89HDF"),
         is_whole=True,
     ),
 )
 """Formats by name; `register` adds one from any module."""
 register = RECORD_FORMATS.register
+TABLES = (".csv", ".tsv", ".txt")
+"""Suffixes of records that tables of sensors, and logs, may have, too."""
 EXPECTED = "a record of samples"
 MAX_WHOLE_BYTES = 2 * 10**9
 """Largest size of a file that is read whole: as double precision it takes several times
@@ -169,8 +167,27 @@ def open_channels(path: str | os.PathLike[str]) -> tuple[tuple[str, ...], ...]:
 def _groups(path: Path, *, head: bool = False) -> tuple[Group, ...]:
     """Return the columns of a file."""
     start = first_bytes(path, EXPECTED)
-    kind = _kind(path)
-    _check(path, kind, start)
+    ending, formats = path.suffix.lower(), suffixes()
+    if ending not in formats:
+        raise InputError(
+            f"{path}: expected {EXPECTED}, its name ending in {', '.join(formats)}, "
+            f"got {ending or 'no ending'}{nearest(ending, formats)}"
+        )
+    kind = formats[ending]
+    for other in RECORD_FORMATS.values():
+        # readers of other formats fail with obscure errors, or read noise
+        if start.startswith(other.beginnings) and not start.startswith(kind.beginnings):
+            raise InputError(
+                f"{path}: expected a {ending} file, got one that begins like "
+                f"{' or '.join(other.suffixes)}; rename it"
+            )
+    size = path.stat().st_size
+    if kind.is_whole and size > MAX_WHOLE_BYTES:
+        raise InputError(
+            f"{path}: expected at most {MAX_WHOLE_BYTES / 1e9:g} GB of {ending}, which "
+            f"is read whole, got {size / 1e9:.3g} GB; cut it, or write it as WAV or "
+            "HDF5, which may have any length"
+        )
     return resolved(kind.head if head and kind.head else kind.open)(path)
 
 
@@ -198,59 +215,12 @@ def is_record(path: Path) -> bool:
     return path.suffix.lower() in suffixes()
 
 
-def _kind(path: Path) -> RecordFormat:
-    """Return the format by the suffix of a file."""
-    ending, formats = path.suffix.lower(), suffixes()
-    if ending in formats:
-        return formats[ending]
-    known = ", ".join(formats)
-    close = closest(ending, formats) if ending else None
-    hint = f"; did you mean {close}?" if close else ""
-    raise InputError(
-        f"{path}: expected a record of samples, its name ending in {known}, got "
-        f"{ending or 'no ending'}{hint}"
-    )
-
-
-def _check(path: Path, kind: RecordFormat, start: bytes) -> None:
-    """Raise an error for a file that is too large or begins like another format."""
-    for other in RECORD_FORMATS.values():
-        if other.name in (kind.name, *kind.inside):
-            continue
-        for mark, ending in other.beginnings.items():
-            # readers of other formats fail with obscure errors, or read noise
-            if start.startswith(mark):
-                raise InputError(
-                    f"{path}: expected a {path.suffix} file, got one that begins "
-                    f"like {ending}; rename it"
-                )
-    size = path.stat().st_size
-    if kind.is_whole and size > MAX_WHOLE_BYTES:
-        raise InputError(
-            f"{path}: expected at most {MAX_WHOLE_BYTES / 1e9:g} GB of {path.suffix}, "
-            f"which is read whole, got {size / 1e9:.3g} GB; cut it, or write it as WAV "
-            "or HDF5, which may have any length"
-        )
-
-
-class RecordFiles(NamedTuple):
-    """Files to read.
-
-    Attributes:
-        files: Records, in the given order; those of a folder by name.
-        left_out: Other files of the folders.
-    """
-
-    files: tuple[Path, ...]
-    left_out: tuple[Path, ...]
-
-
 def record_files(
     named: Sequence[str | os.PathLike[str]], stations: str | None = None
-) -> RecordFiles:
-    """Return the records among files and folders.
+) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+    """Return the records among files and folders, and the other files of the folders.
 
-    In a folder, hidden files, files of unknown suffixes, tables of stations and logs
+    In a folder, hidden files and folders, files of unknown suffixes, tables of stations and logs
     are left out; folders in it are read if it contains no record itself. Each named
     file must be a record.
 
@@ -263,37 +233,35 @@ def record_files(
     """
     files: list[Path] = []
     left_out: list[Path] = []
+    table = stations if stations and Path(stations).exists() else None
     for name in map(Path, named):
         if not name.is_dir():
             files.append(name)
             continue
-        held = [
-            path
-            for path in sorted(name.iterdir())
-            if path.is_file()
-            and not path.name.startswith(".")
-            and not (stations and Path(stations).exists() and path.samefile(stations))
-        ]
-        # of sensors, or a log
-        tables = (".csv", ".tsv", ".txt")
-        records = [
-            path
-            for path in held
-            if is_record(path)
-            and not (path.suffix.lower() in tables and is_stations(path))
-        ]
-        folders = [path for path in sorted(name.iterdir()) if path.is_dir()]
-        if not records and folders:
+        records, others, folders = [], [], []
+        for path in sorted(name.iterdir()):
+            if path.name.startswith(".") or (table and path.samefile(table)):
+                continue
+            if path.is_dir():
+                folders.append(path)
+            # a table of sensors, or a log, is no record
+            elif is_record(path) and not (
+                path.suffix.lower() in TABLES and is_stations(path)
+            ):
+                records.append(path)
+            else:
+                others.append(path)
+        if folders and not records:
             # the shots of a day
-            for found in (record_files([folder], stations) for folder in folders):
-                files += found.files
-                left_out += found.left_out
+            found, more = record_files(folders, stations)
+            files += found
+            left_out += more
             continue
         if not records:
             raise InputError(
                 f"{name}: expected a folder of records of samples, got "
-                f"{f'{len(held)} other files' if held else 'none'}"
+                f"{f'{len(others)} other files' if others else 'none'}"
             )
         files += records
-        left_out += [path for path in held if path not in records]
-    return RecordFiles(tuple(files), tuple(left_out))
+        left_out += others
+    return tuple(files), tuple(left_out)

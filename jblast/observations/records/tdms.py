@@ -32,20 +32,20 @@ def open_tdms(path: Path) -> tuple[Group, ...]:
     # npTDMS would print its warnings, which are notes or errors here
     nptdms.log.log_manager.console_handler.setLevel(logging.ERROR)
     with nptdms.TdmsFile.open(path) as file:
-        cut = file.file_status.incomplete_final_segment
+        if file.file_status.incomplete_final_segment:
+            raise InputError(f"{path}: is cut short: its last segment is incomplete")
+        names = [one.name for group in file.groups() for one in group.channels()]
         # LabVIEW writes channels without samples, too
-        held = [[c for c in group.channels() if len(c)] for group in file.groups()]
-        names = [channel.name for group in held for channel in group]
-        columns = [
-            tuple(
-                _column(path, c, f"{c.group_name}." * (names.count(c.name) > 1))
-                for c in group
+        return tuple(
+            Group(
+                tuple(
+                    _column(path, one, f"{group.name}." * (names.count(one.name) > 1))
+                    for one in group.channels()
+                    if len(one)
+                )
             )
-            for group in held
-        ]
-    if cut:
-        raise InputError(f"{path}: is cut short: its last segment is incomplete")
-    return tuple(map(Group, columns))
+            for group in file.groups()
+        )
 
 
 def _column(path: Path, channel: Any, prefix: str) -> Column:
@@ -53,21 +53,18 @@ def _column(path: Path, channel: Any, prefix: str) -> Column:
     of, name = channel.properties, channel.name
     stated = [str(of.get(key, "")) for key in UNITS]
     unit = next((one for one in stated if one.strip().lower() not in NO_UNITS), "")
-    stamps = np.issubdtype(channel.dtype, np.datetime64)
-    is_number = np.issubdtype(channel.dtype, np.number)
     word, in_name = word_and_unit(name)
-    if stamps:
+    if channel.dtype.kind == "M":
         unit = STAMPS
-    elif not is_number:
+    elif not np.issubdtype(channel.dtype, np.number):
         unit = "text"
     elif not (unit or in_name or re.match(r"(elapsed|time|t)\b", word.lower())):
         unit = "count"
     clocks = ()
     if of.get(STEP):
-        began = of.get(START)
-        zero = (
-            None if began is None else int(np.datetime64(began, "ns").astype(np.int64))
-        )
+        zero = None
+        if START in of:
+            zero = int(np.datetime64(of[START], "ns").astype(np.int64))
         clocks = (Clock(1.0 / float(of[STEP]), float(of.get(OFFSET, 0.0)), zero),)
     read = partial(_read, path, channel.group_name, name)
     return Column(f"{prefix}{name}", unit, len(channel), read, clocks=clocks)
@@ -91,6 +88,6 @@ def _read(
             f"{path}: channel {name}: expected samples that npTDMS can scale, got raw "
             f"numbers ({warnings[0]}); write the file with scaled values"
         )
-    if np.issubdtype(samples.dtype, np.datetime64):
+    if samples.dtype.kind == "M":
         return samples.astype("datetime64[ns]").astype(np.int64)
     return samples

@@ -19,11 +19,11 @@ def test_a_folder_gives_its_records_by_name(tmp_path):
     other = text(tmp_path, "sensor,lat_deg,lon_deg\na,0,0\n", "degrees.csv")
     notes = text(tmp_path, "a note", "README.md")
     (tmp_path / "deeper").mkdir()
-    found = record_files([tmp_path], str(stations))
-    assert found.files == (tmp_path / "a.CSV", tmp_path / "b.csv")
-    assert found.left_out == (notes, other)
+    files, left_out = record_files([tmp_path], str(stations))
+    assert files == (tmp_path / "a.CSV", tmp_path / "b.csv")
+    assert left_out == (notes, other)
     # a file that is named is taken, whatever it is
-    assert record_files([notes, tmp_path]).files == (notes, *found.files)
+    assert record_files([notes, tmp_path])[0] == (notes, *files)
 
 
 def test_a_folder_without_records_is_refused(tmp_path):

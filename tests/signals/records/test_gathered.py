@@ -238,7 +238,7 @@ def test_folders_with_equal_names_are_shots_unless_the_table_names_them(tmp_path
     picked = pick_files(tmp_path / "day", positions=stationed(tmp_path, *names))
     assert sorted(set(picked.log.observations.sensor)) == sorted(names)
     # without a table, too
-    found = gathered(record_files([tmp_path / "day"]).files)
+    found = gathered(record_files([tmp_path / "day"])[0])
     assert found.named() == tuple(names)
     assert log_of(found).bangs == 2
 

@@ -34,7 +34,7 @@ def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
 def test_a_mistaken_extension_is_told_from_what_the_file_begins_with(tmp_path):
     path = tmp_path / "a.csv"
     soundfile.write(path, np.zeros(9), 8000, format="WAV")
-    with pytest.raises(InputError, match=r"begins like \.wav; rename it"):
+    with pytest.raises(InputError, match=r"begins like \.wav or \.flac; rename it"):
         open_record(path)
 
 
