@@ -220,9 +220,9 @@ def record_files(
 ) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
     """Return the records among files and folders, and the other files of the folders.
 
-    In a folder, hidden files and folders, files of unknown suffixes, tables of stations and logs
-    are left out; folders in it are read if it contains no record itself. Each named
-    file must be a record.
+    In a folder, hidden files and folders, files of unknown suffixes, tables of stations
+    and logs are left out; folders in it are read if it contains no record itself. Each
+    named file must be a record.
 
     Args:
         named: Files and folders.
@@ -242,12 +242,10 @@ def record_files(
         for path in sorted(name.iterdir()):
             if path.name.startswith(".") or (table and path.samefile(table)):
                 continue
+            may_be_table = path.suffix.lower() in TABLES
             if path.is_dir():
                 folders.append(path)
-            # a table of sensors, or a log, is no record
-            elif is_record(path) and not (
-                path.suffix.lower() in TABLES and is_stations(path)
-            ):
+            elif is_record(path) and not (may_be_table and is_stations(path)):
                 records.append(path)
             else:
                 others.append(path)

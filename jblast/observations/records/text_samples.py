@@ -17,19 +17,17 @@ the time of the first sample belongs into the table of stations.
 
 import math
 import re
-from itertools import islice, takewhile
+from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, read_bytes, shown
 from jblast.observations.records.recording import RATES, Clock, Column, Group
 from jblast.observations.text_table import (
     COUNTS,
-    MAX_PREAMBLE,
-    RUN_ROWS,
     TIME_WORDS,
     Table,
     cells_of,
@@ -66,7 +64,7 @@ KEYS = {
 }  # fmt: skip
 """Keys of a preamble by kind, in snake case."""
 KIND_OF = {key: kind for kind, keys in KEYS.items() for key in keys}
-CONVENTIONS = {"lecroy": ("s", "V")}
+CONVENTIONS = (("lecroy", "s", "V"),)
 """Beginnings of preambles whose writers omit units, with those of times and values."""
 RATE_UNITS = {
     "": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "sps": 1.0, "ksps": 1e3, "msps": 1e6,
@@ -89,44 +87,46 @@ def open_text(path: Path, octets: int = -1) -> tuple[Group, ...]:
     Raises:
         InputError: The text is not as described; the message names line and column.
     """
-    with path.open("rb") as file:
-        data = file.read(octets)
+    expected = "names of columns and a sample a row"
+    data = read_bytes(path, expected, octets)
     if len(data) == octets:
         # a character of UTF-16 has two bytes
         data = data[: data.rfind(b"\n") + 1 + data.startswith(b"\xff\xfe")]
-    expected = "names of columns and a sample a row"
     table = text_table(data, str(path), preamble=True, expected=expected)
     stated = _stated(table)
     columns = _columns(table, stated)
     _check_rows(table)
-    of = [column.dimension for column in columns]
-    times = [at for at in table.numeric if of[at] == "time"]
-    at = None if times else _clock_column(table, columns, stated)
-    order = [*times, *([] if at is None else [at])]
-    for c in table.numeric:
-        if c not in order and not columns[c].its_unit:
-            columns[c] = columns[c]._replace(unit=_unit(columns[c].name, c, stated))
+    clock, notes = stated.clock, stated.notes
+    times = [at for at in table.numeric if columns[at].dimension == "time"]
+    counter = None if times else _counter(table, columns, stated)
+    order = times if counter is None else [*times, counter]
+    bare = [c for c in table.numeric if c not in order and not columns[c].its_unit]
+    for c in bare:
+        columns[c] = columns[c]._replace(unit=stated.units.get(c, ""))
     samples = [
         c
         for c, column in enumerate(columns)
-        if column.dimension in ("pressure", "voltage") and c != at
+        if column.dimension in ("pressure", "voltage") and c != counter
     ]
-    clock, notes = None, stated.notes
     if samples:
-        numbers = table.numbers([*order, *samples], finite=False)
-        if not np.isfinite(numbers[: len(order)]).all():
+        found = table.numbers([*order, *samples], finite=False)
+        if not np.isfinite(found[: len(order)]).all():
             table.numbers(order)
-        step = stated.clock() if not times else None
-        if at is not None:
-            seconds, is_timed = _seconds(table, columns[at], numbers[0], stated)
-            numbers[0], columns[at] = seconds, columns[at]._replace(unit="s")
-            step = None if is_timed else step
-        if step is not None:
-            notes += (f"times by the preamble: {1 / step.rate_hz:.9g} s per sample",)
-            clock = step if at is None else None
-        for number, own in zip([*order, *samples], numbers, strict=True):
-            filled = _filled(table, columns[number], own)
-            columns[number] = filled._replace(clocks=(clock,) if clock else ())
+        numbers = dict(zip([*order, *samples], found, strict=True))
+        if clock and not order and len(samples) > 1:
+            steps = 1.0, 1.0 / clock.rate_hz
+            even = (c for c in samples if c in bare and _is_even(numbers[c], steps))
+            counter = next(even, None)
+        own = () if clock is None or times or counter is not None else (clock,)
+        if counter is not None:
+            numbers[counter], is_counted = _seconds(
+                table, columns[counter], numbers[counter], stated
+            )
+            columns[counter] = columns[counter]._replace(unit="s")
+        if clock and (own or (counter is not None and is_counted)):
+            notes += (f"times by the preamble: {1 / clock.rate_hz:.9g} s per sample",)
+        for c, values in numbers.items():
+            columns[c] = _filled(table, columns[c], values)._replace(clocks=own)
     where, lines = f"line {table.header_line}", table.lines
     return (Group(tuple(columns), notes, where, lambda n: f"line {lines[n]}"),)
 
@@ -166,32 +166,16 @@ class _Stated(NamedTuple):
     """Contents of a preamble.
 
     Attributes:
-        numbers: Number and unit by kind of key: step, rate, start, before.
+        clock: Clock of the samples; None if there is no step in a known unit.
         time_unit: Unit of times; "" if not stated.
         units: Units of values by column.
-        alone: Units of all values, one or several; empty if not stated.
         notes: Notes, a sentence each.
     """
 
-    numbers: dict[str, tuple[float, str]]
+    clock: Clock | None
     time_unit: str
     units: dict[int, str]
-    alone: tuple[str, ...]
     notes: tuple[str, ...]
-
-    def clock(self) -> Clock | None:
-        """Return the clock; None if there is no step in a known unit."""
-        begin_s, step_s, start_s = (
-            value * sample_unit(unit or self.time_unit or "s").factor
-            for value, unit in (
-                self.numbers.get(kind, (0.0, ""))
-                for kind in ("before", "step", "start")
-            )
-        )
-        rate, unit = self.numbers.get("rate", (0.0, ""))
-        rates = rate * RATE_UNITS.get(spelt(unit), 0.0)
-        rate_hz = 1.0 / step_s if step_s > 0 else rates
-        return Clock(rate_hz, start_s - abs(begin_s)) if rate_hz > 0 else None
 
 
 def _stated(table: Table) -> _Stated:
@@ -199,30 +183,37 @@ def _stated(table: Table) -> _Stated:
     lines = takewhile(lambda one: one[0] < table.first_line, numbered(table.text))
     rows = [_cells(table, line.lstrip("# \t")) for _, line in lines]
     rows += [row.cells for row in table.preamble if row.line >= table.first_line]
+    # number and unit by kind of key
     numbers: dict[str, tuple[float, str]] = {}
-    time_unit, units, alone = "", {}, ()
+    time_unit, units, values = "", {}, table.numeric
     for cells, below in zip(rows, [*rows[1:], []], strict=False):
         for at, cell in enumerate(cells):
             kind, unit, inline = _key(cell)
             right = [inline] if inline else cells[at + 1 :]
             filled = [text for text in right if text]
-            if kind == "time_unit" and filled and _is_time(filled[0]):
+            if kind == "time_unit" and filled and _dimension(filled[0]) == "time":
                 time_unit = filled[0]
             elif kind == "unit" and not at and filled:
                 # within a line it is the name of a column
-                texts = re.split(r"\s+and\s+", filled[0])
-                if len(texts) == 1 and not all(map(_is_unit, filled)):
+                several = re.split(r"\s+and\s+", filled[0])
+                if len(several) > 1:
+                    units = {c: _of_two(table, c, several) for c in values}
+                elif not all(map(_dimension, filled)):
                     continue
+                elif len(set(filled)) == 1:
+                    units = dict.fromkeys(values, filled[0])
                 # one unit for each column, or units below the names
-                held, values = range(1, 1 + len(right)), right
-                if len(filled) == len(table.numeric) > 1:
-                    held, values = table.numeric, filled
-                units = {c: one for c, one in zip(held, values, strict=True) if one}
-                alone = tuple(texts) if len(set(filled)) == 1 else ()
-                units = units if len(texts) == 1 else {}
+                elif len(filled) == len(values):
+                    units = dict(zip(values, filled, strict=True))
+                else:
+                    units = dict(enumerate(right, start=1))
             elif kind and kind not in numbers:
                 # the unit may be a field of its own
-                beside = [text for text in filled[1:2] if _is_clock_unit(text)]
+                beside = [
+                    text
+                    for text in filled[1:2]
+                    if _dimension(text) == "time" or spelt(text) in RATE_UNITS
+                ]
                 for text in (" ".join([*filled[:1], *beside]), *below[at : at + 1]):
                     if number := re.fullmatch(QUANTITY, text):
                         value = float(number[1].replace(",", "."))
@@ -233,13 +224,31 @@ def _stated(table: Table) -> _Stated:
         for note in table.notes
         if note.kind == "encoding"
     )
-    for beginning, (of_times, of_values) in CONVENTIONS.items():
-        if not (time_unit or alone or units) and any(
+    for beginning, of_times, of_values in CONVENTIONS:
+        if not (time_unit or units) and any(
             cells[0].lower().startswith(beginning) for cells in rows
         ):
-            time_unit, alone = of_times, (of_values,)
+            time_unit, units = of_times, dict.fromkeys(values, of_values)
             notes += (f"columns without a unit are read in {of_times} and {of_values}",)
-    return _Stated(numbers, time_unit, units, alone, notes)
+    before_s, step_s, start_s = (
+        value * sample_unit(unit or time_unit or "s").factor
+        for value, unit in (
+            numbers.get(kind, (0.0, "")) for kind in ("before", "step", "start")
+        )
+    )
+    rate, unit = numbers.get("rate", (0.0, ""))
+    rates = rate * RATE_UNITS.get(spelt(unit), 0.0)
+    rate_hz = 1.0 / step_s if step_s > 0 else rates
+    clock = Clock(rate_hz, start_s - abs(before_s)) if rate_hz > 0 else None
+    return _Stated(clock, time_unit, units, notes)
+
+
+def _of_two(table: Table, column: int, units: list[str]) -> str:
+    """Return the unit of pressure for a microphone, another one for other columns."""
+    name = table.header[column] if column < len(table.header) else ""
+    is_microphone = name.lower().startswith(MICROPHONES)
+    own = (one for one in units if is_microphone == (_dimension(one) == "pressure"))
+    return next(own, "")
 
 
 def _cells(table: Table, line: str) -> list[str]:
@@ -266,17 +275,8 @@ def _key(cell: str) -> tuple[str | None, str, str]:
     return KIND_OF.get(spelt(word)), unit, value.rstrip(":").strip()
 
 
-def _is_time(text: str) -> bool:
-    return sample_unit(text).dimension == "time"
-
-
-def _is_unit(text: str) -> bool:
-    return sample_unit(text).dimension in ("time", "pressure", "voltage")
-
-
-def _is_clock_unit(text: str) -> bool:
-    """Return True for a unit of time or of a sampling rate."""
-    return _is_time(text) or (bool(text) and spelt(text) in RATE_UNITS)
+def _dimension(unit: str) -> str:
+    return sample_unit(unit).dimension
 
 
 def _columns(table: Table, stated: _Stated) -> list[Column]:
@@ -288,11 +288,10 @@ def _columns(table: Table, stated: _Stated) -> list[Column]:
     width = 1 + max(table.numeric)
     kind, _, inline = _key(table.header[0] if table.header else "")
     values = [inline] if inline else [cell for cell in table.header[1:] if cell]
-    if kind and values and (_is_unit(values[0]) or re.fullmatch(QUANTITY, values[0])):
+    if kind and values and (_dimension(values[0]) or re.fullmatch(QUANTITY, values[0])):
         # an entry of the preamble
         table.header = []
-    described = stated.clock() or stated.time_unit or stated.alone
-    if not table.header and described:
+    if not table.header and (stated.clock or stated.time_unit or stated.units):
         table.header = [""] * width
     names = table.names("time_s,pressure_pa")
     names, units = (
@@ -310,18 +309,6 @@ def _columns(table: Table, stated: _Stated) -> list[Column]:
     ]
 
 
-def _unit(name: str, column: int, stated: _Stated) -> str:
-    """Return the unit of a column by the preamble."""
-    is_microphone = name.lower().startswith(MICROPHONES)
-    of_kind = [
-        unit
-        for unit in stated.alone
-        if len(stated.alone) == 1
-        or is_microphone == (sample_unit(unit).dimension == "pressure")
-    ]
-    return stated.units.get(column) or next(iter(of_kind), "")
-
-
 def _check_rows(table: Table) -> None:
     """Raise an error for a row of numbers and other text below the names."""
     for row in table.preamble:
@@ -337,48 +324,40 @@ def _check_rows(table: Table) -> None:
             )
 
 
-def _clock_column(table: Table, columns: list[Column], stated: _Stated) -> int | None:
-    """Return the column of times or numbers: by its name, or by its values."""
-    clock = stated.clock()
-    if clock is None and not stated.time_unit:
+def _counter(table: Table, columns: list[Column], stated: _Stated) -> int | None:
+    """Return the column of times or numbers without a unit, by its name."""
+    if stated.clock is None and not stated.time_unit:
         return None
     for at in table.numeric:
         word = spelt(columns[at].word)
         if {word, word.split("_")[0]} & {*COUNTS, *TIME_WORDS, "second", "seconds"}:
             return at
-    if len(table.numeric) == 1:
-        return None
-    if clock is None:
-        return table.numeric[0]
-    lines = islice(numbered(table.text), MAX_PREAMBLE + RUN_ROWS)
-    rows = [
-        cells_of(text, table.separator) for n, text in lines if n >= table.first_line
-    ]
-    for at in table.numeric:
-        held = [number_of(row[at], table.decimal) for row in rows if at < len(row)]
-        if not _is_unit(columns[at].its_unit) and any(
-            len(held) > 1
-            and np.allclose(np.diff(held), of, rtol=STEP_TOLERANCE, atol=0)
-            for of in (1.0, 1.0 / clock.rate_hz)
-        ):
-            return at
-    return None
+    is_timed = stated.clock is None and len(table.numeric) > 1
+    return table.numeric[0] if is_timed else None
+
+
+def _is_even(numbers: Float[np.ndarray, " sample"], steps: tuple[float, ...]) -> bool:
+    """Return True for numbers that increase by one of some steps."""
+    apart = np.diff(numbers)
+    return bool(
+        apart.size
+        and (apart > 0).all()
+        and np.isclose(np.median(apart), steps, rtol=STEP_TOLERANCE, atol=0.0).any()
+    )
 
 
 def _seconds(
     table: Table, column: Column, numbers: Float[np.ndarray, " sample"], stated: _Stated
 ) -> tuple[Float[np.ndarray, " sample"], bool]:
-    """Return the times of a column without a unit, and whether they are times.
-
-    They may be numbers of samples.
+    """Return the times of a column without a unit, and whether it counts samples.
 
     Raises:
         InputError: They are not apart by the stated step.
     """
-    clock = stated.clock()
+    clock = stated.clock
     apart = float(np.median(np.diff(numbers))) if numbers.size > 1 else math.nan
     if clock is not None and apart == 1.0:
-        return clock.start_s + (numbers - numbers[0]) / clock.rate_hz, False
+        return clock.start_s + (numbers - numbers[0]) / clock.rate_hz, True
     step_s = apart if clock is None or stated.time_unit else 1.0 / clock.rate_hz
     if abs(apart - step_s) > STEP_TOLERANCE * step_s:
         raise InputError(
@@ -386,7 +365,7 @@ def _seconds(
             f"s apart, as the preamble states, got {apart:.6g}; add a unit to the name "
             "of the column"
         )
-    return numbers * sample_unit(stated.time_unit or "s").factor, True
+    return numbers * sample_unit(stated.time_unit or "s").factor, False
 
 
 def is_stations(path: Path) -> bool:
