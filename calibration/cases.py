@@ -413,7 +413,11 @@ def recorded(
             samples = np.clip(samples, -level, level)
         found.append(
             PressureRecord(
-                f"g{gauge}", samples, 1.0 / step, start_s=start, full_scale=level
+                f"g{gauge}",
+                samples,
+                rate_hz=1.0 / step,
+                start_s=start,
+                full_scale=level,
             )
         )
     return found

@@ -119,7 +119,6 @@ def _group(
                 length=length,
                 read=partial(_read, opened, name, axis),
                 channels=int(np.prod(array.shape)) // max(length, 1),
-                kind="variable",
                 clocks=_clocks(path, stated),
             )
         )

@@ -25,7 +25,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import islice
@@ -64,40 +64,29 @@ BILLION = 1_000_000_000
 """Nanoseconds per second."""
 
 
-@dataclass(frozen=True)
-class PressureRecord:
-    """Samples of one channel on an even clock.
+@dataclass(frozen=True, kw_only=True)
+class Sampled:
+    """Clock and scale of samples.
 
     Attributes:
-        name: The stem of its file, or stem.channel.
-        samples: Samples in double precision: overpressure [Pa] if `calibrated`, else in
-            an unknown unit, as shares of full scale or counts.
         rate_hz: Sampling rate [Hz].
         start_s: Time of the first sample on the recorder's clock [s].
         epoch: UTC of that clock's time zero; None if unknown.
-        calibrated: True for samples in pascals.
+        calibrated: True for samples in pascals; else their unit is unknown, as that of
+            shares of full scale or counts.
         full_scale: Largest absolute value of a sample, in their unit; None without
             clipping, or if unknown.
-        high_pass_hz: Corner of the recorder's first-order high-pass [Hz]; None without
-            one, or if unknown.
         source: The file.
         notes: Notes of the reader, a sentence each.
-        aliases: Other names of the channel, which a table of stations may have.
-        shot: Name of the event, if the folder of the file is one; "" without one.
     """
 
-    name: str
-    samples: Float[np.ndarray, " sample"]
     rate_hz: float
     start_s: float = 0.0
     epoch: datetime | None = None
     calibrated: bool = True
     full_scale: float | None = None
-    high_pass_hz: float | None = None
     source: str = ""
     notes: tuple[str, ...] = ()
-    aliases: tuple[str, ...] = ()
-    shot: str = ""
 
     def __post_init__(self):
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
@@ -106,6 +95,26 @@ class PressureRecord:
             raise ValueError(f"start_s must be finite, got {self.start_s} s")
         if self.epoch is not None and self.epoch.tzinfo is None:
             raise ValueError(f"epoch must have a time zone, got {self.epoch}")
+
+
+@dataclass(frozen=True)
+class PressureRecord(Sampled):
+    """Samples of one channel on an even clock.
+
+    Attributes:
+        name: The stem of its file, or stem.channel.
+        samples: Samples in double precision: overpressure [Pa] if `calibrated`.
+        high_pass_hz: Corner of the recorder's first-order high-pass [Hz]; None without
+            one, or if unknown.
+        aliases: Other names of the channel, which a table of stations may have.
+        shot: Name of the event, if the folder of the file is one; "" without one.
+    """
+
+    name: str
+    samples: Float[np.ndarray, " sample"]
+    high_pass_hz: float | None = None
+    aliases: tuple[str, ...] = ()
+    shot: str = ""
 
     @property
     def time_s(self) -> Float[np.ndarray, " sample"]:
@@ -119,24 +128,15 @@ class PressureRecord:
 
 
 @dataclass(frozen=True)
-class Recording:
+class Recording(Sampled):
     """Channels of one file with a common rate and start, before their samples are read.
 
     Attributes:
-        source: The file.
         names: Names of the channels: the stem of the file, or stem.channel with the
             channel's name in the file, or its number from 1.
-        rate_hz: Sampling rate [Hz].
         length: Number of samples of each channel.
         read: Function that returns the samples in a range, the last one excluded, in
             pascals if `calibrated`; NaN for missing numbers.
-        start_s: Time of the first sample on the recorder's clock [s].
-        epoch: UTC of that clock's time zero; None if unknown.
-        calibrated: True for samples in pascals.
-        full_scale: Largest absolute value of a sample; None if unknown.
-        notes: Notes of the reader, a sentence each.
-        line: Function that returns the position of a sample in a text, for messages;
-            None for other formats.
         aliases: Other names of each channel, which a table of stations may have.
         offset: Function that returns the time of a sample after the first one [s], for
             a rate that varies; None for a constant rate.
@@ -145,17 +145,9 @@ class Recording:
         clock_is_set: False for a recorder whose clock began at zero when it started.
     """
 
-    source: str
     names: tuple[str, ...]
-    rate_hz: float
     length: int
     read: Callable[[int, int], Float[np.ndarray, "channel sample"]]
-    start_s: float = 0.0
-    epoch: datetime | None = None
-    calibrated: bool = True
-    full_scale: float | None = None
-    notes: tuple[str, ...] = ()
-    line: Callable[[int], str] | None = None
     aliases: tuple[tuple[str, ...], ...] = ()
     offset: Callable[[int], float] | None = None
     own_start_s: float = 0.0
@@ -183,15 +175,9 @@ class Recording:
             raise InputError(f"{where}: expected samples, got no finite number")
         nth = max(start, 0) + int(sample)
         raise InputError(
-            f"{where}, {self.place(nth)}: expected a finite sample, "
-            f"got {samples[channel, sample]}"
+            f"{where}, sample {nth + 1} ({self.time_s(nth):.6g} s): expected a finite "
+            f"sample, got {samples[channel, sample]}"
         )
-
-    def place(self, sample: int) -> str:
-        """Return a sample's position for messages: its line, or number and time."""
-        if self.line is not None:
-            return self.line(sample)
-        return f"sample {sample + 1} ({self.time_s(sample):.6g} s)"
 
     def time_s(self, sample: int) -> float:
         """Return the time of a sample on the recorder's clock [s]."""
@@ -210,17 +196,12 @@ class Recording:
     ) -> PressureRecord:
         """Return an interval of one channel, counted from 0, as a `PressureRecord`."""
         start, stop = max(start, 0), self.length if stop is None else stop
+        common = {one.name: getattr(self, one.name) for one in fields(Sampled)}
         return PressureRecord(
-            name=self.names[channel],
-            samples=self.samples(start, stop)[channel],
-            rate_hz=self.rate_hz,
-            start_s=self.time_s(start),
-            epoch=self.epoch,
-            calibrated=self.calibrated,
-            full_scale=self.full_scale,
-            source=self.source,
-            notes=self.notes,
+            self.names[channel],
+            self.samples(start, stop)[channel],
             aliases=self.aliases[channel] if self.aliases else (),
+            **common | {"start_s": self.time_s(start)},
         )
 
 
@@ -277,7 +258,6 @@ class Column(NamedTuple):
         length: Number of samples.
         read: Function that returns the samples in a range, in that unit.
         channels: Number of channels.
-        kind: Word for it in messages: "variable".
         clocks: Its own clocks, several of a column with gaps; without one that of a
             column of times of the same length.
         full_scale: Largest absolute value of a sample, in its unit; None if unknown.
@@ -290,7 +270,6 @@ class Column(NamedTuple):
     length: int = 0
     read: Callable[[int, int], Num[np.ndarray, "..."]] = lambda *_: np.zeros(0)
     channels: int = 1
-    kind: str = "channel"
     clocks: tuple[Clock, ...] = ()
     full_scale: float | None = None
     aliases: tuple[str, ...] = ()
@@ -318,7 +297,7 @@ class Column(NamedTuple):
     @property
     def label(self) -> str:
         """Its name for messages."""
-        return f"{self.kind} {self.name}".strip()
+        return f"column {self.name}".strip()
 
 
 class Group(NamedTuple):
@@ -327,13 +306,12 @@ class Group(NamedTuple):
     Attributes:
         columns: The columns.
         notes: Notes, a sentence each.
-        where: Position of the names, for messages: "line 3".
-        line: As in `Recording`.
+        line: Function that returns the position of a sample in a text, for messages;
+            None for other formats.
     """
 
     columns: tuple[Column, ...]
     notes: tuple[str, ...] = ()
-    where: str = ""
     line: Callable[[int], str] | None = None
 
 
@@ -361,7 +339,7 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
         InputError: There are none; one has no unit, or two have one word and two units.
     """
     held = [(group, column) for group in groups for column in group.columns]
-    for group, column in held:
+    for _, column in held:
         own = word_and_unit(column.name)[1]
         meant, stated = sample_unit(own), sample_unit(column.its_unit)
         expected = ""
@@ -371,9 +349,7 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
             expected = "a unit of pressure, as in pressure_kpa, got "
             expected += column.its_unit or "none"
         if expected:
-            raise InputError(
-                f"{_place(path, group)}{column.label}: expected {expected}"
-            )
+            raise InputError(f"{path}: {column.label}: expected {expected}")
     used = [one for one in held if one[1].dimension in ("pressure", "voltage")]
     used = used or [one for one in held if one[1].dimension in ("count", "share")]
     if not used:
@@ -390,7 +366,7 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
         first = seen.setdefault((id(group), bare), column)
         if column.name and spelt(first.its_unit) != spelt(column.its_unit):
             raise InputError(
-                f"{_place(path, group)}{column.kind}s {first.name} and {column.name}: "
+                f"{path}: columns {first.name} and {column.name}: "
                 f"expected one unit for one channel, got {first.its_unit} and "
                 f"{column.its_unit}; keep one of them, or give two channels two names"
             )
@@ -438,8 +414,7 @@ def recordings_of(
     recordings: list[Recording] = []
     clocks: dict[int, Clock] = {}
     for group, column, names in found:
-        where = f"{_place(path, group)}{column.label}"
-        factor, calibrated = _scale(column, scaling, where)
+        factor, calibrated = _scale(path, column, scaling)
         full_scale = column.full_scale and factor * column.full_scale
         for clock in column.clocks or (_clock(path, group, column, clocks),):
             epoch, start_s = None, clock.start_s
@@ -459,17 +434,12 @@ def recordings_of(
                     calibrated=calibrated,
                     full_scale=full_scale,
                     notes=(*group.notes, *column.notes, *notes),
-                    line=group.line,
                     aliases=tuple(own[1:] for own in names),
                     offset=clock.offset,
                     own_start_s=clock.start_s,
                 )
             )
     return tuple(recordings)
-
-
-def _place(path: Path, group: Group) -> str:
-    return f"{path}: {group.where}, " if group.where else f"{path}: "
 
 
 def _listed(column: Column) -> str:
@@ -485,7 +455,7 @@ def _scaled(
     return np.multiply(np.atleast_2d(samples), factor, order="C")
 
 
-def _scale(column: Column, scaling: Scaling, where: str) -> tuple[float, bool]:
+def _scale(path: Path, column: Column, scaling: Scaling) -> tuple[float, bool]:
     """Return the factor on samples, and whether the result is in pascals.
 
     Raises:
@@ -501,8 +471,8 @@ def _scale(column: Column, scaling: Scaling, where: str) -> tuple[float, bool]:
     # counts without a sensitivity may be normalized sound
     if dimension == "voltage":
         raise InputError(
-            f"{where}: expected pressure, got {column.its_unit}; add the pascals per "
-            f"volt, {argument('sensitivity')}"
+            f"{path}: {column.label}: expected pressure, got {column.its_unit}; "
+            f"add the pascals per volt, {argument('sensitivity')}"
         )
     return 1.0, False
 
@@ -527,8 +497,8 @@ def _clock(path: Path, group: Group, column: Column, known: dict[int, Clock]) ->
     )
     days = "; times of day belong in column start_utc of the table of stations"
     raise InputError(
-        f"{_place(path, group)}{column.label}: expected one {column.kind} of time of "
-        f"its {column.length} samples, as time_s or time_ms, or a sampling rate, got "
+        f"{path}: {column.label}: expected one column of time of its "
+        f"{column.length} samples, as time_s or time_ms, or a sampling rate, got "
         f"{shown(got) if got else 'neither'}"
         + days
         * bool(re.search("date|utc|stamp", got.lower()))
@@ -545,9 +515,8 @@ def _read_clock(path: Path, group: Group, column: Column) -> Clock:
     )
 
     def where(sample: int) -> str:
-        if group.line is not None:
-            return f"{path}: {group.line(sample)}, {column.label}"
-        return f"{path}: {column.label}, row {sample + 1}"
+        row = group.line(sample) if group.line else f"sample {sample + 1}"
+        return f"{path}: {row}, {column.label}"
 
     start_s, rate_hz = even_clock(factor * (times - first).astype(np.float64), where)
     if not zero:

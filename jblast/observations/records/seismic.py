@@ -102,7 +102,7 @@ def open_seismic(path: Path) -> tuple[Group, ...]:
     zero = min((start for name in used for start, _ in held[name]), default=0)
     columns = []
     for name, unit in units.items():
-        column = Column(name, unit, kind="trace", aliases=(name, stats[name].station))
+        column = Column(name, unit, aliases=(name, stats[name].station))
         if name in used:
             rates = [one.stats.sampling_rate for one in headers if one.id == name]
             if max(rates) / min(rates) > 1.0 + MAX_RATE_OFFSET:

@@ -127,8 +127,8 @@ def open_text(path: Path, octets: int = -1) -> tuple[Group, ...]:
             notes += (f"times by the preamble: {1 / clock.rate_hz:.9g} s per sample",)
         for c, values in numbers.items():
             columns[c] = _filled(table, columns[c], values)._replace(clocks=own)
-    where, lines = f"line {table.header_line}", table.lines
-    return (Group(tuple(columns), notes, where, lambda n: f"line {lines[n]}"),)
+    lines = table.lines
+    return (Group(tuple(columns), notes, lambda n: f"line {lines[n]}"),)
 
 
 def open_head(path: Path) -> tuple[Group, ...]:
@@ -298,14 +298,10 @@ def _columns(table: Table, stated: _Stated) -> list[Column]:
         [*held, *[""] * (max(width, len(names)) - len(held))]
         for held in (names, table.units)
     )
+    # numbers of rows have no unit
     return [
-        Column(
-            name,
-            # numbers of rows have no unit
-            "" if spelt(unit) in COUNTS else unit,
-            kind="column" if name else f"column {at + 1}",
-        )
-        for at, (name, unit) in enumerate(zip(names, units, strict=False))
+        Column(name, "" if spelt(unit) in COUNTS else unit)
+        for name, unit in zip(names, units, strict=False)
     ]
 
 

@@ -53,8 +53,8 @@ def found(*changes) -> Gathered:
         record = PressureRecord(
             f"g{k}",
             friedlander(),
-            RATE,
-            START,
+            rate_hz=RATE,
+            start_s=START,
             calibrated=calibrated,
             source=f"g{k}.wav",
         )

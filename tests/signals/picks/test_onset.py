@@ -66,7 +66,9 @@ def test_the_scale_of_the_samples_is_nothing():
 def test_phones_two_kilometres_off_tell_their_onset_and_no_pulse():
     obspy = pytest.importorskip("obspy")
     trace = obspy.read(PHONES / "phone_1.mseed")[0]
-    record = PressureRecord("phone_1", trace.data.astype(float), 8e3, calibrated=False)
+    record = PressureRecord(
+        "phone_1", trace.data.astype(float), rate_hz=8e3, calibrated=False
+    )
     (one,) = pick_records([record])
     assert one.notes == ("onset_alone",)
     assert one.quality == "doubtful"

@@ -71,14 +71,14 @@ def kept():
         time, pressure = np.loadtxt(DATA / f"{name}.csv", delimiter=",", skiprows=1).T
         # 20 ms is sample 2000: 2002 is the one that is taken
         start, some = 1e-3 * time[0], 1e3 * pressure[::EACH]
-        records.append(PressureRecord(name, some, RATE, start_s=start))
+        records.append(PressureRecord(name, some, rate_hz=RATE, start_s=start))
     return dict(zip(names, pick_records(records), strict=True))
 
 
 @pytest.fixture(scope="module")
 def others():
     """Return the picks of the records made here."""
-    records = [PressureRecord(kind, made(kind), RATE) for kind in KINDS]
+    records = [PressureRecord(kind, made(kind), rate_hz=RATE) for kind in KINDS]
     return dict(zip(KINDS, pick_records(records), strict=True))
 
 

@@ -21,7 +21,7 @@ def found(*named, **common) -> Gathered:
     picks, orders = [], []
     for name, changed in named:
         calibrated = changed.pop("calibrated", True)
-        record = PressureRecord(name, np.zeros(0), 1e4, calibrated=calibrated)
+        record = PressureRecord(name, np.zeros(0), rate_hz=1e4, calibrated=calibrated)
         orders.append(1 + sum(one.record.name == name for one in picks))
         picks.append(record_pick(record, **changed))
     return Gathered(tuple(picks), tuple(orders), (), {}, (), None, 1)._replace(**common)

@@ -101,7 +101,7 @@ def test_tdms_is_read_by_its_properties(tmp_path):
         check(recording, start_s=0.25)
         assert recording.epoch == BEGAN.replace(microsecond=0)
         assert recording.notes == ("left out, not pressure: T (degC)",)
-    with pytest.raises(InputError, match="channel p2: expected pressure, got V"):
+    with pytest.raises(InputError, match="column p2: expected pressure, got V"):
         open_record(path)
 
 
@@ -158,7 +158,7 @@ def test_tdms_with_times_without_a_unit_is_refused(tmp_path):
     with TdmsWriter(path) as writer:
         p = ChannelObject("a", "p", pulse(), {"unit_string": "Pa"})
         writer.write_segment([ChannelObject("a", "Time", times()), p])
-    with pytest.raises(InputError, match="as time_s or time_ms, .* got 'Time'"):
+    with pytest.raises(InputError, match=r"as time_s or time_ms, .* got 'Time'"):
         open_record(path)
 
 
@@ -303,12 +303,12 @@ def test_matlab_is_read_by_its_names(tmp_path, seventh):
 @pytest.mark.parametrize(
     ("held", "said"),
     [
-        ({"p_pa": [1.0, 2.0]}, "expected one variable of time of its 2 samples"),
+        ({"p_pa": [1.0, 2.0]}, "expected one column of time of its 2 samples"),
         ({"time_s": [0.0, 1.0]}, "expected pressure"),
         ({"p_pa": [1.0, 2.0], "fs": [0.0]}, "fs: expected one positive"),
         (
             {"p_kpa": [1.0, 2.0], "p_psi": [1.0, 2.0], "time_s": [0.0, 1.0]},
-            "daq.mat: variables p_kpa and p_psi: expected one unit",
+            "daq.mat: columns p_kpa and p_psi: expected one unit",
         ),
         (
             {"p_pa": [1.0, 2.0], "time_s": [0.0, 1.0, 2.0]},

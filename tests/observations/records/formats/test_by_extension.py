@@ -57,5 +57,5 @@ def test_a_sample_that_is_no_number_is_named_when_it_is_read(tmp_path):
         recording.samples(20, 60)
     samples[:, 0] = np.nan
     soundfile.write(path, samples, 1000, subtype="FLOAT")
-    with pytest.raises(InputError, match="a.1: expected samples, got no finite"):
+    with pytest.raises(InputError, match=r"a\.1: expected samples, got no finite"):
         recording.samples(0, 100)

@@ -127,7 +127,7 @@ HEAD = "time_s,pressure_kpa\n"
         (HEAD + "0,\n0.1,\n", "line 2, column pressure_kpa: .* got nothing"),
         (
             HEAD + "(s),(psi)\n0,1\n1,2\n",
-            "line 1, column pressure_kpa.*kpa in its name",
+            "column pressure_kpa: .*kpa in its name",
         ),
         (HEAD + "0,1\n0.1\n", "line 3: expected 2 fields as in the header, got 1"),
         (HEAD + "0,1,5\n1,2,7\n", "line 2: expected 2 fields .* got 3"),
@@ -148,7 +148,7 @@ HEAD = "time_s,pressure_kpa\n"
         ),
         ("time_s,time_ms,p_pa\n0,1,2\n", "got 'time_s, time_ms'"),
         ("time_s,time_s,p_pa\n0,1,2\n", "got 'time_s, time_s'"),
-        ("time_s,p_kpa,p_psi\n0,1,2\n", "line 1, columns p_kpa and p_psi: .*one unit"),
+        ("time_s,p_kpa,p_psi\n0,1,2\n", "columns p_kpa and p_psi: .*one unit"),
         ("time_s,P (kPa),p_mV\n0,1,2\n", r"columns P \(kPa\) and p_mV: .*got kPa and"),
         ("time_s,kPa,psi\n0,1,2\n", "columns kPa and psi: .* got kPa and psi"),
         ("p_pa,q_pa\n0,1\n", "expected one column of time"),
