@@ -108,11 +108,6 @@ def _first_frame_s(container: Any) -> float:
     """Return the time of the first frame of the picture [s]; 0 without a picture."""
     if not container.streams.video:
         return 0.0
-    video = container.streams.video[0]
     container.seek(0)
-    stamps = [
-        packet.pts
-        for packet, _ in zip(container.demux(video), range(32), strict=False)
-        if packet.pts is not None and not packet.is_discard
-    ]
-    return float(min(stamps) * video.time_base) if stamps else 0.0
+    frame = next(container.decode(video=0), None)
+    return float(frame.time or 0.0) if frame else 0.0

@@ -38,7 +38,7 @@ UNSET_S = 31 * 86400.0
 weeks without a fix, and records of blasts of those months are few."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class RecordFormat:
     """A format of files of samples.
 
@@ -46,68 +46,38 @@ class RecordFormat:
         name: Name of the format.
         suffixes: Suffixes of its files: (".wav", ".flac").
         open: Function of a path that returns its columns, or "module:name".
-        head: The same from the beginning of a file, for their names; `open` if None.
         beginnings: First bytes of its files: a file of another format's suffix that
             begins with them is refused.
         is_whole: True if a file is read whole, which limits its size.
+        head: As `open`, from the beginning of a file, for their names; `open` if None.
     """
 
     name: str
     suffixes: tuple[str, ...]
     open: Opener | str
-    head: Opener | str | None = None
     beginnings: tuple[bytes, ...] = ()
     is_whole: bool = False
+    head: Opener | str | None = None
 
 
 _FOLDER = "jblast.observations.records"
+_ARRAYS, _TEXT = f"{_FOLDER}.arrays:open_arrays", f"{_FOLDER}.text_samples"
+_TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm")
+_SEISMIC = (".mseed", ".miniseed", ".msd", ".sac")
+_HDF5 = (".nc", ".nc4", ".h5", ".hdf5", ".hdf", ".cdf")
+_SOUND = b"RIFF", b"RF64", b"fLaC"
 RECORD_FORMATS = Registry[RecordFormat](
     "format of records",
+    RecordFormat("sound", (".wav", ".flac"), f"{_FOLDER}.sound:open_sound", _SOUND),
     RecordFormat(
-        name="sound",
-        suffixes=(".wav", ".flac"),
-        open=f"{_FOLDER}.sound:open_sound",
-        beginnings=(b"RIFF", b"RF64", b"fLaC"),
+        "csv", _TEXTS, f"{_TEXT}:open_text", is_whole=True, head=f"{_TEXT}:open_head"
     ),
-    RecordFormat(
-        name="csv",
-        suffixes=(".csv", ".txt", ".tsv", ".dat", ".asc", ".lvm"),
-        open=f"{_FOLDER}.text_samples:open_text",
-        head=f"{_FOLDER}.text_samples:open_head",
-        is_whole=True,
-    ),
-    RecordFormat(
-        name="seismic",
-        suffixes=(".mseed", ".miniseed", ".msd", ".sac"),
-        open=f"{_FOLDER}.seismic:open_seismic",
-        is_whole=True,
-    ),
-    RecordFormat(
-        name="clip",
-        suffixes=VIDEOS,
-        open=f"{_FOLDER}.clips:open_clip",
-        is_whole=True,
-    ),
-    RecordFormat(
-        name="tdms",
-        suffixes=(".tdms",),
-        open=f"{_FOLDER}.tdms:open_tdms",
-        beginnings=(b"TDSm",),
-    ),
-    RecordFormat(
-        name="netcdf",
-        suffixes=(".nc", ".nc4", ".h5", ".hdf5", ".hdf", ".cdf"),
-        open=f"{_FOLDER}.arrays:open_arrays",
-        beginnings=(b"\x89HDF", b"CDF"),
-    ),
-    RecordFormat(
-        name="matlab",
-        suffixes=(".mat",),
-        open=f"{_FOLDER}.arrays:open_arrays",
-        # version 7.3 is HDF5
-        beginnings=(b"MATLAB", b"\x89HDF"),
-        is_whole=True,
-    ),
+    RecordFormat("seismic", _SEISMIC, f"{_FOLDER}.seismic:open_seismic", is_whole=True),
+    RecordFormat("clip", VIDEOS, f"{_FOLDER}.clips:open_clip", is_whole=True),
+    RecordFormat("tdms", (".tdms",), f"{_FOLDER}.tdms:open_tdms", (b"TDSm",)),
+    RecordFormat("netcdf", _HDF5, _ARRAYS, (b"\x89HDF", b"CDF")),
+    # version 7.3 is HDF5
+    RecordFormat("matlab", (".mat",), _ARRAYS, (b"MATLAB", b"\x89HDF"), is_whole=True),
 )
 """Formats by name; `register` adds one from any module."""
 register = RECORD_FORMATS.register

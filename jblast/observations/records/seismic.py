@@ -17,7 +17,6 @@ from collections.abc import Callable
 from datetime import timedelta
 from functools import partial
 from io import BytesIO
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -35,18 +34,13 @@ from jblast.observations.records.recording import (
     rounded,
 )
 
-IDEP = {
-    6: "ground displacement", 7: "ground velocity", 8: "ground acceleration", 50: "V",
-}  # fmt: skip
+IDEP = {6: "ground motion", 7: "ground motion", 8: "ground motion", 50: "V"}
 """Quantities, and volts, by codes of SAC's header (IDISP, IVEL, IACC, IVOLTS)."""
 SINGLE_SPACING = 2.0**-23
 """Relative spacing of floats of 32 bits, the precision of SAC's step."""
-GROUND = {
-    "A": "tilt", "G": "ground acceleration", "H": "ground velocity",
-    "J": "ground rotation", "L": "ground velocity", "M": "mass position",
-    "N": "ground acceleration", "P": "ground velocity", "S": "strain",
-}  # fmt: skip
-"""Quantities by the second letter of a SEED channel code; D is pressure."""
+GROUND = "AGHJLMNPS"
+"""Second letters of SEED channel codes of ground motion (velocity, acceleration, tilt,
+rotation, strain, position of the mass); D is pressure."""
 HEADER = re.compile(rb"[0-9 \0]{6}[DRQM][ \0]")
 """First bytes of a record of data. Control headers of full SEED, and blank or zero
 records, are skipped."""
@@ -60,10 +54,6 @@ within 1e-4; a larger difference is a gap in each record."""
 LEAST_RECORDS = 4
 """Smallest number of records whose median step is that of the clock: of fewer, one gap
 could be half of the steps."""
-MAX_NAMED = 3
-"""Gaps that a note names."""
-
-
 Record = tuple[int, Num[np.ndarray, " sample"]]
 """Start of a record, nanoseconds since 1970 in UTC, and its samples."""
 Segment = list[tuple[int, int]]
@@ -114,7 +104,14 @@ def open_seismic(path: Path) -> tuple[Group, ...]:
             rate_hz = rounded(rates[0], SINGLE_SPACING)
             samples, segments = _divided(f"{path}: trace {name}", held[name], rate_hz)
             clocks = tuple(_clock(zero, rate_hz, segment) for segment in segments)
-            own, factor = _gaps(segments), stats[name].calib
+            own, factor = (), stats[name].calib
+            if len(segments) > 1:
+                end = segments[0][-1][1]
+                gap_s = (segments[1][0][1] - end) / BILLION
+                own = (
+                    f"{len(segments) - 1} gaps, the first of {gap_s:.6g} s after "
+                    f"{_utc(end)}; the segments between them are picked one by one",
+                )
             if factor not in (0.0, 1.0):
                 own += (
                     f"trace {name}: its header's factor of {factor:g} is not applied",
@@ -190,13 +187,13 @@ def _units(stats: dict[str, Any]) -> dict[str, str]:
     seed = {n: c[1] for n, c in codes.items() if re.fullmatch("[A-Z]{2}[A-Z0-9]", c)}
     units = {}
     for name, one in stats.items():
-        other = GROUND.get(seed.get(name, ""), "another quantity")
-        is_used = other not in GROUND.values()
-        if "D" in seed.values():
-            is_used = seed.get(name) == "D"
         # of SAC only
         kind = int(one["sac"].get("idep", 5)) if "sac" in one else 5
-        units[name] = IDEP.get(kind, "count") if is_used else other
+        units[name] = IDEP.get(kind, "count")
+        if seed.get(name, "-") in GROUND:
+            units[name] = "ground motion"
+        elif "D" in seed.values() and seed.get(name) != "D":
+            units[name] = "another quantity"
     return units
 
 
@@ -273,20 +270,7 @@ def _clock(zero: int, rate_hz: float, segment: Segment) -> Clock:
     return Clock(rate_hz, start_s, zero, begin, int(number[-1]), offset)
 
 
-def _gaps(segments: list[Segment]) -> tuple[str, ...]:
-    """Return the note on the gaps of a trace; none without one."""
-    gaps = [
-        f"{(after[0][1] - before[-1][1]) / BILLION:.6g} s after {_utc(before[-1][1])}"
-        for before, after in pairwise(segments)
-    ]
-    if not gaps:
-        return ()
-    more = f" and {len(gaps) - MAX_NAMED} more" if len(gaps) > MAX_NAMED else ""
-    named = ", ".join(gaps[:MAX_NAMED])
-    return (f"gaps of {named}{more}; the segments between them are picked one by one",)
-
-
 def _utc(nanoseconds: int) -> str:
     """Return a time to the millisecond."""
     when = START + timedelta(microseconds=nanoseconds // 1000)
-    return when.strftime("%Y-%m-%dT%H:%M:%S.%f")[:-3] + "Z"
+    return when.isoformat(timespec="milliseconds").replace("+00:00", "Z")

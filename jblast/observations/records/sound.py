@@ -49,10 +49,10 @@ Bits = int | Literal["float"]
 MAX_CHANNELS = 8
 """Largest number of channels, that of FLAC and of common field recorders."""
 SUBTYPES = {
-    "WAV": {8: "PCM_U8", 16: "PCM_16", 24: "PCM_24", 32: "PCM_32", "float": "FLOAT"},
-    "FLAC": {8: "PCM_S8", 16: "PCM_16", 24: "PCM_24"},
+    ".wav": {8: "PCM_U8", 16: "PCM_16", 24: "PCM_24", 32: "PCM_32", "float": "FLOAT"},
+    ".flac": {8: "PCM_S8", 16: "PCM_16", 24: "PCM_24"},
 }
-"""Names in libsndfile of the subtypes by format and bits."""
+"""Names in libsndfile of the subtypes by suffix and bits."""
 LARGEST = {
     **{f"PCM_{name}": 1 - 2.0 ** (1 - bits) for name, bits in (
         ("U8", 8), ("S8", 8), ("16", 16), ("24", 24), ("32", 32)
@@ -156,15 +156,13 @@ def write_sound_stream(
     """
     import soundfile
 
-    kind = Path(path).suffix.lower().removeprefix(".").upper()
-    if kind not in SUBTYPES:
-        raise InputError(f"{path}: expected a name in .wav or .flac")
-    if bits not in SUBTYPES[kind]:
-        expected = ", ".join(map(str, SUBTYPES[kind]))
+    suffix = Path(path).suffix.lower()
+    if bits not in SUBTYPES.get(suffix, {}):
+        options = (f"{end} of {', '.join(map(str, SUBTYPES[end]))}" for end in SUBTYPES)
         raise InputError(
-            f"{path}: expected bits of {kind} ({expected}), got {shown(bits)}"
+            f"{path}: expected {' or '.join(options)} bits, got {shown(bits)}"
         )
-    whole_rate_hz = whole_rate(rate_hz, path)
+    whole_rate_hz = whole_rate(rate_hz)
     arrays = (np.atleast_2d(np.asarray(packet)) for packet in packets)
     first = next(arrays, np.zeros((1, 0)))
     if first.ndim != 2 or len(first) > MAX_CHANNELS:
@@ -181,8 +179,8 @@ def write_sound_stream(
             mode="w",
             samplerate=whole_rate_hz,
             channels=len(first),
-            format=kind,
-            subtype=SUBTYPES[kind][bits],
+            format=suffix[1:].upper(),
+            subtype=SUBTYPES[suffix][bits],
         ) as file:
             try:
                 for packet in chain([first], arrays):
@@ -286,7 +284,7 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
     # imported here: loading libsndfile would delay readers of other formats
     import soundfile
 
-    start = first_bytes(path, EXPECTED)
+    first_bytes(path, EXPECTED)
     header = _header(path)
     try:
         with ExitStack() as stack:
@@ -313,9 +311,7 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
             check_declared(path, file.frames * file.channels)
             if file.frames == 0:
                 raise InputError(
-                    f"{path}: is cut short: expected samples, got the header alone"
-                    if header.missing
-                    else f"{path}: expected a sound file with samples, got none"
+                    f"{path}: expected {EXPECTED}, with samples, got none; is it cut short?"
                 )
             if header.missing:
                 note = (
@@ -325,25 +321,23 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
                 header = header._replace(notes=(note,))
             yield file, header
     except soundfile.LibsndfileError as error:
-        if any(mark.startswith(start[:4]) for mark in (b"RIFF", b"RF64", b"fLaC")):
-            reason = error.error_string.strip().rstrip(".")
-            fault = f"{path}: is cut short or damaged ({reason})"
-        else:
-            fault = f"{path}: is not a sound file; expected {EXPECTED}"
-        raise InputError(fault) from None
+        reason = error.error_string.strip().rstrip(".")
+        raise InputError(
+            f"{path}: expected {EXPECTED}, got one that is cut short, damaged or of "
+            f"another format ({reason})"
+        ) from None
 
 
-def whole_rate(rate_hz: float | int, path: str | os.PathLike[str] | None = None) -> int:
+def whole_rate(rate_hz: float | int) -> int:
     """Return a sampling rate as a whole number [Hz].
 
     Raises:
         InputError: The rate is not a whole number, or not positive.
     """
     if not (math.isfinite(rate_hz) and rate_hz == int(rate_hz) and 0 < rate_hz < 2**31):
-        where = f"{path}: " if path else ""
         raise InputError(
-            f"{where}expected a positive, whole number of samples a second, "
-            f"got {rate_hz:g} Hz"
+            "sampling rate: expected a positive, whole number of samples a second, got "
+            f"{rate_hz:g} Hz"
         )
     return int(rate_hz)
 

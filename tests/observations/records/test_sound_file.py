@@ -81,13 +81,13 @@ def test_a_file_cut_short_is_read_as_far_as_it_goes(tmp_path, kind, subtype, _):
     whole, all_of_it = path.read_bytes(), read_sound(path).samples
     for length in (3, 9, 12, 21, 30, 43):
         path.write_bytes(whole[:length])
-        with pytest.raises(InputError, match=r"a: is cut short") as refusal:
+        with pytest.raises(InputError, match=r"a: .* cut short") as refusal:
             read_sound(path)
         assert "\n" not in str(refusal.value)
     for length in (len(whole) * 4 // 5, len(whole) - 1):
         path.write_bytes(whole[:length])
         if kind == "FLAC":
-            with pytest.raises(InputError, match=r"a: is cut short"):
+            with pytest.raises(InputError, match=r"a: .*is cut short"):
                 read_sound(path)
             continue
         record = read_sound(path)
@@ -169,8 +169,8 @@ def broken(path):
         path / "none.wav": "no such file; expected a sound file",
         path: "is a directory",
         empty: "is empty",
-        text: "is not a sound file; expected a sound file, WAV or FLAC",
-        header: "expected a sound file with samples, got none",
+        text: "expected a sound file, WAV or FLAC, got one that is cut short, damaged or",
+        header: "expected a sound file, WAV or FLAC with samples, got none",
         nine: "at most 8 channels, got 9",
         lossy: "8 to 32 bits or float, got WAV IMA_ADPCM",
         ogg: "got OGG VORBIS",
@@ -202,9 +202,15 @@ def test_what_cannot_be_written_is_refused_and_leaves_what_was_there(tmp_path):
         ("whole number of samples a second, got 0.5 Hz", path, one, 0.5, "float"),
         ("whole number of samples a second, got -8000 Hz", path, one, -8e3, "float"),
         ("got nan Hz", path, one, float("nan"), "float"),
-        ("(8, 16, 24, 32, float), got 12", path, one, 8000, 12),
+        (
+            ".wav of 8, 16, 24, 32, float or .flac of 8, 16, 24 bits, got 12",
+            path,
+            one,
+            8000,
+            12,
+        ),
         ("got 'float'", tmp_path / "a.flac", one, 8000, "float"),
-        (".wav or .flac", tmp_path / "a.mp3", one, 8000, "float"),
+        ("expected .wav of", tmp_path / "a.mp3", one, 8000, "float"),
     )
     for words, file, samples, rate_hz, bits in cases:
         with pytest.raises(InputError) as refusal:

@@ -78,7 +78,7 @@ def test_ground_motion_is_no_pressure(tmp_path):
     trace = obspy.Trace(np.zeros(100, np.float32), {"sampling_rate": 100.0})
     trace.stats.sac = {"idep": 7}
     trace.write(str(path), format="SAC")
-    with pytest.raises(InputError, match=r"expected pressure, .* \(ground velocity"):
+    with pytest.raises(InputError, match=r"expected pressure, .* \(ground motion"):
         open_record(path)
 
 

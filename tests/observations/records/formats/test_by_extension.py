@@ -17,7 +17,7 @@ def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
         ("a.mp3", b"ID3", r"a.mp3: expected a record of samples, its name ending in"),
         ("a.wave", b"RIFF", r"did you mean \.wav"),
         ("a.csv", b"", "a.csv: is empty"),
-        ("a.wav", b"time_s,p_pa\n0,1\n", "a.wav: is not a sound file"),
+        ("a.wav", b"time_s,p_pa\n0,1\n", "a.wav: expected a sound file"),
         ("b.mseed", b"time_s,p_pa\n0,1\n", "b.mseed: expected a complete .mseed"),
         ("b.tdms", b"time_s,p_pa\n0,1\n", "b.tdms: expected pressure"),
         ("b.nc", b"time_s,p_pa\n0,1\n", "b.nc: expected a complete .nc file"),

@@ -93,7 +93,7 @@ def test_a_gap_gives_segments_of_one_channel(tmp_path):
     assert (first.length, second.length) == (1000, 500)
     assert second.epoch == datetime(2024, 5, 17, 11, 53, 37, tzinfo=UTC)
     np.testing.assert_array_equal(second.samples(0, 500)[0], SAMPLES[2500:])
-    assert "gaps of 5 s after 2024-05-17T11:53:10.000Z, 12 s after" in first.notes[0]
+    assert "2 gaps, the first of 5 s after 2024-05-17T11:53:10.000Z" in first.notes[0]
 
 
 def test_a_file_that_ends_within_a_record_is_read_up_to_it(tmp_path):
@@ -120,9 +120,9 @@ def test_ground_channels_are_left_out_by_their_code(tmp_path):
     (found,) = opened(tmp_path, ground, *parts())
     assert found.names == ("a",)
     np.testing.assert_array_equal(found.samples(0, 3000)[0], SAMPLES)
-    expected = "left out, not pressure: XX.D01..EHZ (ground velocity)"
+    expected = "left out, not pressure: XX.D01..EHZ (ground motion)"
     assert found.notes == (expected,)
-    with pytest.raises(InputError, match=r"expected pressure, .*EHZ \(ground velocity"):
+    with pytest.raises(InputError, match=r"expected pressure, .*EHZ \(ground motion"):
         opened(tmp_path, ground)
     # codes of no known instrument, as of loggers with names of their own
     assert opened(tmp_path, packed(SAMPLES, channel="p0"))[0].length == 3000
