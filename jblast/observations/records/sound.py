@@ -311,7 +311,8 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
             check_declared(path, file.frames * file.channels)
             if file.frames == 0:
                 raise InputError(
-                    f"{path}: expected {EXPECTED}, with samples, got none; is it cut short?"
+                    f"{path}: expected {EXPECTED}, with samples, got none; is it "
+                    "cut short?"
                 )
             if header.missing:
                 note = (

@@ -89,16 +89,15 @@ def read_stations(
     else:
         table = table_of(path, f"a table of stations: {within}")
     header = read_header(table, COLUMNS)
-    where = table.at(table.header_line)
     degrees = bool({*DEGREES} & {*table.header})
     needed = ("sensor", *(DEGREES[:2] if degrees else PLACE))
     missing = [name for name in needed if name not in table.header]
     if missing:
+        where = table.at(table.header_line)
         table.faults.append(InputError(f"{where}: missing column {', '.join(missing)}"))
     elif not len(table.lines):
-        table.faults.append(
-            InputError(f"{path}: expected {within}, got the header alone")
-        )
+        fault = f"{path}: expected {within}, got the header alone"
+        table.faults.append(InputError(fault))
     # these leave nothing to check
     if missing or not len(table.lines):
         _raise(path, table.faults)
@@ -220,11 +219,10 @@ def _raise(path: str | os.PathLike[str], faults: list[InputError]) -> None:
     if len(faults) == 1:
         raise faults[0]
     if faults:
-        texts = [fault.worded(argument) for fault in faults[:MAX_FAULTS]]
-        texts = [text.removeprefix(f"{path}: ") for text in texts]
-        more = len(faults) - MAX_FAULTS
-        texts += [f"and {more} more"] if more > 0 else []
-        raise InputError(f"{path}: {len(faults)} faults: {'; '.join(texts)}")
+        texts = [fault.worded(argument).removeprefix(f"{path}: ") for fault in faults]
+        more = " ..." * (len(faults) > MAX_FAULTS)
+        listed = "; ".join(texts[:MAX_FAULTS])
+        raise InputError(f"{path}: {len(faults)} faults: {listed}{more}")
 
 
 def started(
@@ -241,24 +239,20 @@ def started(
         InputError: Its channels have several start times or sensitivities.
     """
     own = [stations[name] for name in recording.names if name in stations]
-    for what, values in (
-        (START, {station.start for station in own}),
-        ("sensitivity", {station.sensitivity for station in own}),
-    ):
-        if len(values) > 1:
-            raise InputError(
-                f"{recording.source}: expected one {what} for all channels of a file, "
-                "got several"
-            )
-    start = own[0].start if own else None
-    sensitivity = own[0].sensitivity if own else None
+    common = {(station.start, station.sensitivity) for station in own}
+    if len(common) > 1:
+        raise InputError(
+            f"{recording.source}: expected one {START} and one sensitivity for all "
+            "channels of a file, got several"
+        )
+    start, sensitivity = next(iter(common), (None, None))
     if sensitivity is not None and not recording.calibrated:
         of = recording
         recording = replace(
             of,
             calibrated=True,
             read=lambda begin, end: sensitivity * of.read(begin, end),
-            full_scale=None if of.full_scale is None else sensitivity * of.full_scale,
+            full_scale=of.full_scale and sensitivity * of.full_scale,
         )
     if start is None:
         return recording
