@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jblast.files import replacing
-from jblast.observations.records.sound import Bits, write_sound_stream
+from jblast.observations.records.sound import Bits, write_sound
 from jblast.report.words import (
     aligned,
     comma_separated,
@@ -111,7 +111,7 @@ class SensorRecord:
         if self.bits is not None:
             bits = next(most for most in BITS if most >= self.bits)
         scaled = (samples[:, 0] / self.full_scale for samples in seen)
-        write_sound_stream(path, scaled, self.rate_hz, bits)
+        write_sound(path, scaled, self.rate_hz, bits)
 
     def _seen(
         self, packets: Iterable[Float[np.ndarray, "sample component"]]

@@ -21,7 +21,7 @@ from jblast.errors import InputError, argument, check_declared
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, observed
 from jblast.observations.records.clips import VIDEOS, created, has_sound
-from jblast.observations.records.formats import open_record
+from jblast.observations.records.formats import open_channels, open_record
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
@@ -761,7 +761,18 @@ def _events(
 
     if size is None and camera is not None:
         size = camera.width, camera.height
-    events = read_events(path, size=size)
+    try:
+        events = read_events(path, size=size)
+    except InputError as error:
+        # some suffixes are those of records of pressure, too
+        try:
+            open_channels(path)
+        except InputError:
+            raise error from None
+        raise InputError(
+            f"{path}: expected sound, a film or camera events, got a record of "
+            "pressure; use jblast pick"
+        ) from None
     if not len(events.t):
         raise InputError(f"{path}: expected events, got none")
     # times of a recorder may be those of the day, or begin below zero

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from jblast.errors import InputError, check_declared, nearest, reading
+from jblast.errors import InputError, nearest, reading
 from jblast.lazy import resolved
 from jblast.observations.records.clips import VIDEOS
 from jblast.observations.records.recording import (
@@ -111,8 +111,6 @@ def open_record(
     path = Path(path)
     with warned() as warnings, reading(path, f"a complete {path.suffix} file"):
         recordings = recordings_of(path, _groups(path), scaling or Scaling())
-    # samples of a record are at least a byte each, compressed ones less
-    check_declared(path, sum(one.length * len(one.names) for one in recordings))
     if not any(recording.length for recording in recordings):
         raise InputError(f"{path}: expected samples, got none")
     # each once: a library may repeat one for every channel

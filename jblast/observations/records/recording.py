@@ -36,7 +36,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Num
 
-from jblast.errors import InputError, argument, read_bytes, reading, shown
+from jblast.errors import (
+    InputError,
+    argument,
+    check_declared,
+    read_bytes,
+    reading,
+    shown,
+)
 from jblast.units import NO_UNITS, sample_unit, spelt, word_and_unit
 
 BLOCK_SAMPLES = 2**20
@@ -401,6 +408,8 @@ def recordings_of(
             without a sensitivity.
     """
     found = channels_of(path, groups)
+    # samples of a record are at least a byte each, compressed ones less
+    check_declared(path, sum(one.length * one.channels for _, one, _ in found))
     used = {id(one.column) for one in found}
     others = [
         _listed(column)

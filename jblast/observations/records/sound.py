@@ -16,7 +16,7 @@ import mmap
 import os
 import re
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from datetime import datetime, timedelta
 from fractions import Fraction
@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jblast.errors import InputError, check_declared, shown
+from jblast.errors import InputError, shown
 from jblast.files import replacing
 from jblast.observations.records.recording import (
     BILLION,
@@ -110,45 +110,23 @@ def read_sound(path: str | os.PathLike[str]) -> SoundRecord:
 
 def write_sound(
     path: str | os.PathLike[str],
-    samples: Float[np.ndarray, "..."],
+    samples: Float[np.ndarray, "..."] | Iterator[Float[np.ndarray, "..."]],
     rate_hz: float | int,
     bits: Bits = "float",
-) -> None:
-    """Write a sound file completely or not at all.
+) -> int:
+    """Write a sound file completely or not at all, and return its number of samples.
+
+    If packets of samples end with an error or an interruption, those before it are
+    written as a complete file, and the error is raised again.
 
     Args:
         path: Path ending in .wav or .flac; an existing file is replaced.
-        samples: Samples by channel and sample, or of one channel. Floats of 32 bits are
+        samples: Samples by channel and sample, or of one channel; or an iterator of
+            such packets, which are written in constant memory. Floats of 32 bits are
             written unchanged. For whole numbers they are shares of full scale, -1 to 1,
             rounded to the nearest; 1 itself becomes the largest code.
         rate_hz: Sampling rate, a whole number [Hz].
         bits: Bits of a sample; FLAC has up to 24, and no floats.
-
-    Raises:
-        InputError: The format cannot store these samples, or there are none.
-    """
-    write_sound_stream(path, [samples], rate_hz, bits)
-
-
-def write_sound_stream(
-    path: str | os.PathLike[str],
-    packets: Iterable[Float[np.ndarray, "..."]],
-    rate_hz: float | int,
-    bits: Bits = "float",
-) -> int:
-    """Write a sound file packet by packet, in constant memory.
-
-    If the packets end with an error or an interruption, those before it are written as
-    a complete file, and the error is raised again.
-
-    Args:
-        path: As for `write_sound`.
-        packets: Samples as for `write_sound`, all with the same number of channels.
-        rate_hz: Sampling rate, a whole number [Hz].
-        bits: Bits of a sample.
-
-    Returns:
-        Number of samples of each channel.
 
     Raises:
         InputError: The format cannot store these samples or this number of them, or
@@ -163,6 +141,7 @@ def write_sound_stream(
             f"{path}: expected {' or '.join(options)} bits, got {shown(bits)}"
         )
     whole_rate_hz = whole_rate(rate_hz)
+    packets = samples if isinstance(samples, Iterator) else iter([samples])
     arrays = (np.atleast_2d(np.asarray(packet)) for packet in packets)
     first = next(arrays, np.zeros((1, 0)))
     if first.ndim != 2 or len(first) > MAX_CHANNELS:
@@ -308,7 +287,6 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
                     f"{path}: expected at most {MAX_CHANNELS} channels, got "
                     f"{file.channels}"
                 )
-            check_declared(path, file.frames * file.channels)
             if file.frames == 0:
                 raise InputError(
                     f"{path}: expected {EXPECTED}, with samples, got none; is it "

@@ -10,7 +10,6 @@ from jblast.observations.records.sound import (
     read_sound,
     resampled,
     write_sound,
-    write_sound_stream,
 )
 
 SUBTYPES = (
@@ -232,7 +231,7 @@ def test_packets_make_the_file_that_the_whole_makes(tmp_path):
     samples = ramps(2)
     write_sound(tmp_path / "whole.wav", samples, 8000, 24)
     packets = packets_of(samples, 77)
-    assert write_sound_stream(tmp_path / "a.wav", packets, 8000, 24) == 1000
+    assert write_sound(tmp_path / "a.wav", packets, 8000, 24) == 1000
     np.testing.assert_array_equal(
         read_sound(tmp_path / "a.wav").samples, read_sound(tmp_path / "whole.wav")[0]
     )
@@ -244,10 +243,10 @@ def test_a_stream_that_breaks_keeps_what_it_had(tmp_path, end):
     path = tmp_path / "a.wav"
     samples = ramps(1)
     with pytest.raises(type(end)):
-        write_sound_stream(path, packets_of(samples, 77, end), 8000)
+        write_sound(path, packets_of(samples, 77, end), 8000)
     np.testing.assert_allclose(read_sound(path).samples, samples, atol=1e-7)
     with pytest.raises(type(end)):  # none had come: what was there stays
-        write_sound_stream(path, packets_of(samples[:, :0], 77, end), 8000)
+        write_sound(path, packets_of(samples[:, :0], 77, end), 8000)
     assert read_sound(path).samples.shape == (1, 1000)
     assert os.listdir(tmp_path) == ["a.wav"]
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
@@ -56,6 +57,20 @@ def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
     cut.write_bytes(paths[0].read_bytes()[:900])
     with pytest.raises(InputError, match=r"cut\.mp4: expected a complete video"):
         open_record(cut)
+
+
+@pytest.mark.parametrize("suffix", [".txt", ".h5"])
+def test_a_record_of_pressure_is_refused_with_the_command_that_takes_it(
+    tmp_path, suffix
+):
+    path = tmp_path / f"gate{suffix}"
+    if suffix == ".txt":
+        path.write_text("time_s,pressure_kpa\n0,1\n1,2\n")
+    else:
+        with h5py.File(path, "w") as file:
+            file["time_s"], file["pressure_kpa"] = np.arange(9.0), np.zeros(9)
+    with pytest.raises(InputError, match="got a record of pressure; use jblast pick"):
+        detect(path)
 
 
 def test_the_time_of_creation_is_named_with_the_option_that_uses_it(

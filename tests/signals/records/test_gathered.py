@@ -134,7 +134,7 @@ def test_channels_of_a_file_begin_together(tmp_path):
         "a.2": Station((9.0, 0.0, 0.0), "", start=start + timedelta(seconds=1))
     }
     (error,) = gathered([wav], stations=two).refused
-    assert "a.wav: expected one start_utc for all channels of a file" in str(error)
+    assert "a.wav: expected one start_utc and one sensitivity for all" in str(error)
 
 
 def seismic(tmp_path, name, began, blasts):
