@@ -31,7 +31,7 @@ from functools import partial
 from itertools import islice
 from logging.handlers import BufferingHandler
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Num
@@ -203,12 +203,15 @@ class Recording(Sampled):
     ) -> PressureRecord:
         """Return an interval of one channel, counted from 0, as a `PressureRecord`."""
         start, stop = max(start, 0), self.length if stop is None else stop
-        common = {one.name: getattr(self, one.name) for one in fields(Sampled)}
+        common: dict[str, Any] = {
+            n.name: getattr(self, n.name) for n in fields(Sampled)
+        }
+        common["start_s"] = self.time_s(start)
         return PressureRecord(
             self.names[channel],
             self.samples(start, stop)[channel],
             aliases=self.aliases[channel] if self.aliases else (),
-            **common | {"start_s": self.time_s(start)},
+            **common,
         )
 
 

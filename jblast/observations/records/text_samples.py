@@ -99,7 +99,7 @@ def open_text(path: Path, octets: int = -1) -> tuple[Group, ...]:
     clock, notes = stated.clock, stated.notes
     times = [at for at in table.numeric if columns[at].dimension == "time"]
     counter = None if times else _counter(table, columns, stated)
-    order = times if counter is None else [*times, counter]
+    order = times if counter is None else [counter]
     bare = [c for c in table.numeric if c not in order and not columns[c].its_unit]
     for c in bare:
         columns[c] = columns[c]._replace(unit=stated.units.get(c, ""))
@@ -117,14 +117,16 @@ def open_text(path: Path, octets: int = -1) -> tuple[Group, ...]:
             steps = 1.0, 1.0 / clock.rate_hz
             even = (c for c in samples if c in bare and _is_even(numbers[c], steps))
             counter = next(even, None)
-        own = () if clock is None or times or counter is not None else (clock,)
+        stepped = None if times else clock
         if counter is not None:
             numbers[counter], is_counted = _seconds(
                 table, columns[counter], numbers[counter], stated
             )
             columns[counter] = columns[counter]._replace(unit="s")
-        if clock and (own or (counter is not None and is_counted)):
-            notes += (f"times by the preamble: {1 / clock.rate_hz:.9g} s per sample",)
+            stepped = clock if is_counted else None
+        if stepped:
+            notes += (f"times by the preamble: {1 / stepped.rate_hz:.9g} s per sample",)
+        own = (stepped,) if stepped and counter is None else ()
         for c, values in numbers.items():
             columns[c] = _filled(table, columns[c], values)._replace(clocks=own)
     lines = table.lines
@@ -328,8 +330,9 @@ def _counter(table: Table, columns: list[Column], stated: _Stated) -> int | None
         word = spelt(columns[at].word)
         if {word, word.split("_")[0]} & {*COUNTS, *TIME_WORDS, "second", "seconds"}:
             return at
-    is_timed = stated.clock is None and len(table.numeric) > 1
-    return table.numeric[0] if is_timed else None
+    if stated.clock is None and len(table.numeric) > 1:
+        return table.numeric[0]
+    return None
 
 
 def _is_even(numbers: Float[np.ndarray, " sample"], steps: tuple[float, ...]) -> bool:
