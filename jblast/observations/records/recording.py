@@ -160,11 +160,6 @@ class Recording(Sampled):
     own_start_s: float = 0.0
     clock_is_set: bool = True
 
-    @property
-    def seconds(self) -> float:
-        """Duration [s]."""
-        return self.length / self.rate_hz
-
     def samples(self, start: int, stop: int) -> Float[np.ndarray, "channel sample"]:
         """Return an interval of every channel.
 
@@ -346,20 +341,17 @@ def channels_of(path: Path, groups: Sequence[Group]) -> tuple[Channels, ...]:
     These are pascals and volts; without any, counts and shares of full scale.
 
     Raises:
-        InputError: There are none; one has no unit, or two have one word and two units.
+        InputError: There are none, or one has two units, or two of one word have.
     """
     held = [(group, column) for group in groups for column in group.columns]
     for _, column in held:
         own = word_and_unit(column.name)[1]
         meant, stated = sample_unit(own), sample_unit(column.its_unit)
-        expected = ""
         if meant.dimension and stated.dimension and meant != stated:
-            expected = f"one unit, got {own} in its name and {column.unit}"
-        elif not column.dimension and re.match("(over)?pressure", column.word.lower()):
-            expected = "a unit of pressure, as in pressure_kpa, got "
-            expected += column.its_unit or "none"
-        if expected:
-            raise InputError(f"{path}: {column.label}: expected {expected}")
+            raise InputError(
+                f"{path}: {column.label}: expected one unit, got {own} in its name and "
+                f"{column.unit}"
+            )
     used = [one for one in held if one[1].dimension in ("pressure", "voltage")]
     used = used or [one for one in held if one[1].dimension in ("count", "share")]
     if not used:

@@ -92,5 +92,5 @@ def test_picks_made_before_a_bad_file_are_kept(jblast):
     assert code == 2
     assert "2 picks in 2 records" in out
     assert "c.wav: " in err
-    assert "is not a sound file" in err
+    assert "expected a sound file" in err
     assert set(read(log).sensor) == {"g01", "g02"}

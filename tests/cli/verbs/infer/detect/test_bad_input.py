@@ -29,7 +29,7 @@ def test_recordings_that_are_none(jblast):
         (jblast.path("absent.wav"), "no such file"),
         (jblast.file("empty.wav", b""), "is empty"),
         (jblast.file("cut.wav", whole[:40]), "cut short"),
-        (jblast.file("words.wav", b"no sound at all"), "not a sound file"),
+        (jblast.file("words.wav", b"no sound at all"), "expected a sound file"),
         (
             write(jblast, "nan.wav", nan),
             "expected finite samples, got nan in channel 1",
