@@ -201,14 +201,13 @@ def record_files(
     """
     files: list[Path] = []
     left_out: list[Path] = []
-    table = stations if stations and Path(stations).exists() else None
     for name in map(Path, named):
         if not name.is_dir():
             files.append(name)
             continue
         records, others, folders = [], [], []
         for path in sorted(name.iterdir()):
-            if path.name.startswith(".") or (table and path.samefile(table)):
+            if path.name.startswith(".") or (stations and path.samefile(stations)):
                 continue
             may_be_table = path.suffix.lower() in TABLES
             if path.is_dir():

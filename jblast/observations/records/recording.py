@@ -594,7 +594,12 @@ def even_clock(
             f"{where(gap + 1)}: expected a sample every {step:.6g} s, got a gap of "
             f"{steps[gap]:.6g} s after {times_s[gap]:.9g} s; cut the record there"
         )
-    start, step = _line(times_s)
+    # the straight line by least squares, relative to the first time: times since 1970
+    # would lose seven digits
+    number = np.arange(times_s.size) - 0.5 * (times_s.size - 1)
+    since = times_s - times_s[0]
+    step = float(number @ since / (number @ number))
+    start = float(times_s[0] + (since.mean() + step * number[0]))
     off = np.abs(times_s - start - step * np.arange(times_s.size))
     worst = int(np.argmax(off))
     if off[worst] > MAX_JITTER * step:
@@ -607,16 +612,6 @@ def even_clock(
     if abs(times_s[0] - start) < RATE_TOLERANCE * step:
         start = float(times_s[0])
     return start, rounded(1.0 / step, RATE_TOLERANCE / times_s.size)
-
-
-def _line(times_s: Float[np.ndarray, " sample"]) -> tuple[float, float]:
-    """Return intercept and slope of times against their number, by least squares."""
-    number = np.arange(times_s.size) - 0.5 * (times_s.size - 1)
-    first = float(times_s[0])
-    # relative to the first: times since 1970 would lose seven digits
-    since = times_s - first
-    slope = float(number @ since / (number @ number))
-    return first + float(since.mean() + slope * number[0]), slope
 
 
 def rounded(rate_hz: float, tolerance: float) -> float:

@@ -276,16 +276,15 @@ def opened_sound(path: Path) -> Iterator[tuple["soundfile.SoundFile", "_Header"]
                 at, octets = header.fix
                 source[at : at + len(octets)] = octets
             file = stack.enter_context(soundfile.SoundFile(source))
-            kind = file.format, file.subtype
-            if kind[0] not in FORMATS or kind[1] not in READ_SUBTYPES:
+            if (
+                file.format not in FORMATS
+                or file.subtype not in READ_SUBTYPES
+                or file.channels > MAX_CHANNELS
+            ):
                 raise InputError(
-                    f"{path}: expected {EXPECTED} of 8 to 32 bits or float, got "
-                    f"{' '.join(kind)}"
-                )
-            if file.channels > MAX_CHANNELS:
-                raise InputError(
-                    f"{path}: expected at most {MAX_CHANNELS} channels, got "
-                    f"{file.channels}"
+                    f"{path}: expected {EXPECTED}, of 8 to 32 bits or float, with at "
+                    f"most {MAX_CHANNELS} channels, got {file.format} {file.subtype} "
+                    f"with {file.channels}"
                 )
             if file.frames == 0:
                 raise InputError(

@@ -64,8 +64,6 @@ KEYS = {
 }  # fmt: skip
 """Keys of a preamble by kind, in snake case."""
 KIND_OF = {key: kind for kind, keys in KEYS.items() for key in keys}
-CONVENTIONS = (("lecroy", "s", "V"),)
-"""Beginnings of preambles whose writers omit units, with those of times and values."""
 RATE_UNITS = {
     "": 1.0, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "sps": 1.0, "ksps": 1e3, "msps": 1e6,
     **{f"{prefix}{unit}_per_{second}": factor
@@ -226,12 +224,10 @@ def _stated(table: Table) -> _Stated:
         for note in table.notes
         if note.kind == "encoding"
     )
-    for beginning, of_times, of_values in CONVENTIONS:
-        if not (time_unit or units) and any(
-            cells[0].lower().startswith(beginning) for cells in rows
-        ):
-            time_unit, units = of_times, dict.fromkeys(values, of_values)
-            notes += (f"columns without a unit are read in {of_times} and {of_values}",)
+    lecroy = any(cells[0].lower().startswith("lecroy") for cells in rows)
+    if lecroy and not (time_unit or units):
+        time_unit, units = "s", dict.fromkeys(values, "V")
+        notes += ("columns without a unit are read in s and V, as LeCroy writes them",)
     before_s, step_s, start_s = (
         value * sample_unit(unit or time_unit or "s").factor
         for value, unit in (
