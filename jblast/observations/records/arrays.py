@@ -65,13 +65,9 @@ def open_arrays(path: Path) -> tuple[Group, ...]:
     """
     import h5py
 
-    with path.open("rb") as file:
-        is_classic = file.read(3) == b"CDF"
-    is_mat = path.suffix.lower() == ".mat"
-    if is_mat and not h5py.is_hdf5(path):
+    opened: Opener = partial(_hdf5 if h5py.is_hdf5(path) else _classic, path)
+    if path.suffix.lower() == ".mat" and not h5py.is_hdf5(path):
         opened = partial(nullcontext, _mat_arrays(path))
-    else:
-        opened = partial(_classic if is_classic else _hdf5, path)
     with opened() as held:
         arrays = {n: one for n, one in held.items() if hasattr(one, "shape")}
         check_declared(path, sum(_octets(one) for one in arrays.values()))
