@@ -54,7 +54,7 @@ within 1e-4; a larger difference is a gap in each record."""
 LEAST_RECORDS = 4
 """Smallest number of records whose median step is that of the clock: of fewer, one gap
 could be half of the steps."""
-Record = tuple[int, Num[np.ndarray, " sample"]]
+Record = tuple[int, Num[np.ndarray, "..."]]
 """Start of a record, nanoseconds since 1970 in UTC, and its samples."""
 Segment = list[tuple[int, int]]
 """An interval of a trace without gaps: the first sample of each record, counted from
