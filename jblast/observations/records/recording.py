@@ -167,7 +167,7 @@ class Recording(Sampled):
             return samples
         # transposed, so that the first one in time is reported
         channel, sample = np.argwhere(~np.isfinite(samples.T))[0][::-1]
-        where = f"{self.source}: {self.names[channel]}"
+        where = f"{self.source}: channel {self.names[channel]}"
         if not np.isfinite(samples[channel]).any():
             raise InputError(f"{where}: expected samples, got no finite number")
         nth = max(start, 0) + int(sample)

@@ -69,7 +69,7 @@ def test_what_cannot_be_read_is_named_and_the_rest_picked(tmp_path):
     assert len(said) == 3
     assert "broken.csv: line 3, column p_pa: expected a number, got 'x'" in said[0]
     assert "expected records with different names, got a twice" in said[1]
-    assert "short.wav: short: expected 16 samples or more, got 1" in said[2]
+    assert "short.wav: channel short: expected 16 samples or more, got 1" in said[2]
 
 
 def test_a_sensitivity_given_as_its_reciprocal_is_refused():

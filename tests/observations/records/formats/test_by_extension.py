@@ -53,7 +53,7 @@ def test_a_sample_that_is_no_number_is_named_when_it_is_read(tmp_path):
     soundfile.write(path, samples, 1000, subtype="FLOAT")
     (recording,) = open_record(path, Scaling(full_scale_pa=1.0))
     recording.samples(0, 40)
-    with pytest.raises(InputError, match=r"a.wav: a.2, sample 41 \(0.04 s\)"):
+    with pytest.raises(InputError, match=r"a.wav: channel a.2, sample 41 \(0.04 s\)"):
         recording.samples(20, 60)
     samples[:, 0] = np.nan
     soundfile.write(path, samples, 1000, subtype="FLOAT")

@@ -32,7 +32,7 @@ def test_recordings_that_are_none(jblast):
         (jblast.file("words.wav", b"no sound at all"), "expected a sound file"),
         (
             write(jblast, "nan.wav", nan),
-            "expected finite samples, got nan in channel 1",
+            "nan, sample 101 (0.0125 s): expected a finite sample",
         ),
         (write(jblast, "silent.wav", silent), "one value throughout"),
         (write(jblast, "short.wav", silent[:50] + np.arange(50)), "at least as long"),
