@@ -863,8 +863,7 @@ def by_eye(records) -> Observations:
     log = cases.log_of_picks(pick_records(records))
     value, sigma = log.value.copy(), log.sigma.copy()
     for k, record in enumerate(records):
-        time_s = record.start_s + np.arange(record.samples.size) / record.rate_hz
-        eye = eye_pick(time_s, record.samples)
+        eye = eye_pick(record.time_s, record.samples)
         noise = record.samples[: record.samples.size // 10].std()
         rows = slice(len(RECORD_QUANTITIES) * k, len(RECORD_QUANTITIES) * (k + 1))
         value[rows] = eye

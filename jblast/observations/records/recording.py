@@ -124,6 +124,11 @@ class PressureRecord(Sampled):
     shot: str = ""
 
     @property
+    def time_s(self) -> Float[np.ndarray, " sample"]:
+        """Time of each sample on the recorder's clock [s]."""
+        return self.start_s + np.arange(self.samples.size) / self.rate_hz
+
+    @property
     def seconds(self) -> float:
         """Duration [s]."""
         return self.samples.size / self.rate_hz

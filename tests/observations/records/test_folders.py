@@ -34,6 +34,12 @@ def test_a_folder_without_records_is_refused(tmp_path):
         record_files([tmp_path])
 
 
+def test_times_begin_where_the_record_does_and_step_by_the_rate():
+    record = PressureRecord("a", np.zeros(5), rate_hz=4.0, start_s=10.0)
+    np.testing.assert_array_equal(record.time_s, [10.0, 10.25, 10.5, 10.75, 11.0])
+    assert record.seconds == 1.25
+
+
 @pytest.mark.parametrize(
     ("changed", "named"),
     [

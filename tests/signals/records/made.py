@@ -46,7 +46,7 @@ def picked_at_its_peak(records: list[PressureRecord]) -> list[RecordPick]:
         at = int(np.argmax(one.samples))
         notes = () if one.samples[at] > 1.0 else ("nothing_found",)
         peak = float(one.samples[at])
-        arrival = one.start_s + at / one.rate_hz
+        arrival = float(one.time_s[at])
         made.append(
             record_pick(
                 one, air_arrival_s=arrival, peak_overpressure_pa=peak, notes=notes
