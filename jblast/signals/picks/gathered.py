@@ -349,8 +349,8 @@ def _long_enough(recordings: Sequence[Recording]) -> list[Recording]:
     for one in recordings:
         if one.names not in names:
             raise InputError(
-                f"{one.source}: channel {one.names[0]}: expected {LEAST_SAMPLES} samples "
-                f"or more, got {one.length}"
+                f"{one.source}: channel {one.names[0]}: expected {LEAST_SAMPLES} "
+                f"samples or more, got {one.length}"
             )
     return long
 
