@@ -7,7 +7,7 @@ floating-point numbers near its clock times are further apart than their sigma (
 for seconds since 1970 in single precision).
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Any
 
 import jax.numpy as jnp
@@ -25,9 +25,8 @@ def check_clocks(
     observations: Observations,
     scene: Scene,
     beliefs: Collection[str],
-    add: Callable[[Bool[np.ndarray, " row"], Callable[[int], str], str], None],
 ) -> None:
-    """Refuse clocks that are not in the log, or not set exactly once.
+    """Refuse clocks that are not in the log, and an offset of the common one.
 
     The first clock of the log is the common one, by which all others are set; or that
     of the rows whose column `clock` is empty, where others name theirs.
@@ -36,7 +35,6 @@ def check_clocks(
         observations: The log.
         scene: The scene.
         beliefs: Names of its parameters that are not fixed.
-        add: Function that adds a fault for each bad row, with its column.
 
     Raises:
         InputError: There is a clock that the log does not have, or the common clock has
@@ -44,7 +42,6 @@ def check_clocks(
     """
     source = observations.source or "observations"
     named = list(dict.fromkeys(clock for clock in observations.clock if clock))
-    sensors = {sensor.name: sensor for sensor in scene.sensors}
     for clock in scene.clocks:
         known = list(dict.fromkeys(observations.clocks()))
         if clock.name not in known:
@@ -63,28 +60,6 @@ def check_clocks(
             f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
             f"{source}, by which the others are set; expected {others or 'no clock'}"
         )
-    own = {
-        name
-        for name, sensor in sensors.items()
-        if float(sensor.clock_offset_s) != 0 or f"{CLOCK_OFFSET}.{name}" in beliefs
-    }
-    add(
-        np.array(
-            [
-                bool(clock) and clock != sensor and sensor in own
-                for clock, sensor in zip(
-                    observations.clock, observations.sensor, strict=True
-                )
-            ],
-            bool,
-        ),
-        lambda row: (
-            f"got {shown(observations.clock[row])}, but the scene gives sensor "
-            f"{shown(observations.sensor[row])} a clock_offset_s of its own; expected "
-            "one of the two"
-        ),
-        "clock",
-    )
 
 
 def has_common_clock(observations: Observations) -> bool:

@@ -7,7 +7,7 @@ independent, except those of one pressure record, whose covariance is stored per
 relative). Notes list what a reader converted, skipped or supplied.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from pathlib import PurePath
@@ -71,27 +71,24 @@ class RecordCovariance:
     matrix: Float[np.ndarray, "quantity quantity"]
 
     def __post_init__(self):
-        count = len(self.quantities)
+        count, of = len(self.quantities), self.matrix
         where = f"the covariance of record {shown(self.record)}"
-        if len(set(self.quantities)) < count:
-            raise ValueError(f"{where}: expected each quantity once")
-        if self.matrix.shape != (count, count):
+        if len(set(self.quantities)) < count or of.shape != (count, count):
             raise ValueError(
-                f"{where}: expected shape ({count}, {count}), got {self.matrix.shape}"
+                f"{where}: expected each quantity once, and a row and a column for it, "
+                f"got {', '.join(self.quantities)} and shape {of.shape}"
             )
-        if not np.isfinite(self.matrix).all() or (np.diag(self.matrix) <= 0).any():
+        if not np.isfinite(of).all() or (np.diag(of) <= 0).any():
             raise ValueError(
                 f"{where}: expected finite numbers and positive variances, got "
-                f"variances {np.diag(self.matrix)}"
+                f"variances {np.diag(of)}"
             )
         # of the correlation, since variances differ by many orders of magnitude
-        skew = np.abs(self.correlation - self.correlation.T)
-        if (skew > SYMMETRIC).any():
-            raise ValueError(f"{where}: expected a symmetric matrix")
-        if (least := self.own_share) <= 0:
+        skew, least = np.abs(self.correlation - self.correlation.T), self.own_share
+        if (skew > SYMMETRIC).any() or least <= 0:
             raise ValueError(
-                f"{where}: expected it positive definite, got a correlation matrix "
-                f"whose smallest eigenvalue is {least:.3g}"
+                f"{where}: expected it symmetric and positive definite, got asymmetry "
+                f"{skew.max():.3g} and smallest eigenvalue {least:.3g} of correlations"
             )
 
     @property
@@ -244,6 +241,22 @@ def observed(
         sigma=np.asarray(sigma, float),
         **(defaults | others),
     )
+
+
+def rows_by(
+    keys: Iterable[Any], among: Bool[np.ndarray, " row"] | None = None
+) -> dict[Any, list[int]]:
+    """Return the rows of each key, in order of appearance.
+
+    Args:
+        keys: The key of each row.
+        among: True for the rows that count; all by default.
+    """
+    found: dict[Any, list[int]] = {}
+    for row, key in enumerate(keys):
+        if among is None or among[row]:
+            found.setdefault(key, []).append(row)
+    return found
 
 
 def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
