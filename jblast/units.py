@@ -405,15 +405,17 @@ def word_and_unit(name: str) -> tuple[str, str]:
 
 
 def in_si(values: Float[np.ndarray, " row"], suffix: str) -> Float[np.ndarray, " row"]:
-    """Return values in SI.
+    """Return values in SI; of peak levels in decibels, the overpressures.
 
     Args:
         values: Values in a unit.
-        suffix: The unit, as for `si_factor`.
+        suffix: The unit, as for `si_factor`, or "db".
     """
-    ratio = si_ratio(suffix)
     # too large a value overflows to infinity, which its row reports
     with np.errstate(over="ignore"):
+        if suffix in SUFFIXES[LEVEL]:
+            return overpressure(values)
+        ratio = si_ratio(suffix)
         return values * float(ratio.numerator) / float(ratio.denominator)
 
 

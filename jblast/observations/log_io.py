@@ -24,6 +24,7 @@ from jblast.observations.covariances import with_covariances, write_covariances
 from jblast.observations.instants import written
 from jblast.observations.names import (
     check_all_there,
+    clean_numbers,
     made_long,
     read_header,
     refuse_wide,
@@ -47,7 +48,6 @@ from jblast.observations.text_table import (
     Table,
     is_text,
     number_of,
-    take_decimal_commas,
 )
 from jblast.progress import stages
 from jblast.quantities import CLOCK_TIMES
@@ -144,14 +144,13 @@ def _read(
             f"{table.at(table.header_line)}: nothing after the header; expected one "
             "measurement a row"
         )
+    # before columns are combined: a decimal mark is decided by all numbers of the file
+    clean_numbers(table)
     if wide:
-        table = made_long(table)
+        made_long(table)
     begin("checking columns")
     header = read_header(table)
     check_all_there(table)
-    if not wide:
-        held = [at for at, name in enumerate(table.header) if name in NUMBERS]
-        take_decimal_commas(table, held)
     return observations_of(table, header, date, zone)
 
 

@@ -13,14 +13,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from jblast.errors import InputError, argument, nearest, shown
-from jblast.observations.table import COLUMNS, DEGREES, NEEDED, NUMBERS, POSITION
+from jblast.observations.table import (
+    COLUMNS,
+    DEGREES,
+    NAME_COLUMNS,
+    NEEDED,
+    NUMBERS,
+    POSITION,
+)
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
 from jblast.results import assumption
 from jblast.units import (
     ANY,
-    LEVEL,
-    LN_PER_DB,
     SIMILAR_NAMES,
     OurName,
     our_name,
@@ -37,8 +42,8 @@ CALLED = {"gauge": "sensor", "units": UNIT}
 """Other names of columns without a unit."""
 NOTES = ("note", "notes")
 """First words of the names of columns that are ignored."""
-NAMES = ("sensor", "value_utc", "path", "shot", "clock", "record", UNIT)
-"""Columns of a wide table without numbers."""
+NAMES = ("sensor", "quantity", *NAME_COLUMNS, UNIT)
+"""Columns without numbers and dates."""
 FOR_ALL = "sigma_percent"
 """Column of the errors of all quantities whose errors are relative."""
 
@@ -103,20 +108,14 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
 def _column(
     table: Table, index: int, known: Sequence[str]
 ) -> tuple[str, OurName | None]:
-    """Return our name of a column, and its unit if that is not ours.
+    """Return our name of a column, and its unit, if it has one.
 
     Raises:
         InputError: The row of units has another unit than the name.
     """
     theirs, stated = table.header[index], table.units[index]
     key, own = spelt(theirs), our_name(theirs)
-    if own is not None and own.name not in known:
-        own = None
-    if not stated:
-        if key in known or own is None:
-            return CALLED.get(key, key), None
-        return own.name, own
-    if own is not None:
+    if stated and own is not None and own.name in known:
         # units are compared by dimension and factor: kPa and kilopascal are the same
         same = our_name(f"value_{stated}")
         if same is None or (same.dimension, same.factor) != (own.dimension, own.factor):
@@ -124,11 +123,11 @@ def _column(
                 f"{table.at(table.units_line, theirs)}: expected one unit per column, "
                 f"got {own.unit} in its name and {stated} in the row of units"
             )
-        return own.name, None if key in known else own
-    there = our_name(f"{theirs}_{stated}")
-    if there is not None and there.name in known:
-        return there.name, there
-    return CALLED.get(key, "" if key in NUMBERS else key), None
+    for found in (own, our_name(f"{theirs}_{stated}") if stated else None):
+        if found is not None and found.name in known:
+            return found.name, found
+    # a number in an unknown unit is no number of ours
+    return "" if stated and key in NUMBERS else CALLED.get(key, key), None
 
 
 def _advice(name: str, known: Sequence[str]) -> str:
@@ -191,6 +190,24 @@ def quantity_of(name: str) -> str:
     return ours if ours in QUANTITIES else ""
 
 
+def clean_numbers(table: Table) -> None:
+    """Empty the fields of numbers and dates without a value; take decimal commas.
+
+    Raises:
+        InputError: A number has two readings.
+    """
+    keys = [CALLED.get(key, key) for key in map(spelt, table.header)]
+    held = [
+        i
+        for i, key in enumerate(keys)
+        if key not in NAMES and key.partition("_")[0] not in NOTES
+    ]
+    for i in held:
+        column = table.columns[i]
+        table.columns[i] = ["" if x.lower() in NA_WORDS else x for x in column]
+    take_decimal_commas(table, [i for i in held if keys[i] != "value_utc"])
+
+
 def held_quantities(table: Table) -> dict[int, str]:
     """Return the columns of quantities, and their names with units."""
     held = {}
@@ -220,14 +237,15 @@ def refuse_wide(table: Table) -> None:
     )
 
 
-def made_long(table: Table) -> Table:
-    """Return a wide table as one measurement per row, sensor by sensor.
+def made_long(table: Table) -> None:
+    """Make one measurement per row of a wide table, sensor by sensor.
 
     An empty cell is no measurement. Rows of quantities without a column of errors have
     no sigma.
 
     Args:
-        table: Table with a column for each quantity, as `peak_overpressure_kpa`.
+        table: Table with a column for each quantity, as `peak_overpressure_kpa`, which
+            is changed.
 
     Raises:
         InputError: The table has no such column, or also `quantity` or `value`, or a
@@ -249,61 +267,38 @@ def made_long(table: Table) -> Table:
                 f"{where}: expected a column for each quantity, got {shown(other)} and "
                 f"{shown(name)}: two units for one column"
             )
-    # before the columns are combined: a mark is decided by all numbers of the file
-    numbers = [i for i, key in enumerate(keys) if CALLED.get(key, key) not in NAMES]
-    take_decimal_commas(table, numbers)
     errors = _error_columns(table, held)
     others = [i for i in range(len(keys)) if i not in {*held, *errors.values()}]
+    cells = table.columns
     picked = [
-        (row, i)
-        for row in range(len(table.lines))
-        for i in held
-        if table.columns[i][row].lower() not in NA_WORDS
+        (row, i) for row in range(len(table.lines)) for i in held if cells[i][row]
     ]
+    timed = {i for i, name in held.items() if quantity_of(name) in TIMED}
 
     def sigma(row: int, i: int) -> str:
-        if i not in errors:
-            return ""
-        written = table.columns[errors[i]][row]
-        if keys[errors[i]] != FOR_ALL:
-            return written
-        value, ours = table.columns[i][row].lstrip("> "), our_name(held[i])
-        # an error of a level is in decibels, whatever the level is
-        if ours is not None and ours.dimension == LEVEL:
-            value = repr(1.0 / LN_PER_DB)
-        try:
-            return repr(float(value) * float(written) / 100.0)
-        except ValueError:
-            # refused later, with the text itself
-            return written
+        text = cells[errors[i]][row] if i in errors else ""
+        return f"{text}%" if text and keys[errors[i]] == FOR_ALL else text
 
-    timed = {i for i, name in held.items() if quantity_of(name) in TIMED}
-    columns = [
-        [
-            table.columns[other][row]
-            if i in timed or not keys[other].startswith("time")
-            else ""
-            for row, i in picked
+    def other(at: int) -> list[str]:
+        # other quantities have no time
+        needs = None if not keys[at].startswith("time") else timed
+        return [
+            cells[at][row] if needs is None or i in needs else "" for row, i in picked
         ]
-        for other in others
+
+    table.columns = [
+        *map(other, others),
+        [held[i] for _, i in picked],
+        [cells[i][row] for row, i in picked],
+        [sigma(row, i) for row, i in picked],
     ]
-    columns.append([held[i] for _, i in picked])
-    columns.append([table.columns[i][row] for row, i in picked])
-    columns.append([sigma(row, i) for row, i in picked])
     table.header = [*(table.header[i] for i in others), "quantity", "value", "sigma"]
     table.units = [*(table.units[i] for i in others), "", "", ""]
-    table.columns = columns
     table.lines = [table.lines[row] for row, _ in picked]
     table.is_wide = True
     table.notes.append(assumption("made_long", names=list(held.values())))
-    shares = [held[i] for i, column in errors.items() if keys[column] == FOR_ALL]
-    for kind, names in (
-        ("errors_shared", shares),
-        ("no_errors", [name for i, name in held.items() if i not in errors]),
-    ):
-        if names:
-            table.notes.append(assumption(kind, names=names))
-    return table
+    if missing := [name for i, name in held.items() if i not in errors]:
+        table.notes.append(assumption("no_errors", names=missing))
 
 
 def _error_columns(table: Table, held: dict[int, str]) -> dict[int, int]:
@@ -312,26 +307,25 @@ def _error_columns(table: Table, held: dict[int, str]) -> dict[int, int]:
     Raises:
         InputError: A column is in another unit than its quantity, or belongs to none.
     """
-    keys = [spelt(name) for name in table.header]
+    at = {spelt(name): i for i, name in enumerate(table.header)}
     found = {}
     for i, name in held.items():
-        for key in (f"sigma_{keys[i]}", FOR_ALL):
-            if key in keys and (key != FOR_ALL or quantity_of(name) not in ADDITIVE):
-                found[i] = keys.index(key)
-                break
-        if i in found and keys[found[i]] != FOR_ALL:
-            own, its = table.units[found[i]], table.units[i]
-            if own and unit_spelt(own) != unit_spelt(its):
+        if (own := f"sigma_{spelt(table.header[i])}") in at:
+            found[i] = at[own]
+            unit, its = table.units[at[own]], table.units[i]
+            if unit and unit_spelt(unit) != unit_spelt(its):
                 raise InputError(
-                    f"{table.at(table.units_line, table.header[found[i]])}: expected "
-                    f"{its or 'no unit'}, the unit of its quantity, got {own}"
+                    f"{table.at(table.units_line, table.header[at[own]])}: expected "
+                    f"{its or 'no unit'}, the unit of its quantity, got {unit}"
                 )
-    for i, key in enumerate(keys):
+        elif FOR_ALL in at and quantity_of(name) not in ADDITIVE:
+            found[i] = at[FOR_ALL]
+    for key, i in at.items():
         if "sigma" in key.split("_") and i not in {*found.values(), *held}:
             raise InputError(
                 f"{table.at(table.header_line)}: expected sigma_ and the name of a "
-                f"quantity's column, as sigma_{keys[min(held)]}, in its unit, or "
-                f"{FOR_ALL}, of quantities whose errors are relative; got "
+                f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
+                f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
                 f"{shown(table.header[i])}"
             )
     return found

@@ -25,14 +25,13 @@ from jblast.observations.positions import positions
 from jblast.observations.rules import Rows, Rule
 from jblast.observations.table import (
     NAME_COLUMNS,
-    NUMBERS,
     POSITION,
     SAMPLES,
     Observations,
     row_word,
     some_rows,
 )
-from jblast.observations.text_table import NA_WORDS, Table, has_letters, is_text
+from jblast.observations.text_table import Table, has_letters, is_text
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, TIMED
 from jblast.results import Note, assumption
 from jblast.units import (
@@ -44,13 +43,15 @@ from jblast.units import (
     dimension_of,
     in_si,
     our_name,
-    overpressure,
     what_to_write,
 )
 
-POSITIVE_SIGMA = "a positive number, or nothing for the law's scatter alone"
 AT_LEAST = ">"
 """Mark before a value that is a lower bound."""
+PER_CENT = OurName("sigma", 0.01, SHARE, "percent")
+"""Unit of a sigma that ends in %."""
+OwnUnits = Sequence[OurName | None]
+"""Unit of each row, None for ours."""
 
 
 def observations_of(
@@ -67,75 +68,87 @@ def observations_of(
     Raises:
         InputError: No row has a value.
     """
-    if skipped := _drop_empty(table):
-        table.notes.append(
-            assumption(
-                "empty_skipped",
-                rows=len(skipped),
-                words=row_word(table.source) + ("" if len(skipped) == 1 else "s"),
-                lines=list(map(str, skipped)),
-            )
-        )
-    if not table.lines:
-        n = len(skipped)
-        raise InputError(
-            f"{table.at(skipped[0])}: expected a value in some row, got "
-            + (f"{n} rows without a value" if n > 1 else "a row without a value, alone")
-        )
+    held = dict(zip(table.header, table.columns, strict=True))
+    nothing = [""] * len(table.lines)
+    measured = [held.get(name, nothing) for name in ("value", VALUE_UTC, "quantity")]
+    skipped = {
+        row: table.lines[row]
+        for row, (value, utc, kind) in enumerate(zip(*measured, strict=True))
+        if not (value or utc or kind == SAMPLES)
+    }
+    if skipped:
+        word = row_word(table.source) + ("" if len(skipped) == 1 else "s")
+        lines = list(map(str, skipped.values()))
+        note = assumption("empty_skipped", rows=len(lines), words=word, lines=lines)
+        table.notes.append(note)
+        where = table.at(table.lines[0])
+        table.drop_rows(skipped)
+        if not table.lines:
+            raise InputError(f"{where}: expected a value in some row, got none")
     rows = Rows(table, header)
-    theirs = _with_units(rows)
-    units = _units_of(rows, theirs)
-    quantity = [unit.name if unit else name for name, unit in zip(theirs, units)]  # noqa: B905 (equal)
+    meanings = _meanings(rows)
+    theirs, units = [of for of, _ in meanings], [unit for _, unit in meanings]
+    quantity = [unit.name if unit else name for name, unit in meanings]
     own = rows.units.get("value")
     # a level is the quantity's own unit
     row_units = [own] * len(units) if own and own.dimension != LEVEL else units
+    is_share = [len(text) > 1 and text.endswith("%") for text in rows.text("sigma")]
+    error = rows.units.get("sigma")
+    errors = [
+        PER_CENT if share else error or unit
+        for share, unit in zip(is_share, row_units, strict=True)
+    ]
     kind, in_ln = np.array(quantity), ~np.isin(quantity, ADDITIVE)
     sampled, timed = kind == SAMPLES, np.isin(quantity, TIMED)
     seconds, epoch, found = clock_times(rows, kind, date, zone)
-    dated = rows.given(VALUE_UTC)
-    bound = np.array([text.startswith(AT_LEAST) for text in rows.text("value")], bool)
-    odd_bound = [text.startswith(("<", ">=")) for text in rows.text("value")]
-    known = np.isin(quantity, (*QUANTITIES, SAMPLES))
-    no_value = f"nothing, as {SAMPLES} is a file of samples"
+    texts = rows.text("value")
+    bound = np.array([text.startswith(AT_LEAST) for text in texts], bool)
     rows.refuse(
         [
             Rule("sensor", ~rows.given("sensor"), "a name"),
             Rule(
                 "quantity",
-                ~known,
-                lambda row: _unknown(theirs[row], rows.text("value")[row]),
+                ~np.isin(quantity, (*QUANTITIES, SAMPLES)),
+                lambda row: _unknown(theirs[row], texts[row]),
             ),
-            *_unit_rules(rows, quantity, units),
-            Rule("value", sampled & rows.given("value"), no_value),
+            *_unit_rules(rows, quantity, units, errors),
+            Rule(
+                "value",
+                sampled & rows.given("value"),
+                f"nothing, as {SAMPLES} is a file of samples",
+            ),
             Rule("record", sampled & ~rows.given("record"), "a file of samples"),
             Rule(
                 "value", bound & ~in_ln, "a number, as {quantity} takes no lower bound"
             ),
-            Rule("value", odd_bound, "a number, or a lower bound as >0.12"),
+            Rule(
+                "value",
+                [text == ">" or text.startswith(("<", ">=")) for text in texts],
+                "a number, or a lower bound as >0.12",
+            ),
         ]
     )
-    stripped = [text.removeprefix(AT_LEAST).strip() for text in rows.text("value")]
-    filled = zip(sampled | dated, stripped, strict=True)
-    rows.texts["value"] = ["1" if other else text for other, text in filled]
-    raw = rows.number("value", optional=False)
-    value, sigma = _converted(
-        raw, rows.number("sigma"), row_units, rows.units.get("sigma")
-    )
-    rows.texts["value"] = stripped
-    value = np.where(dated, seconds, np.where(sampled, np.nan, value))
+    rows.texts["value"] = [text.removeprefix(AT_LEAST).strip() for text in texts]
+    rows.texts["sigma"] = [
+        text.removesuffix("%") if share else text
+        for text, share in zip(rows.text("sigma"), is_share, strict=True)
+    ]
+    raw, raw_sigma = rows.number("value"), rows.number("sigma")
+    value = np.where(rows.given(VALUE_UTC), seconds, _in_si(raw, row_units))
+    sigma = _in_si(raw_sigma, errors, value)
     position, slant_range = positions(rows), rows.number("range_m")
     placed = (~np.isnan(position.enu)).sum(axis=1)
     time, axes = rows.number("time_s"), ", ".join(POSITION)
     most = np.array([DIRECTIONS.get(name, np.inf) for name in quantity])
-    factors = [unit.factor if unit else 1.0 for unit in row_units]
 
     def turn(row: int) -> str:
-        ours = factors[row] == 1
+        unit = row_units[row]
+        most_here = most[row] / (unit.factor if unit else 1.0)
         return (
-            f"expected {theirs[row]} within {most[row] / factors[row]:.6g} "
-            f"{'rad ' if ours else ''}either way, got {rows.texts['value'][row]}"
+            f"expected {theirs[row]} within {most_here:.6g} "
+            f"{unit.unit if unit else 'rad'} either way, got {rows.text('value')[row]}"
             # an angle beyond its bounds is most often in degrees
-            + ("; are these degrees?" if ours else "")
+            + ("" if unit and unit.unit == "deg" else "; are these degrees?")
         )
 
     rows.refuse(
@@ -174,157 +187,111 @@ def observations_of(
             ),
         ]
     )
-    named = {name: tuple(rows.text(name)) for name in NAME_COLUMNS}
+    named = {name: tuple(rows.text(name)) for name in ("sensor", *NAME_COLUMNS)}
     numbers = np.column_stack([value, sigma, position.enu, slant_range, time, bound])
-    _refuse_duplicates(rows, numbers, rows.text("sensor"), quantity, *named.values())
-    notes = [*table.notes, *_conversions(rows, theirs, units), *found, *position.notes]
+    _refuse_duplicates(rows, numbers, quantity, *named.values())
+    if not any(named["record"]):
+        named["record"] = ()
+    conversions = _conversions(rows, theirs, units, sum(is_share))
     whole = Observations(
-        sensor=tuple(rows.text("sensor")),
+        **named,
         quantity=tuple(quantity),
         value=value,
         sigma=sigma,
         position=position.enu,
         slant_range=slant_range,
         time=time,
-        path=named["path"],
-        shot=named["shot"],
-        clock=named["clock"],
-        record=named["record"] if any(named["record"]) else (),
         line=tuple(table.lines),
         source=table.source,
         comments=table.comments,
         lower_bound=bound if bound.any() else None,
         frame=position.frame,
         epoch=epoch,
-        understood=tuple(notes),
+        understood=(*table.notes, *conversions, *found, *position.notes),
     )
     return whole if rows.sound.all() else some_rows(whole, np.flatnonzero(rows.sound))
 
 
-def _drop_empty(table: Table) -> list[int]:
-    """Remove rows without a measurement, and return their lines.
+def _meanings(rows: Rows) -> list[tuple[str, OurName | None]]:
+    """Return the quantity of each row as written, and our name and its unit.
 
-    A time in `value_utc` is a value, too. Words for a missing value become empty.
-    """
-    for index, name in enumerate(table.header):
-        if name in (*NUMBERS, VALUE_UTC):
-            column = table.columns[index]
-            table.columns[index] = ["" if t.lower() in NA_WORDS else t for t in column]
-    columns = dict(zip(table.header, table.columns, strict=True))
-    nothing = [""] * len(table.lines)
-    values, dates = (columns.get(name, nothing) for name in ("value", VALUE_UTC))
-    empty = {
-        row
-        for row, kind in enumerate(columns.get("quantity", nothing))
-        if not (values[row] or dates[row] or kind == SAMPLES)
-    }
-    lines = [table.lines[row] for row in sorted(empty)]
-    table.drop_rows(empty)
-    return lines
-
-
-def _with_units(rows: Rows) -> list[str]:
-    """Return the quantities as written, with their units of the column `unit`."""
-
-    def whole(name: str, unit: str) -> str:
-        own, stated = our_name(name), our_name(f"value_{unit}")
-        same = own and stated and own[1:3] == stated[1:3]
-        return name if same or not unit else f"{name}_{unit}"
-
-    pairs = list(zip(rows.text("quantity"), rows.text(UNIT), strict=True))
-    names = {pair: whole(*pair) for pair in dict.fromkeys(pairs)}
-    return [names[pair] for pair in pairs]
-
-
-def _units_of(rows: Rows, theirs: Sequence[str]) -> list[OurName | None]:
-    """Return our quantity and the unit of each row; None for our own names.
-
-    A quantity may have no unit next to a column of values with one, and a clock time
-    next to a time in `value_utc`.
+    The unit may be in the column `unit`. A quantity may have none next to a column of
+    values with one, and a clock time next to a time in `value_utc`. Our own names and
+    unknown ones have None.
     """
     own, known = rows.units.get("value"), {*QUANTITIES, SAMPLES}
 
-    def meant(name: str, *, dated: bool) -> OurName | None:
+    def meaning(name: str, unit: str, utc: bool) -> tuple[str, OurName | None]:
+        ours, stated = our_name(name), our_name(f"value_{unit}")
+        if unit and not (ours and stated and ours[1:3] == stated[1:3]):
+            name = f"{name}_{unit}"
         if name in known:
-            return None
-        found = our_name(name)
-        if found is None and dated:
-            found = our_name(f"{name}_s")
-        if found is None and own is not None:
-            found = our_name(f"{name}_{own.unit}")
-        return found if found is not None and found.name in QUANTITIES else None
+            return name, None
+        ends = ["", *(["_s"] if utc else []), *([f"_{own.unit}"] if own else [])]
+        found = [our_name(f"{name}{end}") for end in ends]
+        return name, next((of for of in found if of and of.name in QUANTITIES), None)
 
-    pairs = list(zip(theirs, map(bool, rows.text(VALUE_UTC)), strict=True))
-    units = {pair: meant(pair[0], dated=pair[1]) for pair in dict.fromkeys(pairs)}
-    return [units[pair] for pair in pairs]
+    names = rows.text("quantity"), rows.text(UNIT), rows.given(VALUE_UTC).tolist()
+    keys = list(zip(*names, strict=True))
+    found = {key: meaning(*key) for key in dict.fromkeys(keys)}
+    return [found[key] for key in keys]
 
 
 def _unit_rules(
-    rows: Rows, quantity: Sequence[str], units: Sequence[OurName | None]
+    rows: Rows, quantity: Sequence[str], units: OwnUnits, errors: OwnUnits
 ) -> list[Rule]:
     """Return rules that values and sigmas are in the units of their columns."""
-    rules = []
-    known = np.isin(quantity, (*QUANTITIES, SAMPLES))
-    if (own := rows.units.get("value")) is not None:
+    own, known = rows.units.get("value"), np.isin(quantity, (*QUANTITIES, SAMPLES))
 
-        def fits(name: str, unit: OurName | None) -> bool:
-            if own.dimension == LEVEL:
-                return unit is not None and unit.dimension == LEVEL
-            if unit is None:
-                return dimension_of(name) == own.dimension
-            return (unit.dimension, unit.factor) == (own.dimension, own.factor)
+    def fits(name: str, unit: OurName | None) -> bool:
+        if own is None or unit is None:
+            return own is None or dimension_of(name) == own.dimension
+        # a level has no factor
+        same = unit.factor == own.factor or own.dimension == LEVEL
+        return unit.dimension == own.dimension and same
 
-        odd = [not fits(*pair) for pair in zip(quantity, units, strict=True)]
-        whose = f"a quantity in {own.unit}, the unit of column {rows.theirs['value']}"
-        message = f"{whose}, got {{got}}: two units for one column"
-        rules.append(Rule("quantity", known & odd, message))
-    if (sigma := rows.units.get("sigma")) is not None:
-        relative = sigma.dimension in (SHARE, LEVEL)
-        odd = [
-            name in ADDITIVE if relative else dimension_of(name) != sigma.dimension
-            for name in quantity
-        ]
-        also = ", whose errors are not relative" if relative else ""
-        message = f"a sigma in the unit of {{quantity}}{also}, got one in {sigma.unit}"
-        rules.append(Rule("sigma", known & rows.given("sigma") & odd, message))
-    return rules
+    def goes_with(name: str, unit: OurName | None) -> bool:
+        if unit is not None and unit.dimension in (SHARE, LEVEL):
+            return name not in ADDITIVE
+        return unit is None or dimension_of(name) == unit.dimension
+
+    def own_unit(row: int) -> str:
+        unit, of = errors[row], quantity[row]
+        also = ", whose errors are not relative" if of in ADDITIVE else ""
+        got = unit.unit if unit else ""
+        return f"expected a sigma in the unit of {of}{also}, got one in {got}"
+
+    pairs = zip(quantity, units, strict=True)
+    odd = np.array([not fits(*pair) for pair in pairs], bool)
+    sigma_odd = [not goes_with(*pair) for pair in zip(quantity, errors, strict=True)]
+    two = "two units for one column"
+    if own is not None:
+        of = f"a quantity in {own.unit}, the unit of column {rows.theirs['value']}"
+        two = f"{of}, got {{got}}: {two}"
+    return [
+        Rule("quantity", known & odd, two),
+        Rule(
+            "sigma", known & rows.given("sigma") & np.array(sigma_odd, bool), own_unit
+        ),
+    ]
 
 
-def _converted(
+def _in_si(
     raw: Float[np.ndarray, " row"],
-    raw_sigma: Float[np.ndarray, " row"],
-    units: Sequence[OurName | None],
-    error: OurName | None,
-) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
-    """Return values and sigmas in our units.
-
-    Args:
-        raw: Values as numbers.
-        raw_sigma: Sigmas as numbers.
-        units: Unit of each row; None for ours.
-        error: Unit of the column of sigmas, if it has one of its own.
-    """
-    value, sigma = raw.copy(), raw_sigma.copy()
-    for unit in dict.fromkeys(units):
+    units: OwnUnits,
+    value: Float[np.ndarray, " row"] | None = None,
+) -> Float[np.ndarray, " row"]:
+    """Return numbers in our units; of errors, with the values that they belong to."""
+    found = raw.copy()
+    for unit in filter(None, dict.fromkeys(units)):
         rows = np.array([own == unit for own in units])
-        level = unit is not None and unit.dimension == LEVEL
-        if level:
-            # too large a level overflows to infinity, which its row reports
-            with np.errstate(over="ignore"):
-                value[rows] = overpressure(raw[rows])
-        elif unit is not None:
-            value[rows] = in_si(raw[rows], unit.unit)
-        of = error or unit
-        if of is None:
-            continue
-        if of.dimension == LEVEL:
+        if value is not None and unit.dimension == LEVEL:
             # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
-            sigma[rows] = raw_sigma[rows] * LN_PER_DB * value[rows]
-        elif of.dimension == SHARE:
-            sigma[rows] = in_si(value[rows] * raw_sigma[rows], of.unit)
+            found[rows] = raw[rows] * LN_PER_DB * value[rows]
         else:
-            sigma[rows] = in_si(raw_sigma[rows], of.unit)
-    return value, sigma
+            whole = 1.0 if unit.dimension != SHARE or value is None else value[rows]
+            found[rows] = in_si(whole * raw[rows], unit.unit)
+    return found
 
 
 def _refuse_duplicates(rows: Rows, numbers: np.ndarray, *names: Sequence[str]) -> None:
@@ -344,43 +311,45 @@ def _refuse_duplicates(rows: Rows, numbers: np.ndarray, *names: Sequence[str]) -
 
 
 def _conversions(
-    rows: Rows, theirs: Sequence[str], units: Sequence[OurName | None]
+    rows: Rows, theirs: Sequence[str], units: OwnUnits, shares: int
 ) -> list[Note]:
     """Return a note on each column and quantity in another unit or name."""
     found = converted_columns(rows)
+    if shares:
+        found.append(assumption("share", theirs="sigma in %", rows=shares))
     for name, unit in dict(zip(theirs, units, strict=True)).items():
         if unit is None:
             continue
-        count = theirs.count(name)
-        if unit.dimension == LEVEL:
-            found.append(assumption("level", theirs=name, rows=count))
-        elif unit.factor == 1.0:
+        if unit.factor == 1.0:
             found.append(assumption("renamed", theirs=name, ours=unit.name))
-        elif "value" not in rows.units:
-            note = assumption(
-                "converted", theirs=name, ours=unit.name, factor=unit.factor, rows=count
-            )
-            found.append(note)
+        elif "value" not in rows.units or unit.dimension == LEVEL:
+            found.append(_converted(name, unit.name, unit, theirs.count(name)))
     return found
 
 
 def converted_columns(rows: Rows) -> list[Note]:
     """Return a note on each column in another unit."""
-    found = []
-    for name, unit in rows.units.items():
-        theirs, filled = rows.theirs[name], int(rows.given(name).sum())
-        ours = "SI" if name in ANY else name
-        if unit.dimension == LEVEL:
-            kind = "level" if name == "value" else "level_error"
-            found.append(assumption(kind, theirs=theirs, rows=filled))
-        elif unit.dimension == SHARE:
-            found.append(assumption("share", theirs=theirs, rows=filled))
-        elif unit.factor != 1.0:
-            note = assumption(
-                "converted", theirs=theirs, ours=ours, factor=unit.factor, rows=filled
-            )
-            found.append(note)
-    return found
+    return [
+        _converted(
+            rows.theirs[name],
+            "SI" if name in ANY else name,
+            unit,
+            int(rows.given(name).sum()),
+            level="level_error" if name == "sigma" else "level",
+        )
+        for name, unit in rows.units.items()
+        if unit.factor != 1.0
+    ]
+
+
+def _converted(
+    theirs: str, ours: str, unit: OurName, rows: int, level: str = "level"
+) -> Note:
+    kinds = {LEVEL: level, SHARE: "share"}
+    if kind := kinds.get(unit.dimension):
+        return assumption(kind, theirs=theirs, rows=rows)
+    numbers = {"theirs": theirs, "ours": ours, "factor": unit.factor, "rows": rows}
+    return assumption("converted", **numbers)
 
 
 def _unknown(quantity: str, value: str) -> str:

@@ -45,9 +45,15 @@ SYMMETRIC = 1e-9
 below any real difference between two entries."""
 TEXTS = ("", ".csv", ".tsv", ".tab", ".txt", ".dat", ".log")
 """Suffixes of files that are read as text."""
-WORKBOOKS = {".xlsx": "openpyxl", ".xlsm": "openpyxl", ".ods": "odf"}
-"""Suffixes of spreadsheets, and the engines of pandas for them."""
-PARQUET = (".parquet", ".pq")
+WORKBOOK, PARQUET = "spreadsheet", "parquet"
+FORMATS = {
+    ".xlsx": ("Excel workbook", "openpyxl", WORKBOOK),
+    ".xlsm": ("Excel workbook", "openpyxl", WORKBOOK),
+    ".ods": ("OpenDocument spreadsheet", "odf", WORKBOOK),
+    ".parquet": ("Parquet file", "pyarrow", PARQUET),
+    ".pq": ("Parquet file", "pyarrow", PARQUET),
+}
+"""By suffix the name of a format, the package that reads it, and the extra with it."""
 FRAME = "data frame"
 """Source name of a log from a data frame."""
 
@@ -280,9 +286,8 @@ PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 def row_word(source: str) -> str:
     """Return the word for a row of a source: "line" of text, else "row"."""
     # a text editor counts lines, a spreadsheet rows
-    suffix = PurePath(source).suffix.lower()
-    sheets = suffix in WORKBOOKS or suffix in PARQUET
-    return "row" if sheets or source == FRAME else "line"
+    is_sheet = PurePath(source).suffix.lower() in FORMATS
+    return "row" if is_sheet or source == FRAME else "line"
 
 
 def plain_text(text: str) -> str:

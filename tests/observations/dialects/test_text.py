@@ -125,7 +125,7 @@ def test_buffers_of_text_and_of_bytes_are_read(log):
     ("name", "said"),
     [
         ("log.docx", "expected a log in one of .csv"),
-        ("shot.wav", "is a recording, not a log"),
+        ("shot.wav", "got .wav; of a recording"),
         ("shot.xls", "expected a log in one of"),
     ],
 )

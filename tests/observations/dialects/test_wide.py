@@ -45,7 +45,7 @@ def test_one_column_of_shares_is_that_of_all_errors_that_are_shares(log):
     assert found.value[0] == 0.0124
     np.testing.assert_array_equal(found.sigma, [np.nan, 868, np.nan, np.nan])
     notes = {note.kind: note.numbers for note in found.understood}
-    assert notes["errors_shared"] == {"names": ["peak_overpressure_kpa"]}
+    assert notes["share"]["rows"] == 1
     assert notes["no_errors"] == {"names": ["air_arrival_ms"]}
 
 
