@@ -55,8 +55,8 @@ def test_quoted_decimal_commas_are_read_between_commas(log):
     [
         ("1,234", "1", "expected 1.234 .* or 1234"),
         ("1.234", "1", "expected 1.234 .* or 1234"),
-        ("1,234", "0.5", "no mark between thousands, and decimals as in 0.5"),
-        ("1.234", "0,5", "no mark between thousands, and decimals as in 0,5"),
+        ("1,234", "0.5", "line 2, column sigma has 0.5"),
+        ("1.234", "0,5", "line 2, column sigma has 0,5"),
         ("1.234,5", "1", "without marks between thousands"),
         ("1,234,567", "1", "without marks between thousands"),
         ("0,25", "0.5", "one decimal mark in the file"),
