@@ -41,24 +41,21 @@ def check_clocks(
             an offset.
     """
     source = observations.source or "observations"
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    known = list(dict.fromkeys(observations.clocks()))
     for clock in scene.clocks:
-        known = list(dict.fromkeys(observations.clocks()))
         if clock.name not in known:
             raise InputError(
                 f"{CLOCK_OFFSET}.{clock.name}: {source} has no such clock"
                 f"{nearest(clock.name, known)}; expected one of {', '.join(known)}"
             )
-    if (
-        named
-        and f"{CLOCK_OFFSET}.{named[0]}" in beliefs
-        # with a common clock all named clocks may have offsets
-        and not has_common_clock(observations)
-    ):
-        others = " or ".join(f"{CLOCK_OFFSET}.{other}" for other in named[1:])
+    named = list(dict.fromkeys(filter(None, observations.clock)))
+    others = clocks_apart(observations)
+    # with a common clock all named clocks may have offsets
+    if named != others and f"{CLOCK_OFFSET}.{named[0]}" in beliefs:
         raise InputError(
             f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
-            f"{source}, by which the others are set; expected {others or 'no clock'}"
+            f"{source}, by which the others are set; expected "
+            + (" or ".join(f"{CLOCK_OFFSET}.{name}" for name in others) or "no clock")
         )
 
 
@@ -71,7 +68,7 @@ def has_common_clock(observations: Observations) -> bool:
 
 def clocks_apart(observations: Observations) -> list[str]:
     """Return the clocks named in a log, except the one by which others are set."""
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    named = list(dict.fromkeys(filter(None, observations.clock)))
     return named if has_common_clock(observations) else named[1:]
 
 

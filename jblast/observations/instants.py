@@ -222,12 +222,12 @@ def day_named(text: str) -> date:
     Raises:
         InputError: It is not a day in this form.
     """
-    if len(text) == 10:
-        with suppress(ValueError):
-            return datetime.strptime(text, "%Y-%m-%d").date()
-    raise InputError(
-        f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
-    )
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise InputError(
+            f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
+        ) from None
 
 
 def written(epoch: datetime, seconds: float) -> str:

@@ -68,7 +68,10 @@ TITLE = pd.DataFrame({"Shot 12": []})
             [(FRAME, {}), (FRAME, {"startcol": 28, "startrow": 2})],
             "row 1: .*a name above every column",
         ),
-        ([(OTHER, {}), (FRAME, {"startrow": 3})], "row 1: unknown column 'station'"),
+        (
+            [(OTHER, {}), (FRAME, {"startrow": 3})],
+            "row 1: .*got 'station, weather, who'",
+        ),
         ([(pd.DataFrame(), {})], "only empty ones"),
     ],
 )
