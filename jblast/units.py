@@ -271,14 +271,6 @@ def our_name(foreign: str) -> OurName | None:
     return None
 
 
-def dimension_of(name: str) -> str | None:
-    """Return the dimension of a column or quantity; None for columns of names."""
-    for dimension, suffix in SI.items():
-        if name in _names(dimension).values() and name.endswith(f"_{suffix}"):
-            return dimension
-    return None
-
-
 def what_to_write(foreign: str) -> str:
     """Return "; ..." with a replacement for a name that is not identified.
 

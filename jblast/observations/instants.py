@@ -53,25 +53,19 @@ def clock_times(
     timed, valued = np.isin(kind, CLOCK_TIMES), rows.given("value")
     found: dict[int, datetime] = {}
     why: dict[int, str] = {}
-    undated, unzoned, moved = [], [], []
     for row in np.flatnonzero(dated).tolist():
         try:
-            own_day, clock = parsed(texts[row])
             found[row] = instant(texts[row], day or None, place or None)
         except NotAnInstant as reason:
             why[row] = f"expected {reason}"
-            continue
-        if own_day is None:
-            undated.append(row)
-        if clock.tzinfo is None:
-            unzoned.append(row)
-        elif clock.utcoffset():
-            moved.append(row)
-    last = max(found.values(), default=None)
+    as_written = {row: parsed(texts[row]) for row in found}
+    undated = [row for row, (own, _) in as_written.items() if own is None]
+    unzoned = [row for row, (_, clock) in as_written.items() if clock.tzinfo is None]
+    moved = [row for row, (_, clock) in as_written.items() if clock.utcoffset()]
+    last = max(found, key=found.__getitem__, default=0)
     # without dates a midnight between times is invisible
-    over = np.zeros(len(texts), bool)
-    over[[row for row in undated if last and last - found[row] > HALF_DAY]] = True
-    late = texts[max(found, key=found.__getitem__)] if found else ""
+    over = {row for row in undated if found[last] - found[row] > HALF_DAY}
+    every = range(len(texts))
     rows.refuse(
         [
             Rule(VALUE_UTC, dated & valued, "either value or value_utc, got both"),
@@ -92,12 +86,12 @@ def clock_times(
                 dated & rows.given("time_s"),
                 "nothing beside value_utc, as its start is unknown",
             ),
-            Rule(VALUE_UTC, [row in why for row in range(len(texts))], why.__getitem__),
+            Rule(VALUE_UTC, [row in why for row in every], why.__getitem__),
             Rule(
                 VALUE_UTC,
-                over,
-                f"times within half a day, got {{got}} and {late}; if midnight was "
-                "between them, write dates, as 2020-08-05T00:00:00.310Z",
+                [row in over for row in every],
+                f"times within half a day, got {{got}} and {texts[last]}; if midnight "
+                "was between them, write dates, as 2020-08-05T00:00:00.310Z",
             ),
         ]
     )

@@ -128,8 +128,8 @@ def _read(
     if not {"sensor", "gauge", "quantity"} & set(map(spelt, table.header)):
         raise InputError(
             f"{table.at(table.header_line)}: expected {EXPECTED.partition(': ')[2]}, "
-            f"got {shown(', '.join(filter(None, table.header)))}; of a record of samples the arrival and "
-            "peak are picked first (jblast pick)"
+            f"got {shown(', '.join(filter(None, table.header)))}; of a record of "
+            "samples the arrival and peak are picked first (jblast pick)"
         )
     if not wide:
         refuse_wide(table)

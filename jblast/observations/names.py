@@ -15,11 +15,9 @@ from dataclasses import dataclass, field
 from jblast.errors import InputError, argument, nearest, shown
 from jblast.observations.table import (
     COLUMNS,
-    DEGREES,
     NAME_COLUMNS,
     NEEDED,
     NUMBERS,
-    POSITION,
 )
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
@@ -34,8 +32,6 @@ from jblast.units import (
     what_to_write,
 )
 
-VALUES = ("value", "value_utc")
-"""Columns of measured values, of which a log has at least one."""
 UNIT = "unit"
 """Column of the units of values, which end the names of their quantities."""
 CALLED = {"gauge": "sensor", "units": UNIT}
@@ -86,12 +82,8 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
             table.faults.append(InputError(fault, line=table.header_line))
             continue
         if name in header.theirs:
-            first = header.theirs[name]
-            units = {our.unit if (our := our_name(x)) else "" for x in (first, theirs)}
-            two = ": two units for one column" if len(units) > 1 else ""
-            both = f"{shown(first)} and {shown(theirs)}{two}"
-            got = "it twice" if first == theirs else both
-            raise InputError(f"{where}: expected column {name} once, got {got}")
+            both = f"{shown(header.theirs[name])} and {shown(theirs)}"
+            raise InputError(f"{where}: expected column {name} once, got {both}")
         header.theirs[name] = theirs
         if unit is not None:
             header.units[name] = unit
@@ -101,7 +93,10 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
         table.header[index] = name
     if notes:
         table.notes.append(assumption("columns_ignored", names=notes))
-    table.drop_columns(dropped)
+    kept = [index for index in range(len(table.header)) if index not in dropped]
+    table.header = [table.header[index] for index in kept]
+    table.units = [table.units[index] for index in kept]
+    table.columns = [table.columns[index] for index in kept]
     return header
 
 
@@ -160,27 +155,19 @@ def similar(name: str, known: Sequence[str]) -> str:
 
 def check_all_there(table: Table) -> None:
     """Raise an error for missing columns of a log; a height left out is 0."""
-    where, got = table.at(table.header_line), table.header
-    missing = [name for name in NEEDED if name not in got]
-    if any(name in got for name in VALUES) and "value" in missing:
-        missing.remove("value")
-    if missing:
+    got = table.header
+    needed = ["value_utc" if x == "value" and "value_utc" in got else x for x in NEEDED]
+    if missing := [name for name in needed if name not in got]:
         raise InputError(
-            f"{where}: missing column {', '.join(missing)}; expected "
-            f"{', '.join(NEEDED)}; got {', '.join(got) or 'no known column'}"
+            f"{table.at(table.header_line)}: missing column {', '.join(missing)}; "
+            f"expected {', '.join(NEEDED)}; got {', '.join(got) or 'no known column'}"
         )
-    partial = [name for name in POSITION if name not in got]
     # surveys on level ground have no heights
-    if partial == ["up_m"]:
+    if {"east_m", "north_m"} <= set(got) and "up_m" not in got:
         table.header.append("up_m")
         east = table.columns[got.index("east_m")]
         table.columns.append(["0" if text else "" for text in east])
         table.notes.append(assumption("height_taken"))
-    elif 0 < len(partial) < 3 and not set(DEGREES) & set(got):
-        raise InputError(
-            f"{where}: missing column {', '.join(partial)}; expected all of "
-            f"{', '.join(POSITION)} or none of them"
-        )
 
 
 def quantity_of(name: str) -> str:

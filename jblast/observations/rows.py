@@ -13,7 +13,6 @@ a value are skipped and reported.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +28,7 @@ from jblast.observations.table import (
     SAMPLES,
     Observations,
     row_word,
+    rows_by,
     some_rows,
 )
 from jblast.observations.text_table import Table, has_letters, is_text
@@ -40,7 +40,6 @@ from jblast.units import (
     LN_PER_DB,
     SHARE,
     OurName,
-    dimension_of,
     in_si,
     our_name,
     what_to_write,
@@ -50,8 +49,8 @@ AT_LEAST = ">"
 """Mark before a value that is a lower bound."""
 PER_CENT = OurName("sigma", 0.01, SHARE, "percent")
 """Unit of a sigma that ends in %."""
-OwnUnits = Sequence[OurName | None]
-"""Unit of each row, None for ours."""
+NONE = OurName("", 1.0, "", "")
+"""Unit of samples and of unknown quantities."""
 
 
 def observations_of(
@@ -88,7 +87,7 @@ def observations_of(
     rows = Rows(table, header)
     meanings = _meanings(rows)
     theirs, units = [of for of, _ in meanings], [unit for _, unit in meanings]
-    quantity = [unit.name if unit else name for name, unit in meanings]
+    quantity = [unit.name or name for name, unit in meanings]
     own = rows.units.get("value")
     # a level is the quantity's own unit
     row_units = [own] * len(units) if own and own.dimension != LEVEL else units
@@ -111,7 +110,7 @@ def observations_of(
                 ~np.isin(quantity, (*QUANTITIES, SAMPLES)),
                 lambda row: _unknown(theirs[row], texts[row]),
             ),
-            *_unit_rules(rows, quantity, units, errors),
+            *_unit_rules(rows, theirs, units, errors),
             Rule(
                 "value",
                 sampled & rows.given("value"),
@@ -143,12 +142,9 @@ def observations_of(
 
     def turn(row: int) -> str:
         unit = row_units[row]
-        most_here = most[row] / (unit.factor if unit else 1.0)
         return (
-            f"expected {theirs[row]} within {most_here:.6g} "
-            f"{unit.unit if unit else 'rad'} either way, got {rows.text('value')[row]}"
-            # an angle beyond its bounds is most often in degrees
-            + ("" if unit and unit.unit == "deg" else "; are these degrees?")
+            f"expected {theirs[row]} within {most[row] / unit.factor:.6g} {unit.unit} "
+            f"either way, got {rows.text('value')[row]}"
         )
 
     rows.refuse(
@@ -212,24 +208,21 @@ def observations_of(
     return whole if rows.sound.all() else some_rows(whole, np.flatnonzero(rows.sound))
 
 
-def _meanings(rows: Rows) -> list[tuple[str, OurName | None]]:
-    """Return the quantity of each row as written, and our name and its unit.
+def _meanings(rows: Rows) -> list[tuple[str, OurName]]:
+    """Return the quantity of each row as written, and our name with its unit.
 
     The unit may be in the column `unit`. A quantity may have none next to a column of
-    values with one, and a clock time next to a time in `value_utc`. Our own names and
-    unknown ones have None.
+    values with one, and a clock time next to a time in `value_utc`.
     """
-    own, known = rows.units.get("value"), {*QUANTITIES, SAMPLES}
+    own = rows.units.get("value")
 
-    def meaning(name: str, unit: str, utc: bool) -> tuple[str, OurName | None]:
+    def meaning(name: str, unit: str, utc: bool) -> tuple[str, OurName]:
         ours, stated = our_name(name), our_name(f"value_{unit}")
         if unit and not (ours and stated and ours[1:3] == stated[1:3]):
             name = f"{name}_{unit}"
-        if name in known:
-            return name, None
         ends = ["", *(["_s"] if utc else []), *([f"_{own.unit}"] if own else [])]
         found = [our_name(f"{name}{end}") for end in ends]
-        return name, next((of for of in found if of and of.name in QUANTITIES), None)
+        return name, next((of for of in found if of and of.name in QUANTITIES), NONE)
 
     names = rows.text("quantity"), rows.text(UNIT), rows.given(VALUE_UTC).tolist()
     keys = list(zip(*names, strict=True))
@@ -238,52 +231,50 @@ def _meanings(rows: Rows) -> list[tuple[str, OurName | None]]:
 
 
 def _unit_rules(
-    rows: Rows, quantity: Sequence[str], units: OwnUnits, errors: OwnUnits
+    rows: Rows,
+    theirs: Sequence[str],
+    units: Sequence[OurName],
+    errors: Sequence[OurName],
 ) -> list[Rule]:
     """Return rules that values and sigmas are in the units of their columns."""
-    own, known = rows.units.get("value"), np.isin(quantity, (*QUANTITIES, SAMPLES))
+    own = rows.units.get("value", NONE)
 
-    def fits(name: str, unit: OurName | None) -> bool:
-        if own is None or unit is None:
-            return own is None or dimension_of(name) == own.dimension
-        # a level has no factor
-        same = unit.factor == own.factor or own.dimension == LEVEL
-        return unit.dimension == own.dimension and same
+    def fits(name: str, unit: OurName) -> bool:
+        # our own name goes with any unit of its dimension; a level has no factor
+        same = name == unit.name or own.dimension == LEVEL or unit.factor == own.factor
+        return not unit.name or (unit.dimension == own.dimension and same)
 
-    def goes_with(name: str, unit: OurName | None) -> bool:
-        if unit is not None and unit.dimension in (SHARE, LEVEL):
-            return name not in ADDITIVE
-        return unit is None or dimension_of(name) == unit.dimension
+    def goes_with(unit: OurName, error: OurName) -> bool:
+        if error.dimension in (SHARE, LEVEL):
+            return unit.name not in ADDITIVE
+        dimension = "pressure" if unit.dimension == LEVEL else unit.dimension
+        return not unit.name or error.dimension == dimension
 
-    def own_unit(row: int) -> str:
-        unit, of = errors[row], quantity[row]
-        also = ", whose errors are not relative" if of in ADDITIVE else ""
-        got = unit.unit if unit else ""
-        return f"expected a sigma in the unit of {of}{also}, got one in {got}"
+    def sigma(row: int) -> str:
+        unit, got = units[row], errors[row].unit
+        also = ", whose errors are not relative" if unit.name in ADDITIVE else ""
+        return f"expected a sigma in the unit of {unit.name}{also}, got one in {got}"
 
-    pairs = zip(quantity, units, strict=True)
-    odd = np.array([not fits(*pair) for pair in pairs], bool)
-    sigma_odd = [not goes_with(*pair) for pair in zip(quantity, errors, strict=True)]
-    two = "two units for one column"
-    if own is not None:
-        of = f"a quantity in {own.unit}, the unit of column {rows.theirs['value']}"
-        two = f"{of}, got {{got}}: {two}"
+    odd = [not fits(*pair) for pair in zip(theirs, units, strict=True)]
+    error_odd = [not goes_with(*pair) for pair in zip(units, errors, strict=True)]
+    of = f"a quantity in {own.unit}, the unit of column {rows.theirs.get('value')}"
+    two = f"{of}, got {{got}}: two units for one column"
     return [
-        Rule("quantity", known & odd, two),
-        Rule(
-            "sigma", known & rows.given("sigma") & np.array(sigma_odd, bool), own_unit
-        ),
+        *([Rule("quantity", odd, two)] if own.name else []),
+        Rule("sigma", rows.given("sigma") & np.array(error_odd), sigma),
     ]
 
 
 def _in_si(
     raw: Float[np.ndarray, " row"],
-    units: OwnUnits,
+    units: Sequence[OurName],
     value: Float[np.ndarray, " row"] | None = None,
 ) -> Float[np.ndarray, " row"]:
     """Return numbers in our units; of errors, with the values that they belong to."""
     found = raw.copy()
-    for unit in filter(None, dict.fromkeys(units)):
+    for unit in dict.fromkeys(units):
+        if unit.factor == 1.0:
+            continue
         rows = np.array([own == unit for own in units])
         if value is not None and unit.dimension == LEVEL:
             # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
@@ -298,27 +289,25 @@ def _refuse_duplicates(rows: Rows, numbers: np.ndarray, *names: Sequence[str]) -
     """Refuse two rows equal in every field."""
     # NaN is unequal to itself, so bytes are compared; adding 0 turns -0 into 0
     packed = [row.tobytes() for row in numbers + 0.0]
-    first: dict[tuple[Any, ...], int] = {}
-    keys = enumerate(zip(packed, *names, strict=True))
-    of = np.array([first.setdefault(key, row) for row, key in keys])
-    word = row_word(rows.table.source)
+    alike = rows_by(zip(packed, *names, strict=True), rows.sound).values()
+    first = {row: rows.lines[its[0]] for its in alike for row in its[1:]}
+    word, again = row_word(rows.table.source), np.isin(range(len(packed)), [*first])
 
     def message(row: int) -> str:
-        line = rows.lines[int(of[row])]
-        return f"expected a new measurement, got a duplicate of {word} {line}"
+        return f"expected a new measurement, got a duplicate of {word} {first[row]}"
 
-    rows.refuse([Rule("", rows.sound & (of != np.arange(len(of))), message)])
+    rows.refuse([Rule("", again, message)])
 
 
 def _conversions(
-    rows: Rows, theirs: Sequence[str], units: OwnUnits, shares: int
+    rows: Rows, theirs: Sequence[str], units: Sequence[OurName], shares: int
 ) -> list[Note]:
     """Return a note on each column and quantity in another unit or name."""
     found = converted_columns(rows)
     if shares:
         found.append(assumption("share", theirs="sigma in %", rows=shares))
     for name, unit in dict(zip(theirs, units, strict=True)).items():
-        if unit is None:
+        if unit.name in ("", name):
             continue
         if unit.factor == 1.0:
             found.append(assumption("renamed", theirs=name, ours=unit.name))

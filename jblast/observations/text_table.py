@@ -142,13 +142,6 @@ class Table:
             self.columns = [[column[row] for row in kept] for column in self.columns]
             self.lines = [self.lines[row] for row in kept]
 
-    def drop_columns(self, dropped: Collection[int]) -> None:
-        """Remove columns, by number from zero."""
-        kept = [index for index in range(len(self.header)) if index not in dropped]
-        self.header = [self.header[index] for index in kept]
-        self.units = [self.units[index] for index in kept]
-        self.columns = [self.columns[index] for index in kept]
-
     def names(self, expected: str) -> list[str]:
         """Return the header of a table of numbers.
 

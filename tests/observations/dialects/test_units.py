@@ -92,10 +92,10 @@ value,sigma,range_m / a,level_dba,150,1,1 => unknown quantity
 value,sigma,range_m / a,bearing_deg,361,1,1 => bearing_deg within 360 deg either way
 value,sigma,range_m / a,elevation_deg,91,1,1 => elevation_deg within 90
 value,sigma,range_m / a,peak_overpressure_kpa,-5,1,1 => positive peak_overpressure_k
-value,value_kpa,sigma,range_m / a,air_arrival_s,1,2,3,4 => two units for one column
+value,value_kpa,sigma,range_m / a,air_arrival_s,1,2,3,4 => got 'value' and 'value_kpa'
 value,Value,sigma,range_m / a,air_arrival_s,1,2,3,4 => once, got 'value' and 'Value'
-value,sigma,range_m,range_ft / a,air_arrival_s,1,2,3,4 => two units for one column
-value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => two units for one column
+value,sigma,range_m,range_ft / a,air_arrival_s,1,2,3,4 => 'range_m' and 'range_ft'
+value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => expected column sigma once
 value,sigma,range_furlong / a,air_arrival_s,1,2,3 => 'furlong' is no unit of length
 value_parsec,sigma,range_m / a,air_arrival_s,1,2,3 => 'parsec' is no unit
 """)
