@@ -193,8 +193,6 @@ def zone_named(name: str) -> tzinfo:
     Raises:
         InputError: There is no such zone.
     """
-    if name.upper() in ("Z", "UTC"):
-        return UTC
     with suppress(ValueError):
         if zone := time.fromisoformat(f"00:00{name}").tzinfo:
             return zone

@@ -77,7 +77,14 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
             if spelt(theirs).partition("_")[0] in NOTES:
                 notes.append(theirs)
                 continue
-            advice = _advice(theirs, known)
+            advice = advised(theirs, known)
+            if not theirs:
+                advice = "; expected a name above every column that is not empty"
+            elif of := quantity_of(theirs):
+                advice = (
+                    f"; it is a quantity, {of}, not a column: put {shown(theirs)} into "
+                    "column quantity, one measurement a row"
+                )
             fault = f"{where}: unknown column {shown(theirs)}{advice}"
             table.faults.append(InputError(fault, line=table.header_line))
             continue
@@ -125,23 +132,8 @@ def _column(
     return "" if stated and key in NUMBERS else CALLED.get(key, key), None
 
 
-def _advice(name: str, known: Sequence[str]) -> str:
-    """Return the advice for an unknown column."""
-    if not name:
-        return "; expected a name above every column that is not empty"
-    expected = f"; expected some of {', '.join(known)}"
-    ours = our_name(name)
-    quantity = name if ours is None else ours.name
-    if quantity in QUANTITIES:
-        return (
-            f"; it is a quantity, {quantity}, not a column: put {shown(name)} into "
-            "column quantity, one measurement a row"
-        )
-    return what_to_write(name) or similar(name, known) + expected
-
-
-def similar(name: str, known: Sequence[str]) -> str:
-    """Return "; did you mean ...?" by the meaning of a name, then by its spelling."""
+def advised(name: str, known: Sequence[str]) -> str:
+    """Return advice for an unknown name: by its unit, its meaning, or its spelling."""
     words = spelt(name).split("_")
     meant = (
         ours
@@ -150,7 +142,8 @@ def similar(name: str, known: Sequence[str]) -> str:
         if start and ours in known and any(word.startswith(start) for word in words)
     )
     ours = next(meant, "")
-    return f"; did you mean {ours}?" if ours else nearest(name, known)
+    near = f"; did you mean {ours}?" if ours else nearest(name, known)
+    return what_to_write(name) or f"{near}; expected some of {', '.join(known)}"
 
 
 def check_all_there(table: Table) -> None:

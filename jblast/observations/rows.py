@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.instants import VALUE_UTC, clock_times
-from jblast.observations.names import UNIT, Header, similar
+from jblast.observations.names import UNIT, Header, advised
 from jblast.observations.positions import positions
 from jblast.observations.rules import Rows, Rule
 from jblast.observations.table import (
@@ -31,7 +31,7 @@ from jblast.observations.table import (
     rows_by,
     some_rows,
 )
-from jblast.observations.text_table import Table, has_letters, is_text
+from jblast.observations.text_table import Table
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, TIMED
 from jblast.results import Note, assumption
 from jblast.units import (
@@ -42,7 +42,6 @@ from jblast.units import (
     OurName,
     in_si,
     our_name,
-    what_to_write,
 )
 
 AT_LEAST = ">"
@@ -102,29 +101,26 @@ def observations_of(
     seconds, epoch, found = clock_times(rows, kind, date, zone)
     texts = rows.text("value")
     bound = np.array([text.startswith(AT_LEAST) for text in texts], bool)
+    has_value, unknown = rows.given("value"), ~np.isin(quantity, (*QUANTITIES, SAMPLES))
+    odd_bound = [x == ">" or x.startswith(("<", ">=")) for x in texts]
+    no_bound, no_value = (
+        "a number, as {quantity} takes no lower bound",
+        f"nothing, as {SAMPLES} is a file of samples",
+    )
+
+    def advice(row: int) -> str:
+        name = theirs[row]
+        return f"unknown quantity {shown(name)}{advised(name, tuple(QUANTITIES))}"
+
     rows.refuse(
         [
             Rule("sensor", ~rows.given("sensor"), "a name"),
-            Rule(
-                "quantity",
-                ~np.isin(quantity, (*QUANTITIES, SAMPLES)),
-                lambda row: _unknown(theirs[row], texts[row]),
-            ),
+            Rule("quantity", unknown, advice),
             *_unit_rules(rows, theirs, units, errors),
-            Rule(
-                "value",
-                sampled & rows.given("value"),
-                f"nothing, as {SAMPLES} is a file of samples",
-            ),
+            Rule("value", sampled & has_value, no_value),
             Rule("record", sampled & ~rows.given("record"), "a file of samples"),
-            Rule(
-                "value", bound & ~in_ln, "a number, as {quantity} takes no lower bound"
-            ),
-            Rule(
-                "value",
-                [text == ">" or text.startswith(("<", ">=")) for text in texts],
-                "a number, or a lower bound as >0.12",
-            ),
+            Rule("value", bound & ~in_ln, no_bound),
+            Rule("value", odd_bound, "a number, or a lower bound as >0.12"),
         ]
     )
     rows.texts["value"] = [text.removeprefix(AT_LEAST).strip() for text in texts]
@@ -136,8 +132,13 @@ def observations_of(
     value = np.where(rows.given(VALUE_UTC), seconds, _in_si(raw, row_units))
     sigma = _in_si(raw_sigma, errors, value)
     position, slant_range = positions(rows), rows.number("range_m")
-    placed = (~np.isnan(position.enu)).sum(axis=1)
+    missing = np.isnan(position.enu)
+    parts = missing & ~missing.all(axis=1, keepdims=True)
+    twice = ~missing.all(axis=1) & ~np.isnan(slant_range)
     time, axes = rows.number("time_s"), ", ".join(POSITION)
+    untimed = timed & np.isnan(time)
+    only = ", ".join(TIMED)
+    no_time = f"nothing, as only {only} take a time, got {{got}} for {{quantity}}"
     most = np.array([DIRECTIONS.get(name, np.inf) for name in quantity])
 
     def turn(row: int) -> str:
@@ -156,31 +157,14 @@ def observations_of(
                 "sigma", sigma <= 0, "a positive number, or nothing for scatter alone"
             ),
             *(
-                Rule(
-                    name,
-                    (placed > 0) & np.isnan(axis) & ~rows.given(name),
-                    f"all of {axes} or none of them",
-                )
-                for name, axis in zip(POSITION, position.enu.T, strict=True)
+                Rule(name, part & ~rows.given(name), f"all of {axes} or none of them")
+                for name, part in zip(POSITION, parts.T, strict=True)
                 if position.frame is None
             ),
             Rule("range_m", slant_range <= 0, "a positive slant range in m"),
-            Rule(
-                "range_m",
-                (placed > 0) & ~np.isnan(slant_range),
-                f"either range_m or {axes}, got both",
-            ),
-            Rule(
-                "time_s",
-                timed & np.isnan(time),
-                "the time at which {quantity} was taken",
-            ),
-            Rule(
-                "time_s",
-                ~timed & ~np.isnan(time),
-                f"nothing, as only {', '.join(TIMED)} take a time, got {{got}} for "
-                "{quantity}",
-            ),
+            Rule("range_m", twice, f"either range_m or {axes}, got both"),
+            Rule("time_s", untimed, "the time at which {quantity} was taken"),
+            Rule("time_s", ~timed & ~np.isnan(time), no_time),
         ]
     )
     named = {name: tuple(rows.text(name)) for name in ("sensor", *NAME_COLUMNS)}
@@ -339,15 +323,3 @@ def _converted(
         return assumption(kind, theirs=theirs, rows=rows)
     numbers = {"theirs": theirs, "ours": ours, "factor": unit.factor, "rows": rows}
     return assumption("converted", **numbers)
-
-
-def _unknown(quantity: str, value: str) -> str:
-    """Return the message for an unknown quantity, with advice."""
-    if has_letters(value) and is_text(value):
-        return (
-            f"unknown quantity {shown(quantity)} with the value {shown(value)}; is "
-            "this a second header? Keep one table per file"
-        )
-    known = f"; expected one of {', '.join(QUANTITIES)}"
-    advice = what_to_write(quantity) or similar(quantity, tuple(QUANTITIES)) + known
-    return f"unknown quantity {shown(quantity)}{advice}"

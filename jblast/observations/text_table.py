@@ -256,11 +256,35 @@ def text_table(
     # separators within quotes are none
     bare = re.sub(r'"[^"]*"', "", lines[0][1])
     separator = stated[1] if stated else max(SEPARATORS, key=bare.count)
-    rows, faults = _split(name, lines, separator)
-    if len(rows[0].cells) == 1:
-        raise InputError(
-            f"{name}: line {rows[0].line}: expected columns separated by commas, "
-            f"semicolons or tabs, got one column {shown(rows[0].cells[0])}"
+    options: dict[str, Any] = {"delimiter": separator, "skipinitialspace": True}
+    rows: list[Row] = []
+    faults: list[InputError] = []
+    for line, written in lines:
+        try:
+            # strict: a stray quote is an error, not a part of a field; line by line, as
+            # a quote across lines would swallow rows
+            (cells,) = csv.reader([written], strict=True, **options)
+        except csv.Error as error:
+            raise InputError(
+                f"{name}: line {line}: expected fields separated by "
+                f"{SEPARATORS.get(separator, separator)}, got a stray or unclosed "
+                f"quote ({error})"
+            ) from None
+        width = len(rows[0].cells) if rows else len(cells)
+        if width == 1:
+            raise InputError(
+                f"{name}: line {line}: expected columns separated by commas, "
+                f"semicolons or tabs, got one column {shown(cells[0])}"
+            )
+        if len(cells) == width:
+            rows.append(Row(line, [cell.strip() for cell in cells]))
+            continue
+        why = "; is a decimal comma among them?" if len(cells) > width else ""
+        faults.append(
+            InputError(
+                f"{name}: line {line}: expected {width} fields as in the header, got "
+                f"{len(cells)}{why}"
+            )
         )
     if separator != ",":
         by = SEPARATORS.get(separator, repr(separator))
@@ -299,37 +323,6 @@ def numbered(text: str) -> Iterator[tuple[int, str]]:
 def is_comment(line: str) -> bool:
     """Return True for a comment."""
     return line.lstrip().startswith("#")
-
-
-def _split(
-    name: str, lines: Sequence[tuple[int, str]], separator: str
-) -> tuple[list[Row], list[InputError]]:
-    """Split lines into fields, and return those as wide as the header, and faults."""
-    options: dict[str, Any] = {"delimiter": separator, "skipinitialspace": True}
-    rows: list[Row] = []
-    for line, text in lines:
-        try:
-            # strict: a stray quote is an error, not a part of a field; line by line, as
-            # a quote across lines would swallow rows
-            (cells,) = csv.reader([text], strict=True, **options)
-        except csv.Error as error:
-            raise InputError(
-                f"{name}: line {line}: expected fields separated by "
-                f"{SEPARATORS.get(separator, separator)}, got a stray or unclosed "
-                f"quote ({error})"
-            ) from None
-        rows.append(Row(line, [cell.strip() for cell in cells]))
-    width = len(rows[0].cells)
-    faults = [
-        InputError(
-            f"{name}: line {line}: expected {width} fields as in the header, got "
-            f"{len(cells)}"
-            + ("; is a decimal comma among them?" if len(cells) > width else "")
-        )
-        for line, cells, _ in rows
-        if len(cells) != width
-    ]
-    return [row for row in rows if len(row.cells) == width], faults
 
 
 def table_of_rows(
@@ -443,15 +436,14 @@ def _numeric_table(text: str, name: str, notes: list[Note], expected: str) -> Ta
         left = (Row(rows[at + n][0], c[: columns[0]]) for n, c in enumerate(samples))
         table.preamble += tuple(row for row in left if any(row.cells))
     # between commas there is no decimal comma
-    marks: set[str] = set()
-    for (number, line), cells in zip(rows[at:], samples, strict=True):
-        held = "".join(cells[c] for c in columns if c < len(cells))
-        marks |= {mark for mark in ".," if separator != "," and mark in held}
-        if len(marks) > 1:
-            raise InputError(
-                f"{table.at(number)}: expected a decimal point or a decimal comma, got "
-                f"both: {shown(line.strip())}"
-            )
+    held = "".join(
+        c for cells in samples for at, c in enumerate(cells) if at in columns
+    )
+    marks = [mark for mark in ",." if separator != "," and mark in held]
+    if len(marks) > 1:
+        raise InputError(
+            f"{table.at(first)}: expected a decimal point or a decimal comma, got both"
+        )
     table.decimal = "," if "," in marks else "."
     return table
 

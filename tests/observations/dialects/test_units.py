@@ -95,7 +95,7 @@ value,sigma,range_m / a,peak_overpressure_kpa,-5,1,1 => positive peak_overpressu
 value,value_kpa,sigma,range_m / a,air_arrival_s,1,2,3,4 => got 'value' and 'value_kpa'
 value,Value,sigma,range_m / a,air_arrival_s,1,2,3,4 => once, got 'value' and 'Value'
 value,sigma,range_m,range_ft / a,air_arrival_s,1,2,3,4 => 'range_m' and 'range_ft'
-value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => expected column sigma once
+value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => column sigma once
 value,sigma,range_furlong / a,air_arrival_s,1,2,3 => 'furlong' is no unit of length
 value_parsec,sigma,range_m / a,air_arrival_s,1,2,3 => 'parsec' is no unit
 """)
@@ -115,7 +115,7 @@ def test_an_error_may_be_a_share_of_its_value(log):
     np.testing.assert_allclose(found.sigma, [400, np.nan])
     found = of(log, "a,peak_overpressure_kpa,5,8%,1", "b,peak_level_db,154,8 %,1")
     np.testing.assert_allclose(found.error_scale(), 0.08)
-    assert [note.kind for note in found.understood][0] == "share"
+    assert found.understood[0].kind == "share"
     with pytest.raises(InputError, match="a finite number, got '%'"):
         of(log, "a,peak_overpressure_kpa,5,%,1")
 
