@@ -128,17 +128,12 @@ def placed(
     # the slant range replaces the position
     there = np.where(ranged[:, None], np.nan, position)
     lost = _missing(there)[:, 0]
-    undirected = lost | by_range.any()
     # some quantities, as the time of the flash, do not depend on the distance
     needs = ~np.isin(log.quantity, PLACELESS)
     first = {n: rows[0] for n, rows in rows_by(shots, needs & by_range).items()}
     whose = [log.sensor[first.get(n, 0)] for n in shots]
-    own = {
-        sensor.name
-        for sensor in scene.sensors
-        if float(sensor.clock_offset_s) != 0
-        or f"{CLOCK_OFFSET}.{sensor.name}" in beliefs
-    }
+    ours = {sensor.name: float(sensor.clock_offset_s) for sensor in scene.sensors}
+    own = {s for s, by in ours.items() if by or f"{CLOCK_OFFSET}.{s}" in beliefs}
     clocks, apart = log.clocks(), clocks_apart(log)
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
     start = of_charge([float(charge.time_s) for charge in charges])
@@ -149,12 +144,19 @@ def placed(
     latest = log.value + EARLY_SIGMAS * np.nan_to_num(log.sigma)
     free_wind = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
     windy = free_wind or float(scene.air.wind_east) or float(scene.air.wind_north)
+    wind = f" in {'a free' if free_wind else 'a'} wind" if windy else ""
+    needs_direction = np.isin(
+        log.quantity, [*DIRECTIONS, *(FEEL_WIND if windy else ())]
+    )
     # the default scene assumes the origin, which the user can free instead
     advice = ", where the charge is; expected a distance from it"
-    if is_default and (to_free := _to_free(log, beliefs)):
+    has_times = set(CLOCK_TIMES) & set(log.quantity)
+    place = [*CHARGE_POSITION[:2], *(["origin_time_s"] if has_times else [])]
+    to_free = ",".join(name for name in place if name not in beliefs)
+    if is_default and to_free:
         advice = (
             "; no scene given: the charge is assumed at the origin; add "
-            f"{argument('freed')} {','.join(to_free)}"
+            f"{argument('freed')} {to_free}"
         )
     after = "after the origin time, {start} s on this clock (correct it, or free "
     rules = [
@@ -194,14 +196,11 @@ def placed(
             "got a row of {charge}, which never happens in the scene: its time is inf; "
             "expected a finite time",
         ),
-        *(
-            (
-                "range_m",
-                ranged & is_free(name),
-                f"a range cannot place a charge: {name} is not fixed, so expected "
-                "east_m, north_m, up_m; got range_m = {range:g}",
-            )
-            for name in CHARGE_POSITION[:2]
+        (
+            "range_m",
+            ranged & is_free(*CHARGE_POSITION[:2]),
+            "a range cannot place a charge, whose charge_east_m or charge_north_m is "
+            "not fixed: expected east_m, north_m, up_m; got range_m = {range:g}",
         ),
         (
             "range_m",
@@ -244,16 +243,9 @@ def placed(
         ),
         (
             "",
-            undirected & np.isin(log.quantity, list(DIRECTIONS)),
-            "expected east_m, north_m, up_m for {quantity}, and [charge] position_m; "
-            "got a range alone, which has no direction",
-        ),
-        (
-            "",
-            undirected & np.isin(log.quantity, FEEL_WIND) & bool(windy),
-            "expected east_m, north_m, up_m, since the scene has "
-            f"{'a free' if free_wind else 'a'} wind; got a range alone, which has no "
-            "direction",
+            (lost | by_range.any()) & needs_direction,
+            "expected east_m, north_m, up_m for {quantity}" + wind + ", and [charge] "
+            "position_m; got a range alone, which has no direction",
         ),
     ]
 
@@ -298,13 +290,6 @@ def scene_positions(log: Observations, scene: Scene) -> Float[np.ndarray, "row 3
 
 def _missing(position: Float[np.ndarray, "row 3"]) -> Bool[np.ndarray, "row 1"]:
     return np.isnan(position).any(axis=1, keepdims=True)
-
-
-def _to_free(observations: Observations, beliefs: Collection[str]) -> tuple[str, ...]:
-    """Return the place and time of the default scene that a log could fit instead."""
-    timed = set(CLOCK_TIMES) & set(observations.quantity)
-    names = (*CHARGE_POSITION[:2], *(("origin_time_s",) if timed else ()))
-    return tuple(name for name in names if name not in beliefs)
 
 
 def camera_place(

@@ -10,6 +10,7 @@ relative). Notes list what a reader converted, skipped or supplied.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
+from itertools import chain
 from pathlib import PurePath
 from typing import Any
 
@@ -267,13 +268,13 @@ def rows_by(
 
 def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
     """Return a log of some of the rows, by number from zero."""
-    picked = {}
-    for name in PER_ROW:
-        column = getattr(observations, name)
-        if isinstance(column, np.ndarray):
-            picked[name] = column[rows]
-        elif column:
-            picked[name] = tuple(column[row] for row in rows)
+    columns = {name: getattr(observations, name) for name in PER_ROW}
+    picked = {
+        name: of[rows] if isinstance(of, np.ndarray) else tuple(of[row] for row in rows)
+        for name, of in columns.items()
+        # optional columns may be absent
+        if of is not None and len(of) == len(observations)
+    }
     return replace(observations, **picked)
 
 
@@ -321,13 +322,10 @@ def quoted(name: str) -> str:
 
 def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
     """Return the fields that have one entry a row, of logs one after another."""
-    columns: dict[str, Any] = {}
     # optional columns are filled, since another part may have them
     filled = [replace(of, lower_bound=of.bounds(), record=of.records()) for of in logs]
-    for name in PER_ROW:
-        parts = [getattr(log, name) for log in filled]
-        if isinstance(parts[0], np.ndarray):
-            columns[name] = np.concatenate(parts)
-        else:
-            columns[name] = tuple(entry for part in parts for entry in part)
-    return columns
+    parts = {name: [getattr(log, name) for log in filled] for name in PER_ROW}
+    return {
+        name: np.concatenate(of) if isinstance(of[0], np.ndarray) else tuple(chain(*of))
+        for name, of in parts.items()
+    }
