@@ -22,9 +22,7 @@ from jblast.scene import Free, Scene, UncertainScene
 
 
 def check_clocks(
-    observations: Observations,
-    scene: Scene,
-    beliefs: Collection[str],
+    observations: Observations, scene: Scene, beliefs: Collection[str]
 ) -> None:
     """Refuse clocks that are not in the log, and an offset of the common one.
 

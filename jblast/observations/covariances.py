@@ -19,12 +19,7 @@ from jblast.errors import InputError, read_bytes, shown
 from jblast.files import write_text
 from jblast.observations.names import read_header
 from jblast.observations.rules import Rows, Rule
-from jblast.observations.table import (
-    Observations,
-    RecordCovariance,
-    quoted,
-    rows_by,
-)
+from jblast.observations.table import Observations, RecordCovariance, quoted, rows_by
 from jblast.observations.text_table import text_table
 from jblast.quantities import ADDITIVE, QUANTITIES
 

@@ -13,12 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from jblast.errors import InputError, argument, nearest, shown
-from jblast.observations.table import (
-    COLUMNS,
-    NAME_COLUMNS,
-    NEEDED,
-    NUMBERS,
-)
+from jblast.observations.table import COLUMNS, NAME_COLUMNS, NEEDED, NUMBERS
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
 from jblast.results import assumption

@@ -34,15 +34,7 @@ from jblast.observations.table import (
 from jblast.observations.text_table import Table
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, TIMED
 from jblast.results import Note, assumption
-from jblast.units import (
-    ANY,
-    LEVEL,
-    LN_PER_DB,
-    SHARE,
-    OurName,
-    in_si,
-    our_name,
-)
+from jblast.units import ANY, LEVEL, LN_PER_DB, SHARE, OurName, in_si, our_name
 
 AT_LEAST = ">"
 """Mark before a value that is a lower bound."""

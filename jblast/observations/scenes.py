@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from jblast.observations.clocks import clocks_apart, has_common_clock
-from jblast.observations.places import Frame
 from jblast.observations.table import (
     RECORD_QUANTITIES,
     SAMPLES,
@@ -69,11 +68,19 @@ relative_humidity = 0.5
 wind_m_s = [0.0, 0.0]  # towards east, north; each may be free
 # wind_m_s = [{{ normal = [0, 5] }}, {{ normal = [0, 5] }}]  # if unknown
 """
+_CHARGE = """\
+{head}
+mass_kg = "free"  # of the explosive; or a value, or a prior
+explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1
+{position}
+{time}
+# burst = "surface"  # or "free-air"; without it, the height decides
+"""
 _PLACE = """\
-# [place]  # of the origin, for an answer in degrees
-# lat_deg = LATITUDE
-# lon_deg = LONGITUDE
-# alt_m = 0.0
+{mark}[place]  # where east, north, up are zero; for an answer in degrees
+{mark}lat_deg = {lat}
+{mark}lon_deg = {lon}
+{mark}alt_m = {alt}
 """
 _CAMERA = """\
 # [camera]  # required for fireball_radius_px, and not in the log
@@ -216,60 +223,56 @@ def starter_scene(observations: Observations) -> str:
     sampled = rows_by(observations.sensor, np.isin(observations.quantity, SAMPLES))
     source = Path(log.source).name
     made_for = f" for {json.dumps(source)}" if source else ""
-    # a height replaces temperature and pressure, which stay as an example
-    high = frame is not None and frame.alt_m and ALTITUDES.allows(frame.alt_m)
-    air = {"mark": "# " if high else "", "altitude": "# altitude_m = 1500"}
-    if frame is not None and high:
-        air["altitude"] = f"altitude_m = {frame.alt_m!r}"
-    place = _PLACE if frame is None else _place(frame)
-    return "\n".join(
-        [
-            _HEAD.format(made_for=made_for),
-            *(_charge(log, rows) for rows in rows_by(log.shot).values()),
-            _AIR.format(**air),
-            *([_CAMERA] if set(BY_CAMERA) & set(log.quantity) else []),
-            *([_GROUND] if _OF_GROUND & set(log.quantity) else []),
-            *(
-                _sensor(some_rows(log, np.array(rows)), is_sampled=name in sampled)
-                for name, rows in rows_by(log.sensor).items()
-            ),
-            *_clocks(log),
-            place,
-            _LAW,
-        ]
-    )
+    air = {"mark": "", "altitude": "# altitude_m = 1500"}
+    place = {"mark": "# ", "lat": "LATITUDE", "lon": "LONGITUDE", "alt": "0.0"}
+    if frame is not None:
+        lat, lon, alt = map(repr, (frame.lat_deg, frame.lon_deg, frame.alt_m))
+        place = {"mark": "", "lat": lat, "lon": lon, "alt": alt}
+        # a height replaces temperature and pressure, which stay as an example
+        if frame.alt_m and ALTITUDES.allows(frame.alt_m):
+            air = {"mark": "# ", "altitude": f"altitude_m = {alt}"}
+    sensors = [
+        _sensor(some_rows(log, np.array(rows)), is_sampled=name in sampled)
+        for name, rows in rows_by(log.sensor).items()
+    ]
+    parts = [
+        _HEAD.format(made_for=made_for),
+        *(_charge(log, rows) for rows in rows_by(log.shot).values()),
+        _AIR.format(**air),
+        *([_CAMERA] if set(BY_CAMERA) & set(log.quantity) else []),
+        *([_GROUND] if _OF_GROUND & set(log.quantity) else []),
+        *sensors,
+        *_clocks(log),
+        _PLACE.format(**place),
+        _LAW,
+    ]
+    return "\n".join(parts)
 
 
 def _charge(observations: Observations, rows: list[int]) -> str:
     log = some_rows(observations, np.array(rows))
     needs = ~np.isin(log.quantity, PLACELESS)
-    sensors = rows_by(log.sensor, needs)
-    ranges = rows_by(log.slant_range.tolist(), needs & ~np.isnan(log.slant_range))
     placed = (needs & ~np.isnan(log.position).any(axis=1)).any()
-    free = names_to_free(log)
-    lines = ["[charge]"]
-    if len(set(observations.shot)) > 1:
-        lines = ["[[charge]]", f"name = {toml_text(log.shot[0])}  # as the log's shot"]
-    lines.append('mass_kg = "free"  # of the explosive; or a value, or a prior')
-    lines.append('explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1')
+    ranges = rows_by(log.slant_range.tolist(), needs & ~np.isnan(log.slant_range))
+    one_sensor, free = len(rows_by(log.sensor, needs)) == 1, names_to_free(log)
+    position = (
+        "position_m = [0.0, 0.0, 0.0]  # not identified by the log\n"
+        '# position_m = ["free", "free", 0.0]  # or a prior of each'
+    )
     if PLACE[0] in free:
-        lines.append('position_m = ["free", "free", 0.0]  # or its known position')
-    elif len(sensors) == 1 and len(ranges) == 1:
-        lines.append(f"range_m = {next(iter(ranges))!r}  # as in the log")
-    elif len(sensors) == 1 and not ranges and not placed:
-        lines.append('range_m = "free"  # slant range to the one sensor')
-    else:
-        lines.append("position_m = [0.0, 0.0, 0.0]  # not identified by the log")
-        lines.append('# position_m = ["free", "free", 0.0]  # or a prior of each')
-    if "origin_time_s" in free:
-        since = (
-            f", in seconds since {log.epoch:%Y-%m-%dT%H:%M:%SZ}" if log.epoch else ""
-        )
-        lines.append(f'time_s = "free"  # on the clock of the sensors{since}')
-    else:
-        lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
-    lines.append('# burst = "surface"  # or "free-air"; without it, the height decides')
-    return "\n".join(lines) + "\n"
+        position = 'position_m = ["free", "free", 0.0]  # or its known position'
+    elif one_sensor and len(ranges) == 1:
+        position = f"range_m = {next(iter(ranges))!r}  # as in the log"
+    elif one_sensor and not ranges and not placed:
+        position = 'range_m = "free"  # slant range to the one sensor'
+    since = f", in seconds since {log.epoch:%Y-%m-%dT%H:%M:%SZ}" if log.epoch else ""
+    time = f'time_s = "free"  # on the clock of the sensors{since}'
+    if "origin_time_s" not in free:
+        time = 'time_s = 0.0  # on the clock of the sensors; or "free"'
+    head = "[charge]"
+    if len(set(observations.shot)) > 1:
+        head = f"[[charge]]\nname = {toml_text(log.shot[0])}  # as the log's shot"
+    return _CHARGE.format(head=head, position=position, time=time)
 
 
 def _sensor(log: Observations, *, is_sampled: bool) -> str:
@@ -306,14 +309,6 @@ def _sensor(log: Observations, *, is_sampled: bool) -> str:
     if missing := [q for q in rows_by(log.quantity) if q not in (*known, *estimated)]:
         lines.append(f"# the log has no sigma for {', '.join(missing)}")
     return "\n".join(lines) + "\n"
-
-
-def _place(frame: Frame) -> str:
-    return (
-        "[place]  # where east, north, up are zero: the middle of the sensors\n"
-        f"lat_deg = {frame.lat_deg!r}\nlon_deg = {frame.lon_deg!r}\n"
-        f"alt_m = {frame.alt_m!r}\n"
-    )
 
 
 def _clocks(log: Observations) -> list[str]:

@@ -72,7 +72,9 @@ def table_of(source: Any, expected: str) -> Table:
         data = data if isinstance(data, str) else bytes(data)
         # a buffer may have no name: its first bytes decide
         if suffix not in FORMATS and not isinstance(data, str):
-            suffix = _looks_like(data)
+            sheets = ".ods" if b"opendocument.spreadsheet" in data[:200] else ".xlsx"
+            starts = {b"PAR1": ".parquet", b"PK\x03\x04": sheets}
+            suffix = starts.get(data[:4], "")
             name = f"{name}{suffix}"
     else:
         wrap = "; io.BytesIO makes a buffer of it" if isinstance(source, bytes) else ""
@@ -83,15 +85,6 @@ def table_of(source: Any, expected: str) -> Table:
     if suffix in FORMATS and not isinstance(data, str):
         return _binary_table(data, name, suffix)
     return text_table(data, name, expected=expected)
-
-
-def _looks_like(data: bytes) -> str:
-    """Return the suffix of the format by the first bytes; "" for text."""
-    if data.startswith(b"PAR1"):
-        return ".parquet"
-    if data.startswith(b"PK\x03\x04"):
-        return ".ods" if b"opendocument.spreadsheet" in data[:200] else ".xlsx"
-    return ""
 
 
 def _is_frame(source: Any) -> bool:
