@@ -21,7 +21,7 @@ from jblast.observations.grouping import by_shot, located
 from jblast.observations.placement import (
     EARLY_SIGMAS,
     POSITION_TOLERANCE,
-    placed,
+    resolve_positions,
     scene_positions,
 )
 from jblast.observations.scenes import for_log
@@ -83,7 +83,9 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
         of = for_log(uncertain, log)
         try:
             there, is_default = located(log, of), of.source == NO_SCENE
-            found += placed(there, of.scene, of.beliefs, is_default=is_default)[1]
+            resolve_positions(
+                there, of.scene, of.beliefs, is_default=is_default, faults=found
+            )
         except InputError as fault:
             found.append(fault)
     # the same fault may be found in the log of every shot, and is reported once

@@ -105,7 +105,7 @@ def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ..
     expected = f"a header {','.join(COLUMNS)}"
     table = text_table(read_bytes(path, expected), str(path), expected=expected)
     header = read_header(table, COLUMNS)
-    if missing := [name for name in COLUMNS if name not in header.theirs]:
+    if missing := [name for name in COLUMNS if name not in header]:
         raise InputError(
             f"{table.at(table.header_line)}: expected {expected}, got no column "
             f"{', '.join(missing)}"

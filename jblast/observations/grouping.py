@@ -47,27 +47,22 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
     names = [Path(log.source).stem or f"recorder {i}" for i, log in enumerate(logs, 1)]
     recorded = [name for log in logs for name in {of.record for of in log.covariances}]
     for log, name in zip(logs, names, strict=True):
-        shots = dict.fromkeys(log.shot)
-        for is_bad, fault in (
-            # the name of the file becomes that of the clock, and must identify it
-            (
-                names.count(name) > 1,
-                f"{event} names clocks after the files; expected each name once, got "
-                f"{shown(name)} twice",
-            ),
-            (
-                any(log.clock),
-                f"column clock: expected no such column, as {event} gives each file "
-                "one clock; got one",
-            ),
-            (
-                len(shots) > 1,
-                f"column shot: {event} is of one shot; expected one name, got "
-                f"{', '.join(map(shown, shots))}",
-            ),
-        ):
-            if is_bad:
-                raise InputError(f"{log.source}: {fault}")
+        # the name of the file becomes that of the clock, and must identify it
+        if names.count(name) > 1:
+            raise InputError(
+                f"{log.source}: {event} names clocks after the files; expected each "
+                f"name once, got {shown(name)} twice"
+            )
+        if any(log.clock):
+            raise InputError(
+                f"{log.source}: column clock: expected no such column, as {event} "
+                "gives each file one clock; got one"
+            )
+        if len(shots := dict.fromkeys(log.shot)) > 1:
+            raise InputError(
+                f"{log.source}: column shot: {event} is of one shot; expected one "
+                f"name, got {', '.join(map(shown, shots))}"
+            )
         # records of one name in two logs get that of their log, too
         start = f"{name}/" if len(set(recorded)) < len(recorded) else ""
         record = tuple(f"{start}{of}" if of else "" for of in log.records())

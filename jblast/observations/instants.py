@@ -66,33 +66,24 @@ def clock_times(
     # without dates a midnight between times is invisible
     over = {row for row in undated if found[last] - found[row] > HALF_DAY}
     every = range(len(texts))
+    # an unknown quantity is reported elsewhere
+    other = dated & ~timed & np.isin(kind, tuple(QUANTITIES))
+    seconds_alone = timed & ~dated & valued
+    midnight = (
+        f"times within half a day, got {{got}} and {texts[last]}; if midnight was "
+        "between them, write dates, as 2020-08-05T00:00:00.310Z"
+    )
+    both = "nothing beside value_utc, as its start is unknown"
     rows.refuse(
         [
             Rule(VALUE_UTC, dated & valued, "either value or value_utc, got both"),
-            # an unknown quantity is reported elsewhere
             Rule(
-                VALUE_UTC,
-                dated & ~timed & np.isin(kind, tuple(QUANTITIES)),
-                "nothing, as {quantity} is not a clock time; use value",
+                VALUE_UTC, other, "nothing, as {quantity} is no clock time; use value"
             ),
-            Rule(
-                "value",
-                timed & ~dated & valued,
-                "value_utc for {quantity} as in the other rows, got {got} s of an "
-                "unknown start",
-            ),
-            Rule(
-                "time_s",
-                dated & rows.given("time_s"),
-                "nothing beside value_utc, as its start is unknown",
-            ),
+            Rule("value", seconds_alone, "value_utc for {quantity}, as in other rows"),
+            Rule("time_s", dated & rows.given("time_s"), both),
             Rule(VALUE_UTC, [row in why for row in every], why.__getitem__),
-            Rule(
-                VALUE_UTC,
-                [row in over for row in every],
-                f"times within half a day, got {{got}} and {texts[last]}; if midnight "
-                "was between them, write dates, as 2020-08-05T00:00:00.310Z",
-            ),
+            Rule(VALUE_UTC, [row in over for row in every], midnight),
         ]
     )
     notes = [

@@ -10,10 +10,9 @@ errors are in columns `sigma_NAME`, in the unit of the column NAME, or in
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from jblast.errors import InputError, argument, nearest, shown
-from jblast.observations.table import COLUMNS, NAME_COLUMNS, NEEDED, NUMBERS
+from jblast.observations.table import COLUMNS, NAME_COLUMNS, NEEDED, NUMBERS, rows_by
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
 from jblast.results import assumption
@@ -39,17 +38,8 @@ FOR_ALL = "sigma_percent"
 """Column of the errors of all quantities whose errors are relative."""
 
 
-@dataclass
-class Header:
-    """Names and units of the columns of a table.
-
-    Attributes:
-        theirs: By our column, its name as written.
-        units: By our column, its unit, where it is not ours.
-    """
-
-    theirs: dict[str, str] = field(default_factory=dict)
-    units: dict[str, OurName] = field(default_factory=dict)
+Header = dict[str, tuple[str, OurName | None]]
+"""By our column its name as written, and its unit, if it has one."""
 
 
 def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header:
@@ -64,7 +54,8 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
         InputError: A column is repeated, or has two units.
     """
     where = table.at(table.header_line)
-    header, dropped, notes = Header(), set(), []
+    header: Header = {}
+    dropped, notes = set(), []
     for index, theirs in enumerate(table.header):
         name, unit = _column(table, index, known)
         if name not in known:
@@ -83,12 +74,10 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
             fault = f"{where}: unknown column {shown(theirs)}{advice}"
             table.faults.append(InputError(fault, line=table.header_line))
             continue
-        if name in header.theirs:
-            both = f"{shown(header.theirs[name])} and {shown(theirs)}"
+        if name in header:
+            both = f"{shown(header[name][0])} and {shown(theirs)}"
             raise InputError(f"{where}: expected column {name} once, got {both}")
-        header.theirs[name] = theirs
-        if unit is not None:
-            header.units[name] = unit
+        header[name] = theirs, unit
         key = spelt(theirs)
         if key != name and name not in ANY and (unit is None or unit.factor == 1.0):
             table.notes.append(assumption("renamed", theirs=theirs, ours=name))
@@ -223,24 +212,22 @@ def made_long(table: Table) -> None:
             is changed.
 
     Raises:
-        InputError: The table has no such column, or also `quantity` or `value`, or a
-            column of errors without its quantity.
+        InputError: The table has no such column, or two of a quantity, or a column of
+            errors without its quantity.
     """
     where = table.at(table.header_line)
     keys = [spelt(name) for name in table.header]
     expected = f"{where}: expected a wide table, a column for each quantity; got"
-    if long := [name for name in ("quantity", "value", "sigma") if name in keys]:
-        raise InputError(f"{expected} a column {long[0]}, as long ones have")
     held = held_quantities(table)
     if not held:
         advice = next(filter(None, map(what_to_write, table.header)), "")
         raise InputError(f"{expected} {', '.join(map(shown, table.header))}{advice}")
-    first: dict[str, str] = {}
-    for name in held.values():
-        if (other := first.setdefault(quantity_of(name), name)) != name:
+    for alike in rows_by(map(quantity_of, held.values())).values():
+        if len(alike) > 1:
+            one, other = (shown([*held.values()][i]) for i in alike[:2])
             raise InputError(
-                f"{where}: expected a column for each quantity, got {shown(other)} and "
-                f"{shown(name)}: two units for one column"
+                f"{where}: expected a column for each quantity, got {one} and {other}: "
+                "two units for one column"
             )
     errors = _error_columns(table, held)
     others = [i for i in range(len(keys)) if i not in {*held, *errors.values()}]

@@ -52,6 +52,7 @@ def resolve_positions(
     beliefs: Collection[str] = (),
     *,
     is_default: bool = False,
+    faults: list[InputError] | None = None,
 ) -> Observations:
     """Fill in the positions of sensors from the scene, and check that both agree.
 
@@ -65,34 +66,11 @@ def resolve_positions(
         beliefs: Names of the scene's parameters that are not fixed.
         is_default: True if no scene was given, so that the charge's position is
             assumed.
+        faults: A fault of each faulty row is appended here; None: the first is raised.
 
     Raises:
         InputError: A sensor's position is missing, or given twice and differently, or a
             row cannot be used with this scene.
-    """
-    found, faults = placed(observations, scene, beliefs, is_default=is_default)
-    if faults:
-        raise faults[0]
-    return found
-
-
-def placed(
-    observations: Observations,
-    scene: Scene,
-    beliefs: Collection[str] = (),
-    *,
-    is_default: bool = False,
-) -> tuple[Observations, list[InputError]]:
-    """Return a log with the positions of the scene, and a fault of each faulty row.
-
-    Args:
-        observations: As in `resolve_positions`, likewise all others.
-        scene: The scene.
-        beliefs: Names of the scene's parameters that are not fixed.
-        is_default: True if no scene was given.
-
-    Raises:
-        InputError: The log as a whole cannot be used with this scene.
     """
     log, charges = observations, scene.charges
     check_clocks(log, scene, beliefs)
@@ -278,7 +256,11 @@ def placed(
         for row in np.flatnonzero(bad)[:MAX_FAULTS].tolist():
             fault = log.fault(row, message.format_map(facts(row)), column)
             found.setdefault(row, fault)
-    return replace(log, position=there), list(found.values())
+    if faults is not None:
+        faults += found.values()
+    elif found:
+        raise next(iter(found.values()))
+    return replace(log, position=there)
 
 
 def scene_positions(log: Observations, scene: Scene) -> Float[np.ndarray, "row 3"]:

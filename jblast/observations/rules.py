@@ -71,7 +71,8 @@ class Rows:
     def __init__(self, table: Table, header: Header):
         self.table, self.lines, self.faults = table, table.lines, table.faults
         self.texts = dict(zip(table.header, table.columns, strict=True))
-        self.theirs, self.units = header.theirs, header.units
+        self.theirs = {name: theirs for name, (theirs, _) in header.items()}
+        self.units = {name: unit for name, (_, unit) in header.items() if unit}
         self.sound = np.ones(len(self.lines), bool)
 
     def text(self, column: str) -> list[str]:

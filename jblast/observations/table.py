@@ -85,17 +85,13 @@ class RecordCovariance:
                 f"{where}: expected each quantity once, and a row and a column for it, "
                 f"got {', '.join(self.quantities)} and shape {of.shape}"
             )
-        if not np.isfinite(of).all() or (np.diag(of) <= 0).any():
-            raise ValueError(
-                f"{where}: expected finite numbers and positive variances, got "
-                f"variances {np.diag(of)}"
-            )
         # of the correlation, since variances differ by many orders of magnitude
-        skew, least = np.abs(self.correlation - self.correlation.T), self.own_share
-        if (skew > SYMMETRIC).any() or least <= 0:
+        sound = np.isfinite(of).all() and (np.diag(of) > 0).all()
+        skew = np.abs(self.correlation - self.correlation.T).max() if sound else np.nan
+        if not (skew <= SYMMETRIC and self.own_share > 0):
             raise ValueError(
-                f"{where}: expected it symmetric and positive definite, got asymmetry "
-                f"{skew.max():.3g} and smallest eigenvalue {least:.3g} of correlations"
+                f"{where}: expected it symmetric and positive definite, got "
+                f"{of.tolist()}"
             )
 
     @property
