@@ -112,11 +112,12 @@ def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ..
         )
     rows = Rows(table, header)
     records, *pair = (rows.text(name) for name in COLUMNS[:3])
-    values = rows.number("covariance", optional=False).tolist()
+    values = rows.number("covariance").tolist()
     known = f"one of {', '.join(QUANTITIES)}"
     rows.refuse(
         [
             Rule("record", ~rows.given("record"), "a name"),
+            Rule("covariance", ~rows.given("covariance"), "a number"),
             *(
                 Rule(c, ~np.isin(rows.text(c), [*QUANTITIES]), known)
                 for c in COLUMNS[1:3]

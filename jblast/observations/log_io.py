@@ -27,7 +27,6 @@ from jblast.observations.names import (
     clean_numbers,
     made_long,
     read_header,
-    refuse_wide,
 )
 from jblast.observations.rows import AT_LEAST, observations_of
 from jblast.observations.sources import LOWER_BOUND, source_name, table_of
@@ -36,7 +35,6 @@ from jblast.observations.table import (
     DEGREES,
     NAME_COLUMNS,
     NEEDED,
-    NUMBERS,
     POSITION,
     SAMPLES,
     Observations,
@@ -131,8 +129,6 @@ def _read(
             f"got {shown(', '.join(filter(None, table.header)))}; of a record of "
             "samples the arrival and peak are picked first (jblast pick)"
         )
-    if not wide:
-        refuse_wide(table)
     if not len(table.lines):
         raise InputError(
             f"{table.at(table.header_line)}: nothing after the header; expected one "
@@ -242,8 +238,8 @@ def typed_columns(
 def to_pandas(observations: Observations) -> Any:
     """Return a log as a `pandas.DataFrame`, columns as `write` writes them.
 
-    Lower bounds are in a column `lower_bound`. The `attrs` are comments, the source and
-    units of columns. `read` accepts the data frame, which has no covariances.
+    Lower bounds are in a column `lower_bound`, comments in `attrs`. `read` accepts the
+    data frame, which has no covariances.
     """
     import pandas
 
@@ -251,9 +247,5 @@ def to_pandas(observations: Observations) -> Any:
     if observations.bounds().any():
         columns[LOWER_BOUND] = observations.bounds()
     frame = pandas.DataFrame({name: list(held) for name, held in columns.items()})
-    frame.attrs = {
-        "source": observations.source,
-        "comments": list(observations.comments),
-        "units": {c: c.rpartition("_")[2] for c in columns if c in NUMBERS[2:]},
-    }
+    frame.attrs = {"comments": list(observations.comments)}
     return frame

@@ -55,7 +55,7 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
     """
     where = table.at(table.header_line)
     header: Header = {}
-    dropped, notes = set(), []
+    dropped, notes, held = set(), [], held_quantities(table)
     for index, theirs in enumerate(table.header):
         name, unit = _column(table, index, known)
         if name not in known:
@@ -66,10 +66,11 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
             advice = advised(theirs, known)
             if not theirs:
                 advice = "; expected a name above every column that is not empty"
-            elif of := quantity_of(theirs):
+            elif of := held.get(index):
                 advice = (
-                    f"; it is a quantity, {of}, not a column: put {shown(theirs)} into "
-                    "column quantity, one measurement a row"
+                    f"; it is a quantity, not a column: expected one measurement per "
+                    f"row, {of} in column quantity and its number in column value; or "
+                    f"read a wide table with {argument('wide')}"
                 )
             fault = f"{where}: unknown column {shown(theirs)}{advice}"
             table.faults.append(InputError(fault, line=table.header_line))
@@ -180,25 +181,6 @@ def held_quantities(table: Table) -> dict[int, str]:
         if found := next(filter(quantity_of, names), ""):
             held[index] = found
     return held
-
-
-def refuse_wide(table: Table) -> None:
-    """Refuse a table with a column for each quantity, with advice.
-
-    Raises:
-        InputError: The table is wide.
-    """
-    keys = [spelt(name) for name in table.header]
-    held = held_quantities(table)
-    if "quantity" in keys or any(key.startswith("value") for key in keys) or not held:
-        return
-    one = shown(table.header[min(held)])
-    raise InputError(
-        f"{table.at(table.header_line)}: column {one} is a quantity, not a column: a "
-        f"wide table, with {len(held)} of them; expected one measurement per row, "
-        f"{one} in column quantity and its number in column value; or read it with "
-        f"{argument('wide')}"
-    )
 
 
 def made_long(table: Table) -> None:

@@ -83,10 +83,8 @@ class Rows:
         """Return True where a column is not empty."""
         return np.array([bool(text) for text in self.text(column)], bool)
 
-    def number(
-        self, column: str, *, optional: bool = True
-    ) -> Float[np.ndarray, " row"]:
-        """Return a column of finite numbers; NaN where an optional one is empty.
+    def number(self, column: str) -> Float[np.ndarray, " row"]:
+        """Return a column of finite numbers; NaN where it is empty.
 
         Numbers are in our unit, except in `value` and `sigma`, whose rows may have
         different units. Latitudes and longitudes may be in degrees, minutes, seconds.
@@ -105,9 +103,7 @@ class Rows:
             numbers = np.array([float(text) if text else np.nan for text in texts])
         except ValueError:
             numbers = np.array([read(text) for text in texts])
-        odd = ~np.isfinite(numbers)
-        if optional:
-            odd &= self.given(column)
+        odd = ~np.isfinite(numbers) & self.given(column)
         rule = Rule(
             column,
             odd,
@@ -142,8 +138,6 @@ class Rows:
     def _advised(self, column: str, row: int) -> str:
         """Return a text that is not a number, with advice."""
         text = self.texts[column][row]
-        if not text:
-            return "nothing"
         forms = ADVICE if column in NUMBERS else {}
         advice = (forms[form] for form in forms if re.fullmatch(form, text, re.DOTALL))
         if column in DEGREES[:2]:

@@ -137,10 +137,9 @@ class Table:
 
     def drop_rows(self, dropped: Collection[int]) -> None:
         """Remove rows, by number from zero."""
-        if dropped:
-            kept = [row for row in range(len(self.lines)) if row not in dropped]
-            self.columns = [[column[row] for row in kept] for column in self.columns]
-            self.lines = [self.lines[row] for row in kept]
+        kept = [row for row in range(len(self.lines)) if row not in dropped]
+        self.columns = [[column[row] for row in kept] for column in self.columns]
+        self.lines = [self.lines[row] for row in kept]
 
     def names(self, expected: str) -> list[str]:
         """Return the header of a table of numbers.
@@ -153,7 +152,7 @@ class Table:
         """
         if self.header:
             return self.header
-        first = self._cells_at(self.first_line)
+        first = next(cells_of(text, self.separator) for _, text in self._rows())
         lines = [row for row in self.preamble if any(map(has_letters, row.cells))]
         above = lines[-1] if lines else Row(self.first_line, first)
         raise InputError(
@@ -215,9 +214,6 @@ class Table:
     def _rows(self) -> Iterator[tuple[int, str]]:
         rows = numbered(self.text)
         return ((n, x) for n, x in rows if n >= self.first_line and not is_comment(x))
-
-    def _cells_at(self, line: int) -> list[str]:
-        return next(cells_of(x, self.separator) for n, x in self._rows() if n == line)
 
 
 def text_table(
