@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         )
     there, frame, epoch = _on_one_earth(clocked)
     # line numbers of several files have no meaning
-    joined = stacked(there) | {"line": ()}
+    joined: dict[str, Any] = {**stacked(there), "line": ()}
     return Observations(
         **joined,
         source=" + ".join(log.source for log in logs),

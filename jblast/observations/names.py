@@ -223,7 +223,7 @@ def made_long(table: Table) -> None:
         text = cells[errors[i]][row] if i in errors else ""
         return f"{text}%" if text and keys[errors[i]] == FOR_ALL else text
 
-    def other(at: int) -> list[str]:
+    def unchanged(at: int) -> list[str]:
         # other quantities have no time
         needs = None if not keys[at].startswith("time") else timed
         return [
@@ -231,7 +231,7 @@ def made_long(table: Table) -> None:
         ]
 
     table.columns = [
-        *map(other, others),
+        *map(unchanged, others),
         [held[i] for _, i in picked],
         [cells[i][row] for row, i in picked],
         [sigma(row, i) for row, i in picked],

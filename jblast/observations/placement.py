@@ -271,7 +271,7 @@ def scene_positions(log: Observations, scene: Scene) -> Float[np.ndarray, "row 3
 
 
 def _missing(position: Float[np.ndarray, "row 3"]) -> Bool[np.ndarray, "row 1"]:
-    return np.isnan(position).any(axis=1, keepdims=True)
+    return np.asarray(np.isnan(position).any(axis=1, keepdims=True))
 
 
 def camera_place(

@@ -13,6 +13,7 @@ a value are skipped and reported.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -159,7 +160,8 @@ def observations_of(
             Rule("time_s", ~timed & ~np.isnan(time), no_time),
         ]
     )
-    named = {name: tuple(rows.text(name)) for name in ("sensor", *NAME_COLUMNS)}
+    columns = ("sensor", *NAME_COLUMNS)
+    named: dict[str, Any] = {name: tuple(rows.text(name)) for name in columns}
     numbers = np.column_stack([value, sigma, position.enu, slant_range, time, bound])
     _refuse_duplicates(rows, numbers, quantity, *named.values())
     if not any(named["record"]):

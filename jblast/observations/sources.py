@@ -35,8 +35,7 @@ def source_name(source: Any) -> str:
         return str(source)
     if _is_frame(source):
         return FRAME
-    name = getattr(source, "name", None)
-    return name if isinstance(name, str) and name else "buffer"
+    return str(getattr(source, "name", "") or "buffer")
 
 
 def table_of(source: Any, expected: str) -> Table:
