@@ -37,9 +37,9 @@ def test_units_may_stand_in_a_row(log):
 
 def test_one_column_of_shares_is_that_of_all_errors_that_are_shares(log):
     text = (
-        "sensor;range_m;air_arrival_ms;peak_overpressure_kpa;Sigma (%)\n"
-        "a;10;12,4;>12,4;7\n"
-        "b;20;40,5;5;NA\n"
+        "sensor;range_m;air_arrival_ms;peak_overpressure_kpa;Sigma (%);Note\n"
+        "a;10;12,4;>12,4;7;1.5\n"
+        "b;20;40,5;5;NA;\n"
     )
     found = read(log(text), wide=True)
     assert found.value[0] == 0.0124
