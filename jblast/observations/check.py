@@ -123,12 +123,8 @@ class Doubt:
 
 def clocks_doubted(observations: Observations) -> list[Doubt]:
     """Return probable mistakes in the clocks and shots of a log."""
-    return [
-        *_since_1970(observations),
-        *_unheard(observations),
-        *_lonely(observations),
-        *_before_the_flash(observations),
-    ]
+    searches = (_since_1970, _unheard, _lonely, _before_the_flash)
+    return [doubt for search in searches for doubt in search(observations)]
 
 
 def _since_1970(observations: Observations) -> list[Doubt]:

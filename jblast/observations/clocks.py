@@ -112,9 +112,8 @@ def refuse_unsolvable_clocks(
     read = set(np.array(observations.clocks(), object)[timed])
     # a prior constrains an offset, so only free ones count
     free = [name for name, of in uncertain.beliefs.items() if isinstance(of, Free)]
-    offsets = [n for n in free if n.startswith(f"{CLOCK_OFFSET}.")]
     # an offset of a clock without readings changes nothing
-    offsets = [n for n in offsets if n.partition(".")[2] in read]
+    offsets = [n for n in free if n in {f"{CLOCK_OFFSET}.{clock}" for clock in read}]
     origins = [n for n in free if n.partition(".")[0] == "origin_time_s"]
     clocks, times = len(offsets) + len(origins), int(timed.sum())
     others = len(free) - clocks
@@ -147,8 +146,7 @@ def refuse_unresolved(
     Raises:
         InputError: There is a row with such a time; the message names the first.
     """
-    if dtype is None:
-        dtype = jnp.zeros(()).dtype.type
+    dtype = dtype or jnp.zeros(()).dtype.type
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     value = np.where(timed, observations.value, 0.0)
     # distance to the next representable number at each value

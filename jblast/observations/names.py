@@ -177,9 +177,8 @@ def held_quantities(table: Table) -> dict[int, str]:
     """Return the columns of quantities, and their names with units."""
     held = {}
     for index, (name, unit) in enumerate(zip(table.header, table.units, strict=True)):
-        names = (name, f"{name}_{unit}" if unit else name)
-        if found := next(filter(quantity_of, names), ""):
-            held[index] = found
+        for whole in filter(quantity_of, (name, f"{name}_{unit}")):
+            held.setdefault(index, whole)
     return held
 
 

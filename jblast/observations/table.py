@@ -194,9 +194,9 @@ class Observations:
 
     def bounds(self) -> Bool[np.ndarray, " row"]:
         """Return True for values that are lower bounds."""
-        if self.lower_bound is None:
-            return np.zeros(len(self), bool)
-        return self.lower_bound
+        return (
+            np.zeros(len(self), bool) if self.lower_bound is None else self.lower_bound
+        )
 
     def records(self) -> tuple[str, ...]:
         """Return the record of each row, "" for none."""
@@ -228,15 +228,9 @@ def observed(
         **others: Other fields.
     """
     rows = len(sensor)
-    unknown, empty = np.full(rows, np.nan), ("",) * rows
-    defaults = {
-        "position": np.full((rows, 3), np.nan),
-        "slant_range": unknown,
-        "time": unknown,
-        "path": empty,
-        "shot": empty,
-        "clock": empty,
-    }
+    defaults: dict[str, Any] = {"position": np.full((rows, 3), np.nan)}
+    defaults |= dict.fromkeys(("slant_range", "time"), np.full(rows, np.nan))
+    defaults |= dict.fromkeys(("path", "shot", "clock"), ("",) * rows)
     return Observations(
         sensor=tuple(sensor),
         quantity=tuple(quantity),

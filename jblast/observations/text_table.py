@@ -237,13 +237,9 @@ def text_table(
     text, notes = decoded_text(data, name, expected)
     if preamble:
         return _numeric_table(text, name, notes, expected)
-    remarks: list[str] = []
-    lines: list[tuple[int, str]] = []
-    for number, line in numbered(text):
-        if is_comment(line):
-            remarks.append(line.strip()[1:].strip())
-        else:
-            lines.append((number, line))
+    lines = list(numbered(text))
+    remarks = [line.strip()[1:].strip() for _, line in lines if is_comment(line)]
+    lines = [(number, line) for number, line in lines if not is_comment(line)]
     stated = SEPARATOR_LINE.match(lines[0][1].strip()) if lines else None
     if stated:
         del lines[0]
