@@ -112,7 +112,7 @@ def resolve_positions(
     whose = [log.sensor[first.get(n, 0)] for n in shots]
     ours = {sensor.name: float(sensor.clock_offset_s) for sensor in scene.sensors}
     own = {s for s, by in ours.items() if by or f"{CLOCK_OFFSET}.{s}" in beliefs}
-    clocks, apart = log.clocks(), clocks_apart(log)
+    clocks, apart, records = log.clocks(), clocks_apart(log), log.records()
     offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
     start = of_charge([float(charge.time_s) for charge in charges])
     start = start + np.array([offsets.get(name, 0.0) for name in clocks])
@@ -237,7 +237,7 @@ def resolve_positions(
             "time": log.time[row],
             "range": float(given[row]),
             "stated": float(stated[row]),
-            "record": shown(log.records()[row]),
+            "record": shown(records[row]),
             "clock": shown(log.clock[row]),
             "shot": shown(log.shot[row]) if log.shot[row] else "nothing",
             "first_shot": shown(log.shot[0]),
@@ -254,8 +254,9 @@ def resolve_positions(
     found: dict[int, InputError] = {}
     for column, bad, message in rules:
         for row in np.flatnonzero(bad)[:MAX_FAULTS].tolist():
-            fault = log.fault(row, message.format_map(facts(row)), column)
-            found.setdefault(row, fault)
+            if row not in found:
+                text = message.format_map(facts(row))
+                found[row] = log.fault(row, text, column)
     if faults is not None:
         faults += found.values()
     elif found:

@@ -2,9 +2,9 @@ r"""Rows of a log: rules for each column, and conversion into SI units.
 
 A value is in the unit of its column (`value_kpa`) or of the column `unit`, otherwise in
 the unit at the end of the name of its quantity. A sigma is in the unit of its column
-(`sigma_percent`), otherwise in that of its value. Peak levels in decibels become
-overpressures, and an error in decibels becomes $\sigma_p = p \, \sigma_{dB} \ln 10 /
-20$.
+(`sigma_percent`), or a share with its % sign, otherwise in the unit of its value. Peak
+levels in decibels become overpressures, and an error in decibels becomes $\sigma_p = p
+\, \sigma_{dB} \ln 10 / 20$.
 
 A rule has the rows that violate it and the expected content. Its faults name the line,
 the column, what was expected and what was found. Rows with faults are left out where

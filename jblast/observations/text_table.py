@@ -293,10 +293,12 @@ def decoded_text(data: bytes | str, name: str, expected: str) -> tuple[str, list
     Raises:
         InputError: It is not text.
     """
+    encodings = ("", "Windows-1252")
     if isinstance(data, str):
-        data = data.encode("utf-8", "surrogatepass")
-    marked = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    for encoding in ("UTF-16",) if marked else ("", "Windows-1252"):
+        data, encodings = data.encode("utf-8", "surrogatepass"), ()
+    elif data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encodings = ("UTF-16",)
+    for encoding in encodings:
         # bytes without a meaning in any are refused as no UTF-8
         with suppress(UnicodeDecodeError):
             data = data.decode(encoding or "utf-8").encode()

@@ -117,6 +117,8 @@ def test_a_separator_within_quotes_is_none(log):
 def test_buffers_of_text_and_of_bytes_are_read(log):
     for source in (io.StringIO(SEMICOLONS), io.BytesIO(SEMICOLONS.encode("utf-16"))):
         assert read(source).value[0] == 0.05
+    with pytest.raises(InputError, match="got the byte 0xed"):
+        read(io.StringIO(HEADER + "\ud800" + ROW))
     with log(HEADER + ROW).open(encoding="utf-8") as file:
         assert read(file).source.endswith("log.csv")
 
