@@ -123,9 +123,7 @@ def resolve_positions(
     free_wind = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
     windy = free_wind or float(scene.air.wind_east) or float(scene.air.wind_north)
     wind = f" in {'a free' if free_wind else 'a'} wind" if windy else ""
-    needs_direction = np.isin(
-        log.quantity, [*DIRECTIONS, *(FEEL_WIND if windy else ())]
-    )
+    directed = np.isin(log.quantity, [*DIRECTIONS, *(FEEL_WIND if windy else ())])
     # the default scene assumes the origin, which the user can free instead
     advice = ", where the charge is; expected a distance from it"
     has_times = set(CLOCK_TIMES) & set(log.quantity)
@@ -221,7 +219,7 @@ def resolve_positions(
         ),
         (
             "",
-            (lost | by_range.any()) & needs_direction,
+            (lost | by_range.any()) & directed,
             "expected east_m, north_m, up_m for {quantity}" + wind + ", and [charge] "
             "position_m; got a range alone, which has no direction",
         ),

@@ -430,9 +430,7 @@ def _numeric_table(text: str, name: str, notes: list[Note], expected: str) -> Ta
         left = (Row(rows[at + n][0], c[: columns[0]]) for n, c in enumerate(samples))
         table.preamble += tuple(row for row in left if any(row.cells))
     # between commas there is no decimal comma
-    held = "".join(
-        c for cells in samples for at, c in enumerate(cells) if at in columns
-    )
+    held = "".join(c for row in samples for at, c in enumerate(row) if at in columns)
     marks = [mark for mark in ",." if separator != "," and mark in held]
     if len(marks) > 1:
         raise InputError(
