@@ -29,9 +29,10 @@ References:
 
 import math
 import re
+from collections.abc import Iterator
 from fractions import Fraction
 from functools import cache
-from itertools import product
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -177,8 +178,17 @@ WRITTEN_OUT = {
 """Full names of units, in the singular, and other abbreviations."""
 ABSOLUTE = {"psia": "psi", "kpaa": "kPa", "bara": "bar", "mbara": "mbar"}
 """Suffixes of absolute pressures, which are not overpressures, and their units."""
-WEIGHTED = ("dba", "db_a", "dbb", "db_b", "dbc", "db_c", "laeq", "leq")
-"""Suffixes of levels other than the unweighted peak."""
+PEAK_LEVEL = "expected peak_level_db, of the unweighted peak, re 20 uPa"
+REFUSED = {
+    r"_(?:db_?[abc]|laeq|leq)$": "; it is a weighted or an equivalent level, not a "
+    f"peak: {PEAK_LEVEL}",
+    # `words_of` has removed the accepted reference, so that this is another one
+    "_db_re_": f"; it is re another pressure: {PEAK_LEVEL}",
+    # a log does not have the ambient pressure
+    rf"_(?:{'|'.join(ABSOLUTE)})$": "; it is absolute: subtract the ambient pressure, "
+    "and write gauge units",
+}
+"""Advice by the form of names whose units are not converted."""
 MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
 """Suffixes with two meanings that differ in case only."""
 COUNTS = ("1", "count", "counts", "dimensionless", "fs")
@@ -262,20 +272,13 @@ def our_name(foreign: str) -> OurName | None:
         foreign: A name that ends in a unit.
     """
     # The longest unit first: psi_ms is no name that ends in ms.
-    for word, unit in _taken_apart(foreign):
-        name = _names(unit.dimension).get(word)
-        if name is not None:
-            level = unit.dimension == LEVEL
-            factor = math.nan if level else si_factor(unit.suffix)
-            return OurName(name, factor, unit.dimension, unit.suffix)
-    return None
-
-
-def dimension_of(name: str) -> str | None:
-    """Return the dimension of a column or quantity; None for columns of names."""
-    for dimension, suffix in SI.items():
-        if name in _names(dimension).values() and name.endswith(f"_{suffix}"):
-            return dimension
+    for word, meant in _taken_apart(foreign):
+        if len(meant) > 1:
+            return None
+        for dimension, suffix, _ in meant:
+            if name := _names(dimension).get(word):
+                factor = math.nan if dimension == LEVEL else si_factor(suffix)
+                return OurName(name, factor, dimension, suffix)
     return None
 
 
@@ -285,28 +288,20 @@ def what_to_write(foreign: str) -> str:
     The replacement is a unit in the right case, the nearest unit, or jblast's name and
     the factor.
     """
-    words, whole = words_of(foreign), spelt(foreign)
-    level = "expected peak_level_db, of the unweighted peak, re 20 uPa"
-    if whole.endswith(tuple(f"_{ending}" for ending in WEIGHTED)):
-        return f"; it is a weighted or an equivalent level, not a peak: {level}"
-    # `words_of` has removed the accepted reference, so that this is another one
-    if "_db_re_" in whole:
-        return f"; it is re another pressure: {level}"
-    for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
-        word = "_".join(words[:-length]).lower()
-        meant = unit_spelt("_".join(words[-length:]))
+    whole = spelt(foreign)
+    for form, advice in REFUSED.items():
+        if re.search(form, whole):
+            return advice
+    for word, meant in _taken_apart(foreign):
         if len(meant) > 1:
-            either = [f"{word}_{unit.suffix}" for unit in meant]
+            either = " or ".join(f"{word}_{unit.suffix}" for unit in meant)
             return (
                 "; its unit may be MPa or mPa, which differ in case only: write "
-                f"{' or '.join(either)}"
+                f"{either}"
             )
         ours = any(word in _names(of) for of in SUFFIXES)
         if meant and not ours and (near := _near(word, meant[0])):
             return near
-    # Absolute readings need the ambient pressure, which a log does not have.
-    if words and words[-1].lower() in ABSOLUTE:
-        return "; it is absolute: subtract the ambient pressure, and write gauge units"
     for dimension, suffixes in SUFFIXES.items():
         for word, ours in _names(dimension).items():
             if whole == word and ours not in ANY:
@@ -322,6 +317,7 @@ def si_factor(suffix: str) -> float:
     return float(si_ratio(suffix))
 
 
+@cache
 def si_ratio(suffix: str) -> Fraction:
     """Return the exact factor from a unit to SI.
 
@@ -334,17 +330,20 @@ def si_ratio(suffix: str) -> Fraction:
     """
     found = {(unit.dimension, unit.pint) for unit in unit_spelt(suffix)}
     if len(found) != 1:
-        known = [ending for endings in SUFFIXES.values() for ending in endings]
         either = " or ".join(sorted(pint for _, pint in found))
-        raise InputError(
-            f"unit {shown(suffix)}: "
-            + (f"expected {either}, which differ in case only" if either else "")
-            + ("" if either else f"expected a known unit{nearest(suffix, known)}")
-        )
+        expected = f"{either}, which differ in case only"
+        if not either:
+            expected = f"a known unit{nearest(suffix, chain(*SUFFIXES.values()))}"
+        raise InputError(f"unit {shown(suffix)}: expected {expected}")
     ((dimension, pint),) = found
     if dimension == LEVEL:
         raise InputError(f"unit {shown(suffix)}: a level has no factor")
-    return _ratio(dimension, pint)
+    if dimension == SHARE:
+        return Fraction(1, 100)
+    ours = SUFFIXES[dimension][SI[dimension]]
+    if pint == ours:
+        return Fraction(1)
+    return Fraction(_registry().Quantity(Fraction(1), pint).to(ours).magnitude)
 
 
 class SampleUnit(NamedTuple):
@@ -405,15 +404,17 @@ def word_and_unit(name: str) -> tuple[str, str]:
 
 
 def in_si(values: Float[np.ndarray, " row"], suffix: str) -> Float[np.ndarray, " row"]:
-    """Return values in SI.
+    """Return values in SI; of peak levels in decibels, the overpressures.
 
     Args:
         values: Values in a unit.
-        suffix: The unit, as for `si_factor`.
+        suffix: The unit, as for `si_factor`, or "db".
     """
-    ratio = si_ratio(suffix)
     # too large a value overflows to infinity, which its row reports
     with np.errstate(over="ignore"):
+        if suffix in SUFFIXES[LEVEL]:
+            return overpressure(values)
+        ratio = si_ratio(suffix)
         return values * float(ratio.numerator) / float(ratio.denominator)
 
 
@@ -491,19 +492,12 @@ def _near(word: str, unit: Unit) -> str:
     return ""
 
 
-def _taken_apart(foreign: str) -> list[tuple[str, Unit]]:
-    """Return all splits of a name into words and unit, longest unit first.
-
-    There is none for a suffix of ambiguous case.
-    """
+def _taken_apart(foreign: str) -> Iterator[tuple[str, tuple[Unit, ...]]]:
+    """Yield all splits of a name into words and its possible units, longest first."""
     words = words_of(foreign)
-    found = []
     for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
-        meant = unit_spelt("_".join(words[-length:]))
-        if len(meant) > 1:
-            return []
-        found += [("_".join(words[:-length]).lower(), unit) for unit in meant]
-    return found
+        unit = unit_spelt("_".join(words[-length:]))
+        yield "_".join(words[:-length]).lower(), unit
 
 
 @cache
@@ -512,13 +506,9 @@ def _names(dimension: str) -> dict[str, str]:
     names = {name: name for name in ANY}
     suffix = SI.get(dimension)
     if suffix is not None:
-        ours = (*QUANTITIES, *COLUMNS.get(dimension, ()))
-        known = [
-            name
-            for name in ours
-            if name.endswith(f"_{suffix}") and _dimension(name) == dimension
-        ]
-        names |= {name.removesuffix(f"_{suffix}"): name for name in known}
+        for name in (*QUANTITIES, *COLUMNS.get(dimension, ())):
+            if name.endswith(f"_{suffix}") and _dimension(name) == dimension:
+                names[name.removesuffix(f"_{suffix}")] = name
     return names | CALLED.get(dimension, {})
 
 
@@ -527,16 +517,6 @@ def _dimension(name: str) -> str:
     # Longest first: "pa_s" ends in "s", too.
     endings = sorted(SI.items(), key=lambda item: -len(item[1]))
     return next(of for of, suffix in endings if name.endswith(f"_{suffix}"))
-
-
-@cache
-def _ratio(dimension: str, unit: str) -> Fraction:
-    if dimension == SHARE:
-        return Fraction(1, 100)
-    ours = SUFFIXES[dimension][SI[dimension]]
-    if unit == ours:
-        return Fraction(1)
-    return Fraction(_registry().Quantity(Fraction(1), unit).to(ours).magnitude)
 
 
 @cache

@@ -21,10 +21,11 @@ from jblast.observations.grouping import by_shot, located
 from jblast.observations.placement import (
     EARLY_SIGMAS,
     POSITION_TOLERANCE,
-    placed,
+    resolve_positions,
+    scene_positions,
 )
 from jblast.observations.scenes import for_log
-from jblast.observations.table import SAMPLES, Observations
+from jblast.observations.table import SAMPLES, Observations, rows_by
 from jblast.quantities import (
     ADDITIVE,
     ARRIVALS,
@@ -70,37 +71,25 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
     # a scene that names its charges relates shots to them, so the log stays whole
     several = uncertain.scene.others
     # positions and clocks may differ from shot to shot, as between days of a test
-    logs = [observations] if several else list(by_shot(observations).values())
-    found: dict[str, InputError] = {}
+    logs = [observations] if several else by_shot(observations).values()
+    found: list[InputError] = []
     for log in logs:
-        for fault in (*_lawless(log), *_of_log(log, uncertain)):
-            # the same fault may be found in the log of every shot, and is reported once
-            found.setdefault(str(fault), fault)
-    return list(found.values())
-
-
-def _lawless(log: Observations) -> list[InputError]:
-    """Return a fault for each quantity without a law."""
-    return [
-        log.fault(
-            log.quantity.index(quantity), f"no law gives {name}: not supported yet"
-        )
-        for quantity in dict.fromkeys(log.quantity)
-        for name, _ in components(quantity)
-        if not names_for(name) and quantity != SAMPLES
-    ]
-
-
-def _of_log(log: Observations, uncertain: UncertainScene) -> list[InputError]:
-    """Return the faults of the positions and times of one log with a scene."""
-    uncertain = for_log(uncertain, log)
-    is_default = uncertain.source == NO_SCENE
-    try:
-        there = located(log, uncertain)
-        scene, beliefs = uncertain.scene, uncertain.beliefs
-        return placed(there, scene, beliefs, is_default=is_default)[1]
-    except InputError as fault:
-        return [fault]
+        for quantity, rows in rows_by(log.quantity).items():
+            found += [
+                log.fault(rows[0], f"no law gives {name}: not supported yet")
+                for name, _ in components(quantity)
+                if not names_for(name) and quantity != SAMPLES
+            ]
+        of = for_log(uncertain, log)
+        try:
+            there, is_default = located(log, of), of.source == NO_SCENE
+            resolve_positions(
+                there, of.scene, of.beliefs, is_default=is_default, faults=found
+            )
+        except InputError as fault:
+            found.append(fault)
+    # the same fault may be found in the log of every shot, and is reported once
+    return list({str(fault): fault for fault in found}.values())
 
 
 def with_places(observations: Observations, uncertain: UncertainScene) -> Observations:
@@ -108,12 +97,10 @@ def with_places(observations: Observations, uncertain: UncertainScene) -> Observ
     # `refusals` reports a log from another continent
     with suppress(InputError):
         observations = located(observations, uncertain)
-    sensors = uncertain.scene.sensors
-    known = {sensor.name: np.asarray(sensor.position_m) for sensor in sensors}
-    position = observations.position.copy()
-    for row in np.flatnonzero(np.isnan(position).any(axis=1)):
-        # rows without a position in the log have that of the scene, as in a fit
-        position[row] = known.get(observations.sensor[row], position[row])
+    # rows without a position in the log have that of the scene, as in a fit
+    known = scene_positions(observations, uncertain.scene)
+    missing = ~_placed(observations)[:, None]
+    position = np.where(missing, known, observations.position)
     return replace(observations, position=position)
 
 
@@ -136,12 +123,8 @@ class Doubt:
 
 def clocks_doubted(observations: Observations) -> list[Doubt]:
     """Return probable mistakes in the clocks and shots of a log."""
-    return [
-        *_since_1970(observations),
-        *_unheard(observations),
-        *_lonely(observations),
-        *_before_the_flash(observations),
-    ]
+    searches = (_since_1970, _unheard, _lonely, _before_the_flash)
+    return [doubt for search in searches for doubt in search(observations)]
 
 
 def _since_1970(observations: Observations) -> list[Doubt]:
@@ -164,53 +147,38 @@ def _since_1970(observations: Observations) -> list[Doubt]:
 
 def _unheard(observations: Observations) -> list[Doubt]:
     """Find shots with flash times only: they do not constrain a mass."""
-    rows: dict[str, list[int]] = {}
-    for row, shot in enumerate(observations.shot):
-        rows.setdefault(shot, []).append(row)
     return [
-        Doubt("shot_unheard", tuple(its), {}, (shot,))
-        for shot, its in rows.items()
-        if all(QUANTITIES[observations.quantity[row]].kind == "flash" for row in its)
+        Doubt("shot_unheard", tuple(rows), {}, (shot,))
+        for shot, rows in rows_by(observations.shot).items()
+        if all(QUANTITIES[observations.quantity[row]].kind == "flash" for row in rows)
     ]
 
 
 def _lonely(observations: Observations) -> list[Doubt]:
     """Find clocks with one reading, which a free offset would fit exactly."""
-    timed = np.isin(observations.quantity, CLOCK_TIMES)
-    rows: dict[str, list[int]] = {}
-    for row in np.flatnonzero(timed):
-        rows.setdefault(observations.clock[row], []).append(int(row))
+    by_clock = rows_by(observations.clock, np.isin(observations.quantity, CLOCK_TIMES))
     return [
-        Doubt("clock_of_one_row", tuple(its), {}, (clock,))
-        for clock, its in rows.items()
-        if clock and len(its) == 1 and len(rows) > 1
+        Doubt("clock_of_one_row", tuple(rows), {}, (clock,))
+        for clock, rows in by_clock.items()
+        if clock and len(rows) == 1 and len(by_clock) > 1
     ]
 
 
 def _before_the_flash(observations: Observations) -> list[Doubt]:
     """Find arrivals before the flash of their shot, on one clock."""
     found = []
-    flash: dict[tuple[str, str], int] = {}
-    quantity, value = observations.quantity, observations.value
-    sigma = np.nan_to_num(observations.sigma)
-    by = [
-        (shot, clock or sensor)
-        for shot, clock, sensor in zip(
-            observations.shot, observations.clock, observations.sensor, strict=True
-        )
-    ]
-    for row, key in enumerate(by):
-        if quantity[row] == "flash_time_s":
-            flash.setdefault(key, row)
-    for row, key in enumerate(by):
-        if quantity[row] not in ARRIVALS or key not in flash:
-            continue
-        seen = flash[key]
-        # both readings have errors, and light takes no time
-        allowed = EARLY_SIGMAS * float(np.hypot(sigma[row], sigma[seen]))
-        if value[row] + allowed < value[seen]:
-            early = float(value[seen] - value[row])
-            found.append(Doubt("arrival_before_flash", (row, seen), {"early_s": early}))
+    log, sigma = observations, np.nan_to_num(observations.sigma)
+    clocks = list(zip(log.shot, log.clocks(), strict=True))
+    flash = rows_by(clocks, np.isin(log.quantity, "flash_time_s"))
+    for key, rows in rows_by(clocks, np.isin(log.quantity, ARRIVALS)).items():
+        for row in rows if key in flash else ():
+            seen = flash[key][0]
+            # both readings have errors, and light takes no time
+            allowed = EARLY_SIGMAS * float(np.hypot(sigma[row], sigma[seen]))
+            early = float(log.value[seen] - log.value[row])
+            if early > allowed:
+                numbers = {"early_s": early}
+                found.append(Doubt("arrival_before_flash", (row, seen), numbers))
     return found
 
 
@@ -225,128 +193,87 @@ def degrees_swapped(observations: Observations) -> list[Doubt]:
     The log must be in degrees, since its frame gives the latitudes and longitudes.
     """
     frame = observations.frame
-    first: dict[str, list[int]] = {}
-    for row in np.flatnonzero(_placed(observations)):
-        first.setdefault(observations.sensor[row], []).append(int(row))
-    if frame is None or len(first) < 3:
+    sensors = list(rows_by(observations.sensor, _placed(observations)).values())
+    if frame is None or len(sensors) < 3:
         return []
-    at = observations.position[[rows[0] for rows in first.values()]]
+    at = observations.position[[rows[0] for rows in sensors]]
     # medians, since one displaced sensor would move a mean by hundreds of kilometres
     middle = np.median(at, axis=0)
     apart = np.linalg.norm(at - middle, axis=1)
-    spread = float(np.median(apart))
+    # at least 10 m, as sensors at one mast may be centimetres apart
+    far = FAR_RATIO * max(float(np.median(apart)), 1.0)
     found = []
-    for rows, place, far in zip(first.values(), at, apart, strict=True):
-        # at least 10 m, as sensors at one mast may be centimetres apart
-        if far < FAR_RATIO * max(spread, 1.0):
-            continue
+    for rows, place, away in zip(sensors, at, apart.tolist(), strict=True):
         lat, lon, alt = frame.to_geodetic(place).tolist()
         # exchanged coordinates must themselves be possible: a latitude is within 90
         # degrees
-        swapped = frame.to_enu(lon, lat, alt) if abs(lon) <= 90.0 else None
-        if swapped is None or np.linalg.norm(swapped - middle) > far / FAR_RATIO:
+        if away < far or abs(lon) > 90.0:
             continue
-        numbers = {"lat_deg": lat, "lon_deg": lon, "apart_m": float(far)}
-        found.append(Doubt("lat_lon_swapped", tuple(rows), numbers))
+        swapped = frame.to_enu(lon, lat, alt)
+        if np.linalg.norm(swapped - middle) <= away / FAR_RATIO:
+            numbers = {"lat_deg": lat, "lon_deg": lon, "apart_m": away}
+            found.append(Doubt("lat_lon_swapped", tuple(rows), numbers))
     return found
 
 
 def _moved(observations: Observations) -> list[Doubt]:
     """Find sensors with several positions within one shot."""
-    found = []
-    placed = _placed(observations)
-    rows: dict[tuple[str, str], list[int]] = {}
-    for row in np.flatnonzero(placed):
-        key = observations.sensor[row], observations.shot[row]
-        rows.setdefault(key, []).append(int(row))
-    for its in rows.values():
-        at = observations.position[its]
-        apart = np.linalg.norm(at - at[0], axis=1)
+    found, log = [], observations
+    sensors = rows_by(zip(log.sensor, log.shot, strict=True), _placed(log))
+    for rows in sensors.values():
+        apart = np.linalg.norm(log.position[rows] - log.position[rows[0]], axis=1)
         if (apart > POSITION_TOLERANCE).any():
             other = int(np.argmax(apart))
-            found.append(
-                Doubt(
-                    "sensor_at_two_places",
-                    (its[other], its[0]),
-                    {"apart_m": float(apart[other])},
-                )
-            )
+            numbers = {"apart_m": float(apart[other])}
+            pair = rows[other], rows[0]
+            found.append(Doubt("sensor_at_two_places", pair, numbers))
     return found
 
 
 def _together(observations: Observations) -> list[Doubt]:
     """Find sensors at one position with identical or with inconsistent readings."""
-    first: dict[tuple[str, str], int] = {}
-    ranged = ~np.isnan(observations.slant_range)
-    for row in np.flatnonzero(_placed(observations) | ranged):
-        key = observations.shot[row], observations.sensor[row]
-        first.setdefault(key, int(row))
-    by_cell: dict[tuple[object, ...], list[str]] = {}
-    for (shot, sensor), row in first.items():
-        placed = [*observations.position[row], observations.slant_range[row]]
-        # positions rounded to the tolerance are keys of a dictionary: no comparison of
-        # all pairs
-        cell = np.round(np.nan_to_num(placed, nan=-1.0) / POSITION_TOLERANCE).tolist()
-        by_cell.setdefault((shot, *cell), []).append(sensor)
+    log, placed = observations, _placed(observations)
+    # positions rounded to the tolerance are keys of a dictionary: no comparison of all
+    # pairs
+    at = np.column_stack([log.position, log.slant_range]) / POSITION_TOLERANCE
+    cells = map(tuple, np.round(np.nan_to_num(at, nan=-1e9)).tolist())
+    known = placed | ~np.isnan(log.slant_range)
+    known &= ~np.isin(log.quantity, (*PLACELESS, *BY_CAMERA))
     found = []
-    for (shot, *_), sensors in by_cell.items():
+    for rows in rows_by(zip(log.shot, cells, strict=True), known).values():
+        readings: dict[str, dict[str, int]] = {}
+        for row in rows:
+            readings.setdefault(log.sensor[row], {})[log.quantity[row]] = row
         # the number of pairs is quadratic, and ten sensors show the mistake
-        for one, other in combinations(sensors[:10], 2):
-            doubts = _compared(observations, str(shot), one, other)
-            here = _placed(observations)[first[str(shot), one]]
+        for one, other in combinations(list(readings)[:10], 2):
+            own, its = readings[one], readings[other]
+            pairs = [(own[q], its[q]) for q in own if q in its]
+            # two sensors never read all values alike to the last digit: rows were
+            # copied
+            if pairs and all(log.value[i] == log.value[j] for i, j in pairs):
+                copied = tuple(row for pair in pairs for row in reversed(pair))
+                found.append(Doubt("sensor_copied", copied, {}, (one, other)))
+                continue
             # two sensors at one range may be in different directions
-            found += [
-                doubt for doubt in doubts if here or doubt.kind == "sensor_copied"
-            ]
+            odd = [(j, i) for i, j in pairs if placed[i] and _disagree(log, i, j)]
+            found += [Doubt("two_sensors_at_one_place", pair) for pair in odd[:1]]
     return found
 
 
-def _compared(
-    observations: Observations, shot: str, one: str, other: str
-) -> list[Doubt]:
-    """Compare the readings of two sensors at one position in one shot."""
-    own, its = (
-        {
-            quantity: row
-            for row, quantity in enumerate(observations.quantity)
-            if (observations.sensor[row], observations.shot[row]) == (name, shot)
-            and quantity not in (*PLACELESS, *BY_CAMERA)
-        }
-        for name in (one, other)
-    )
-    both = [q for q in own if q in its]
-    pairs = [(own[q], its[q]) for q in both]
-    if not pairs:
-        return []
-    # two sensors never read all values alike to the last digit: rows were copied
-    if all(observations.value[i] == observations.value[j] for i, j in pairs):
-        rows = tuple(row for pair in pairs for row in reversed(pair))
-        return [Doubt("sensor_copied", rows, {}, (one, other))]
-    for i, j in pairs:
-        timed = observations.quantity[i] in CLOCK_TIMES
-        # times of different clocks differ by their offset
-        if timed and observations.clock[i] != observations.clock[j]:
-            continue
-        apart, allowed = _difference(observations, i, j)
-        if apart > allowed:
-            return [Doubt("two_sensors_at_one_place", (j, i))]
-    return []
-
-
-def _difference(observations: Observations, i: int, j: int) -> tuple[float, float]:
-    """Return the difference of two readings, and the largest allowed one."""
-    pair = [i, j]
-    value, scale = observations.value[pair], observations.error_scale()[pair]
-    error = ONE_WAVE_SIGMAS * float(np.sqrt(np.nansum(scale**2)))
-    if observations.quantity[i] in CLOCK_TIMES:
-        # at least 1 ms, since clock times are often written in milliseconds
-        return float(abs(value[1] - value[0])), max(error, 1e-3)
-    # angles and differences
-    if (value <= 0).any():
-        return float(abs(value[1] - value[0])), error or float("inf")
-    return float(abs(np.log(value[1] / value[0]))), max(
-        error, float(np.log(REFLECTION_FACTOR))
-    )
+def _disagree(log: Observations, i: int, j: int) -> bool:
+    """Return True if two readings of one quantity differ by more than their errors."""
+    pair, quantity = [i, j], log.quantity[i]
+    value, scale = log.value[pair], log.error_scale()[pair]
+    allowed = ONE_WAVE_SIGMAS * float(np.sqrt(np.nansum(scale**2)))
+    if quantity in CLOCK_TIMES:
+        # times of different clocks differ by their offset; at least 1 ms, since clock
+        # times are often written in milliseconds
+        same = log.clock[i] == log.clock[j]
+        return same and bool(abs(value[1] - value[0]) > max(allowed, 1e-3))
+    if quantity in ADDITIVE:
+        return bool(abs(value[1] - value[0]) > (allowed or np.inf))
+    least = float(np.log(REFLECTION_FACTOR))
+    return bool(abs(np.log(value[1] / value[0])) > max(allowed, least))
 
 
 def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
@@ -355,17 +282,14 @@ def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
 
 def sigmas_doubted(observations: Observations) -> list[Doubt]:
     """Return rows with an implausible sigma."""
-    value, sigma = observations.value, observations.sigma
     # errors of times and angles have no relation to their size
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
-    stated = in_ln & ~np.isnan(sigma) & (value > 0)
-    share = np.full(len(value), np.nan)
-    share[stated] = sigma[stated] / value[stated]
-    found = []
-    for kind, odd in (
-        ("sigma_too_fine", share < FINEST_SIGMA),
-        ("sigma_large", share > 1),
-    ):
-        for row in np.flatnonzero(odd):
-            found.append(Doubt(kind, (int(row),), {"share": float(share[row])}))
-    return found
+    share = np.where(in_ln, observations.error_scale(), np.nan)
+    return [
+        Doubt(kind, (row,), {"share": float(share[row])})
+        for kind, odd in (
+            ("sigma_too_fine", share < FINEST_SIGMA),
+            ("sigma_large", share > 1),
+        )
+        for row in np.flatnonzero(odd).tolist()
+    ]

@@ -7,7 +7,7 @@ floating-point numbers near its clock times are further apart than their sigma (
 for seconds since 1970 in single precision).
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from typing import Any
 
 import jax.numpy as jnp
@@ -22,12 +22,9 @@ from jblast.scene import Free, Scene, UncertainScene
 
 
 def check_clocks(
-    observations: Observations,
-    scene: Scene,
-    beliefs: Collection[str],
-    add: Callable[[Bool[np.ndarray, " row"], Callable[[int], str], str], None],
+    observations: Observations, scene: Scene, beliefs: Collection[str]
 ) -> None:
-    """Refuse clocks that are not in the log, or not set exactly once.
+    """Refuse clocks that are not in the log, and an offset of the common one.
 
     The first clock of the log is the common one, by which all others are set; or that
     of the rows whose column `clock` is empty, where others name theirs.
@@ -36,55 +33,28 @@ def check_clocks(
         observations: The log.
         scene: The scene.
         beliefs: Names of its parameters that are not fixed.
-        add: Function that adds a fault for each bad row, with its column.
 
     Raises:
         InputError: There is a clock that the log does not have, or the common clock has
             an offset.
     """
     source = observations.source or "observations"
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
-    sensors = {sensor.name: sensor for sensor in scene.sensors}
+    known = list(dict.fromkeys(observations.clocks()))
     for clock in scene.clocks:
-        known = list(dict.fromkeys(observations.clocks()))
         if clock.name not in known:
             raise InputError(
                 f"{CLOCK_OFFSET}.{clock.name}: {source} has no such clock"
                 f"{nearest(clock.name, known)}; expected one of {', '.join(known)}"
             )
-    if (
-        named
-        and f"{CLOCK_OFFSET}.{named[0]}" in beliefs
-        # with a common clock all named clocks may have offsets
-        and not has_common_clock(observations)
-    ):
-        others = " or ".join(f"{CLOCK_OFFSET}.{other}" for other in named[1:])
+    named = list(dict.fromkeys(filter(None, observations.clock)))
+    others = clocks_apart(observations)
+    # with a common clock all named clocks may have offsets
+    if named != others and f"{CLOCK_OFFSET}.{named[0]}" in beliefs:
         raise InputError(
             f"{CLOCK_OFFSET}.{named[0]}: {shown(named[0])} is the first clock of "
-            f"{source}, by which the others are set; expected {others or 'no clock'}"
+            f"{source}, by which the others are set; expected "
+            + (" or ".join(f"{CLOCK_OFFSET}.{name}" for name in others) or "no clock")
         )
-    own = {
-        name
-        for name, sensor in sensors.items()
-        if float(sensor.clock_offset_s) != 0 or f"{CLOCK_OFFSET}.{name}" in beliefs
-    }
-    add(
-        np.array(
-            [
-                bool(clock) and clock != sensor and sensor in own
-                for clock, sensor in zip(
-                    observations.clock, observations.sensor, strict=True
-                )
-            ],
-            bool,
-        ),
-        lambda row: (
-            f"got {shown(observations.clock[row])}, but the scene gives sensor "
-            f"{shown(observations.sensor[row])} a clock_offset_s of its own; expected "
-            "one of the two"
-        ),
-        "clock",
-    )
 
 
 def has_common_clock(observations: Observations) -> bool:
@@ -96,7 +66,7 @@ def has_common_clock(observations: Observations) -> bool:
 
 def clocks_apart(observations: Observations) -> list[str]:
     """Return the clocks named in a log, except the one by which others are set."""
-    named = list(dict.fromkeys(clock for clock in observations.clock if clock))
+    named = list(dict.fromkeys(filter(None, observations.clock)))
     return named if has_common_clock(observations) else named[1:]
 
 
@@ -142,9 +112,8 @@ def refuse_unsolvable_clocks(
     read = set(np.array(observations.clocks(), object)[timed])
     # a prior constrains an offset, so only free ones count
     free = [name for name, of in uncertain.beliefs.items() if isinstance(of, Free)]
-    offsets = [n for n in free if n.startswith(f"{CLOCK_OFFSET}.")]
     # an offset of a clock without readings changes nothing
-    offsets = [n for n in offsets if n.partition(".")[2] in read]
+    offsets = [n for n in free if n in {f"{CLOCK_OFFSET}.{clock}" for clock in read}]
     origins = [n for n in free if n.partition(".")[0] == "origin_time_s"]
     clocks, times = len(offsets) + len(origins), int(timed.sum())
     others = len(free) - clocks
@@ -177,8 +146,7 @@ def refuse_unresolved(
     Raises:
         InputError: There is a row with such a time; the message names the first.
     """
-    if dtype is None:
-        dtype = jnp.zeros(()).dtype.type
+    dtype = dtype or jnp.zeros(()).dtype.type
     timed = np.isin(observations.quantity, CLOCK_TIMES)
     value = np.where(timed, observations.value, 0.0)
     # distance to the next representable number at each value

@@ -7,7 +7,6 @@ covariance within 1 %, which allows for rounded digits, and a matrix must be pos
 definite; otherwise the file is refused.
 """
 
-import math
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,10 +15,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int
 
-from jblast.errors import InputError, nearest, read_bytes, shown
+from jblast.errors import InputError, read_bytes, shown
 from jblast.files import write_text
-from jblast.observations.table import Observations, RecordCovariance, quoted
-from jblast.observations.text_table import Table, number_of, text_table
+from jblast.observations.names import read_header
+from jblast.observations.rules import Rows, Rule
+from jblast.observations.table import Observations, RecordCovariance, quoted, rows_by
+from jblast.observations.text_table import text_table
 from jblast.quantities import ADDITIVE, QUANTITIES
 
 SIGMA_TOLERANCE = 0.01
@@ -59,48 +60,35 @@ def rows_with_covariance(
         InputError: A sigma disagrees with its covariance, or a quantity of a record
             has two rows.
     """
-    # an index by record and quantity: a search per pair would be quadratic
-    rows_of: dict[tuple[str, str], list[int]] = {}
-    keys = zip(observations.records(), observations.quantity, strict=True)
-    for row, key in enumerate(keys):
-        rows_of.setdefault(key, []).append(row)
-    scale = observations.error_scale()
-    for covariance in observations.covariances:
-        rows, present = [], []
+    log, scale = observations, observations.error_scale()
+    rows_of = rows_by(zip(log.records(), log.quantity, strict=True))
+    for covariance in log.covariances:
+        record, present = covariance.record, {}
         for quantity, sd in zip(covariance.quantities, covariance.sd, strict=True):
-            at = rows_of.get((covariance.record, quantity), [])
+            at = rows_of.get((record, quantity), [])
             if len(at) > 1:
-                raise observations.fault(
+                raise log.fault(
                     at[1],
-                    f"{quantity} of record {shown(covariance.record)}: expected one "
-                    "row, since its errors are shared with others of the record; got "
-                    f"{len(at)}",
+                    f"{quantity} of record {shown(record)}: expected one row, since "
+                    f"its errors are shared with others of the record; got {len(at)}",
                 )
             for row in at:
-                _refuse_other_sigma(observations, row, float(scale[row]), float(sd))
-                rows.append(row)
-                present.append(quantity)
-        if rows:
+                present[quantity] = row
+                # false for NaN, so that a missing sigma is refused, too
+                if abs(scale[row] - sd) <= SIGMA_TOLERANCE * sd:
+                    continue
+                unit = 1.0 if quantity in ADDITIVE else abs(log.value[row])
+                missing, got = np.isnan(scale[row]), f"{scale[row] * unit:.6g}"
+                raise log.fault(
+                    row,
+                    f"expected {sd * unit:.6g}, as the covariance of {quantity} in "
+                    f"record {shown(record)}; got {'nothing' if missing else got}: "
+                    "correct one, or remove the record from the covariances",
+                    "sigma",
+                )
+        if present:
             # a marginal of a normal distribution is that part of its matrix
-            yield np.array(rows), covariance.only(tuple(present))
-
-
-def _refuse_other_sigma(
-    observations: Observations, row: int, scale: float, sd: float
-) -> None:
-    """Refuse a row whose sigma is not that of its covariance."""
-    if abs(scale - sd) <= SIGMA_TOLERANCE * sd:
-        return
-    quantity = observations.quantity[row]
-    unit = 1.0 if quantity in ADDITIVE else abs(float(observations.value[row]))
-    got = "nothing" if math.isnan(scale) else f"{scale * unit:.6g}"
-    raise observations.fault(
-        row,
-        f"expected {sd * unit:.6g}, as the covariance of {quantity} in record "
-        f"{shown(observations.record[row])}; got {got}: correct one, or remove the "
-        "record from the covariances",
-        "sigma",
-    )
+            yield np.array([*present.values()]), covariance.only(tuple(present))
 
 
 def covariance_file(log: str | os.PathLike[str]) -> Path:
@@ -116,70 +104,54 @@ def read_covariances(path: str | os.PathLike[str]) -> tuple[RecordCovariance, ..
     """
     expected = f"a header {','.join(COLUMNS)}"
     table = text_table(read_bytes(path, expected), str(path), expected=expected)
-    if sorted(table.header) != sorted(COLUMNS):
+    header = read_header(table, COLUMNS)
+    if missing := [name for name in COLUMNS if name not in header]:
         raise InputError(
-            f"{table.at(table.header_line)}: expected {expected}, got "
-            f"{shown(','.join(table.header))}"
+            f"{table.at(table.header_line)}: expected {expected}, got no column "
+            f"{', '.join(missing)}"
         )
-    if table.faults:
-        raise table.faults[0]
+    rows = Rows(table, header)
+    records, *pair = (rows.text(name) for name in COLUMNS[:3])
+    values = rows.number("covariance").tolist()
+    known = f"one of {', '.join(QUANTITIES)}"
+    rows.refuse(
+        [
+            Rule("record", ~rows.given("record"), "a name"),
+            Rule("covariance", ~rows.given("covariance"), "a number"),
+            *(
+                Rule(c, ~np.isin(rows.text(c), [*QUANTITIES]), known)
+                for c in COLUMNS[1:3]
+            ),
+        ]
+    )
+    if rows.faults:
+        raise rows.faults[0]
     found: dict[str, dict[tuple[str, str], float]] = {}
-    columns = [table.columns[table.header.index(name)] for name in COLUMNS]
-    for line, record, *pair, text in zip(table.lines, *columns, strict=True):
-        one, other = _checked(table, line, record, *pair)
-        value = number_of(text)
-        if not math.isfinite(value):
-            got = shown(text) if text else "nothing"
-            raise InputError(
-                f"{table.at(line, COLUMNS[3])}: expected a number, got {got}"
-            )
+    for line, record, one, other, value in zip(
+        table.lines, records, *pair, values, strict=True
+    ):
         pairs = found.setdefault(record, {})
-        if pairs.setdefault((one, other), value) != value:
-            raise InputError(
-                f"{table.at(line)}: expected one covariance of {one} with {other}, "
-                f"got {pairs[one, other]:g} and {value:g}"
-            )
         # a pair may be written in either order, or in both with equal values
-        pairs[other, one] = value
-    return tuple(_matrix(str(path), name, pairs) for name, pairs in found.items())
-
-
-def _checked(
-    table: Table, line: int, record: str, one: str, other: str
-) -> tuple[str, str]:
-    """Return two quantities, and refuse a row without a record.
-
-    Raises:
-        InputError: A quantity is unknown, or there is no record.
-    """
-    if not record:
-        raise InputError(f"{table.at(line, 'record')}: expected a name, got nothing")
-    for column, name in (("quantity", one), ("with", other)):
-        if name not in QUANTITIES:
+        for key in ((one, other), (other, one)):
+            if pairs.setdefault(key, value) != value:
+                raise InputError(
+                    f"{table.at(line)}: expected one covariance of {one} with {other}, "
+                    f"got {pairs[key]:g} and {value:g}"
+                )
+    covariances = []
+    for record, pairs in found.items():
+        names = tuple(dict.fromkeys(one for one, _ in pairs))
+        try:
+            matrix = np.array([[pairs[one, other] for other in names] for one in names])
+            covariances.append(RecordCovariance(record, names, matrix))
+        except KeyError as missing:
             raise InputError(
-                f"{table.at(line, column)}: unknown quantity {shown(name)}"
-                f"{nearest(name, QUANTITIES)}"
-            )
-    return one, other
-
-
-def _matrix(
-    path: str, record: str, pairs: dict[tuple[str, str], float]
-) -> RecordCovariance:
-    """Combine the pairs of one record into a matrix."""
-    names = tuple(dict.fromkeys(name for pair in pairs for name in pair))
-    missing = [(a, b) for a in names for b in names if (a, b) not in pairs]
-    if missing:
-        one, other = missing[0]
-        raise InputError(
-            f"{path}: record {shown(record)}: expected a covariance of {one} with "
-            f"{other}, got none"
-        )
-    matrix = np.array([[pairs[one, other] for other in names] for one in names])
-    try:
-        return RecordCovariance(record, names, matrix)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
+                f"{path}: record {shown(record)}: expected a covariance of "
+                f"{' with '.join(missing.args[0])}, got none"
+            ) from None
+        except ValueError as error:
+            raise InputError(f"{path}: {error}") from None
+    return tuple(covariances)
 
 
 def write_covariances(log: str | os.PathLike[str], observations: Observations) -> None:

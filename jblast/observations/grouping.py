@@ -11,27 +11,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations.places import MAX_DISTANCE, Frame
-from jblast.observations.table import (
-    Observations,
-    some_rows,
-    stacked,
-)
+from jblast.observations.table import Observations, rows_by, some_rows, stacked
 from jblast.quantities import CLOCK_TIMES
 from jblast.scene import UncertainScene
 
 
 def by_shot(observations: Observations) -> dict[str, Observations]:
     """Return one log for each shot of a log, in order of appearance."""
-    # one array comparison per shot instead of a loop over rows
-    shots = np.array(observations.shot)
     return {
-        str(shot): some_rows(observations, np.flatnonzero(shots == shot))
-        for shot in dict.fromkeys(observations.shot)
+        shot: some_rows(observations, np.array(rows))
+        for shot, rows in rows_by(observations.shot).items()
     }
 
 
@@ -49,36 +44,42 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         InputError: Two files have the same name, one names clocks of its own, or one
             has several shots.
     """
-    event = argument("one_event")
+    event, clocked = argument("one_event"), []
     names = [Path(log.source).stem or f"recorder {i}" for i, log in enumerate(logs, 1)]
+    recorded = [name for log in logs for name in {of.record for of in log.covariances}]
     for log, name in zip(logs, names, strict=True):
         # the name of the file becomes that of the clock, and must identify it
         if names.count(name) > 1:
             raise InputError(
-                f"{log.source}: {event} names clocks after the files; expected "
-                f"each name once, got {shown(name)} twice"
+                f"{log.source}: {event} names clocks after the files; expected each "
+                f"name once, got {shown(name)} twice"
             )
         if any(log.clock):
             raise InputError(
                 f"{log.source}: column clock: expected no such column, as {event} "
                 "gives each file one clock; got one"
             )
-        if len(set(log.shot)) > 1:
+        if len(shots := dict.fromkeys(log.shot)) > 1:
             raise InputError(
                 f"{log.source}: column shot: {event} is of one shot; expected one "
-                f"name, got {', '.join(map(shown, dict.fromkeys(log.shot)))}"
+                f"name, got {', '.join(map(shown, shots))}"
             )
-    logs, frame, epoch = _on_one_earth(logs)
-    clocked = [
-        replace(
-            log, clock=(name,) * len(log), shot=("",) * len(log), record=log.records()
+        # records of one name in two logs get that of their log, too
+        start = f"{name}/" if len(set(recorded)) < len(recorded) else ""
+        record = tuple(f"{start}{of}" if of else "" for of in log.records())
+        its = [replace(of, record=f"{start}{of.record}") for of in log.covariances]
+        clocked.append(
+            replace(
+                log,
+                clock=(name,) * len(log),
+                shot=("",) * len(log),
+                record=record,
+                covariances=tuple(its),
+            )
         )
-        for log, name in zip(logs, names, strict=True)
-    ]
-    clocked = _each_record_once(clocked, names)
-    joined = stacked(clocked)
+    there, frame, epoch = _on_one_earth(clocked)
     # line numbers of several files have no meaning
-    joined["line"] = ()
+    joined: dict[str, Any] = {**stacked(there), "line": ()}
     return Observations(
         **joined,
         source=" + ".join(log.source for log in logs),
@@ -86,7 +87,7 @@ def one_event(logs: Sequence[Observations]) -> tuple[Observations, tuple[str, ..
         understood=tuple(found for log in logs for found in log.understood),
         frame=frame,
         epoch=epoch,
-        covariances=tuple(of for log in clocked for of in log.covariances),
+        covariances=tuple(of for log in there for of in log.covariances),
     ), tuple(names[1:])
 
 
@@ -98,48 +99,23 @@ def _on_one_earth(
     Raises:
         InputError: One log has latitudes, or dates, and another has metres, or seconds.
     """
+    framed_logs, dated = ([x for x in logs if x.frame], [x for x in logs if x.epoch])
     # logs without positions or clock times fit any frame and epoch
-    timed = set(CLOCK_TIMES)
+    metric = [x for x in logs if not (x.frame or np.isnan(x.position).all())]
+    timed = [x for x in logs if not x.epoch and set(CLOCK_TIMES) & set(x.quantity)]
     for what, has, lacks in (
-        (
-            "lat_deg, lon_deg",
-            [log for log in logs if log.frame],
-            [log for log in logs if not (log.frame or np.isnan(log.position).all())],
-        ),
-        (
-            "value_utc",
-            [log for log in logs if log.epoch],
-            [log for log in logs if not log.epoch and timed & set(log.quantity)],
-        ),
+        ("lat_deg, lon_deg", framed_logs, metric),
+        ("value_utc", dated, timed),
     ):
         if has and lacks:
             raise InputError(
                 f"{lacks[0].source}: expected {what} as in {has[0].source}, got none"
             )
-    frame = next((log.frame for log in logs if log.frame), None)
+    frame = framed_logs[0].frame if framed_logs else None
     # the earliest epoch, so that times count forward from it
     epoch = min((log.epoch for log in logs if log.epoch), default=None)
     there = [framed(log, frame) if frame else log for log in logs]
     return [since(log, epoch) if epoch else log for log in there], frame, epoch
-
-
-def _each_record_once(
-    logs: Sequence[Observations], names: Sequence[str]
-) -> list[Observations]:
-    """Add the log's name to the names of records that occur in two logs."""
-    recorded = [name for log in logs for name in {of.record for of in log.covariances}]
-    if len(set(recorded)) == len(recorded):
-        return list(logs)
-    return [
-        replace(
-            log,
-            record=tuple(f"{name}/{of}" if of else "" for of in log.record),
-            covariances=tuple(
-                replace(of, record=f"{name}/{of.record}") for of in log.covariances
-            ),
-        )
-        for log, name in zip(logs, names, strict=True)
-    ]
 
 
 def framed(observations: Observations, frame: Frame) -> Observations:

@@ -53,52 +53,37 @@ def clock_times(
     timed, valued = np.isin(kind, CLOCK_TIMES), rows.given("value")
     found: dict[int, datetime] = {}
     why: dict[int, str] = {}
-    undated, unzoned, moved = [], [], []
     for row in np.flatnonzero(dated).tolist():
         try:
-            own_day, clock = parsed(texts[row])
             found[row] = instant(texts[row], day or None, place or None)
         except NotAnInstant as reason:
             why[row] = f"expected {reason}"
-            continue
-        if own_day is None:
-            undated.append(row)
-        if clock.tzinfo is None:
-            unzoned.append(row)
-        elif clock.utcoffset():
-            moved.append(row)
-    last = max(found.values(), default=None)
+    as_written = {row: parsed(texts[row]) for row in found}
+    undated = [row for row, (own, _) in as_written.items() if own is None]
+    unzoned = [row for row, (_, clock) in as_written.items() if clock.tzinfo is None]
+    moved = [row for row, (_, clock) in as_written.items() if clock.utcoffset()]
+    last = max(found, key=found.__getitem__, default=0)
     # without dates a midnight between times is invisible
-    over = np.zeros(len(texts), bool)
-    over[[row for row in undated if last and last - found[row] > HALF_DAY]] = True
-    late = texts[max(found, key=found.__getitem__)] if found else ""
+    over = {row for row in undated if found[last] - found[row] > HALF_DAY}
+    every = range(len(texts))
+    # an unknown quantity is reported elsewhere
+    other = dated & ~timed & np.isin(kind, tuple(QUANTITIES))
+    seconds_alone = timed & ~dated & valued
+    midnight = (
+        f"times within half a day, got {{got}} and {texts[last]}; if midnight was "
+        "between them, write dates, as 2020-08-05T00:00:00.310Z"
+    )
+    both = "nothing beside value_utc, as its start is unknown"
     rows.refuse(
         [
             Rule(VALUE_UTC, dated & valued, "either value or value_utc, got both"),
-            # an unknown quantity is reported elsewhere
             Rule(
-                VALUE_UTC,
-                dated & ~timed & np.isin(kind, tuple(QUANTITIES)),
-                "nothing, as {quantity} is not a clock time; use value",
+                VALUE_UTC, other, "nothing, as {quantity} is no clock time; use value"
             ),
-            Rule(
-                "value",
-                timed & ~dated & valued,
-                "value_utc for {quantity} as in the other rows, got {got} s of an "
-                "unknown start",
-            ),
-            Rule(
-                "time_s",
-                dated & rows.given("time_s"),
-                "nothing beside value_utc, as its start is unknown",
-            ),
-            Rule(VALUE_UTC, [row in why for row in range(len(texts))], why.__getitem__),
-            Rule(
-                VALUE_UTC,
-                over,
-                f"times within half a day, got {{got}} and {late}; if midnight was "
-                "between them, write dates, as 2020-08-05T00:00:00.310Z",
-            ),
+            Rule("value", seconds_alone, "value_utc for {quantity}, as in other rows"),
+            Rule("time_s", dated & rows.given("time_s"), both),
+            Rule(VALUE_UTC, [row in why for row in every], why.__getitem__),
+            Rule(VALUE_UTC, [row in over for row in every], midnight),
         ]
     )
     notes = [
@@ -199,8 +184,6 @@ def zone_named(name: str) -> tzinfo:
     Raises:
         InputError: There is no such zone.
     """
-    if name.upper() in ("Z", "UTC"):
-        return UTC
     with suppress(ValueError):
         if zone := time.fromisoformat(f"00:00{name}").tzinfo:
             return zone
@@ -222,12 +205,12 @@ def day_named(text: str) -> date:
     Raises:
         InputError: It is not a day in this form.
     """
-    if len(text) == 10:
-        with suppress(ValueError):
-            return datetime.strptime(text, "%Y-%m-%d").date()
-    raise InputError(
-        f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
-    )
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise InputError(
+            f"{argument('date')}: expected a day as 2020-08-04, got {shown(text)}"
+        ) from None
 
 
 def written(epoch: datetime, seconds: float) -> str:

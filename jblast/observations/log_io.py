@@ -18,23 +18,23 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError
+from jblast.errors import InputError, shown
 from jblast.files import write_text
 from jblast.observations.covariances import with_covariances, write_covariances
 from jblast.observations.instants import written
 from jblast.observations.names import (
     check_all_there,
+    clean_numbers,
     made_long,
     read_header,
-    refuse_wide,
 )
 from jblast.observations.rows import AT_LEAST, observations_of
 from jblast.observations.sources import LOWER_BOUND, source_name, table_of
 from jblast.observations.table import (
     COLUMNS,
     DEGREES,
+    NAME_COLUMNS,
     NEEDED,
-    NUMBERS,
     POSITION,
     SAMPLES,
     Observations,
@@ -42,25 +42,15 @@ from jblast.observations.table import (
     plain_text,
     quoted,
 )
-from jblast.observations.text_table import (
-    TIME_WORDS,
-    Table,
-    is_text,
-    number_of,
-    take_decimal_commas,
-)
 from jblast.progress import stages
 from jblast.quantities import CLOCK_TIMES
-from jblast.units import dimension_of, spelt
+from jblast.units import spelt
 
 STAGES = {"loading": 1.0, "checking columns": 8.0}
 """Stages of reading, and their approximate durations in seconds a million rows."""
 EXPECTED = (
     f"a CSV file of observations: a header {','.join(NEEDED)} and one measurement a row"
 )
-MIN_SAMPLES, MAX_TESTED = 3, 1000
-"""Rows in which times must grow for a record of samples: two rows of a log may be
-sorted by chance, and a log of a thousand that is sorted by time has other columns."""
 
 
 def read(
@@ -109,7 +99,7 @@ def read(
     gathered: list[InputError] = []
     log = observed((), (), (), (), source=source_name(source))
     try:
-        log = _read(source, gathered, wide=wide, date=date, zone=zone)
+        log = _read(source, gathered, wide, date, zone)
         log = with_covariances(log)
     except InputError as fault:
         gathered.append(fault)
@@ -123,7 +113,6 @@ def read(
 def _read(
     source: Any,
     gathered: list[InputError],
-    *,
     wide: bool,
     date: str | None,
     zone: str | None,
@@ -134,47 +123,25 @@ def _read(
     # the same list, so that faults before an exception are kept
     gathered += table.faults
     table.faults = gathered
-    if not wide:
-        # before the names of columns are checked, whose errors would not explain a
-        # recording
-        _refuse_series(table)
-        refuse_wide(table)
+    if not {"sensor", "gauge", "quantity"} & set(map(spelt, table.header)):
+        raise InputError(
+            f"{table.at(table.header_line)}: expected {EXPECTED.partition(': ')[2]}, "
+            f"got {shown(', '.join(filter(None, table.header)))}; of a record of "
+            "samples the arrival and peak are picked first (jblast pick)"
+        )
     if not len(table.lines):
         raise InputError(
             f"{table.at(table.header_line)}: nothing after the header; expected one "
             "measurement a row"
         )
+    # before columns are combined: a decimal mark is decided by all numbers of the file
+    clean_numbers(table)
     if wide:
-        table = made_long(table)
+        made_long(table)
     begin("checking columns")
     header = read_header(table)
     check_all_there(table)
-    if not wide:
-        held = [at for at, name in enumerate(table.header) if name in NUMBERS]
-        take_decimal_commas(table, held)
     return observations_of(table, header, date, zone)
-
-
-def _refuse_series(table: Table) -> None:
-    """Refuse samples: a growing column of times, and no column of a log.
-
-    Raises:
-        InputError: The table is a record of samples.
-    """
-    keys = [spelt(name) for name in table.header]
-    if len(keys) < 2 or {"sensor", "quantity", "value", "value_utc"} & set(keys):
-        return
-    clocks = [at for at, key in enumerate(keys) if key.split("_")[0] in TIME_WORDS]
-    if not clocks and any(map(is_text, table.header)):
-        return
-    texts = table.columns[clocks[0] if clocks else 0][:MAX_TESTED]
-    times = np.array([number_of(text, ",") for text in texts])
-    if len(times) >= MIN_SAMPLES and np.all(np.diff(times) > 0):
-        raise InputError(
-            f"{table.at(table.header_line)}: got {', '.join(table.header[:4])} over "
-            f"{len(table.lines):,} growing times: a record of samples, not a log of "
-            "measurements; pick its arrival and peak first (jblast pick)"
-        )
 
 
 def write(
@@ -208,12 +175,18 @@ def log_text(observations: Observations, comments: Sequence[str] = ()) -> str:
     """Return the text of the file that `write` writes, with its errors."""
     if not len(observations):
         raise ValueError("observations has no rows; an empty file would not read back")
-    lines = [
-        f"# {plain_text(line)}".rstrip() for line in (*comments, *observations.comments)
-    ]
-    columns = _columns(observations)
-    lines.append(",".join(columns))
-    lines.extend(",".join(row) for row in zip(*columns.values(), strict=True))
+    comments = (*comments, *observations.comments)
+    lines = [f"# {plain_text(line)}".rstrip() for line in comments]
+    texts = {
+        name: ["" if math.isnan(x) else repr(float(x)) for x in column]
+        if isinstance(column, np.ndarray)
+        else [quoted(x) for x in column]
+        for name, column in typed_columns(observations).items()
+    }
+    for row in np.flatnonzero(observations.bounds()):
+        texts["value"][row] = AT_LEAST + texts["value"][row]
+    lines.append(",".join(texts))
+    lines.extend(",".join(row) for row in zip(*texts.values(), strict=True))
     return "\n".join(lines) + "\n"
 
 
@@ -222,31 +195,12 @@ def _with_samples_from(folder: Path, observations: Observations) -> Observations
     beside = Path(observations.source).parent
     if SAMPLES not in observations.quantity or beside.resolve() == folder.resolve():
         return observations
-    records = tuple(
-        Path(os.path.relpath(beside / name, folder)).as_posix()
-        if quantity == SAMPLES and not Path(name).is_absolute()
-        else name
-        for quantity, name in zip(
-            observations.quantity, observations.records(), strict=True
-        )
-    )
-    return replace(observations, record=records)
-
-
-def _columns(observations: Observations) -> dict[str, list[str]]:
-    """Return the text of every column that is needed or not empty."""
-    texts = {
-        name: ["" if math.isnan(x) else repr(float(x)) for x in column]
-        if isinstance(column, np.ndarray)
-        else [quoted(x) for x in column]
-        for name, column in typed_columns(observations).items()
-    }
-    bounds = observations.bounds()
-    texts["value"] = [
-        (AT_LEAST if is_bound else "") + text
-        for is_bound, text in zip(bounds, texts["value"], strict=True)
-    ]
-    return texts
+    records = list(observations.records())
+    for row in np.flatnonzero(np.isin(observations.quantity, SAMPLES)):
+        if not Path(records[row]).is_absolute():
+            there = os.path.relpath(beside / records[row], folder)
+            records[row] = Path(there).as_posix()
+    return replace(observations, record=tuple(records))
 
 
 def typed_columns(
@@ -257,48 +211,35 @@ def typed_columns(
     Positions are degrees where the log has a frame, clock times UTC where it has an
     epoch; a value is NaN in a row with a `value_utc`.
     """
-    place, names = observations.position, POSITION
-    if observations.frame is not None:
-        place, names = observations.frame.to_geodetic(place), DEGREES
-    columns = {
-        "sensor": observations.sensor,
-        "quantity": observations.quantity,
-        "value": observations.value,
-        "sigma": observations.sigma,
-        **dict(zip(names, place.T, strict=True)),
-        "range_m": observations.slant_range,
-        "time_s": observations.time,
-        "path": observations.path,
-        "shot": observations.shot,
-        "clock": observations.clock,
-        "record": observations.records(),
-    }
-    if observations.epoch is not None:
-        timed_rows = np.isin(observations.quantity, CLOCK_TIMES)
+    log = observations
+    place, names = log.position, POSITION
+    if log.frame is not None:
+        place, names = log.frame.to_geodetic(place), DEGREES
+    columns = {name: getattr(log, name) for name in (*NEEDED, *NAME_COLUMNS)}
+    columns |= zip(names, place.T, strict=True)
+    columns |= {"range_m": log.slant_range, "time_s": log.time}
+    if log.epoch is not None:
+        timed = np.isin(log.quantity, CLOCK_TIMES)
         columns["value_utc"] = tuple(
-            written(observations.epoch, value) if timed else ""
-            for timed, value in zip(
-                timed_rows, observations.value.tolist(), strict=True
-            )
+            written(log.epoch, value) if is_time else ""
+            for is_time, value in zip(timed, log.value.tolist(), strict=True)
         )
         # the same time twice, as seconds and as UTC, could contradict itself after
         # editing
-        columns["value"] = np.where(timed_rows, np.nan, observations.value)
-    return {c: columns[c] for c in COLUMNS if c in NEEDED or _holds(columns.get(c, ()))}
-
-
-def _holds(column: Float[np.ndarray, " row"] | tuple[str, ...]) -> bool:
-    """Return True if a column is not empty."""
-    if isinstance(column, np.ndarray):
-        return not np.isnan(column).all()
-    return any(column)
+        columns["value"] = np.where(timed, np.nan, log.value)
+    # NaN is unlike itself
+    return {
+        name: columns[name]
+        for name in COLUMNS
+        if name in NEEDED or any(x == x and x != "" for x in columns.get(name, ()))
+    }
 
 
 def to_pandas(observations: Observations) -> Any:
     """Return a log as a `pandas.DataFrame`, columns as `write` writes them.
 
-    Lower bounds are in a column `lower_bound`. The `attrs` are comments, the source and
-    units of columns. `read` accepts the data frame, which has no covariances.
+    Lower bounds are in a column `lower_bound`, comments in `attrs`. `read` accepts the
+    data frame, which has no covariances.
     """
     import pandas
 
@@ -306,16 +247,5 @@ def to_pandas(observations: Observations) -> Any:
     if observations.bounds().any():
         columns[LOWER_BOUND] = observations.bounds()
     frame = pandas.DataFrame({name: list(held) for name, held in columns.items()})
-    frame.attrs = {
-        "source": observations.source,
-        "comments": list(observations.comments),
-        "units": {name: _unit(name) for name in columns if name in NUMBERS[2:]},
-    }
+    frame.attrs = {"comments": list(observations.comments)}
     return frame
-
-
-def _unit(column: str) -> str:
-    """Return the unit of a column for an attribute."""
-    if column.endswith("_deg"):
-        return "degree"
-    return "s" if dimension_of(column) == "time" else "m"

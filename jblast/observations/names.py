@@ -10,17 +10,14 @@ errors are in columns `sigma_NAME`, in the unit of the column NAME, or in
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 from jblast.errors import InputError, argument, nearest, shown
-from jblast.observations.table import COLUMNS, DEGREES, NEEDED, NUMBERS, POSITION
+from jblast.observations.table import COLUMNS, NAME_COLUMNS, NEEDED, NUMBERS, rows_by
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
 from jblast.results import assumption
 from jblast.units import (
     ANY,
-    LEVEL,
-    LN_PER_DB,
     SIMILAR_NAMES,
     OurName,
     our_name,
@@ -29,31 +26,20 @@ from jblast.units import (
     what_to_write,
 )
 
-VALUES = ("value", "value_utc")
-"""Columns of measured values, of which a log has at least one."""
 UNIT = "unit"
 """Column of the units of values, which end the names of their quantities."""
 CALLED = {"gauge": "sensor", "units": UNIT}
 """Other names of columns without a unit."""
 NOTES = ("note", "notes")
 """First words of the names of columns that are ignored."""
-NAMES = ("sensor", "value_utc", "path", "shot", "clock", "record", UNIT)
-"""Columns of a wide table without numbers."""
+NAMES = ("sensor", "quantity", *NAME_COLUMNS, UNIT)
+"""Columns without numbers and dates."""
 FOR_ALL = "sigma_percent"
 """Column of the errors of all quantities whose errors are relative."""
 
 
-@dataclass
-class Header:
-    """Names and units of the columns of a table.
-
-    Attributes:
-        theirs: By our column, its name as written.
-        units: By our column, its unit, where it is not ours.
-    """
-
-    theirs: dict[str, str] = field(default_factory=dict)
-    units: dict[str, OurName] = field(default_factory=dict)
+Header = dict[str, tuple[str, OurName | None]]
+"""By our column its name as written, and its unit, if it has one."""
 
 
 def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header:
@@ -68,7 +54,8 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
         InputError: A column is repeated, or has two units.
     """
     where = table.at(table.header_line)
-    header, dropped, notes = Header(), set(), []
+    header: Header = {}
+    dropped, notes, held = set(), [], held_quantities(table)
     for index, theirs in enumerate(table.header):
         name, unit = _column(table, index, known)
         if name not in known:
@@ -76,47 +63,46 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
             if spelt(theirs).partition("_")[0] in NOTES:
                 notes.append(theirs)
                 continue
-            advice = _advice(theirs, known)
+            advice = advised(theirs, known)
+            if not theirs:
+                advice = "; expected a name above every column that is not empty"
+            elif of := held.get(index):
+                advice = (
+                    f"; it is a quantity, not a column: expected one measurement per "
+                    f"row, {of} in column quantity and its number in column value; or "
+                    f"read a wide table with {argument('wide')}"
+                )
             fault = f"{where}: unknown column {shown(theirs)}{advice}"
             table.faults.append(InputError(fault, line=table.header_line))
             continue
-        if name in header.theirs:
-            first = header.theirs[name]
-            units = {our.unit if (our := our_name(x)) else "" for x in (first, theirs)}
-            two = ": two units for one column" if len(units) > 1 else ""
-            both = f"{shown(first)} and {shown(theirs)}{two}"
-            got = "it twice" if first == theirs else both
-            raise InputError(f"{where}: expected column {name} once, got {got}")
-        header.theirs[name] = theirs
-        if unit is not None:
-            header.units[name] = unit
+        if name in header:
+            both = f"{shown(header[name][0])} and {shown(theirs)}"
+            raise InputError(f"{where}: expected column {name} once, got {both}")
+        header[name] = theirs, unit
         key = spelt(theirs)
         if key != name and name not in ANY and (unit is None or unit.factor == 1.0):
             table.notes.append(assumption("renamed", theirs=theirs, ours=name))
         table.header[index] = name
     if notes:
         table.notes.append(assumption("columns_ignored", names=notes))
-    table.drop_columns(dropped)
+    kept = [index for index in range(len(table.header)) if index not in dropped]
+    table.header = [table.header[index] for index in kept]
+    table.units = [table.units[index] for index in kept]
+    table.columns = [table.columns[index] for index in kept]
     return header
 
 
 def _column(
     table: Table, index: int, known: Sequence[str]
 ) -> tuple[str, OurName | None]:
-    """Return our name of a column, and its unit if that is not ours.
+    """Return our name of a column, and its unit, if it has one.
 
     Raises:
         InputError: The row of units has another unit than the name.
     """
     theirs, stated = table.header[index], table.units[index]
     key, own = spelt(theirs), our_name(theirs)
-    if own is not None and own.name not in known:
-        own = None
-    if not stated:
-        if key in known or own is None:
-            return CALLED.get(key, key), None
-        return own.name, own
-    if own is not None:
+    if stated and own is not None and own.name in known:
         # units are compared by dimension and factor: kPa and kilopascal are the same
         same = our_name(f"value_{stated}")
         if same is None or (same.dimension, same.factor) != (own.dimension, own.factor):
@@ -124,30 +110,15 @@ def _column(
                 f"{table.at(table.units_line, theirs)}: expected one unit per column, "
                 f"got {own.unit} in its name and {stated} in the row of units"
             )
-        return own.name, None if key in known else own
-    there = our_name(f"{theirs}_{stated}")
-    if there is not None and there.name in known:
-        return there.name, there
-    return CALLED.get(key, "" if key in NUMBERS else key), None
+    for found in (own, our_name(f"{theirs}_{stated}") if stated else None):
+        if found is not None and found.name in known:
+            return found.name, found
+    # a number in an unknown unit is no number of ours
+    return "" if stated and key in NUMBERS else CALLED.get(key, key), None
 
 
-def _advice(name: str, known: Sequence[str]) -> str:
-    """Return the advice for an unknown column."""
-    if not name:
-        return "; expected a name above every column that is not empty"
-    expected = f"; expected some of {', '.join(known)}"
-    ours = our_name(name)
-    quantity = name if ours is None else ours.name
-    if quantity in QUANTITIES:
-        return (
-            f"; it is a quantity, {quantity}, not a column: put {shown(name)} into "
-            "column quantity, one measurement a row"
-        )
-    return what_to_write(name) or similar(name, known) + expected
-
-
-def similar(name: str, known: Sequence[str]) -> str:
-    """Return "; did you mean ...?" by the meaning of a name, then by its spelling."""
+def advised(name: str, known: Sequence[str]) -> str:
+    """Return advice for an unknown name: by its unit, its meaning, or its spelling."""
     words = spelt(name).split("_")
     meant = (
         ours
@@ -156,32 +127,25 @@ def similar(name: str, known: Sequence[str]) -> str:
         if start and ours in known and any(word.startswith(start) for word in words)
     )
     ours = next(meant, "")
-    return f"; did you mean {ours}?" if ours else nearest(name, known)
+    near = f"; did you mean {ours}?" if ours else nearest(name, known)
+    return what_to_write(name) or f"{near}; expected some of {', '.join(known)}"
 
 
 def check_all_there(table: Table) -> None:
     """Raise an error for missing columns of a log; a height left out is 0."""
-    where, got = table.at(table.header_line), table.header
-    missing = [name for name in NEEDED if name not in got]
-    if any(name in got for name in VALUES) and "value" in missing:
-        missing.remove("value")
-    if missing:
+    got = table.header
+    needed = ["value_utc" if x == "value" and "value_utc" in got else x for x in NEEDED]
+    if missing := [name for name in needed if name not in got]:
         raise InputError(
-            f"{where}: missing column {', '.join(missing)}; expected "
-            f"{', '.join(NEEDED)}; got {', '.join(got) or 'no known column'}"
+            f"{table.at(table.header_line)}: missing column {', '.join(missing)}; "
+            f"expected {', '.join(NEEDED)}; got {', '.join(got) or 'no known column'}"
         )
-    partial = [name for name in POSITION if name not in got]
     # surveys on level ground have no heights
-    if partial == ["up_m"]:
+    if {"east_m", "north_m"} <= set(got) and "up_m" not in got:
         table.header.append("up_m")
         east = table.columns[got.index("east_m")]
         table.columns.append(["0" if text else "" for text in east])
         table.notes.append(assumption("height_taken"))
-    elif 0 < len(partial) < 3 and not set(DEGREES) & set(got):
-        raise InputError(
-            f"{where}: missing column {', '.join(partial)}; expected all of "
-            f"{', '.join(POSITION)} or none of them"
-        )
 
 
 def quantity_of(name: str) -> str:
@@ -191,119 +155,93 @@ def quantity_of(name: str) -> str:
     return ours if ours in QUANTITIES else ""
 
 
+def clean_numbers(table: Table) -> None:
+    """Empty the fields of numbers and dates without a value; take decimal commas.
+
+    Raises:
+        InputError: A number has two readings.
+    """
+    keys = [CALLED.get(key, key) for key in map(spelt, table.header)]
+    held = [
+        i
+        for i, key in enumerate(keys)
+        if key not in NAMES and key.partition("_")[0] not in NOTES
+    ]
+    for i in held:
+        column = table.columns[i]
+        table.columns[i] = ["" if x.lower() in NA_WORDS else x for x in column]
+    take_decimal_commas(table, [i for i in held if keys[i] != "value_utc"])
+
+
 def held_quantities(table: Table) -> dict[int, str]:
     """Return the columns of quantities, and their names with units."""
     held = {}
     for index, (name, unit) in enumerate(zip(table.header, table.units, strict=True)):
-        names = (name, f"{name}_{unit}" if unit else name)
-        if found := next(filter(quantity_of, names), ""):
-            held[index] = found
+        for whole in filter(quantity_of, (name, f"{name}_{unit}")):
+            held.setdefault(index, whole)
     return held
 
 
-def refuse_wide(table: Table) -> None:
-    """Refuse a table with a column for each quantity, with advice.
-
-    Raises:
-        InputError: The table is wide.
-    """
-    keys = [spelt(name) for name in table.header]
-    held = held_quantities(table)
-    if "quantity" in keys or any(key.startswith("value") for key in keys) or not held:
-        return
-    one = shown(table.header[min(held)])
-    raise InputError(
-        f"{table.at(table.header_line)}: column {one} is a quantity, not a column: a "
-        f"wide table, with {len(held)} of them; expected one measurement per row, "
-        f"{one} in column quantity and its number in column value; or read it with "
-        f"{argument('wide')}"
-    )
-
-
-def made_long(table: Table) -> Table:
-    """Return a wide table as one measurement per row, sensor by sensor.
+def made_long(table: Table) -> None:
+    """Make one measurement per row of a wide table, sensor by sensor.
 
     An empty cell is no measurement. Rows of quantities without a column of errors have
     no sigma.
 
     Args:
-        table: Table with a column for each quantity, as `peak_overpressure_kpa`.
+        table: Table with a column for each quantity, as `peak_overpressure_kpa`, which
+            is changed.
 
     Raises:
-        InputError: The table has no such column, or also `quantity` or `value`, or a
-            column of errors without its quantity.
+        InputError: The table has no such column, or two of a quantity, or a column of
+            errors without its quantity.
     """
     where = table.at(table.header_line)
     keys = [spelt(name) for name in table.header]
     expected = f"{where}: expected a wide table, a column for each quantity; got"
-    if long := [name for name in ("quantity", "value", "sigma") if name in keys]:
-        raise InputError(f"{expected} a column {long[0]}, as long ones have")
     held = held_quantities(table)
     if not held:
         advice = next(filter(None, map(what_to_write, table.header)), "")
         raise InputError(f"{expected} {', '.join(map(shown, table.header))}{advice}")
-    first: dict[str, str] = {}
-    for name in held.values():
-        if (other := first.setdefault(quantity_of(name), name)) != name:
+    for alike in rows_by(map(quantity_of, held.values())).values():
+        if len(alike) > 1:
+            one, other = (shown([*held.values()][i]) for i in alike[:2])
             raise InputError(
-                f"{where}: expected a column for each quantity, got {shown(other)} and "
-                f"{shown(name)}: two units for one column"
+                f"{where}: expected a column for each quantity, got {one} and {other}: "
+                "two units for one column"
             )
-    # before the columns are combined: a mark is decided by all numbers of the file
-    numbers = [i for i, key in enumerate(keys) if CALLED.get(key, key) not in NAMES]
-    take_decimal_commas(table, numbers)
     errors = _error_columns(table, held)
     others = [i for i in range(len(keys)) if i not in {*held, *errors.values()}]
+    cells = table.columns
     picked = [
-        (row, i)
-        for row in range(len(table.lines))
-        for i in held
-        if table.columns[i][row].lower() not in NA_WORDS
+        (row, i) for row in range(len(table.lines)) for i in held if cells[i][row]
     ]
+    timed = {i for i, name in held.items() if quantity_of(name) in TIMED}
 
     def sigma(row: int, i: int) -> str:
-        if i not in errors:
-            return ""
-        written = table.columns[errors[i]][row]
-        if keys[errors[i]] != FOR_ALL:
-            return written
-        value, ours = table.columns[i][row].lstrip("> "), our_name(held[i])
-        # an error of a level is in decibels, whatever the level is
-        if ours is not None and ours.dimension == LEVEL:
-            value = repr(1.0 / LN_PER_DB)
-        try:
-            return repr(float(value) * float(written) / 100.0)
-        except ValueError:
-            # refused later, with the text itself
-            return written
+        text = cells[errors[i]][row] if i in errors else ""
+        return f"{text}%" if text and keys[errors[i]] == FOR_ALL else text
 
-    timed = {i for i, name in held.items() if quantity_of(name) in TIMED}
-    columns = [
-        [
-            table.columns[other][row]
-            if i in timed or not keys[other].startswith("time")
-            else ""
-            for row, i in picked
+    def unchanged(at: int) -> list[str]:
+        # other quantities have no time
+        needs = None if not keys[at].startswith("time") else timed
+        return [
+            cells[at][row] if needs is None or i in needs else "" for row, i in picked
         ]
-        for other in others
+
+    table.columns = [
+        *map(unchanged, others),
+        [held[i] for _, i in picked],
+        [cells[i][row] for row, i in picked],
+        [sigma(row, i) for row, i in picked],
     ]
-    columns.append([held[i] for _, i in picked])
-    columns.append([table.columns[i][row] for row, i in picked])
-    columns.append([sigma(row, i) for row, i in picked])
     table.header = [*(table.header[i] for i in others), "quantity", "value", "sigma"]
     table.units = [*(table.units[i] for i in others), "", "", ""]
-    table.columns = columns
     table.lines = [table.lines[row] for row, _ in picked]
     table.is_wide = True
     table.notes.append(assumption("made_long", names=list(held.values())))
-    shares = [held[i] for i, column in errors.items() if keys[column] == FOR_ALL]
-    for kind, names in (
-        ("errors_shared", shares),
-        ("no_errors", [name for i, name in held.items() if i not in errors]),
-    ):
-        if names:
-            table.notes.append(assumption(kind, names=names))
-    return table
+    if missing := [name for i, name in held.items() if i not in errors]:
+        table.notes.append(assumption("no_errors", names=missing))
 
 
 def _error_columns(table: Table, held: dict[int, str]) -> dict[int, int]:
@@ -312,26 +250,25 @@ def _error_columns(table: Table, held: dict[int, str]) -> dict[int, int]:
     Raises:
         InputError: A column is in another unit than its quantity, or belongs to none.
     """
-    keys = [spelt(name) for name in table.header]
+    at = {spelt(name): i for i, name in enumerate(table.header)}
     found = {}
     for i, name in held.items():
-        for key in (f"sigma_{keys[i]}", FOR_ALL):
-            if key in keys and (key != FOR_ALL or quantity_of(name) not in ADDITIVE):
-                found[i] = keys.index(key)
-                break
-        if i in found and keys[found[i]] != FOR_ALL:
-            own, its = table.units[found[i]], table.units[i]
-            if own and unit_spelt(own) != unit_spelt(its):
+        if (own := f"sigma_{spelt(table.header[i])}") in at:
+            found[i] = at[own]
+            unit, its = table.units[at[own]], table.units[i]
+            if unit and unit_spelt(unit) != unit_spelt(its):
                 raise InputError(
-                    f"{table.at(table.units_line, table.header[found[i]])}: expected "
-                    f"{its or 'no unit'}, the unit of its quantity, got {own}"
+                    f"{table.at(table.units_line, table.header[at[own]])}: expected "
+                    f"{its or 'no unit'}, the unit of its quantity, got {unit}"
                 )
-    for i, key in enumerate(keys):
+        elif FOR_ALL in at and quantity_of(name) not in ADDITIVE:
+            found[i] = at[FOR_ALL]
+    for key, i in at.items():
         if "sigma" in key.split("_") and i not in {*found.values(), *held}:
             raise InputError(
                 f"{table.at(table.header_line)}: expected sigma_ and the name of a "
-                f"quantity's column, as sigma_{keys[min(held)]}, in its unit, or "
-                f"{FOR_ALL}, of quantities whose errors are relative; got "
+                f"quantity's column, as sigma_{spelt(table.header[min(held)])}, in its "
+                f"unit, or {FOR_ALL}, of quantities whose errors are relative; got "
                 f"{shown(table.header[i])}"
             )
     return found

@@ -8,16 +8,17 @@ time, a wind together with a range that has no direction, and a charge that neve
 explodes.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float, Int
+from jaxtyping import ArrayLike, Bool, Float
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations.clocks import check_clocks, clocks_apart
-from jblast.observations.table import SAMPLES, Observations
-from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
+from jblast.observations.table import SAMPLES, Observations, rows_by
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import (
     ARRIVALS,
     BY_CAMERA,
@@ -27,7 +28,7 @@ from jblast.quantities import (
     FIREBALL_RADII,
     PLACELESS,
 )
-from jblast.scene import Charge, Scene
+from jblast.scene import Scene
 
 PLACE_ADVICE = (
     "; both count from its [place]: if that was moved, remove position_m from its "
@@ -41,7 +42,8 @@ POSITION_TOLERANCE = 1e-3
 """Largest difference of two positions of one sensor that count as equal [m]: below the
 precision of any survey, above rounding of degrees."""
 MAX_FAULTS = 200
-"""Largest number of reported faults: a log with more belongs to another scene."""
+"""Largest number of reported faults of one kind: a log with more belongs to another
+scene."""
 
 
 def resolve_positions(
@@ -50,6 +52,7 @@ def resolve_positions(
     beliefs: Collection[str] = (),
     *,
     is_default: bool = False,
+    faults: list[InputError] | None = None,
 ) -> Observations:
     """Fill in the positions of sensors from the scene, and check that both agree.
 
@@ -63,150 +66,211 @@ def resolve_positions(
         beliefs: Names of the scene's parameters that are not fixed.
         is_default: True if no scene was given, so that the charge's position is
             assumed.
+        faults: A fault of each faulty row is appended here; None: the first is raised.
 
     Raises:
         InputError: A sensor's position is missing, or given twice and differently, or a
             row cannot be used with this scene.
     """
-    found, faults = placed(observations, scene, beliefs, is_default=is_default)
-    if faults:
-        raise faults[0]
-    return found
+    log, charges = observations, scene.charges
+    check_clocks(log, scene, beliefs)
+    names = [charge.name for charge in charges]
+    shots = np.zeros(len(log), int)
+    if scene.others:
+        shots[:] = [names.index(n) if n in names else -1 for n in log.shot]
 
+    def of_charge(values: Any) -> np.ndarray:
+        return np.array(values)[shots]
 
-def placed(
-    observations: Observations,
-    scene: Scene,
-    beliefs: Collection[str] = (),
-    *,
-    is_default: bool = False,
-) -> tuple[Observations, list[InputError]]:
-    """Return a log with the positions of the scene, and a fault of each faulty row.
+    def is_free(*bases: str) -> Bool[np.ndarray, " row"]:
+        labels = map(scene.label, charges)
+        return of_charge([any(b + at in beliefs for b in bases) for at in labels])
 
-    Args:
-        observations: As in `resolve_positions`, likewise all others.
-        scene: The scene.
-        beliefs: Names of the scene's parameters that are not fixed.
-        is_default: True if no scene was given.
-
-    Raises:
-        InputError: The log as a whole cannot be used with this scene.
-    """
-    log, faults = observations, _Faults(observations)
-    shots = _shots(log, scene, faults)
-    check_clocks(log, scene, beliefs, faults.add)
-    nowhere = np.full(3, np.nan)
-    # a scene may describe a sensor without its position
-    sensors = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
-    known = np.array([sensors.get(name, nowhere) for name in log.sensor], float)
-    known = known.reshape(-1, 3)
-    position = log.position.copy()
-    again = "" if log.frame is None else PLACE_ADVICE
-    # degrees are converted with rounding, so positions need not be equal
-    faults.add(
-        np.linalg.norm(position - known, axis=1) > POSITION_TOLERANCE,
-        lambda row: (
-            f"sensor {shown(log.sensor[row])} stands at {metres(position[row])}; "
-            f"expected {metres(known[row])} as in the scene{again}"
-        ),
-    )
-    missing = np.isnan(position).any(axis=1)
-    position[missing] = known[missing]
+    known = scene_positions(log, scene)
+    position = np.where(_missing(log.position), known, log.position)
+    unseen: dict[int, str] = {}
     for row in np.flatnonzero(np.isin(log.quantity, BY_CAMERA)).tolist():
         try:
             who = f"sensor {shown(log.sensor[row])}"
             position[row] = camera_place(scene, position[row], who)
         except InputError as fault:
-            faults.add_row(row, str(fault))
-    for shot, charge in enumerate(scene.charges):
-        here = shots == shot
-        label = scene.label(charge)
-        free = {base for base in PARAMETERS if base + label in beliefs}
-        named = f"of {shown(charge.name)}" if charge.name else "of a charge"
-        faults.add(
-            here & bool(charge.never),
-            lambda _, named=named: (
-                f"got a row {named}, which never happens in the scene: its time is "
-                "inf; expected a finite time"
-            ),
-        )
-        _check_ranges(faults, position, charge, here, free)
-        # the slant range replaces the position
-        position[here & ~np.isnan(log.slant_range)] = np.nan
-        _check_distances(faults, position, charge, here)
-        if not free & set(CHARGE_POSITION) and charge.range_m is None:
-            at = np.array(charge.position_m, float)
-            # the default scene assumes the origin, which the user can free instead
-            advice = ", where the charge is; expected a distance from it"
-            if is_default and (to_free := _to_free(log, beliefs)):
-                advice = (
-                    "; no scene given: the charge is assumed at the origin; add "
-                    f"{argument('freed')} {','.join(to_free)}"
-                )
-            faults.add(
-                here & (np.linalg.norm(position - at, axis=1) == 0),
-                lambda row, advice=advice: (
-                    f"sensor {shown(log.sensor[row])} stands at "
-                    f"{metres(position[row])}{advice}"
-                ),
-            )
-        if "origin_time_s" not in free:
-            _check_times(faults, scene, charge, here, beliefs)
-    ranged = any(charge.range_m is not None for charge in scene.charges)
-    lost = np.isnan(position).any(axis=1) | ranged
-    got = "got a range alone, which has no direction"
-    faults.add(
-        lost & np.isin(log.quantity, tuple(DIRECTIONS)),
-        lambda row: (
-            f"expected east_m, north_m, up_m for {log.quantity[row]}, and [charge] "
-            f"position_m; {got}"
-        ),
-    )
+            unseen[row] = str(fault)
+    given, ranges = log.slant_range, [charge.range_m for charge in charges]
+    ranged, stated = ~np.isnan(given), of_charge(np.array(ranges, float))
+    by_range = ~np.isnan(stated)
+    at = of_charge([np.array(charge.position_m, float) for charge in charges])
+    away = np.linalg.norm(position - at, axis=1)
+    # both positions are fixed, so the range follows from them
+    fixed = ~by_range & ~is_free("charge_up_m")
+    stated[fixed] = away[fixed]
+    # the slant range replaces the position
+    there = np.where(ranged[:, None], np.nan, position)
+    lost = _missing(there)[:, 0]
+    # some quantities, as the time of the flash, do not depend on the distance
+    needs = ~np.isin(log.quantity, PLACELESS)
+    first = {n: rows[0] for n, rows in rows_by(shots, needs & by_range).items()}
+    whose = [log.sensor[first.get(n, 0)] for n in shots]
+    ours = {sensor.name: float(sensor.clock_offset_s) for sensor in scene.sensors}
+    own = {s for s, by in ours.items() if by or f"{CLOCK_OFFSET}.{s}" in beliefs}
+    clocks, apart, records = log.clocks(), clocks_apart(log), log.records()
+    offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
+    start = of_charge([float(charge.time_s) for charge in charges])
+    start = start + np.array([offsets.get(name, 0.0) for name in clocks])
+    # an unknown offset may move any reading behind the origin time
+    unset = [f"{CLOCK_OFFSET}.{name}" in beliefs for name in clocks]
+    timed = ~is_free("origin_time_s") & ~np.array(unset, bool)
+    latest = log.value + EARLY_SIGMAS * np.nan_to_num(log.sigma)
     free_wind = {"wind_east_m_s", "wind_north_m_s"} & set(beliefs)
     windy = free_wind or float(scene.air.wind_east) or float(scene.air.wind_north)
-    faults.add(
-        lost & np.isin(log.quantity, FEEL_WIND) & bool(windy),
-        lambda _: (
-            "expected east_m, north_m, up_m, since the scene has "
-            f"{'a free' if free_wind else 'a'} wind; {got}"
+    wind = f" in {'a free' if free_wind else 'a'} wind" if windy else ""
+    directed = np.isin(log.quantity, [*DIRECTIONS, *(FEEL_WIND if windy else ())])
+    # the default scene assumes the origin, which the user can free instead
+    advice = ", where the charge is; expected a distance from it"
+    has_times = set(CLOCK_TIMES) & set(log.quantity)
+    place = [*CHARGE_POSITION[:2], *(["origin_time_s"] if has_times else [])]
+    to_free = ",".join(name for name in place if name not in beliefs)
+    if is_default and to_free:
+        advice = (
+            "; no scene given: the charge is assumed at the origin; add "
+            f"{argument('freed')} {to_free}"
+        )
+    after = "after the origin time, {start} s on this clock (correct it, or free "
+    rules = [
+        (
+            "quantity",
+            np.isin(log.quantity, SAMPLES),
+            "expected readings, got the samples of {record}; pick them first",
         ),
-    )
-    return replace(log, position=position), list(faults.found.values())
+        (
+            "shot",
+            shots < 0,
+            "expected one of the scene's charges, {charges}; got {shot}",
+        ),
+        (
+            "shot",
+            [not scene.others and shot != log.shot[0] for shot in log.shot],
+            "expected {first_shot} as in the rows before, got {shot}: several shots in "
+            "a log need a scene with a [[charge]] named for each",
+        ),
+        (
+            "clock",
+            [c not in ("", s) and s in own for c, s in zip(log.clock, log.sensor)],  # noqa: B905
+            "got {clock}, but the scene gives sensor {sensor} a clock_offset_s of its "
+            "own; expected one of the two",
+        ),
+        (
+            "",
+            # degrees are converted with rounding, so positions need not be equal
+            np.linalg.norm(log.position - known, axis=1) > POSITION_TOLERANCE,
+            "sensor {sensor} stands at {at}; expected {known} as in the scene"
+            + ("" if log.frame is None else PLACE_ADVICE),
+        ),
+        ("", [row in unseen for row in range(len(log))], "{unseen}"),
+        (
+            "",
+            of_charge([bool(charge.never) for charge in charges]),
+            "got a row of {charge}, which never happens in the scene: its time is inf; "
+            "expected a finite time",
+        ),
+        (
+            "range_m",
+            ranged & is_free(*CHARGE_POSITION[:2]),
+            "a range cannot place a charge, whose charge_east_m or charge_north_m is "
+            "not fixed: expected east_m, north_m, up_m; got range_m = {range:g}",
+        ),
+        (
+            "range_m",
+            ranged & is_free("charge_range_m"),
+            "got {range:g}, but [charge] range_m of the scene is not fixed; expected "
+            "one of the two",
+        ),
+        (
+            "range_m",
+            np.abs(given - stated) > POSITION_TOLERANCE,
+            "got {range!r}; expected {stated!r} as in the scene",
+        ),
+        (
+            "",
+            # false without a reading that needs the distance
+            needs & np.isin(shots, list(first)) & (np.array(log.sensor) != whose),
+            "[charge] range_m of the scene is the distance to one sensor, {first}; got "
+            "{sensor}",
+        ),
+        (
+            "",
+            needs & ~by_range & lost & ~ranged,
+            "expected east_m, north_m, up_m or range_m, here or in a [[sensor]] of the "
+            "scene named {sensor}; got neither",
+        ),
+        (
+            "",
+            (away == 0) & ~ranged & ~by_range & ~is_free(*CHARGE_POSITION),
+            "sensor {sensor} stands at {at}" + advice,
+        ),
+        (
+            "time_s",
+            timed & np.isin(log.quantity, FIREBALL_RADII) & (log.time <= start),
+            "{quantity} at {time:g} s; expected a time " + after + "origin_time_s)",
+        ),
+        (
+            "",
+            timed & np.isin(log.quantity, ARRIVALS) & (latest <= start),
+            "{quantity} is {value:g} s; expected it " + after + "{offset})",
+        ),
+        (
+            "",
+            (lost | by_range.any()) & directed,
+            "expected east_m, north_m, up_m for {quantity}" + wind + ", and [charge] "
+            "position_m; got a range alone, which has no direction",
+        ),
+    ]
+
+    def facts(row: int) -> dict[str, Any]:
+        charge, clock = charges[shots[row]].name, clocks[row]
+        offset = f" or {CLOCK_OFFSET}.{clock}" if clock in apart else ""
+        return {
+            "sensor": shown(log.sensor[row]),
+            "quantity": log.quantity[row],
+            "value": log.value[row],
+            "time": log.time[row],
+            "range": float(given[row]),
+            "stated": float(stated[row]),
+            "record": shown(records[row]),
+            "clock": shown(log.clock[row]),
+            "shot": shown(log.shot[row]) if log.shot[row] else "nothing",
+            "first_shot": shown(log.shot[0]),
+            "charge": shown(charge) if charge else "a charge",
+            "charges": ", ".join(map(shown, names)),
+            "at": metres(position[row]),
+            "known": metres(known[row]),
+            "unseen": unseen.get(row),
+            "first": shown(whose[row]),
+            "start": f"{start[row]:g}",
+            "offset": f"origin_time_s{offset}",
+        }
+
+    found: dict[int, InputError] = {}
+    for column, bad, message in rules:
+        for row in np.flatnonzero(bad)[:MAX_FAULTS].tolist():
+            if row not in found:
+                text = message.format_map(facts(row))
+                found[row] = log.fault(row, text, column)
+    if faults is not None:
+        faults += found.values()
+    elif found:
+        raise next(iter(found.values()))
+    return replace(log, position=there)
 
 
-class _Faults:
-    """Faults of a log with a scene, the first of each row.
-
-    Attributes:
-        log: The log.
-        found: Faults by row, in the order of the checks.
-    """
-
-    def __init__(self, log: Observations):
-        self.log = log
-        self.found: dict[int, InputError] = {}
-
-    def add(
-        self,
-        bad: Bool[np.ndarray, " row"],
-        message: Callable[[int], str],
-        column: str = "",
-    ) -> None:
-        """Add a fault for each bad row."""
-        for row in np.flatnonzero(bad).tolist():
-            if len(self.found) < MAX_FAULTS:
-                self.add_row(row, message(row), column)
-
-    def add_row(self, row: int, message: str, column: str = "") -> None:
-        """Add the fault of a row, if it has none."""
-        self.found.setdefault(row, self.log.fault(row, message, column))
+def scene_positions(log: Observations, scene: Scene) -> Float[np.ndarray, "row 3"]:
+    """Return the position of each row's sensor in a scene; NaN without one."""
+    sensors = {sensor.name: np.asarray(sensor.position_m) for sensor in scene.sensors}
+    at = [sensors.get(name, np.full(3, np.nan)) for name in log.sensor]
+    return np.array(at, float).reshape(-1, 3)
 
 
-def _to_free(observations: Observations, beliefs: Collection[str]) -> tuple[str, ...]:
-    """Return the place and time of the default scene that a log could fit instead."""
-    timed = set(CLOCK_TIMES) & set(observations.quantity)
-    names = (*CHARGE_POSITION[:2], *(("origin_time_s",) if timed else ()))
-    return tuple(name for name in names if name not in beliefs)
+def _missing(position: Float[np.ndarray, "row 3"]) -> Bool[np.ndarray, "row 1"]:
+    return np.asarray(np.isnan(position).any(axis=1, keepdims=True))
 
 
 def camera_place(
@@ -241,155 +305,6 @@ def camera_place(
             "the position of the [camera] of the scene"
         )
     return at
-
-
-def _shots(log: Observations, scene: Scene, faults: _Faults) -> Int[np.ndarray, " row"]:
-    """Return the index of the charge of each row."""
-    faults.add(
-        np.isin(log.quantity, SAMPLES),
-        lambda row: (
-            f"expected readings, got the samples of {shown(log.records()[row])}; pick "
-            "them first"
-        ),
-        "quantity",
-    )
-    if scene.others:
-        names = [charge.name for charge in scene.charges]
-        shots = [names.index(n) if n in names else -1 for n in log.shot]
-        faults.add(
-            np.array(shots) < 0,
-            lambda row: (
-                "expected one of the scene's charges, "
-                f"{', '.join(map(shown, names))}; got "
-                f"{shown(log.shot[row]) if log.shot[row] else 'nothing'}"
-            ),
-            "shot",
-        )
-        return np.array(shots)
-    faults.add(
-        np.array([shot != log.shot[0] for shot in log.shot], bool),
-        lambda row: (
-            f"expected {shown(log.shot[0])} as in the rows before, got "
-            f"{shown(log.shot[row])}: several shots in a log need a scene with a "
-            "[[charge]] named for each"
-        ),
-        "shot",
-    )
-    return np.zeros(len(log), int)
-
-
-def _check_ranges(
-    faults: _Faults,
-    position: np.ndarray,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-    free: Collection[str],
-) -> None:
-    """Refuse a slant range beside a free place, or one the scene contradicts."""
-    given = faults.log.slant_range
-    here = here & ~np.isnan(given)
-    for name in CHARGE_POSITION[:2]:
-        faults.add(
-            here & (name in free),
-            lambda row, name=name: (
-                f"a range cannot place a charge: {name} is not fixed, so expected "
-                f"east_m, north_m, up_m; got range_m = {given[row]:g}"
-            ),
-            "range_m",
-        )
-    faults.add(
-        here & ("charge_range_m" in free),
-        lambda row: (
-            f"got {given[row]:g}, but [charge] range_m of the scene is not fixed; "
-            "expected one of the two"
-        ),
-        "range_m",
-    )
-    stated = np.full(len(given), np.nan)
-    if charge.range_m is not None:
-        stated[:] = float(charge.range_m)
-    # both positions are fixed, so the range follows from them
-    elif "charge_up_m" not in free:
-        stated = np.linalg.norm(position - np.array(charge.position_m, float), axis=1)
-    faults.add(
-        here & (np.abs(given - stated) > POSITION_TOLERANCE),
-        lambda row: (
-            f"got {float(given[row])!r}; expected {float(stated[row])!r} as in the "
-            "scene"
-        ),
-        "range_m",
-    )
-
-
-def _check_distances(
-    faults: _Faults,
-    position: np.ndarray,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-) -> None:
-    """Refuse rows without a distance from the charge.
-
-    Raises:
-        InputError: The scene has the distance to one sensor, and the log several.
-    """
-    log = faults.log
-    # some quantities, as the time of the flash, do not depend on the distance
-    needs = here & ~np.isin(log.quantity, PLACELESS)
-    if charge.range_m is not None:
-        names = list(dict.fromkeys(np.array(log.sensor, dtype=object)[needs]))
-        if len(names) > 1:
-            raise InputError(
-                f"{log.source or 'observations'}: [charge] range_m of the scene is the "
-                "distance to one sensor; got the sensors "
-                f"{', '.join(map(shown, names[:5]))}"
-            )
-        return
-    faults.add(
-        needs & np.isnan(position).any(axis=1) & np.isnan(log.slant_range),
-        lambda row: (
-            "expected east_m, north_m, up_m or range_m, here or in a [[sensor]] of the "
-            f"scene named {shown(log.sensor[row])}; got neither"
-        ),
-    )
-
-
-def _check_times(
-    faults: _Faults,
-    scene: Scene,
-    charge: Charge,
-    here: Bool[np.ndarray, " row"],
-    beliefs: Collection[str],
-) -> None:
-    """Refuse readings from before a fixed origin time.
-
-    Errors of arrivals are allowed for, up to `EARLY_SIGMAS` standard deviations.
-    """
-    log, clocks = faults.log, faults.log.clocks()
-    offsets = {name: float(offset) for name, offset in scene.clock_offsets().items()}
-    start = float(charge.time_s) + np.array([offsets.get(name, 0.0) for name in clocks])
-    # an unknown offset may move any reading behind the origin time
-    unset = {name for name in clocks if f"{CLOCK_OFFSET}.{name}" in beliefs}
-    here = here & ~np.isin(clocks, list(unset))
-    apart = clocks_apart(log)
-    faults.add(
-        here & np.isin(log.quantity, tuple(FIREBALL_RADII)) & (log.time <= start),
-        lambda row: (
-            f"{log.quantity[row]} at {log.time[row]:g} s; expected a time after the "
-            f"origin time, {start[row]:g} s on this clock (correct it, or free "
-            "origin_time_s)"
-        ),
-        "time_s",
-    )
-    latest = log.value + EARLY_SIGMAS * np.nan_to_num(log.sigma)
-    faults.add(
-        here & np.isin(log.quantity, tuple(ARRIVALS)) & (latest <= start),
-        lambda row: (
-            f"{log.quantity[row]} is {log.value[row]:g} s; expected it after the "
-            f"origin time, {start[row]:g} s on this clock (correct it, or free "
-            "origin_time_s"
-            + (f" or {CLOCK_OFFSET}.{clocks[row]})" if clocks[row] in apart else ")")
-        ),
-    )
 
 
 def metres(position: np.ndarray) -> str:

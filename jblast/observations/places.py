@@ -47,10 +47,7 @@ class Frame:
     alt_m: float = 0.0
 
     def to_enu(
-        self,
-        lat_deg: Numbers,
-        lon_deg: Numbers,
-        alt_m: Numbers,
+        self, lat_deg: Numbers, lon_deg: Numbers, alt_m: Numbers
     ) -> Float[np.ndarray, "*place 3"]:
         """Return east, north, up of places [m].
 
@@ -89,11 +86,7 @@ class Frame:
         return np.stack([np.round(np.asarray(x), n) for x, n in places], axis=-1)
 
 
-def mean_frame(
-    lat_deg: Numbers,
-    lon_deg: Numbers,
-    alt_m: Numbers,
-) -> Frame:
+def mean_frame(lat_deg: Numbers, lon_deg: Numbers, alt_m: Numbers) -> Frame:
     """Return the frame at the mean of positions and of their heights.
 
     The mean is taken of the points in space, so that neither the poles nor the date

@@ -18,8 +18,6 @@ from jblast.results import Note, assumption
 
 METRES = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg")
-HEIGHTS = ("alt_m", "up_m")
-"""Above the one datum of all heights, and above the ground there."""
 
 
 class Positions(NamedTuple):
@@ -59,39 +57,30 @@ def positions(rows: Rows) -> Positions:
         message = f"a number between {least:g} and {most:g}, got {{got}}{swapped}"
         rows.refuse([Rule(name, bad, message)])
         numbers[name] = np.where(bad, np.nan, numbers[name])
+    metres = given["east_m"] | given["north_m"]
+    alt, up = given["alt_m"], given["up_m"]
     # the first row decides the kind of height; errors then name the rows that differ
-    kind = next((name for name in HEIGHTS if given[name][np.argmax(degrees)]), "")
-    other = "up_m" if kind == "alt_m" else "alt_m"
-    both = "east_m" if given["east_m"].any() else "north_m"
+    heights = alt + 2 * up
+    odd = degrees & (heights != heights[np.argmax(degrees)])
     rows.refuse(
         [
             Rule(
-                both,
-                given["east_m"] | given["north_m"],
+                "east_m" if given["east_m"].any() else "north_m",
+                metres,
                 "all places as lat_deg, lon_deg or all as east_m, north_m; got metres "
                 "beside degrees",
             ),
             Rule(
                 "up_m",
-                given["alt_m"] & given["up_m"],
+                alt & up,
                 "alt_m, the height above the ellipsoid, or up_m, that above the "
                 "ground; got both",
             ),
-            *(
-                Rule(name, degrees & ~given[name], "lat_deg and lon_deg")
-                for name in DEGREES
-            ),
-            Rule(
-                kind or ("alt_m" if given["alt_m"].any() else "up_m"),
-                degrees & ~(given[kind] & ~given[other])
-                if kind
-                else degrees & (given["alt_m"] | given["up_m"]),
-                f"{kind or 'no height'} as in the rows before",
-            ),
+            *(Rule(x, degrees & ~given[x], "lat_deg and lon_deg") for x in DEGREES),
+            Rule("alt_m" if alt.any() else "up_m", odd, "the height as in rows before"),
         ]
     )
-    height = np.where(given["up_m"], numbers["up_m"], numbers["alt_m"])
-    height = np.where(given["up_m"] | given["alt_m"], height, 0.0)
+    height = np.where(up, numbers["up_m"], np.where(alt, numbers["alt_m"], 0.0))
     places = np.stack([numbers["lat_deg"], numbers["lon_deg"], height], axis=-1)
     sound, position = np.isfinite(places).all(axis=1), np.full(places.shape, np.nan)
     if not sound.any():
@@ -99,25 +88,21 @@ def positions(rows: Rows) -> Positions:
     # each position once, so that the origin does not depend on the number of readings
     frame = mean_frame(*np.unique(places[sound], axis=0).T)
     # heights above level ground: the altitude of the ground is unknown, and taken as 0
-    if given["up_m"].any():
+    if up.any():
         frame = Frame(frame.lat_deg, frame.lon_deg)
     position[sound] = frame.to_enu(*places[sound].T)
     # After the conversion, since distances in degrees depend on the latitude. A median
     # is not moved by a few wrong positions, which are to be found.
     away = np.linalg.norm(position - np.nanmedian(position, axis=0), axis=1)
-    rows.refuse(
-        [
-            Rule(
-                "lat_deg",
-                away > MAX_DISTANCE,
-                lambda row: (
-                    f"expected a place within {MAX_DISTANCE / 1e3:g} km of the other "
-                    f"sensors, got one {away[row] / 1e3:.4g} km away; is a sign "
-                    "missing, or are lat_deg and lon_deg swapped?"
-                ),
-            )
-        ]
-    )
+
+    def far(row: int) -> str:
+        return (
+            f"expected a place within {MAX_DISTANCE / 1e3:g} km of the other sensors, "
+            f"got one {away[row] / 1e3:.4g} km away; is a sign missing, or are lat_deg "
+            "and lon_deg swapped?"
+        )
+
+    rows.refuse([Rule("lat_deg", away > MAX_DISTANCE, far)])
     west = int((numbers["lon_deg"] > 180.0).sum())
     notes = (assumption("longitudes_wrapped", rows=west),) if west else ()
     return Positions(position, frame, notes)

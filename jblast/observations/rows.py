@@ -2,9 +2,9 @@ r"""Rows of a log: rules for each column, and conversion into SI units.
 
 A value is in the unit of its column (`value_kpa`) or of the column `unit`, otherwise in
 the unit at the end of the name of its quantity. A sigma is in the unit of its column
-(`sigma_percent`), otherwise in that of its value. Peak levels in decibels become
-overpressures, and an error in decibels becomes $\sigma_p = p \, \sigma_{dB} \ln 10 /
-20$.
+(`sigma_percent`), or a share with its % sign, otherwise in the unit of its value. Peak
+levels in decibels become overpressures, and an error in decibels becomes $\sigma_p = p
+\, \sigma_{dB} \ln 10 / 20$.
 
 A rule has the rows that violate it and the expected content. Its faults name the line,
 the column, what was expected and what was found. Rows with faults are left out where
@@ -20,37 +20,29 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, shown
 from jblast.observations.instants import VALUE_UTC, clock_times
-from jblast.observations.names import UNIT, Header, similar
+from jblast.observations.names import UNIT, Header, advised
 from jblast.observations.positions import positions
 from jblast.observations.rules import Rows, Rule
 from jblast.observations.table import (
     NAME_COLUMNS,
-    NUMBERS,
     POSITION,
     SAMPLES,
     Observations,
     row_word,
+    rows_by,
     some_rows,
 )
-from jblast.observations.text_table import NA_WORDS, Table, has_letters, is_text
+from jblast.observations.text_table import Table
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, TIMED
 from jblast.results import Note, assumption
-from jblast.units import (
-    ANY,
-    LEVEL,
-    LN_PER_DB,
-    SHARE,
-    OurName,
-    dimension_of,
-    in_si,
-    our_name,
-    overpressure,
-    what_to_write,
-)
+from jblast.units import ANY, LEVEL, LN_PER_DB, SHARE, OurName, in_si, our_name
 
-POSITIVE_SIGMA = "a positive number, or nothing for the law's scatter alone"
 AT_LEAST = ">"
 """Mark before a value that is a lower bound."""
+PER_CENT = OurName("sigma", 0.01, SHARE, "percent")
+"""Unit of a sigma that ends in %."""
+NONE = OurName("", 1.0, "", "")
+"""Unit of samples and of unknown quantities."""
 
 
 def observations_of(
@@ -67,75 +59,86 @@ def observations_of(
     Raises:
         InputError: No row has a value.
     """
-    if skipped := _drop_empty(table):
-        table.notes.append(
-            assumption(
-                "empty_skipped",
-                rows=len(skipped),
-                words=row_word(table.source) + ("" if len(skipped) == 1 else "s"),
-                lines=list(map(str, skipped)),
-            )
-        )
-    if not table.lines:
-        n = len(skipped)
-        raise InputError(
-            f"{table.at(skipped[0])}: expected a value in some row, got "
-            + (f"{n} rows without a value" if n > 1 else "a row without a value, alone")
-        )
+    held = dict(zip(table.header, table.columns, strict=True))
+    nothing = [""] * len(table.lines)
+    measured = [held.get(name, nothing) for name in ("value", VALUE_UTC, "quantity")]
+    skipped = {
+        row: table.lines[row]
+        for row, (value, utc, kind) in enumerate(zip(*measured, strict=True))
+        if not (value or utc or kind == SAMPLES)
+    }
+    if skipped:
+        word = row_word(table.source) + ("" if len(skipped) == 1 else "s")
+        lines = list(map(str, skipped.values()))
+        note = assumption("empty_skipped", rows=len(lines), words=word, lines=lines)
+        table.notes.append(note)
+        where = table.at(table.lines[0])
+        table.drop_rows(skipped)
+        if not table.lines:
+            raise InputError(f"{where}: expected a value in some row, got none")
     rows = Rows(table, header)
-    theirs = _with_units(rows)
-    units = _units_of(rows, theirs)
-    quantity = [unit.name if unit else name for name, unit in zip(theirs, units)]  # noqa: B905 (equal)
+    meanings = _meanings(rows)
+    theirs, units = [of for of, _ in meanings], [unit for _, unit in meanings]
+    quantity = [unit.name or name for name, unit in meanings]
     own = rows.units.get("value")
     # a level is the quantity's own unit
     row_units = [own] * len(units) if own and own.dimension != LEVEL else units
+    is_share = [len(text) > 1 and text.endswith("%") for text in rows.text("sigma")]
+    error = rows.units.get("sigma")
+    errors = [
+        PER_CENT if share else error or unit
+        for share, unit in zip(is_share, row_units, strict=True)
+    ]
     kind, in_ln = np.array(quantity), ~np.isin(quantity, ADDITIVE)
     sampled, timed = kind == SAMPLES, np.isin(quantity, TIMED)
     seconds, epoch, found = clock_times(rows, kind, date, zone)
-    dated = rows.given(VALUE_UTC)
-    bound = np.array([text.startswith(AT_LEAST) for text in rows.text("value")], bool)
-    odd_bound = [text.startswith(("<", ">=")) for text in rows.text("value")]
-    known = np.isin(quantity, (*QUANTITIES, SAMPLES))
-    no_value = f"nothing, as {SAMPLES} is a file of samples"
+    texts = rows.text("value")
+    bound = np.array([text.startswith(AT_LEAST) for text in texts], bool)
+    has_value, unknown = rows.given("value"), ~np.isin(quantity, (*QUANTITIES, SAMPLES))
+    odd_bound = [x == ">" or x.startswith(("<", ">=")) for x in texts]
+    no_bound, no_value = (
+        "a number, as {quantity} takes no lower bound",
+        f"nothing, as {SAMPLES} is a file of samples",
+    )
+
+    def advice(row: int) -> str:
+        name = theirs[row]
+        return f"unknown quantity {shown(name)}{advised(name, tuple(QUANTITIES))}"
+
     rows.refuse(
         [
             Rule("sensor", ~rows.given("sensor"), "a name"),
-            Rule(
-                "quantity",
-                ~known,
-                lambda row: _unknown(theirs[row], rows.text("value")[row]),
-            ),
-            *_unit_rules(rows, quantity, units),
-            Rule("value", sampled & rows.given("value"), no_value),
+            Rule("quantity", unknown, advice),
+            *_unit_rules(rows, theirs, units, errors),
+            Rule("value", sampled & has_value, no_value),
             Rule("record", sampled & ~rows.given("record"), "a file of samples"),
-            Rule(
-                "value", bound & ~in_ln, "a number, as {quantity} takes no lower bound"
-            ),
+            Rule("value", bound & ~in_ln, no_bound),
             Rule("value", odd_bound, "a number, or a lower bound as >0.12"),
         ]
     )
-    stripped = [text.removeprefix(AT_LEAST).strip() for text in rows.text("value")]
-    filled = zip(sampled | dated, stripped, strict=True)
-    rows.texts["value"] = ["1" if other else text for other, text in filled]
-    raw = rows.number("value", optional=False)
-    value, sigma = _converted(
-        raw, rows.number("sigma"), row_units, rows.units.get("sigma")
-    )
-    rows.texts["value"] = stripped
-    value = np.where(dated, seconds, np.where(sampled, np.nan, value))
+    rows.texts["value"] = [text.removeprefix(AT_LEAST).strip() for text in texts]
+    rows.texts["sigma"] = [
+        text.removesuffix("%") if share else text
+        for text, share in zip(rows.text("sigma"), is_share, strict=True)
+    ]
+    raw, raw_sigma = rows.number("value"), rows.number("sigma")
+    value = np.where(rows.given(VALUE_UTC), seconds, _in_si(raw, row_units))
+    sigma = _in_si(raw_sigma, errors, value)
     position, slant_range = positions(rows), rows.number("range_m")
-    placed = (~np.isnan(position.enu)).sum(axis=1)
+    missing = np.isnan(position.enu)
+    parts = missing & ~missing.all(axis=1, keepdims=True)
+    twice = ~missing.all(axis=1) & ~np.isnan(slant_range)
     time, axes = rows.number("time_s"), ", ".join(POSITION)
+    untimed = timed & np.isnan(time)
+    only = ", ".join(TIMED)
+    no_time = f"nothing, as only {only} take a time, got {{got}} for {{quantity}}"
     most = np.array([DIRECTIONS.get(name, np.inf) for name in quantity])
-    factors = [unit.factor if unit else 1.0 for unit in row_units]
 
     def turn(row: int) -> str:
-        ours = factors[row] == 1
+        unit = row_units[row]
         return (
-            f"expected {theirs[row]} within {most[row] / factors[row]:.6g} "
-            f"{'rad ' if ours else ''}either way, got {rows.texts['value'][row]}"
-            # an angle beyond its bounds is most often in degrees
-            + ("; are these degrees?" if ours else "")
+            f"expected {theirs[row]} within {most[row] / unit.factor:.6g} {unit.unit} "
+            f"either way, got {rows.text('value')[row]}"
         )
 
     rows.refuse(
@@ -147,249 +150,170 @@ def observations_of(
                 "sigma", sigma <= 0, "a positive number, or nothing for scatter alone"
             ),
             *(
-                Rule(
-                    name,
-                    (placed > 0) & np.isnan(axis) & ~rows.given(name),
-                    f"all of {axes} or none of them",
-                )
-                for name, axis in zip(POSITION, position.enu.T, strict=True)
+                Rule(name, part & ~rows.given(name), f"all of {axes} or none of them")
+                for name, part in zip(POSITION, parts.T, strict=True)
                 if position.frame is None
             ),
             Rule("range_m", slant_range <= 0, "a positive slant range in m"),
-            Rule(
-                "range_m",
-                (placed > 0) & ~np.isnan(slant_range),
-                f"either range_m or {axes}, got both",
-            ),
-            Rule(
-                "time_s",
-                timed & np.isnan(time),
-                "the time at which {quantity} was taken",
-            ),
-            Rule(
-                "time_s",
-                ~timed & ~np.isnan(time),
-                f"nothing, as only {', '.join(TIMED)} take a time, got {{got}} for "
-                "{quantity}",
-            ),
+            Rule("range_m", twice, f"either range_m or {axes}, got both"),
+            Rule("time_s", untimed, "the time at which {quantity} was taken"),
+            Rule("time_s", ~timed & ~np.isnan(time), no_time),
         ]
     )
-    named = {name: tuple(rows.text(name)) for name in NAME_COLUMNS}
+    columns = ("sensor", *NAME_COLUMNS)
+    named: dict[str, Any] = {name: tuple(rows.text(name)) for name in columns}
     numbers = np.column_stack([value, sigma, position.enu, slant_range, time, bound])
-    _refuse_duplicates(rows, numbers, rows.text("sensor"), quantity, *named.values())
-    notes = [*table.notes, *_conversions(rows, theirs, units), *found, *position.notes]
+    _refuse_duplicates(rows, numbers, quantity, *named.values())
+    if not any(named["record"]):
+        named["record"] = ()
+    conversions = _conversions(rows, theirs, units, sum(is_share))
     whole = Observations(
-        sensor=tuple(rows.text("sensor")),
+        **named,
         quantity=tuple(quantity),
         value=value,
         sigma=sigma,
         position=position.enu,
         slant_range=slant_range,
         time=time,
-        path=named["path"],
-        shot=named["shot"],
-        clock=named["clock"],
-        record=named["record"] if any(named["record"]) else (),
         line=tuple(table.lines),
         source=table.source,
         comments=table.comments,
         lower_bound=bound if bound.any() else None,
         frame=position.frame,
         epoch=epoch,
-        understood=tuple(notes),
+        understood=(*table.notes, *conversions, *found, *position.notes),
     )
     return whole if rows.sound.all() else some_rows(whole, np.flatnonzero(rows.sound))
 
 
-def _drop_empty(table: Table) -> list[int]:
-    """Remove rows without a measurement, and return their lines.
+def _meanings(rows: Rows) -> list[tuple[str, OurName]]:
+    """Return the quantity of each row as written, and our name with its unit.
 
-    A time in `value_utc` is a value, too. Words for a missing value become empty.
+    The unit may be in the column `unit`. A quantity may have none next to a column of
+    values with one, and a clock time next to a time in `value_utc`.
     """
-    for index, name in enumerate(table.header):
-        if name in (*NUMBERS, VALUE_UTC):
-            column = table.columns[index]
-            table.columns[index] = ["" if t.lower() in NA_WORDS else t for t in column]
-    columns = dict(zip(table.header, table.columns, strict=True))
-    nothing = [""] * len(table.lines)
-    values, dates = (columns.get(name, nothing) for name in ("value", VALUE_UTC))
-    empty = {
-        row
-        for row, kind in enumerate(columns.get("quantity", nothing))
-        if not (values[row] or dates[row] or kind == SAMPLES)
-    }
-    lines = [table.lines[row] for row in sorted(empty)]
-    table.drop_rows(empty)
-    return lines
+    own = rows.units.get("value")
 
+    def meaning(name: str, unit: str, utc: bool) -> tuple[str, OurName]:
+        ours, stated = our_name(name), our_name(f"value_{unit}")
+        if unit and not (ours and stated and ours[1:3] == stated[1:3]):
+            name = f"{name}_{unit}"
+        ends = ["", *(["_s"] if utc else []), *([f"_{own.unit}"] if own else [])]
+        found = [our_name(f"{name}{end}") for end in ends]
+        return name, next((of for of in found if of and of.name in QUANTITIES), NONE)
 
-def _with_units(rows: Rows) -> list[str]:
-    """Return the quantities as written, with their units of the column `unit`."""
-
-    def whole(name: str, unit: str) -> str:
-        own, stated = our_name(name), our_name(f"value_{unit}")
-        same = own and stated and own[1:3] == stated[1:3]
-        return name if same or not unit else f"{name}_{unit}"
-
-    pairs = list(zip(rows.text("quantity"), rows.text(UNIT), strict=True))
-    names = {pair: whole(*pair) for pair in dict.fromkeys(pairs)}
-    return [names[pair] for pair in pairs]
-
-
-def _units_of(rows: Rows, theirs: Sequence[str]) -> list[OurName | None]:
-    """Return our quantity and the unit of each row; None for our own names.
-
-    A quantity may have no unit next to a column of values with one, and a clock time
-    next to a time in `value_utc`.
-    """
-    own, known = rows.units.get("value"), {*QUANTITIES, SAMPLES}
-
-    def meant(name: str, *, dated: bool) -> OurName | None:
-        if name in known:
-            return None
-        found = our_name(name)
-        if found is None and dated:
-            found = our_name(f"{name}_s")
-        if found is None and own is not None:
-            found = our_name(f"{name}_{own.unit}")
-        return found if found is not None and found.name in QUANTITIES else None
-
-    pairs = list(zip(theirs, map(bool, rows.text(VALUE_UTC)), strict=True))
-    units = {pair: meant(pair[0], dated=pair[1]) for pair in dict.fromkeys(pairs)}
-    return [units[pair] for pair in pairs]
+    names = rows.text("quantity"), rows.text(UNIT), rows.given(VALUE_UTC).tolist()
+    keys = list(zip(*names, strict=True))
+    found = {key: meaning(*key) for key in dict.fromkeys(keys)}
+    return [found[key] for key in keys]
 
 
 def _unit_rules(
-    rows: Rows, quantity: Sequence[str], units: Sequence[OurName | None]
+    rows: Rows,
+    theirs: Sequence[str],
+    units: Sequence[OurName],
+    errors: Sequence[OurName],
 ) -> list[Rule]:
     """Return rules that values and sigmas are in the units of their columns."""
-    rules = []
-    known = np.isin(quantity, (*QUANTITIES, SAMPLES))
-    if (own := rows.units.get("value")) is not None:
+    own = rows.units.get("value", NONE)
 
-        def fits(name: str, unit: OurName | None) -> bool:
-            if own.dimension == LEVEL:
-                return unit is not None and unit.dimension == LEVEL
-            if unit is None:
-                return dimension_of(name) == own.dimension
-            return (unit.dimension, unit.factor) == (own.dimension, own.factor)
+    def fits(name: str, unit: OurName) -> bool:
+        # our own name goes with any unit of its dimension; a level has no factor
+        same = name == unit.name or own.dimension == LEVEL or unit.factor == own.factor
+        return not unit.name or (unit.dimension == own.dimension and same)
 
-        odd = [not fits(*pair) for pair in zip(quantity, units, strict=True)]
-        whose = f"a quantity in {own.unit}, the unit of column {rows.theirs['value']}"
-        message = f"{whose}, got {{got}}: two units for one column"
-        rules.append(Rule("quantity", known & odd, message))
-    if (sigma := rows.units.get("sigma")) is not None:
-        relative = sigma.dimension in (SHARE, LEVEL)
-        odd = [
-            name in ADDITIVE if relative else dimension_of(name) != sigma.dimension
-            for name in quantity
-        ]
-        also = ", whose errors are not relative" if relative else ""
-        message = f"a sigma in the unit of {{quantity}}{also}, got one in {sigma.unit}"
-        rules.append(Rule("sigma", known & rows.given("sigma") & odd, message))
-    return rules
+    def goes_with(unit: OurName, error: OurName) -> bool:
+        if error.dimension in (SHARE, LEVEL):
+            return unit.name not in ADDITIVE
+        dimension = "pressure" if unit.dimension == LEVEL else unit.dimension
+        return not unit.name or error.dimension == dimension
+
+    def sigma(row: int) -> str:
+        unit, got = units[row], errors[row].unit
+        also = ", whose errors are not relative" if unit.name in ADDITIVE else ""
+        return f"expected a sigma in the unit of {unit.name}{also}, got one in {got}"
+
+    odd = [not fits(*pair) for pair in zip(theirs, units, strict=True)]
+    error_odd = [not goes_with(*pair) for pair in zip(units, errors, strict=True)]
+    of = f"a quantity in {own.unit}, the unit of column {rows.theirs.get('value')}"
+    two = f"{of}, got {{got}}: two units for one column"
+    return [
+        *([Rule("quantity", odd, two)] if own.name else []),
+        Rule("sigma", rows.given("sigma") & np.array(error_odd), sigma),
+    ]
 
 
-def _converted(
+def _in_si(
     raw: Float[np.ndarray, " row"],
-    raw_sigma: Float[np.ndarray, " row"],
-    units: Sequence[OurName | None],
-    error: OurName | None,
-) -> tuple[Float[np.ndarray, " row"], Float[np.ndarray, " row"]]:
-    """Return values and sigmas in our units.
-
-    Args:
-        raw: Values as numbers.
-        raw_sigma: Sigmas as numbers.
-        units: Unit of each row; None for ours.
-        error: Unit of the column of sigmas, if it has one of its own.
-    """
-    value, sigma = raw.copy(), raw_sigma.copy()
+    units: Sequence[OurName],
+    value: Float[np.ndarray, " row"] | None = None,
+) -> Float[np.ndarray, " row"]:
+    """Return numbers in our units; of errors, with the values that they belong to."""
+    found = raw.copy()
     for unit in dict.fromkeys(units):
-        rows = np.array([own == unit for own in units])
-        level = unit is not None and unit.dimension == LEVEL
-        if level:
-            # too large a level overflows to infinity, which its row reports
-            with np.errstate(over="ignore"):
-                value[rows] = overpressure(raw[rows])
-        elif unit is not None:
-            value[rows] = in_si(raw[rows], unit.unit)
-        of = error or unit
-        if of is None:
+        if unit.factor == 1.0:
             continue
-        if of.dimension == LEVEL:
+        rows = np.array([own == unit for own in units])
+        if value is not None and unit.dimension == LEVEL:
             # an error in decibels is relative: ln 10 / 20 of the pressure per decibel
-            sigma[rows] = raw_sigma[rows] * LN_PER_DB * value[rows]
-        elif of.dimension == SHARE:
-            sigma[rows] = in_si(value[rows] * raw_sigma[rows], of.unit)
+            found[rows] = raw[rows] * LN_PER_DB * value[rows]
         else:
-            sigma[rows] = in_si(raw_sigma[rows], of.unit)
-    return value, sigma
+            whole = 1.0 if unit.dimension != SHARE or value is None else value[rows]
+            found[rows] = in_si(whole * raw[rows], unit.unit)
+    return found
 
 
 def _refuse_duplicates(rows: Rows, numbers: np.ndarray, *names: Sequence[str]) -> None:
     """Refuse two rows equal in every field."""
     # NaN is unequal to itself, so bytes are compared; adding 0 turns -0 into 0
     packed = [row.tobytes() for row in numbers + 0.0]
-    first: dict[tuple[Any, ...], int] = {}
-    keys = enumerate(zip(packed, *names, strict=True))
-    of = np.array([first.setdefault(key, row) for row, key in keys])
-    word = row_word(rows.table.source)
+    alike = rows_by(zip(packed, *names, strict=True), rows.sound).values()
+    first = {row: rows.lines[its[0]] for its in alike for row in its[1:]}
+    word, again = row_word(rows.table.source), np.isin(range(len(packed)), [*first])
 
     def message(row: int) -> str:
-        line = rows.lines[int(of[row])]
-        return f"expected a new measurement, got a duplicate of {word} {line}"
+        return f"expected a new measurement, got a duplicate of {word} {first[row]}"
 
-    rows.refuse([Rule("", rows.sound & (of != np.arange(len(of))), message)])
+    rows.refuse([Rule("", again, message)])
 
 
 def _conversions(
-    rows: Rows, theirs: Sequence[str], units: Sequence[OurName | None]
+    rows: Rows, theirs: Sequence[str], units: Sequence[OurName], shares: int
 ) -> list[Note]:
     """Return a note on each column and quantity in another unit or name."""
     found = converted_columns(rows)
+    if shares:
+        found.append(assumption("share", theirs="sigma in %", rows=shares))
     for name, unit in dict(zip(theirs, units, strict=True)).items():
-        if unit is None:
+        if unit.name in ("", name):
             continue
-        count = theirs.count(name)
-        if unit.dimension == LEVEL:
-            found.append(assumption("level", theirs=name, rows=count))
-        elif unit.factor == 1.0:
+        if unit.factor == 1.0:
             found.append(assumption("renamed", theirs=name, ours=unit.name))
-        elif "value" not in rows.units:
-            note = assumption(
-                "converted", theirs=name, ours=unit.name, factor=unit.factor, rows=count
-            )
-            found.append(note)
+        elif "value" not in rows.units or unit.dimension == LEVEL:
+            found.append(_converted(name, unit.name, unit, theirs.count(name)))
     return found
 
 
 def converted_columns(rows: Rows) -> list[Note]:
     """Return a note on each column in another unit."""
-    found = []
-    for name, unit in rows.units.items():
-        theirs, filled = rows.theirs[name], int(rows.given(name).sum())
-        ours = "SI" if name in ANY else name
-        if unit.dimension == LEVEL:
-            kind = "level" if name == "value" else "level_error"
-            found.append(assumption(kind, theirs=theirs, rows=filled))
-        elif unit.dimension == SHARE:
-            found.append(assumption("share", theirs=theirs, rows=filled))
-        elif unit.factor != 1.0:
-            note = assumption(
-                "converted", theirs=theirs, ours=ours, factor=unit.factor, rows=filled
-            )
-            found.append(note)
-    return found
-
-
-def _unknown(quantity: str, value: str) -> str:
-    """Return the message for an unknown quantity, with advice."""
-    if has_letters(value) and is_text(value):
-        return (
-            f"unknown quantity {shown(quantity)} with the value {shown(value)}; is "
-            "this a second header? Keep one table per file"
+    return [
+        _converted(
+            rows.theirs[name],
+            "SI" if name in ANY else name,
+            unit,
+            int(rows.given(name).sum()),
+            level="level_error" if name == "sigma" else "level",
         )
-    known = f"; expected one of {', '.join(QUANTITIES)}"
-    advice = what_to_write(quantity) or similar(quantity, tuple(QUANTITIES)) + known
-    return f"unknown quantity {shown(quantity)}{advice}"
+        for name, unit in rows.units.items()
+        if unit.factor != 1.0
+    ]
+
+
+def _converted(
+    theirs: str, ours: str, unit: OurName, rows: int, level: str = "level"
+) -> Note:
+    kinds = {LEVEL: level, SHARE: "share"}
+    if kind := kinds.get(unit.dimension):
+        return assumption(kind, theirs=theirs, rows=rows)
+    numbers = {"theirs": theirs, "ours": ours, "factor": unit.factor, "rows": rows}
+    return assumption("converted", **numbers)

@@ -6,7 +6,7 @@ the column, what was expected and what was found.
 
 import math
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,42 +25,20 @@ DMS = re.compile(
     re.VERBOSE,
 )
 """A latitude or longitude in degrees, minutes and seconds, with its hemisphere."""
-ADVICE: tuple[tuple[str, str, Collection[str]], ...] = (
-    (
-        r"\d{4}-\d{2}-\d{2}.*",
-        ", a date, into which spreadsheets convert 3.5 or 1-2",
-        NUMBERS,
-    ),
-    (
-        r"\d{1,2}:\d{2}.*",
-        "; a time of day belongs in column value_utc",
-        NUMBERS,
-    ),
-    (
-        r".*%",
-        "; a sigma is in the unit of its value; per cent of it belong in a column "
-        "sigma_percent",
-        ("sigma",),
-    ),
-    (
-        r"[NSEW\d].*",
-        "; write decimal degrees, south and west below 0, or degrees, minutes and "
-        "seconds with the hemisphere, as 48°12'00.3\"N",
-        DEGREES,
-    ),
-    (
-        r"[+-]?\d{1,3}(?:[\s'\u2019]\d{3})+(?:[.,]\d+)?",
-        "; write it without marks between thousands",
-        NUMBERS,
-    ),
-    (
-        r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*",
-        "; a unit belongs in the name of the column or quantity",
-        NUMBERS,
-    ),
-    (r".*,.*", "; write a decimal point", NUMBERS),
+ADVICE = {
+    r"\d{4}-\d{2}-\d{2}.*": ", a date, into which spreadsheets convert 3.5 or 1-2",
+    r"\d{1,2}:\d{2}.*": "; a time of day belongs in column value_utc",
+    r"[+-]?\d{1,3}(?:[\s'\u2019]\d{3})+(?:[.,]\d+)?": "; write it without marks "
+    "between thousands",
+    r"[+-]?\d[\d.,]*(?:[eE][+-]?\d+)?\s*[%A-Za-zµ°].*": "; a unit belongs in the name "
+    "of the column or quantity",
+    r".*,.*": "; write a decimal point",
+}
+"""Advice by the form of text that is no number."""
+DEGREES_ADVICE = (
+    "; write decimal degrees, south and west below 0, or degrees, minutes and seconds "
+    "with the hemisphere, as 48°12'00.3\"N"
 )
-"""Forms of text that is no number, with advice, and the columns it is for."""
 
 
 class Rule(NamedTuple):
@@ -93,7 +71,8 @@ class Rows:
     def __init__(self, table: Table, header: Header):
         self.table, self.lines, self.faults = table, table.lines, table.faults
         self.texts = dict(zip(table.header, table.columns, strict=True))
-        self.theirs, self.units = header.theirs, header.units
+        self.theirs = {name: theirs for name, (theirs, _) in header.items()}
+        self.units = {name: unit for name, (_, unit) in header.items() if unit}
         self.sound = np.ones(len(self.lines), bool)
 
     def text(self, column: str) -> list[str]:
@@ -104,10 +83,8 @@ class Rows:
         """Return True where a column is not empty."""
         return np.array([bool(text) for text in self.text(column)], bool)
 
-    def number(
-        self, column: str, *, optional: bool = True
-    ) -> Float[np.ndarray, " row"]:
-        """Return a column of finite numbers; NaN where an optional one is empty.
+    def number(self, column: str) -> Float[np.ndarray, " row"]:
+        """Return a column of finite numbers; NaN where it is empty.
 
         Numbers are in our unit, except in `value` and `sigma`, whose rows may have
         different units. Latitudes and longitudes may be in degrees, minutes, seconds.
@@ -115,9 +92,10 @@ class Rows:
         if column not in self.texts:
             return np.full(len(self.lines), np.nan)
         texts = self.texts[column]
-        read, joined = number_of, "".join(texts)
-        if column in DEGREES[:2]:
-            read = degrees_of
+        read, joined = (
+            degrees_of if column in DEGREES[:2] else number_of,
+            "".join(texts),
+        )
         try:
             # columns of plain numbers, the usual case, need no further check per field
             if "_" in joined or foreign_digits(joined):
@@ -125,9 +103,7 @@ class Rows:
             numbers = np.array([float(text) if text else np.nan for text in texts])
         except ValueError:
             numbers = np.array([read(text) for text in texts])
-        odd = ~np.isfinite(numbers)
-        if optional:
-            odd &= self.given(column)
+        odd = ~np.isfinite(numbers) & self.given(column)
         rule = Rule(
             column,
             odd,
@@ -162,13 +138,10 @@ class Rows:
     def _advised(self, column: str, row: int) -> str:
         """Return a text that is not a number, with advice."""
         text = self.texts[column][row]
-        if not text:
-            return "nothing"
-        advice = (
-            words
-            for form, words, columns in ADVICE
-            if column in columns and re.fullmatch(form, text, re.DOTALL)
-        )
+        forms = ADVICE if column in NUMBERS else {}
+        advice = (forms[form] for form in forms if re.fullmatch(form, text, re.DOTALL))
+        if column in DEGREES[:2]:
+            return shown(text) + DEGREES_ADVICE
         return shown(text) + next(advice, "")
 
 

@@ -11,7 +11,6 @@ still leave a free parameter unidentified; that is decided by the fit.
 """
 
 import json
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from jblast.observations.table import (
     RECORD_QUANTITIES,
     SAMPLES,
     Observations,
+    rows_by,
     some_rows,
 )
 from jblast.parameters import ALTITUDES, CHARGE_POSITION, CLOCK_OFFSET
@@ -51,6 +51,37 @@ ONE_CLOCK_SD = 5.0
 deviations]: errors alone exceed it in one of a million pairs."""
 _SEEN_AND_HEARD = {"flash_time_s", "air_arrival_s", "bearing_rad"}
 _OF_GROUND = set(made_with("ground_arrival_s"))
+_HEAD = """\
+# A starter scene{made_for}: fill in known values.
+# SI units, metres east, north, up. A number may be fixed (15.0), "free", or a prior:
+# {{ lognormal = [median, factor] }}, {{ normal = [mean, sd] }},
+# {{ uniform = [lo, hi] }}, {{ loguniform = [lo, hi] }}.
+schema = 1
+"""
+_AIR = """\
+[air]
+{mark}temperature_k = 288.15
+{mark}pressure_pa = 101325.0
+relative_humidity = 0.5
+{altitude}  # instead of the temperature and pressure above
+# sound_speed_m_s = "free"  # only if it was measured, or to fit it
+wind_m_s = [0.0, 0.0]  # towards east, north; each may be free
+# wind_m_s = [{{ normal = [0, 5] }}, {{ normal = [0, 5] }}]  # if unknown
+"""
+_CHARGE = """\
+{head}
+mass_kg = "free"  # of the explosive; or a value, or a prior
+explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1
+{position}
+{time}
+# burst = "surface"  # or "free-air"; without it, the height decides
+"""
+_PLACE = """\
+{mark}[place]  # where east, north, up are zero; for an answer in degrees
+{mark}lat_deg = {lat}
+{mark}lon_deg = {lon}
+{mark}alt_m = {alt}
+"""
 _CAMERA = """\
 # [camera]  # required for fireball_radius_px, and not in the log
 # position_m = [EAST, NORTH, UP]
@@ -159,10 +190,8 @@ def clocks_to_free(observations: Observations) -> list[str]:
             the rows whose `clock` is empty beside others.
     """
     timed = np.isin(observations.quantity, CLOCK_TIMES)
-    read: dict[str, set[str]] = {}
-    for row in np.flatnonzero(timed):
-        clock = observations.clocks()[row]
-        read.setdefault(clock, set()).add(observations.quantity[row])
+    rows = rows_by(observations.clocks(), timed).items()
+    read = {clock: {observations.quantity[row] for row in its} for clock, its in rows}
     # a flash and an arrival of one clock differ by the travel time, whatever its offset
     tied = [clock for clock, quantities in read.items() if len(quantities) > 1]
     if not any(observations.clock):
@@ -178,9 +207,8 @@ def _flashes_disagree(observations: Observations) -> bool:
         return False
     value, sigma = observations.value[rows], np.nan_to_num(observations.sigma[rows])
     first, last = np.argmin(value), np.argmax(value)
-    return bool(
-        value[last] - value[first] > ONE_CLOCK_SD * np.hypot(sigma[first], sigma[last])
-    )
+    allowed = ONE_CLOCK_SD * np.hypot(sigma[first], sigma[last])
+    return bool(value[last] - value[first] > allowed)
 
 
 def starter_scene(observations: Observations) -> str:
@@ -191,109 +219,122 @@ def starter_scene(observations: Observations) -> str:
     Args:
         observations: The log.
     """
-    recorders = {
-        name
-        for name, quantity in zip(
-            observations.sensor, observations.quantity, strict=True
-        )
-        if quantity == SAMPLES
-    }
-    observations = _readings(observations)
-    rows: dict[str, list[int]] = {}
-    for row, name in enumerate(observations.sensor):
-        rows.setdefault(name, []).append(row)
-    logs = [_Log(name, observations, np.array(rows[name])) for name in rows]
-    shots = list(dict.fromkeys(observations.shot))
+    log, frame = _readings(observations), observations.frame
+    sampled = rows_by(observations.sensor, np.isin(observations.quantity, SAMPLES))
+    source = Path(log.source).name
+    made_for = f" for {json.dumps(source)}" if source else ""
+    air = {"mark": "", "altitude": "# altitude_m = 1500"}
+    place = {"mark": "# ", "lat": "LATITUDE", "lon": "LONGITUDE", "alt": "0.0"}
+    if frame is not None:
+        lat, lon, alt = map(repr, (frame.lat_deg, frame.lon_deg, frame.alt_m))
+        place = {"mark": "", "lat": lat, "lon": lon, "alt": alt}
+        # a height replaces temperature and pressure, which stay as an example
+        if frame.alt_m and ALTITUDES.allows(frame.alt_m):
+            air = {"mark": "# ", "altitude": f"altitude_m = {alt}"}
+    sensors = [
+        _sensor(some_rows(log, np.array(rows)), is_sampled=name in sampled)
+        for name, rows in rows_by(log.sensor).items()
+    ]
     parts = [
-        _head(observations),
-        *(_charge(observations, logs, shot) for shot in shots),
-        air_table(observations),
-        *([_CAMERA] if set(BY_CAMERA) & set(observations.quantity) else []),
-        *([_GROUND] if set(observations.quantity) & _OF_GROUND else []),
-        *(_sensor(log, sampled=log.name in recorders) for log in logs),
-        *clock_tables(observations),
-        *place_tables(observations),
+        _HEAD.format(made_for=made_for),
+        *(_charge(log, rows) for rows in rows_by(log.shot).values()),
+        _AIR.format(**air),
+        *([_CAMERA] if set(BY_CAMERA) & set(log.quantity) else []),
+        *([_GROUND] if _OF_GROUND & set(log.quantity) else []),
+        *sensors,
+        *_clocks(log),
+        _PLACE.format(**place),
         _LAW,
     ]
     return "\n".join(parts)
 
 
-class _Log:
-    """Summary of the rows of one sensor.
-
-    Attributes:
-        name: The sensor.
-        sigmas: Median sigma by quantity, in the units of `records`; NaN without one.
-        places: Its positions in the log, each once.
-        ranges: Its slant ranges in the log, each once.
-        needs_distance: Whether any of its rows depends on its position.
-        times: Times of readings that have one, by its clock [s].
-    """
-
-    def __init__(self, name: str, observations: Observations, rows: np.ndarray):
-        self.name = name
-        quantity = np.array([observations.quantity[row] for row in rows])
-        value, sigma = observations.value[rows], observations.sigma[rows]
-        # an overflow to infinity counts as a missing sigma
-        with np.errstate(over="ignore"):
-            relative = sigma / np.where(np.isin(quantity, ADDITIVE), 1.0, value)
-        given = np.isfinite(relative)
-        self.sigmas = {
-            q: float(np.median(relative[given & (quantity == q)]))
-            if np.any(given & (quantity == q))
-            else math.nan
-            for q in dict.fromkeys(quantity.tolist())
-        }
-        places = [tuple(place) for place in observations.position[rows].tolist()]
-        self.places = [p for p in dict.fromkeys(places) if not any(map(math.isnan, p))]
-        ranges = dict.fromkeys(observations.slant_range[rows].tolist())
-        self.ranges = [r for r in ranges if not math.isnan(r)]
-        self.needs_distance = bool(np.any(~np.isin(quantity, PLACELESS)))
-        timed = np.isin(quantity, TIMED)
-        self.times = np.unique(observations.time[rows][timed]).tolist()
-
-
-def _head(observations: Observations) -> str:
-    source = Path(observations.source).name if observations.source else ""
-    made_for = f" for {json.dumps(source)}" if source else ""
-    return f"""\
-# A starter scene{made_for}: fill in known values.
-# SI units, metres east, north, up. A number may be fixed (15.0), "free", or a prior:
-# {{ lognormal = [median, factor] }}, {{ normal = [mean, sd] }},
-# {{ uniform = [lo, hi] }}, {{ loguniform = [lo, hi] }}.
-schema = 1
-"""
-
-
-def _charge(observations: Observations, logs: list[_Log], shot: str) -> str:
-    logs = [log for log in logs if log.needs_distance]
-    lines = ["[charge]"]
-    if len(set(observations.shot)) > 1:
-        lines = ["[[charge]]", f"name = {toml_text(shot)}  # as the log's shot"]
-    lines.append('mass_kg = "free"  # of the explosive; or a value, or a prior')
-    lines.append('explosive = "TNT"  # or "C4", "ANFO", ...; or tnt_factor = 1.1')
-    places = {place for log in logs for place in log.places}
-    ranges = {slant_range for log in logs for slant_range in log.ranges}
-    of = np.flatnonzero(np.isin(observations.shot, shot))
-    free = names_to_free(some_rows(observations, of))
+def _charge(observations: Observations, rows: list[int]) -> str:
+    log = some_rows(observations, np.array(rows))
+    needs = ~np.isin(log.quantity, PLACELESS)
+    placed = (needs & ~np.isnan(log.position).any(axis=1)).any()
+    ranges = rows_by(log.slant_range.tolist(), needs & ~np.isnan(log.slant_range))
+    one_sensor, free = len(rows_by(log.sensor, needs)) == 1, names_to_free(log)
+    position = (
+        "position_m = [0.0, 0.0, 0.0]  # not identified by the log\n"
+        '# position_m = ["free", "free", 0.0]  # or a prior of each'
+    )
     if PLACE[0] in free:
-        lines.append('position_m = ["free", "free", 0.0]  # or its known position')
-    elif len(logs) == 1 and len(ranges) == 1:
-        lines.append(f"range_m = {ranges.pop()!r}  # as in the log")
-    elif len(logs) == 1 and not ranges and not places:
-        lines.append('range_m = "free"  # slant range to the one sensor')
-    else:
-        lines.append("position_m = [0.0, 0.0, 0.0]  # not identified by the log")
-        lines.append('# position_m = ["free", "free", 0.0]  # or a prior of each')
-    if "origin_time_s" in free:
-        since = ""
-        if observations.epoch is not None:
-            since = f", in seconds since {observations.epoch:%Y-%m-%dT%H:%M:%SZ}"
-        lines.append(f'time_s = "free"  # on the clock of the sensors{since}')
-    else:
-        lines.append('time_s = 0.0  # on the clock of the sensors; or "free"')
-    lines.append('# burst = "surface"  # or "free-air"; without it, the height decides')
+        position = 'position_m = ["free", "free", 0.0]  # or its known position'
+    elif one_sensor and len(ranges) == 1:
+        position = f"range_m = {next(iter(ranges))!r}  # as in the log"
+    elif one_sensor and not ranges and not placed:
+        position = 'range_m = "free"  # slant range to the one sensor'
+    since = f", in seconds since {log.epoch:%Y-%m-%dT%H:%M:%SZ}" if log.epoch else ""
+    time = f'time_s = "free"  # on the clock of the sensors{since}'
+    if "origin_time_s" not in free:
+        time = 'time_s = 0.0  # on the clock of the sensors; or "free"'
+    head = "[charge]"
+    if len(set(observations.shot)) > 1:
+        head = f"[[charge]]\nname = {toml_text(log.shot[0])}  # as the log's shot"
+    return _CHARGE.format(head=head, position=position, time=time)
+
+
+def _sensor(log: Observations, *, is_sampled: bool) -> str:
+    lines = ["[[sensor]]", f"name = {toml_text(log.sensor[0])}"]
+    needs = ~np.isin(log.quantity, PLACELESS)
+    placed = log.position[~np.isnan(log.position).any(axis=1)]
+    places = list(dict.fromkeys(map(tuple, placed.tolist())))
+    if len(places) == 1:
+        lines.append(f"position_m = [{', '.join(map(repr, places[0]))}]")
+    elif places:
+        lines.append("# it moves; its positions are in the log")
+    elif needs.any() and np.isnan(log.slant_range).all():
+        lines.append("# position_m = [EAST, NORTH, UP]  # not in the log")
+    # a sigma that overflows to infinity counts as missing
+    with np.errstate(over="ignore"):
+        scale = log.error_scale()
+    known = rows_by(log.quantity, np.isfinite(scale))
+    records = []
+    for quantity, rows in known.items():
+        sigma = float(np.median(scale[rows]))
+        text = f"{sigma:.3g}" if quantity in ADDITIVE else share_text(sigma)
+        records.append(f"{quantity} = {text}")
+    if records:
+        lines.append(
+            f"records = {{ {', '.join(records)} }}  # sigma: s for times, rad for "
+            "directions, else relative"
+        )
+    if set(TIMED) & set(known):
+        times = np.unique(log.time[np.isin(log.quantity, TIMED)]).tolist()
+        lines.append(f"times_s = {times}  # of radii, by its clock")
+    if is_sampled:
+        lines.append("# it recorded samples; its errors are estimated from them")
+    estimated = RECORD_QUANTITIES if is_sampled else ()
+    if missing := [q for q in rows_by(log.quantity) if q not in (*known, *estimated)]:
+        lines.append(f"# the log has no sigma for {', '.join(missing)}")
     return "\n".join(lines) + "\n"
+
+
+def _clocks(log: Observations) -> list[str]:
+    """Return a table [[clock]] for each clock but the common one.
+
+    Clocks that the log identifies (`clocks_to_free`) are free, others commented out.
+    """
+    names = list(rows_by(log.clocks(), np.isin(log.quantity, CLOCK_TIMES)))
+    named = [clock for clock in log.clock if clock]
+    set_by, whose = "", "the common clock"
+    if has_common_clock(log):
+        names = [name for name in names if name in named]
+    elif names:
+        set_by = (named or names)[0]
+        whose = toml_text(set_by)
+    free, tables = clocks_to_free(log), []
+    for name in names:
+        mark = "" if name in free else "# "
+        why = "set by its flash and bang" if name in free else "if it does not agree"
+        if name != set_by:
+            tables.append(
+                f"{mark}[[clock]]  # {why}\n{mark}name = {toml_text(name)}\n"
+                f'{mark}offset_s = "free"  # its time minus that of {whose}; or a '
+                "number, or { normal = [0, 2] }\n"
+            )
+    return tables
 
 
 def _in_no_line(places: set[tuple[float, ...]]) -> bool:
@@ -308,118 +349,14 @@ def _in_no_line(places: set[tuple[float, ...]]) -> bool:
 
 def _readings(observations: Observations) -> Observations:
     """Return a log with the readings of records of samples in place of the records."""
-    sampled = np.isin(observations.quantity, SAMPLES)
-    if not sampled.any():
-        return observations
-    rows = np.repeat(
-        np.arange(len(observations)), np.where(sampled, len(RECORD_QUANTITIES), 1)
-    )
-    quantities = [
-        name
-        for quantity in observations.quantity
+    pairs = [
+        (row, name)
+        for row, quantity in enumerate(observations.quantity)
         for name in (RECORD_QUANTITIES if quantity == SAMPLES else (quantity,))
     ]
-    return replace(some_rows(observations, rows), quantity=tuple(quantities))
-
-
-def _sensor(log: _Log, *, sampled: bool) -> str:
-    lines = ["[[sensor]]", f"name = {toml_text(log.name)}"]
-    if len(log.places) == 1:
-        lines.append(f"position_m = [{', '.join(map(repr, log.places[0]))}]")
-    elif log.places:
-        lines.append("# it moves; its positions are in the log")
-    elif log.needs_distance and not log.ranges:
-        lines.append("# position_m = [EAST, NORTH, UP]  # not in the log")
-    records = [
-        f"{q} = {f'{s:.3g}' if q in ADDITIVE else share_text(s)}"
-        for q, s in log.sigmas.items()
-        if s > 0
-    ]
-    if records:
-        listed = ", ".join(records)
-        lines.append(
-            f"records = {{ {listed} }}  # sigma: s for times, rad for directions, else "
-            "relative"
-        )
-        if log.times and set(TIMED) & {q for q, s in log.sigmas.items() if s > 0}:
-            lines.append(f"times_s = {log.times}  # of radii, by its clock")
-    if sampled:
-        lines.append("# it recorded samples; its errors are estimated from them")
-    estimated = RECORD_QUANTITIES if sampled else ()
-    missing = [q for q, s in log.sigmas.items() if not s > 0 and q not in estimated]
-    if missing:
-        lines.append(f"# the log has no sigma for {', '.join(missing)}")
-    return "\n".join(lines) + "\n"
-
-
-def place_tables(observations: Observations) -> list[str]:
-    """Return the table [place]: that of the log, or one to fill in."""
-    frame = observations.frame
-    if frame is not None:
-        return [
-            "[place]  # where east, north, up are zero: the middle of the sensors\n"
-            f"lat_deg = {frame.lat_deg!r}\nlon_deg = {frame.lon_deg!r}\n"
-            f"alt_m = {frame.alt_m!r}\n"
-        ]
-    return [
-        "# [place]  # of the origin, for an answer in degrees\n"
-        "# lat_deg = LATITUDE\n# lon_deg = LONGITUDE\n# alt_m = 0.0\n"
-    ]
-
-
-def air_table(observations: Observations) -> str:
-    """Return the table [air], with the height of the sensors if the log has it."""
-    frame = observations.frame
-    lines = ["temperature_k = 288.15", "pressure_pa = 101325.0"]
-    other = "# altitude_m = 1500  # instead of the temperature and pressure above"
-    if frame is not None and frame.alt_m and ALTITUDES.allows(frame.alt_m):
-        # a height replaces temperature and pressure, which stay as an example
-        lines = [f"# {line}" for line in lines]
-        other = f"altitude_m = {frame.alt_m!r}  # instead of the two above"
-    return "\n".join(
-        [
-            "[air]",
-            *lines,
-            "relative_humidity = 0.5",
-            other,
-            '# sound_speed_m_s = "free"  # only if it was measured, or to fit it',
-            "wind_m_s = [0.0, 0.0]  # towards east, north; each may be free",
-            "# wind_m_s = [{ normal = [0, 5] }, { normal = [0, 5] }]  # if unknown",
-            "",
-        ]
-    )
-
-
-def clock_tables(observations: Observations) -> list[str]:
-    """Return a table [[clock]] for each clock but the common one.
-
-    Clocks that the log identifies (`clocks_to_free`) are free, others commented out.
-    """
-    timed = np.flatnonzero(np.isin(observations.quantity, CLOCK_TIMES))
-    clocks = observations.clocks()
-    # dict.fromkeys keeps the order of the log, a set would not
-    names = list(dict.fromkeys(clocks[row] for row in timed))
-    named = [clock for clock in dict.fromkeys(observations.clock) if clock]
-    set_by, whose = "", "the common clock"
-    if has_common_clock(observations):
-        names = [name for name in names if name in named]
-    elif names:
-        set_by = named[0] if named else names[0]
-        # a name may need escapes
-        whose = toml_text(set_by)
-        names = [name for name in names if name != set_by]
-    free = clocks_to_free(observations)
-    tables = []
-    for name in names:
-        mark = "" if name in free else "# "
-        why = "set by its flash and bang" if name in free else "if it does not agree"
-        tables.append(
-            f"{mark}[[clock]]  # {why}\n"
-            f"{mark}name = {toml_text(name)}\n"
-            f'{mark}offset_s = "free"  # its time minus that of {whose}; or a number, '
-            "or { normal = [0, 2] }\n"
-        )
-    return tables
+    rows, quantities = zip(*pairs, strict=True) if pairs else ((), ())
+    rows = some_rows(observations, np.array(rows, int))
+    return replace(rows, quantity=tuple(quantities))
 
 
 def toml_text(text: str) -> str:

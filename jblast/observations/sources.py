@@ -15,27 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError, read_bytes, shown
-from jblast.observations.table import FRAME, PARQUET, TEXTS, WORKBOOKS
+from jblast.errors import InputError, needed, read_bytes, reading, shown
+from jblast.observations.table import FORMATS, FRAME, PARQUET, TEXTS
 from jblast.observations.text_table import Row, Table, table_of_rows, text_table
 from jblast.results import Note, assumption
 
 MAX_BYTES = 1_000_000_000
 """Largest size of a table: it has some twenty million rows and takes 10 GB of
 memory."""
-RECORDINGS = (
-    *(".wav", ".flac", ".mseed", ".miniseed", ".sac", ".tdms"),
-    *(".h5", ".hdf5", ".nc", ".mat"),
-)
-"""Suffixes of files of samples."""
 LOWER_BOUND = "lower_bound"
 """Column of a data frame for lower bounds, as numbers cannot have the mark >."""
-FORMATS = {
-    **dict.fromkeys((".xlsx", ".xlsm"), ("Excel workbook", "openpyxl", "spreadsheet")),
-    ".ods": ("OpenDocument spreadsheet", "odfpy", "spreadsheet"),
-    **dict.fromkeys(PARQUET, ("Parquet file", "pyarrow", "parquet")),
-}
-"""By suffix the name of a format, the package that reads it, and the extra with it."""
 EXACT_INTEGERS = 2.0**53
 """Bound below which whole numbers are exact in double precision."""
 
@@ -46,8 +35,7 @@ def source_name(source: Any) -> str:
         return str(source)
     if _is_frame(source):
         return FRAME
-    name = getattr(source, "name", None)
-    return name if isinstance(name, str) and name else "buffer"
+    return str(getattr(source, "name", "") or "buffer")
 
 
 def table_of(source: Any, expected: str) -> Table:
@@ -63,60 +51,39 @@ def table_of(source: Any, expected: str) -> Table:
     name = source_name(source)
     if _is_frame(source):
         return frame_table(source, name)
-    data = _data(source, name, expected)
     suffix = PurePath(name).suffix.lower()
     if isinstance(source, (str, os.PathLike)):
-        if suffix in RECORDINGS:
-            raise InputError(
-                f"{name}: is a recording, not a log; pick its arrival and peak first "
-                "(jblast pick)"
-            )
-        if suffix not in (*TEXTS, *FORMATS):
-            endings = ", ".join((*TEXTS[1:], *FORMATS))
-            raise InputError(
-                f"{name}: expected a log in one of {endings}, got {suffix}"
-            )
-    # a buffer may have no name: its first bytes decide
-    elif isinstance(data, bytes) and suffix not in FORMATS:
-        suffix = _looks_like(data)
-        name = f"{name}{suffix}"
-    if isinstance(data, bytes) and suffix in FORMATS:
-        return _binary_table(data, name, suffix)
-    return text_table(data, name, expected=expected)
-
-
-def _data(source: Any, name: str, expected: str) -> bytes | str:
-    """Return the content of a path or a buffer."""
-    if isinstance(source, (str, os.PathLike)):
-        try:
-            size = os.path.getsize(source)
-        except (OSError, ValueError):
-            # the error is reported where it is opened
-            size = 0
+        size = os.path.getsize(source) if os.path.isfile(source) else 0
         if size > MAX_BYTES:
             raise InputError(
                 f"{name}: expected {MAX_BYTES / 1e9:g} GB at most, some twenty million "
-                f"rows, got {size / 1e9:.3g} GB; split it, or pick the arrivals of "
-                "samples of a recording (jblast pick)"
+                f"rows, got {size / 1e9:.3g} GB; split it"
             )
-        return read_bytes(source, expected)
-    if not callable(getattr(source, "read", None)):
+        data = read_bytes(source, expected)
+        if suffix not in (*TEXTS, *FORMATS):
+            raise InputError(
+                f"{name}: expected a log in one of {', '.join((*TEXTS[1:], *FORMATS))}"
+                f", got {suffix}; of a recording the arrival and peak are picked first "
+                "(jblast pick)"
+            )
+    elif callable(getattr(source, "read", None)):
+        data = source.read()
+        data = data if isinstance(data, str) else bytes(data)
+        # a buffer may have no name: its first bytes decide
+        if suffix not in FORMATS and not isinstance(data, str):
+            sheets = ".ods" if b"opendocument.spreadsheet" in data[:200] else ".xlsx"
+            starts = {b"PAR1": ".parquet", b"PK\x03\x04": sheets}
+            suffix = starts.get(data[:4], "")
+            name = f"{name}{suffix}"
+    else:
         wrap = "; io.BytesIO makes a buffer of it" if isinstance(source, bytes) else ""
         raise InputError(
             f"expected a path, an open file or buffer, or a data frame, got "
             f"{type(source).__name__}{wrap}"
         )
-    data = source.read()
-    return data if isinstance(data, str) else bytes(data)
-
-
-def _looks_like(data: bytes) -> str:
-    """Return the suffix of the format by the first bytes; "" for text."""
-    if data.startswith(b"PAR1"):
-        return ".parquet"
-    if data.startswith(b"PK\x03\x04"):
-        return ".ods" if b"opendocument.spreadsheet" in data[:200] else ".xlsx"
-    return ""
+    if suffix in FORMATS and not isinstance(data, str):
+        return _binary_table(data, name, suffix)
+    return text_table(data, name, expected=expected)
 
 
 def _is_frame(source: Any) -> bool:
@@ -132,30 +99,17 @@ def _binary_table(data: bytes, source: str, suffix: str) -> Table:
     Raises:
         InputError: It cannot be read, or has several sheets with content.
     """
-    import pandas
-
     kind, package, extra = FORMATS[suffix]
-    engine: Any = WORKBOOKS.get(suffix)
-    try:
-        if suffix in PARQUET:
+    for module in (package, "pandas"):
+        pandas = needed(module, extra, source, f"its format ({kind}) is read")
+    with reading(source, f"a complete {kind}"):
+        if extra == PARQUET:
             frame = pandas.read_parquet(io.BytesIO(data), engine="pyarrow")
             return frame_table(frame, source, (assumption("format", format=kind),))
         sheets = pandas.read_excel(
             io.BytesIO(data), sheet_name=None, header=None, dtype=object,
-            na_filter=False, engine=engine,
+            na_filter=False,
         )  # fmt: skip
-    except InputError:
-        raise
-    except ImportError:
-        raise InputError(
-            f"{source}: reading it needs {package}, which is not installed: "
-            f"pip install 'jblast[{extra}]'"
-        ) from None
-    except Exception as error:  # a damaged archive may raise any
-        raise InputError(
-            f"{source}: expected a complete {kind}, got a file that cannot be read as "
-            f"one ({type(error).__name__}: {error})"
-        ) from None
     filled = {str(k): sheet for k, sheet in sheets.items() if len(sheet)}
     if len(filled) != 1:
         names = ", ".join(map(shown, filled)) or "only empty ones"
@@ -208,21 +162,16 @@ def cell_text(value: Any) -> str:
 
     Missing values are empty; dates are ISO 8601, also those made by a spreadsheet.
     """
-    # a line break within a cell is a blank
-    if isinstance(value, str):
-        return value.strip() if value.isprintable() else " ".join(value.split())
     if isinstance(value, (float, np.floating)):
-        number = float(value)
+        # the shortest digits: 0.1 in single precision is meant as 0.1
+        number = float(str(value))
         if math.isnan(number):
             return ""
-        if isinstance(value, np.floating) and value.dtype.itemsize < 8:
-            # 0.1 in single precision is meant as 0.1
-            number = float(str(value))
         # spreadsheets store 3 as 3.0
         whole = number.is_integer() and abs(number) < EXACT_INTEGERS
         return str(int(number)) if whole else repr(number)
     if isinstance(value, (datetime.date, datetime.time)):
-        # NaT is unlike itself
-        return "" if value != value else value.isoformat()
-    text = "" if value is None else str(value).strip()
+        value = value.isoformat()
+    # a line break within a cell is a blank
+    text = "" if value is None else " ".join(str(value).splitlines()).strip()
     return "" if text in ("NaT", "<NA>") else text

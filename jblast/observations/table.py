@@ -7,9 +7,10 @@ independent, except those of one pressure record, whose covariance is stored per
 relative). Notes list what a reader converted, skipped or supplied.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
+from itertools import chain
 from pathlib import PurePath
 from typing import Any
 
@@ -45,9 +46,15 @@ SYMMETRIC = 1e-9
 below any real difference between two entries."""
 TEXTS = ("", ".csv", ".tsv", ".tab", ".txt", ".dat", ".log")
 """Suffixes of files that are read as text."""
-WORKBOOKS = {".xlsx": "openpyxl", ".xlsm": "openpyxl", ".ods": "odf"}
-"""Suffixes of spreadsheets, and the engines of pandas for them."""
-PARQUET = (".parquet", ".pq")
+WORKBOOK, PARQUET = "spreadsheet", "parquet"
+FORMATS = {
+    ".xlsx": ("Excel workbook", "openpyxl", WORKBOOK),
+    ".xlsm": ("Excel workbook", "openpyxl", WORKBOOK),
+    ".ods": ("OpenDocument spreadsheet", "odf", WORKBOOK),
+    ".parquet": ("Parquet file", "pyarrow", PARQUET),
+    ".pq": ("Parquet file", "pyarrow", PARQUET),
+}
+"""By suffix the name of a format, the package that reads it, and the extra with it."""
 FRAME = "data frame"
 """Source name of a log from a data frame."""
 
@@ -71,27 +78,20 @@ class RecordCovariance:
     matrix: Float[np.ndarray, "quantity quantity"]
 
     def __post_init__(self):
-        count = len(self.quantities)
+        count, of = len(self.quantities), self.matrix
         where = f"the covariance of record {shown(self.record)}"
-        if len(set(self.quantities)) < count:
-            raise ValueError(f"{where}: expected each quantity once")
-        if self.matrix.shape != (count, count):
+        if len(set(self.quantities)) < count or of.shape != (count, count):
             raise ValueError(
-                f"{where}: expected shape ({count}, {count}), got {self.matrix.shape}"
-            )
-        if not np.isfinite(self.matrix).all() or (np.diag(self.matrix) <= 0).any():
-            raise ValueError(
-                f"{where}: expected finite numbers and positive variances, got "
-                f"variances {np.diag(self.matrix)}"
+                f"{where}: expected each quantity once, and a row and a column for it, "
+                f"got {', '.join(self.quantities)} and shape {of.shape}"
             )
         # of the correlation, since variances differ by many orders of magnitude
-        skew = np.abs(self.correlation - self.correlation.T)
-        if (skew > SYMMETRIC).any():
-            raise ValueError(f"{where}: expected a symmetric matrix")
-        if (least := self.own_share) <= 0:
+        sound = np.isfinite(of).all() and (np.diag(of) > 0).all()
+        skew = np.abs(self.correlation - self.correlation.T).max() if sound else np.nan
+        if not (skew <= SYMMETRIC and self.own_share > 0):
             raise ValueError(
-                f"{where}: expected it positive definite, got a correlation matrix "
-                f"whose smallest eigenvalue is {least:.3g}"
+                f"{where}: expected it symmetric and positive definite, got "
+                f"{of.tolist()}"
             )
 
     @property
@@ -194,9 +194,9 @@ class Observations:
 
     def bounds(self) -> Bool[np.ndarray, " row"]:
         """Return True for values that are lower bounds."""
-        if self.lower_bound is None:
-            return np.zeros(len(self), bool)
-        return self.lower_bound
+        return (
+            np.zeros(len(self), bool) if self.lower_bound is None else self.lower_bound
+        )
 
     def records(self) -> tuple[str, ...]:
         """Return the record of each row, "" for none."""
@@ -228,15 +228,9 @@ def observed(
         **others: Other fields.
     """
     rows = len(sensor)
-    unknown, empty = np.full(rows, np.nan), ("",) * rows
-    defaults = {
-        "position": np.full((rows, 3), np.nan),
-        "slant_range": unknown,
-        "time": unknown,
-        "path": empty,
-        "shot": empty,
-        "clock": empty,
-    }
+    defaults: dict[str, Any] = {"position": np.full((rows, 3), np.nan)}
+    defaults |= dict.fromkeys(("slant_range", "time"), np.full(rows, np.nan))
+    defaults |= dict.fromkeys(("path", "shot", "clock"), ("",) * rows)
     return Observations(
         sensor=tuple(sensor),
         quantity=tuple(quantity),
@@ -246,15 +240,31 @@ def observed(
     )
 
 
+def rows_by(
+    keys: Iterable[Any], among: Bool[np.ndarray, " row"] | None = None
+) -> dict[Any, list[int]]:
+    """Return the rows of each key, in order of appearance.
+
+    Args:
+        keys: The key of each row.
+        among: True for the rows that count; all by default.
+    """
+    found: dict[Any, list[int]] = {}
+    for row, key in enumerate(keys):
+        if among is None or among[row]:
+            found.setdefault(key, []).append(row)
+    return found
+
+
 def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
     """Return a log of some of the rows, by number from zero."""
-    picked = {}
-    for name in PER_ROW:
-        column = getattr(observations, name)
-        if isinstance(column, np.ndarray):
-            picked[name] = column[rows]
-        elif column:
-            picked[name] = tuple(column[row] for row in rows)
+    columns = {name: getattr(observations, name) for name in PER_ROW}
+    picked = {
+        name: of[rows] if isinstance(of, np.ndarray) else tuple(of[row] for row in rows)
+        for name, of in columns.items()
+        # optional columns may be absent
+        if of is not None and len(of) == len(observations)
+    }
     return replace(observations, **picked)
 
 
@@ -267,9 +277,8 @@ PER_ROW = tuple(f.name for f in fields(Observations) if f.name not in OF_ALL)
 def row_word(source: str) -> str:
     """Return the word for a row of a source: "line" of text, else "row"."""
     # a text editor counts lines, a spreadsheet rows
-    suffix = PurePath(source).suffix.lower()
-    sheets = suffix in WORKBOOKS or suffix in PARQUET
-    return "row" if sheets or source == FRAME else "line"
+    is_sheet = PurePath(source).suffix.lower() in FORMATS
+    return "row" if is_sheet or source == FRAME else "line"
 
 
 def plain_text(text: str) -> str:
@@ -303,13 +312,10 @@ def quoted(name: str) -> str:
 
 def stacked(logs: Sequence[Observations]) -> dict[str, Any]:
     """Return the fields that have one entry a row, of logs one after another."""
-    columns: dict[str, Any] = {}
     # optional columns are filled, since another part may have them
     filled = [replace(of, lower_bound=of.bounds(), record=of.records()) for of in logs]
-    for name in PER_ROW:
-        parts = [getattr(log, name) for log in filled]
-        if isinstance(parts[0], np.ndarray):
-            columns[name] = np.concatenate(parts)
-        else:
-            columns[name] = tuple(entry for part in parts for entry in part)
-    return columns
+    parts = {name: [getattr(log, name) for log in filled] for name in PER_ROW}
+    return {
+        name: np.concatenate(of) if isinstance(of[0], np.ndarray) else tuple(chain(*of))
+        for name, of in parts.items()
+    }

@@ -29,7 +29,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -39,8 +39,6 @@ from jblast.observations.table import row_word
 from jblast.results import Note, assumption
 from jblast.units import spelt, unit_spelt, words_of
 
-MARKS = {b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
-"""Byte order marks and their encodings."""
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 """Separators of fields and their names; the first of equals is used."""
 SEPARATOR_LINE = re.compile(r"sep=(.)$", re.IGNORECASE)
@@ -56,11 +54,14 @@ COUNTS = ("sequence", "index", "sample", "number", "n", "no", "nr", "point")
 TIME_WORDS = ("time", "t", "x", "elapsed", "zeit")
 """First words of columns of times."""
 BRACKETS = "[](){} "
-GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}(?:([.,])\d{3})+")
-"""Numbers with possible thousands separators: 1,234 or 12.345.678."""
-DECIMALS = {
-    mark: re.compile(rf"[+-]?\d*{re.escape(mark)}\d*(?:[eE][+-]?\d+)?") for mark in ",."
+FORMS = {
+    # with possible thousands separators
+    **{f"{mark}?": rf"[+-]?[1-9]\d{{0,2}}{re.escape(mark)}\d{{3}}" for mark in ",."},
+    **{mark: rf"[+-]?\d*{re.escape(mark)}\d*(?:[eE][+-]?\d+)?" for mark in ",."},
+    "grouped": r"[-+\d.,]+",
 }
+"""Forms of numbers with marks: 1,234 may be 1.234 or 1234, 1,5 is one number, and marks
+in 12.345.678 or 1.234,5 are between thousands."""
 MINUS = "\u2212"
 """The typographic minus sign, which some spreadsheets write."""
 INFINITY = "\N{INFINITY}"
@@ -136,17 +137,9 @@ class Table:
 
     def drop_rows(self, dropped: Collection[int]) -> None:
         """Remove rows, by number from zero."""
-        if dropped:
-            kept = [row for row in range(len(self.lines)) if row not in dropped]
-            self.columns = [[column[row] for row in kept] for column in self.columns]
-            self.lines = [self.lines[row] for row in kept]
-
-    def drop_columns(self, dropped: Collection[int]) -> None:
-        """Remove columns, by number from zero."""
-        kept = [index for index in range(len(self.header)) if index not in dropped]
-        self.header = [self.header[index] for index in kept]
-        self.units = [self.units[index] for index in kept]
-        self.columns = [self.columns[index] for index in kept]
+        kept = [row for row in range(len(self.lines)) if row not in dropped]
+        self.columns = [[column[row] for row in kept] for column in self.columns]
+        self.lines = [self.lines[row] for row in kept]
 
     def names(self, expected: str) -> list[str]:
         """Return the header of a table of numbers.
@@ -159,18 +152,12 @@ class Table:
         """
         if self.header:
             return self.header
-        line, cells = self.first_line, self._cells_at(self.first_line)
-        for row in self.preamble[::-1]:
-            filled = _trimmed(row.cells)
-            if len(filled) > 1 and any(map(has_letters, filled)):
-                raise InputError(
-                    f"{self.at(line)}: expected {len(filled)} fields as in the header, "
-                    f"got {len(cells)}"
-                )
-            line, cells = row.line, row.cells
+        first = next(cells_of(text, self.separator) for _, text in self._rows())
+        lines = [row for row in self.preamble if any(map(has_letters, row.cells))]
+        above = lines[-1] if lines else Row(self.first_line, first)
         raise InputError(
-            f"{self.at(line)}: expected names of columns, as {expected}, got "
-            f"{shown(' '.join(cells))}"
+            f"{self.at(above.line)}: expected names of columns, one for each of "
+            f"{len(first)}, as {expected}, got {shown(' '.join(above.cells))}"
         )
 
     def numbers(
@@ -228,9 +215,6 @@ class Table:
         rows = numbered(self.text)
         return ((n, x) for n, x in rows if n >= self.first_line and not is_comment(x))
 
-    def _cells_at(self, line: int) -> list[str]:
-        return next(cells_of(x, self.separator) for n, x in self._rows() if n == line)
-
 
 def text_table(
     data: bytes | str,
@@ -253,25 +237,46 @@ def text_table(
     text, notes = decoded_text(data, name, expected)
     if preamble:
         return _numeric_table(text, name, notes, expected)
-    lines: list[tuple[int, str]] = []
-    remarks: list[str] = []
-    for number, line in numbered(text):
-        if is_comment(line):
-            remarks.append(line.strip()[1:].strip())
-        else:
-            lines.append((number, line))
-    stated = None
-    if lines and (match := SEPARATOR_LINE.match(lines[0][1].strip())):
-        stated = match[1]
+    lines = list(numbered(text))
+    remarks = [line.strip()[1:].strip() for _, line in lines if is_comment(line)]
+    lines = [(number, line) for number, line in lines if not is_comment(line)]
+    stated = SEPARATOR_LINE.match(lines[0][1].strip()) if lines else None
+    if stated:
         del lines[0]
     if not lines:
         raise InputError(f"{name}: line 1: the file is empty; expected {expected}")
-    separator = stated or separator_of(lines[0][1])
-    rows, faults = _split(name, lines, separator)
-    if len(rows[0].cells) == 1:
-        raise InputError(
-            f"{name}: line {rows[0].line}: expected columns separated by commas, "
-            f"semicolons or tabs, got one column {shown(rows[0].cells[0])}"
+    # separators within quotes are none
+    bare = re.sub(r'"[^"]*"', "", lines[0][1])
+    separator = stated[1] if stated else max(SEPARATORS, key=bare.count)
+    options: dict[str, Any] = {"delimiter": separator, "skipinitialspace": True}
+    rows: list[Row] = []
+    faults: list[InputError] = []
+    for line, written in lines:
+        try:
+            # strict: a stray quote is an error, not a part of a field; line by line, as
+            # a quote across lines would swallow rows
+            (cells,) = csv.reader([written], strict=True, **options)
+        except csv.Error as error:
+            raise InputError(
+                f"{name}: line {line}: expected fields separated by "
+                f"{SEPARATORS.get(separator, separator)}, got a stray or unclosed "
+                f"quote ({error})"
+            ) from None
+        width = len(rows[0].cells) if rows else len(cells)
+        if width == 1:
+            raise InputError(
+                f"{name}: line {line}: expected columns separated by commas, "
+                f"semicolons or tabs, got one column {shown(cells[0])}"
+            )
+        if len(cells) == width:
+            rows.append(Row(line, [cell.strip() for cell in cells]))
+            continue
+        why = "; is a decimal comma among them?" if len(cells) > width else ""
+        faults.append(
+            InputError(
+                f"{name}: line {line}: expected {width} fields as in the header, got "
+                f"{len(cells)}{why}"
+            )
         )
     if separator != ",":
         by = SEPARATORS.get(separator, repr(separator))
@@ -288,24 +293,18 @@ def decoded_text(data: bytes | str, name: str, expected: str) -> tuple[str, list
     Raises:
         InputError: It is not text.
     """
+    encodings = ("", "Windows-1252")
     if isinstance(data, str):
-        text = data.removeprefix("\ufeff")
-        return text.replace("\r\n", "\n").replace("\r", "\n"), []
-    encoding = MARKS.get(data[:2], "")
-    if encoding:
-        try:
-            data = data.decode("utf-16").encode()
-        except UnicodeError as error:
-            raise InputError(f"{name}: expected UTF-16 text, got {error}") from None
-    else:
-        try:
-            data.decode()
-        except UnicodeDecodeError:
-            # bytes without a meaning in it are refused as no UTF-8
-            with suppress(UnicodeDecodeError):
-                data, encoding = data.decode("cp1252").encode(), "Windows-1252"
-    notes = [assumption("encoding", encoding=encoding)] if encoding else []
-    return decoded(data, name, expected), notes
+        data, encodings = data.encode("utf-8", "surrogatepass"), ()
+    elif data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        encodings = ("UTF-16",)
+    for encoding in encodings:
+        # bytes without a meaning in any are refused as no UTF-8
+        with suppress(UnicodeDecodeError):
+            data = data.decode(encoding or "utf-8").encode()
+            notes = [assumption("encoding", encoding=encoding)] if encoding else []
+            return decoded(data, name, expected), notes
+    return decoded(data, name, expected), []
 
 
 def numbered(text: str) -> Iterator[tuple[int, str]]:
@@ -318,59 +317,6 @@ def numbered(text: str) -> Iterator[tuple[int, str]]:
 def is_comment(line: str) -> bool:
     """Return True for a comment."""
     return line.lstrip().startswith("#")
-
-
-def separator_of(header: str) -> str:
-    """Return the separator that splits a header into most names."""
-
-    def names(mark: str) -> int:
-        try:
-            (cells,) = csv.reader([header], delimiter=mark, skipinitialspace=True)
-        except (csv.Error, ValueError):
-            return 0
-        return len(cells)
-
-    return max(SEPARATORS, key=names)
-
-
-def _split(
-    name: str, lines: Sequence[tuple[int, str]], separator: str
-) -> tuple[list[Row], list[InputError]]:
-    """Split lines into fields, and return those as wide as the header, and faults."""
-    # strict: a stray quote is an error, not a part of a field
-    reader = csv.reader(
-        (line for _, line in lines),
-        delimiter=separator,
-        skipinitialspace=True,
-        strict=True,
-    )
-    rows: list[Row] = []
-    try:
-        for line, _ in lines:
-            rows.append(Row(line, [cell.strip() for cell in next(reader)]))
-            # a quote across lines would swallow rows
-            if reader.line_num != len(rows):
-                raise InputError(
-                    f"{name}: line {line}: expected one row a line, got a quote that "
-                    "is not closed on it"
-                )
-    except csv.Error as error:
-        raise InputError(
-            f"{name}: line {lines[len(rows)][0]}: expected fields separated by "
-            f"{SEPARATORS.get(separator, separator)}, got a stray or unclosed quote "
-            f"({error})"
-        ) from None
-    width = len(rows[0].cells)
-    faults = [
-        InputError(
-            f"{name}: line {line}: expected {width} fields as in the header, got "
-            f"{len(cells)}"
-            + ("; is a decimal comma among them?" if len(cells) > width else "")
-        )
-        for line, cells, _ in rows
-        if len(cells) != width
-    ]
-    return [row for row in rows if len(row.cells) == width], faults
 
 
 def table_of_rows(
@@ -401,28 +347,27 @@ def table_of_rows(
     table.comments = tuple(comments)
     # titles of merged cells leave blanks, which names below them fill
     while filled:
-        blank = [at for at, name in enumerate(table.header) if not name]
-        blank = [at for at in blank if any(row.cells[at] for row in filled)]
-        names = filled[0]
-        if not blank or not all(names.cells[at] for at in blank):
+        below = filled[0].cells
+        blank = [
+            cell
+            for at, (name, cell) in enumerate(zip(table.header, below, strict=True))
+            if not name and any(row.cells[at] for row in filled)
+        ]
+        if not (blank and all(blank) and all(map(is_text, filter(None, below)))):
             break
-        if not all(map(is_text, filter(None, names.cells))):
-            break
-        lines = {"first": table.header_line, "line": names.line}
+        lines = {"first": table.header_line, "line": filled.pop(0).line}
         table.notes.append(assumption("titles", word=word, **lines))
-        table.header = [n or t for n, t in zip(names.cells, table.header, strict=True)]
-        table.header_line = filled.pop(0).line
-    width = range(len(table.header))
-    table.columns = [[row.cells[at] for row in filled] for at in width]
+        table.header = [n or t for n, t in zip(below, table.header, strict=True)]
+        table.header_line = lines["line"]
+    kept = [
+        at
+        for at, name in enumerate(table.header)
+        if name or any(row.cells[at] for row in filled)
+    ]
+    table.header = [table.header[at] for at in kept]
+    table.columns = [[row.cells[at] for row in filled] for at in kept]
     table.lines = [row.line for row in filled]
-    table.units = [""] * len(table.header)
-    table.drop_columns(
-        {
-            index
-            for index, name in enumerate(table.header)
-            if not name and not any(table.columns[index])
-        }
-    )
+    table.units = [""] * len(kept)
     # pandas writes a row of units first, some loggers last
     for at in dict.fromkeys((0, len(table.lines) - 1)) if table.lines else ():
         cells = [column[at].strip(BRACKETS) for column in table.columns]
@@ -485,15 +430,12 @@ def _numeric_table(text: str, name: str, notes: list[Note], expected: str) -> Ta
         left = (Row(rows[at + n][0], c[: columns[0]]) for n, c in enumerate(samples))
         table.preamble += tuple(row for row in left if any(row.cells))
     # between commas there is no decimal comma
-    marks: set[str] = set()
-    for (number, line), cells in zip(rows[at:], samples, strict=True):
-        held = "".join(cells[c] for c in columns if c < len(cells))
-        marks |= {mark for mark in ".," if separator != "," and mark in held}
-        if len(marks) > 1:
-            raise InputError(
-                f"{table.at(number)}: expected a decimal point or a decimal comma, got "
-                f"both: {shown(line.strip())}"
-            )
+    held = "".join(c for row in samples for at, c in enumerate(row) if at in columns)
+    marks = [mark for mark in ",." if separator != "," and mark in held]
+    if len(marks) > 1:
+        raise InputError(
+            f"{table.at(first)}: expected a decimal point or a decimal comma, got both"
+        )
     table.decimal = "," if "," in marks else "."
     return table
 
@@ -625,58 +567,47 @@ def take_decimal_commas(table: Table, numbers: Collection[int]) -> None:
     for i in numbers:
         if any(MINUS in text for text in table.columns[i]):
             table.columns[i] = [x.replace(MINUS, "-") for x in table.columns[i]]
-    commas = any("," in text for i in numbers for text in table.columns[i])
-    if not commas and table.separator != ";":
+    if table.separator != ";" and not any(
+        "," in x for i in numbers for x in table.columns[i]
+    ):
         return
-    # by mark the first number with one reading, and with two: 1,5 but 1,234
-    sure: dict[str, tuple[str, str]] = {}
-    unsure: dict[str, tuple[str, str]] = {}
+    # by form the first number and its place
+    seen: dict[str, tuple[str, str]] = {}
     for i in numbers:
         for line, cell in zip(table.lines, table.columns[i], strict=True):
             text = cell.lstrip("> ")
-            if "," not in text and "." not in text:
-                continue
-            seen = table.at(line, table.header[i]), text
-            match = GROUPED.fullmatch(text)
-            if match and text.count(match[1]) == 1:
-                unsure.setdefault(match[1], seen)
-                continue
-            mark = next((m for m in ",." if DECIMALS[m].fullmatch(text)), "")
-            if mark:
-                sure.setdefault(mark, seen)
-            elif not text.strip("+-0123456789.,"):
-                raise InputError(
-                    f"{seen[0]}: expected a number without marks between thousands, "
-                    f"got {shown(text)}"
-                )
-    if len(sure) == 2:
-        (here, text), (there, other) = sure[","], sure["."]
+            if "," in text or "." in text:
+                of = next((f for f in FORMS if re.fullmatch(FORMS[f], text)), "")
+                if of not in seen:
+                    seen[of] = table.at(line, table.header[i]), text
+    if "grouped" in seen:
+        where, text = seen["grouped"]
+        raise InputError(
+            f"{where}: expected a number without marks between thousands, got "
+            f"{shown(text)}"
+        )
+    if "," in seen and "." in seen:
+        (here, text), (there, other) = seen[","], seen["."]
         raise InputError(
             f"{here}: expected one decimal mark in the file, got a comma here "
             f"({text}) and a point at {there} ({other})"
         )
-    if unsure.keys() - sure.keys():
-        mark, (where, text) = next((m, s) for m, s in unsure.items() if m not in sure)
-        decimal, whole = text.replace(mark, "."), text.replace(mark, "")
-        if not sure:
+    for mark in ",.":
+        if f"{mark}?" in seen and mark not in seen:
+            where, text = seen[f"{mark}?"]
+            there, other = seen.get(".,"[",.".index(mark)], ("", ""))
+            known = f"; {there} has {other}" if other else ""
             raise InputError(
-                f"{where}: expected {decimal} with a point in a file with commas "
-                f"between fields, or {whole} without a mark, got {shown(text)}, which "
-                "may be either"
+                f"{where}: expected {text.replace(mark, '.')} with a decimal point, or "
+                f"{text.replace(mark, '')} without a mark between thousands, got "
+                f"{shown(text)}, which may be either{known}"
             )
-        ((place, known),) = sure.values()
-        raise InputError(
-            f"{where}: expected no mark between thousands, and decimals as in {known} "
-            f"at {place}; write {whole} for a whole number"
-        )
-    if "," in sure:
+    if "," in seen:
         for i in numbers:
             table.columns[i] = [
-                text.replace(",", ".")
-                if DECIMALS[","].fullmatch(text.lstrip("> "))
-                else text
-                for text in table.columns[i]
+                x.replace(",", ".") if re.fullmatch(FORMS[","], x.lstrip("> ")) else x
+                for x in table.columns[i]
             ]
-        where, text = sure[","]
+        where, text = seen[","]
         place = where.removeprefix(f"{table.source}: ")
         table.notes.append(assumption("decimal_comma", text=text, place=place))

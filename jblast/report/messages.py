@@ -148,7 +148,6 @@ MESSAGES = {
     "({rows:rows})",
     "empty_skipped": "{rows:rows} without a value left out: {words} {lines:names}",
     "made_long": "a wide table, a column for each of {names:names}",
-    "errors_shared": "errors of {names:names} are per cent of each value",
     "no_errors": "no column of errors for {names:names}: only the law's scatter is "
     "used",
 }

@@ -16,7 +16,7 @@ DEGREES = "lat_deg,lon_deg,alt_m"
 UTC = f"sensor,quantity,value_utc,sigma,{DEGREES} / a,air_arrival_s,"
 LOGS = table(f"""
 {AT.replace("value", "value_kpa,value_psi")},range_m / a,x,5,1,1,20 =>\
- line 1 | 'value_kpa' and 'value_psi' | two units for one column
+ line 1 | 'value_kpa' and 'value_psi'
 {AT},range_m,range_ft / a,air_arrival_s,1,1,2,6 =>\
  line 1 | range_m once | 'range_m' and 'range_ft'
 {AT},{DEGREES},east_m,north_m,up_m / a,air_arrival_s,1,1,3,3,1,,, /\

@@ -14,15 +14,18 @@ HEAD = "sensor,quantity,value,sigma,clock,lat_deg,lon_deg,alt_m\n"
 PLACES = {"a": "33.9,35.5,1500", "b": "33.902,35.5,1500", "c": "33.9,35.503,1500"}
 
 
+def at(tmp_path, text):
+    (tmp_path / "log.csv").write_text(text)
+    return jblast.read(tmp_path / "log.csv")
+
+
 def log(tmp_path, readings, clocks=("a", "b", "c"), flash=(1.0, 2.0, 3.0)):
     rows = []
     for (name, place), clock, seen in zip(PLACES.items(), clocks, flash, strict=True):
         for quantity in readings:
             value = {"flash_time_s": seen, "air_arrival_s": seen + 1}.get(quantity, 500)
             rows.append(f"{name},{quantity},{value},0.01,{clock},{place}")
-    path = tmp_path / "log.csv"
-    path.write_text(HEAD + "\n".join(rows))
-    return jblast.read(path)
+    return at(tmp_path, HEAD + "\n".join(rows))
 
 
 SEEN_AND_HEARD = ("flash_time_s", "air_arrival_s")
@@ -69,11 +72,9 @@ def test_a_log_in_metres_and_a_scene_that_was_given_stay_as_they_are(tmp_path):
     given = UncertainScene(Scene(), {}, "scene.toml")
     readings = log(tmp_path, SEEN_AND_HEARD)
     assert for_log(given, readings) is given
-    path = tmp_path / "metres.csv"
-    path.write_text("sensor,quantity,value,sigma,range_m\na,air_arrival_s,1,.1,300\n")
-    assert for_log(default_scene(), jblast.read(path)).beliefs.keys() == {
-        "charge_mass_kg"
-    }
+    text = "sensor,quantity,value,sigma,range_m\na,air_arrival_s,1,.1,300\n"
+    metres = for_log(default_scene(), at(tmp_path, text))
+    assert metres.beliefs.keys() == {"charge_mass_kg"}
 
 
 def test_place_and_time_are_free_with_positions_in_metres_that_identify_them(tmp_path):
@@ -107,10 +108,7 @@ def test_positions_count_from_the_place_of_the_scene(tmp_path):
 
 @pytest.mark.parametrize(("east", "is_free"), [(300.0, False), (500_000.0, True)])
 def test_one_sensor_is_on_a_map_only_far_from_the_origin(tmp_path, east, is_free):
-    path = tmp_path / "one.csv"
-    path.write_text(
-        "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
-        f"a,peak_overpressure_pa,900,45,{east},0,1\n"
-    )
-    found = for_log(default_scene(), jblast.read(path))
+    head = "sensor,quantity,value,sigma,east_m,north_m,up_m\n"
+    one = at(tmp_path, f"{head}a,peak_overpressure_pa,900,45,{east},0,1\n")
+    found = for_log(default_scene(), one)
     assert ("charge_east_m" in found.beliefs) == is_free

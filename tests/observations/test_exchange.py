@@ -23,7 +23,6 @@ def test_a_log_comes_back_from_a_data_frame_as_it_was(log):
     ours = read(log(LOG))
     frame = to_pandas(ours)
     assert frame["value"].dtype == float
-    assert frame.attrs["units"]["east_m"] == "m"
     back = read(frame)
     assert_equal(back, ours)
     assert back.source == "data frame"

@@ -61,7 +61,7 @@ def test_a_shock_radius_needs_no_place(table):
 def test_one_sensor_needs_no_place_where_the_scene_gives_its_range(table):
     ranged = Scene(charge=Charge(range_m=20.0))
     assert len(resolve_positions(table(BARE + "a,air_arrival_s,1,\n"), ranged)) == 1
-    with pytest.raises(InputError, match=r"distance to one sensor; got .*'a', 'b'"):
+    with pytest.raises(InputError, match=r"line 3: .*one sensor, 'a'; got 'b'"):
         resolve_positions(
             table(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n"), ranged
         )

@@ -41,13 +41,10 @@ def test_every_column_comes_back_by_name_in_any_order(log):
     assert observations.source.endswith("log.csv")
 
 
-def test_a_place_may_be_left_to_the_scene(log):
+def test_a_place_may_be_left_to_the_scene_or_be_a_range(log):
     observations = read(log("sensor,quantity,value,sigma\na,air_arrival_s,1,\n"))
     assert np.isnan(observations.position).all()
     assert observations.clock == ("",)
-
-
-def test_a_range_stands_for_a_position(log):
     text = "sensor,quantity,value,sigma,range_m\na,air_arrival_s,1,,20\n"
     assert read(log(text)).slant_range[0] == 20
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from jblast.observations import Observations, read, resolve_positions, starter_scene
+from jblast.observations import observed, read, resolve_positions, starter_scene
 from jblast.observations.grouping import located
 from jblast.observations.scenes import for_log
 from jblast.scene import Free, default_scene, read_scene
@@ -128,19 +128,12 @@ def test_a_reading_of_time_zero_and_a_sigma_that_overflows_do_no_harm(start):
     )
 )
 def test_any_name_of_a_sensor_survives_as_toml(tmp_path, names):
-    nan = np.full(len(names), np.nan)
-    unsaid = ("",) * len(names)
-    observations = Observations(
-        sensor=tuple(names),
-        quantity=("air_arrival_s",) * len(names),
-        value=np.ones(len(names)),
-        sigma=nan,
+    observations = observed(
+        names,
+        ["air_arrival_s"] * len(names),
+        np.ones(len(names)),
+        np.full(len(names), np.nan),
         position=np.zeros((len(names), 3)),
-        slant_range=nan,
-        time=nan,
-        path=unsaid,
-        shot=unsaid,
-        clock=unsaid,
         source=f"{names[0]}.csv",
     )
     (tmp_path / "scene.toml").write_text(

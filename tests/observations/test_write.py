@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
-from jblast.observations import QUANTITIES, TIMES, Observations, read, write
+from jblast.observations import (
+    QUANTITIES,
+    TIMES,
+    Observations,
+    observed,
+    read,
+    write,
+)
 from jblast.quantities import DIRECTIONS, TIMED
 
 EXACT = settings(
@@ -43,15 +50,9 @@ def key(row):
 
 
 def table(rows_, comments=()):
-    sensor, quantity, value, sigma, position, slant_range, time, *names = zip(
-        *rows_, strict=True
-    )
-    path, shot, clock = names
-    return Observations(
-        sensor=sensor,
-        quantity=quantity,
-        value=np.array(value, dtype=float),
-        sigma=np.array(sigma, dtype=float),
+    *columns, position, slant_range, time, path, shot, clock = zip(*rows_, strict=True)
+    return observed(
+        *columns,
         position=np.array(position, dtype=float),
         slant_range=np.array(slant_range, dtype=float),
         time=np.array(time, dtype=float),
@@ -113,7 +114,5 @@ def test_a_name_that_would_not_read_back_is_refused(tmp_path, name):
 
 
 def test_a_table_without_rows_is_refused(tmp_path):
-    none = np.empty(0)
-    empty = Observations((), (), none, none, np.empty((0, 3)), none, none, (), (), ())
     with pytest.raises(ValueError, match="no rows"):
-        write(tmp_path / "log.csv", empty)
+        write(tmp_path / "log.csv", observed([], [], [], []))

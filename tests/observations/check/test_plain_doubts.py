@@ -41,6 +41,11 @@ def test_places_are_doubted(log, kind):
     assert (doubt.kind, doubt.rows) == (kind, (1, 0))
 
 
+def test_angles_at_one_place_are_compared_in_radians(log):
+    rows = "a,bearing_rad,0.1,0.01,20,0,1", "b,bearing_rad,0.2,0.01,20,0,1"
+    assert [doubt.rows for doubt in places_doubted(log(*rows))] == [(1, 0)]
+
+
 @pytest.mark.parametrize(
     "rows",
     [

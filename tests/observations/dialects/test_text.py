@@ -55,8 +55,8 @@ def test_quoted_decimal_commas_are_read_between_commas(log):
     [
         ("1,234", "1", "expected 1.234 .* or 1234"),
         ("1.234", "1", "expected 1.234 .* or 1234"),
-        ("1,234", "0.5", "no mark between thousands, and decimals as in 0.5"),
-        ("1.234", "0,5", "no mark between thousands, and decimals as in 0,5"),
+        ("1,234", "0.5", "line 2, column sigma has 0.5"),
+        ("1.234", "0,5", "line 2, column sigma has 0,5"),
         ("1.234,5", "1", "without marks between thousands"),
         ("1,234,567", "1", "without marks between thousands"),
         ("0,25", "0.5", "one decimal mark in the file"),
@@ -117,6 +117,8 @@ def test_a_separator_within_quotes_is_none(log):
 def test_buffers_of_text_and_of_bytes_are_read(log):
     for source in (io.StringIO(SEMICOLONS), io.BytesIO(SEMICOLONS.encode("utf-16"))):
         assert read(source).value[0] == 0.05
+    with pytest.raises(InputError, match="got the byte 0xed"):
+        read(io.StringIO(HEADER + "\ud800" + ROW))
     with log(HEADER + ROW).open(encoding="utf-8") as file:
         assert read(file).source.endswith("log.csv")
 
@@ -125,7 +127,7 @@ def test_buffers_of_text_and_of_bytes_are_read(log):
     ("name", "said"),
     [
         ("log.docx", "expected a log in one of .csv"),
-        ("shot.wav", "is a recording, not a log"),
+        ("shot.wav", "got .wav; of a recording"),
         ("shot.xls", "expected a log in one of"),
     ],
 )

@@ -89,13 +89,13 @@ value,sigma,range_m / a,peak_overpressure_mpa,5,1,1 => MPa or mPa
 value,sigma,range_m / a,peak_overpressure_psia,5,1,1 => absolute
 value,sigma,range_m / a,peak_overpressure_kpb,5,1,1 => did you mean kpa
 value,sigma,range_m / a,level_dba,150,1,1 => unknown quantity
-value,sigma,range_m / a,bearing_deg,361,1,1 => bearing_deg within 360 either way
+value,sigma,range_m / a,bearing_deg,361,1,1 => bearing_deg within 360 deg either way
 value,sigma,range_m / a,elevation_deg,91,1,1 => elevation_deg within 90
 value,sigma,range_m / a,peak_overpressure_kpa,-5,1,1 => positive peak_overpressure_k
-value,value_kpa,sigma,range_m / a,air_arrival_s,1,2,3,4 => two units for one column
+value,value_kpa,sigma,range_m / a,air_arrival_s,1,2,3,4 => got 'value' and 'value_kpa'
 value,Value,sigma,range_m / a,air_arrival_s,1,2,3,4 => once, got 'value' and 'Value'
-value,sigma,range_m,range_ft / a,air_arrival_s,1,2,3,4 => two units for one column
-value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => two units for one column
+value,sigma,range_m,range_ft / a,air_arrival_s,1,2,3,4 => 'range_m' and 'range_ft'
+value,sigma,sigma_percent,range_m / a,air_arrival_s,1,2,3,4 => column sigma once
 value,sigma,range_furlong / a,air_arrival_s,1,2,3 => 'furlong' is no unit of length
 value_parsec,sigma,range_m / a,air_arrival_s,1,2,3 => 'parsec' is no unit
 """)
@@ -113,6 +113,11 @@ def test_an_error_may_be_a_share_of_its_value(log):
     rows = "a,peak_overpressure_kpa,5,8,1", "b,peak_overpressure_pa,9,,1"
     found = of(log, *rows, head=head)
     np.testing.assert_allclose(found.sigma, [400, np.nan])
+    found = of(log, "a,peak_overpressure_kpa,5,8%,1", "b,peak_level_db,154,8 %,1")
+    np.testing.assert_allclose(found.error_scale(), 0.08)
+    assert found.understood[0].kind == "share"
+    with pytest.raises(InputError, match="a finite number, got '%'"):
+        of(log, "a,peak_overpressure_kpa,5,%,1")
 
 
 def test_a_peak_level_is_a_pressure_and_its_decibels_a_share(log):

@@ -37,15 +37,15 @@ def test_units_may_stand_in_a_row(log):
 
 def test_one_column_of_shares_is_that_of_all_errors_that_are_shares(log):
     text = (
-        "sensor;range_m;air_arrival_ms;peak_overpressure_kpa;Sigma (%)\n"
-        "a;10;12,4;>12,4;7\n"
-        "b;20;40,5;5;NA\n"
+        "sensor;range_m;air_arrival_ms;peak_overpressure_kpa;Sigma (%);Note\n"
+        "a;10;12,4;>12,4;7;1.5\n"
+        "b;20;40,5;5;NA;\n"
     )
     found = read(log(text), wide=True)
     assert found.value[0] == 0.0124
     np.testing.assert_array_equal(found.sigma, [np.nan, 868, np.nan, np.nan])
     notes = {note.kind: note.numbers for note in found.understood}
-    assert notes["errors_shared"] == {"names": ["peak_overpressure_kpa"]}
+    assert notes["share"]["rows"] == 1
     assert notes["no_errors"] == {"names": ["air_arrival_ms"]}
 
 

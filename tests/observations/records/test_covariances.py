@@ -93,11 +93,17 @@ def test_faults_of_the_side_file_are_gathered_and_the_log_is_kept(tmp_path):
     ("text", "message"),
     [
         ("", "line 1: .*expected a header"),
-        ("g1,peak_overpressure_pa,peak_overpressure_pa,nan\n", "expected a number"),
-        ("g1,peak_overpressure,peak_overpressure_pa,1\n", "unknown quantity"),
+        ("g1,peak_overpressure_pa,peak_overpressure_pa,nan\n", "a finite number"),
+        (
+            "g1,peak_overpressure,peak_overpressure_pa,1\n",
+            "column quantity: expected one of",
+        ),
         (",peak_overpressure_pa,peak_overpressure_pa,1\n", "expected a name"),
         ("g1,peak_overpressure_pa,1\n", "expected 4 fields"),
-        ("g1,peak_overpressure_pa,peak_overpressure_pa,-1\n", "positive variances"),
+        (
+            "g1,peak_overpressure_pa,peak_overpressure_pa,-1\n",
+            r"positive definite, got \[\[-1.0\]\]",
+        ),
         (
             "g1,peak_overpressure_pa,positive_duration_s,1e-3\n",
             "expected a covariance of peak_overpressure_pa with peak_overpressure_pa",

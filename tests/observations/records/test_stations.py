@@ -41,7 +41,7 @@ def test_places_and_clocks_are_read(tmp_path):
             "line 3, column east_m: expected a finite number",
         ),
         (TABLE.replace("gate", ""), "column sensor: expected a new name, got nothing"),
-        (TABLE.replace("up_m", "north_m"), "column north_m once, got it twice"),
+        (TABLE.replace("up_m", "north_m"), "column north_m once, got 'north_m' and"),
         (TABLE.replace("clock", "watch"), "unknown column 'watch'"),
     ],
 )

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import read, resolve_positions
+from jblast.observations import resolve_positions
 from jblast.observations.clocks import refuse_unsolvable_clocks, untied_flashes
 from jblast.scene import Clock, Scene, Sensor, UncertainScene, freed
 
@@ -11,10 +11,8 @@ TWO = HEADER + "a,air_arrival_s,1,.1,20,0,0,x\nb,air_arrival_s,2,.1,30,0,0,y\n"
 
 
 @pytest.fixture
-def two(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text(TWO)
-    return read(path)
+def two(table):
+    return table(TWO)
 
 
 def test_recorders_may_run_free_but_for_the_first(two):
@@ -47,34 +45,33 @@ ARRIVAL = "{0},air_arrival_s,1.0,.1,{1},0,0,{2}"
 FLASH = "{0},flash_time_s,0.5,.1,{1},0,0,{2}"
 
 
-def log(tmp_path, *rows):
-    path = tmp_path / "log.csv"
-    path.write_text(HEADER + "".join(row + "\n" for row in rows))
-    return read(path)
+@pytest.fixture
+def log(table):
+    return lambda *rows: table(HEADER + "".join(row + "\n" for row in rows))
 
 
-def test_a_flash_on_a_clock_that_reads_nothing_else_is_tied_to_no_other(tmp_path):
+def test_a_flash_on_a_clock_that_reads_nothing_else_is_tied_to_no_other(log):
     both = (FLASH.format("a", 20, "x"), ARRIVAL.format("a", 20, "x"))
     alone = FLASH.format("c", 40, "z")
-    made = log(tmp_path, *both, ARRIVAL.format("b", 30, "y"), alone)
+    made = log(*both, ARRIVAL.format("b", 30, "y"), alone)
     assert untied_flashes(made, {}).tolist() == [False, False, False, True]
     assert not untied_flashes(made, {"z"}).any()  # its offset is known or fitted
     # wherever it stands; but not where the others are set by it
-    first = log(tmp_path, alone, *both)
+    first = log(alone, *both)
     assert untied_flashes(first, {}).tolist() == [True, False, False]
     assert not untied_flashes(first, {"x"}).any()
     # nor on the common clock, nor where there is nothing else
-    assert not untied_flashes(log(tmp_path, *both, FLASH.format("c", 40, "")), {}).any()
-    flashes = log(tmp_path, alone, FLASH.format("d", 50, "w"))
+    assert not untied_flashes(log(*both, FLASH.format("c", 40, "")), {}).any()
+    flashes = log(alone, FLASH.format("d", 50, "w"))
     assert not untied_flashes(flashes, {}).any()
 
 
-def test_more_unknown_clocks_than_clock_times_are_refused_with_the_remedy(tmp_path):
+def test_more_unknown_clocks_than_clock_times_are_refused_with_the_remedy(log):
     names = "abcde"
     rows = [ARRIVAL.format(name, 20 + 10 * i, name) for i, name in enumerate(names)]
     clocks = [f"clock_offset_s.{name}" for name in names[1:]]
     place = ["charge_east_m", "charge_north_m"]
-    heard = log(tmp_path, *rows)
+    heard = log(*rows)
 
     def scene(*free):
         return freed(UncertainScene(Scene()), [*free, *clocks])
@@ -93,11 +90,11 @@ def test_more_unknown_clocks_than_clock_times_are_refused_with_the_remedy(tmp_pa
         for i, name in enumerate(names)
     ]
     asked = scene(*place, "origin_time_s", "charge_mass_kg")
-    refuse_unsolvable_clocks(log(tmp_path, *rows, *peaks), asked)
+    refuse_unsolvable_clocks(log(*rows, *peaks), asked)
     flashes = [FLASH.format(name, 20 + 10 * i, name) for i, name in enumerate(names)]
-    refuse_unsolvable_clocks(log(tmp_path, *rows, *flashes), asked)
+    refuse_unsolvable_clocks(log(*rows, *flashes), asked)
     # fewer clock times than unknown clocks: whatever else was read
-    few = log(tmp_path, rows[0], *rows[2:], *peaks)
+    few = log(rows[0], *rows[2:], *peaks)
     with pytest.raises(InputError, match="4 clock times and 5 other readings cannot"):
         refuse_unsolvable_clocks(
             few,

@@ -94,6 +94,6 @@ def test_zones_and_days_that_are_none_are_told():
     for name in ("", "+25:00", "../etc"):
         with pytest.raises(InputError, match="zone: expected"):
             zone_named(name)
-    for text in ("4.8.2020", "20200804", "2020-13-01", "2020-8-4"):
+    for text in ("4.8.2020", "2020-13-01", "2020-8-4"):
         with pytest.raises(InputError, match="date: expected a day"):
             day_named(text)

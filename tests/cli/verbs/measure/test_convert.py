@@ -59,7 +59,7 @@ def test_a_wide_table_is_told_the_option_and_made_long_by_it(jblast):
     frame.to_excel(jblast.path("wide.xlsx"), index=False)
     wide = jblast.path("wide.xlsx")
     code, _, said = jblast("convert", wide)
-    assert (code, "read it with --wide" in said) == (2, True)
+    assert (code, "read a wide table with --wide" in said) == (2, True)
     code, _, _ = jblast("convert", wide, "--wide", "--out", jblast.path("long.csv"))
     assert code == 0
     long = read(jblast.path("long.csv"))

@@ -130,7 +130,7 @@ HEAD = "time_s,pressure_kpa\n"
             "column pressure_kpa: .*kpa in its name",
         ),
         (HEAD + "0,1\n0.1\n", "line 3: expected 2 fields as in the header, got 1"),
-        (HEAD + "0,1,5\n1,2,7\n", "line 2: expected 2 fields .* got 3"),
+        (HEAD + "0,1,5\n1,2,7\n", "line 1: .* each of 3, .*got 'time_s pressure_kpa'"),
         (HEAD + "0,1\n", "expected at least two samples, got 1"),
         (HEAD, "line 1: .* got no numbers"),
         ("sensor,quantity,value\na,air_arrival_s,1\n", "is a log, which jblast fit"),
