@@ -24,11 +24,10 @@ from jblast.observations.table import RECORD_QUANTITIES
 from jblast.signals.picks.evidence import (
     MISFIT,
     Modes,
+    Weighted,
     covariance,
-    high_passed,
-    levels,
     modes_of,
-    widening,
+    weighed,
 )
 from jblast.signals.picks.preparation import BEHIND_DURATIONS, Prepared, Window
 from jblast.signals.picks.pulse import (
@@ -332,15 +331,6 @@ def _check_even(time: Float[np.ndarray, " sample"]) -> None:
         )
 
 
-class _Weighted(NamedTuple):
-    """Modes of one effect and sampling, with their weights."""
-
-    window: Window
-    modes: Modes
-    weights: Float[np.ndarray, " mode"]
-    widened: float
-
-
 @dataclass(frozen=True)
 class _Fit:
     """A fit of a record by all hypotheses.
@@ -353,7 +343,7 @@ class _Fit:
     """
 
     window: Window
-    groups: list[_Weighted]
+    groups: list[Weighted]
     misfit: float
     alone: bool = False
 
@@ -367,7 +357,7 @@ class _Fit:
         """True if a hypothesis explains the record."""
         return self.misfit < MISFIT or self.left < SLIGHT_RESIDUAL
 
-    def best(self, effect: str | None = None) -> tuple[_Weighted, Modes]:
+    def best(self, effect: str | None = None) -> tuple[Weighted, Modes]:
         """Return the most probable mode, of all or of an effect, and its group."""
         groups = [
             g for g in self.groups if effect is None or g.modes.effect.name == effect
@@ -406,12 +396,12 @@ def picked(
 def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
     """Return the best of several attempts."""
     record = Prepared(samples, full_scale, high_pass=high_pass)
-    longest, best = np.inf, _weighed(*modes_of(record))
+    longest, best = np.inf, _fit_of(record)
     for _ in range(2):
         longest = SHORTER * record.start_duration(longest)
         if best.fits or longest < 0.5 * FEW_SAMPLES:
             break
-        tried = _weighed(*modes_of(record, longest=longest))
+        tried = _fit_of(record, longest=longest)
         best = min(best, tried, key=lambda fit: fit.misfit)
     if not best.fits:
         top = record.samples.max()
@@ -420,7 +410,7 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
         if high and flat.sum() >= FLAT_TOP_SAMPLES:
             clipped = np.maximum(record.clipped, flat)
             other = Prepared(samples, full_scale, clipped, high_pass)
-            tried = _weighed(*modes_of(other))
+            tried = _fit_of(other)
             best = tried if tried.fits else best
     for part in FRONT_PARTS:
         if best.fits:
@@ -430,38 +420,19 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
         # samples behind the front must not decide where the search begins, either
         near = np.where(np.arange(samples.size) < until, samples, samples[0])
         other = Prepared(near, full_scale, high_pass=high_pass)
-        tried = _weighed(*modes_of(other, longest=duration, until=until))
+        tried = _fit_of(other, longest=duration, until=until)
         if tried.fits and _peak_sd(tried) < FOUND_SD:
             best = replace(tried, alone=True)
     return best
 
 
-def _weighed(window: Window, groups: list[Modes]) -> _Fit:
-    """Return modes with weights by their evidence; an unstated high-pass may be one."""
+def _fit_of(record: Prepared, longest: float = np.inf, until: float = np.inf) -> _Fit:
+    """Return the fit of a record; arguments are those of `modes_of`."""
+    window, groups = modes_of(record, longest=longest, until=until)
     if not groups:
         return _Fit(window, [], np.inf)
-    widened = widening(window, *groups)
-    level = [levels(window, modes, widened) for modes in groups]
-    total = np.logaddexp.reduce(np.concatenate(level))
-    found = [
-        _Weighted(window, modes, np.exp(x - total), widened)
-        for modes, x in zip(groups, level, strict=True)
-    ]
     misfit = float(2 * min(modes.cost.min() for modes in groups) / window.count)
-    fit = _Fit(window, found, misfit)
-    rings = fit.best()[1].effect.name == "resonating"
-    passed = high_passed(window, groups) if widened < MISFIT and not rings else None
-    if passed is None:
-        return fit
-    share = 1 / (1 + np.exp(-np.clip(passed.ln_odds, -50, 50)))
-    own = np.exp(passed.level - np.logaddexp.reduce(passed.level))
-    return replace(
-        fit,
-        groups=[
-            *(g._replace(weights=g.weights * (1 - share)) for g in found),
-            _Weighted(passed.window, passed.modes, own * share, passed.widened),
-        ],
-    )
+    return _Fit(window, weighed(window, groups), misfit)
 
 
 def _moments(fit: _Fit) -> tuple[np.ndarray, np.ndarray]:
@@ -475,7 +446,7 @@ def _moments(fit: _Fit) -> tuple[np.ndarray, np.ndarray]:
     return mean, within + (weights[:, None] * apart).T @ apart
 
 
-def _of_group(group: _Weighted):
+def _of_group(group: Weighted):
     """Return weights, outputs and their covariances, of the modes that count."""
     some = group.weights > LEAST_WEIGHT
     modes, weights = group.modes[some], group.weights[some]
@@ -677,7 +648,7 @@ def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
     )
 
 
-def _later(group: _Weighted, mode: Modes) -> tuple[float, float]:
+def _later(group: Weighted, mode: Modes) -> tuple[float, float]:
     """Return the arrival of a further front and its standard deviation [samples]."""
     own = covariance(mode)[0] * max(group.widened, 1.0)
     lag = float(np.exp(mode.unknowns[0, 5]))
