@@ -492,27 +492,30 @@ def _leaves(window: Window, groups: list[Modes], until: float) -> bool:
     return fits and not 0.6 < ratio < 1.7
 
 
-def _all_forms(window: Window, best: Modes) -> Modes:
+def _all_forms(window: Window, found: Modes) -> Modes:
     """Return all negative phases from the best ends, then all rises."""
     # ends of one length are one, since all negative phases are tried from each
-    ends = _distinct(best, np.argsort(best.cost), SAME_LENGTH, forms=False)
-    ends = best[ends[:3]]
+    ends = _distinct(found, np.argsort(found.cost), SAME_LENGTH, forms=False)
+    ends = found[ends[:3]]
     ends = ends[ends.cost <= ends.cost[0] + LIKELY_END * widening(window, ends)]
-    many = len(NEGATIVES)
-    unknowns = np.repeat(ends.unknowns, many, axis=0)
+    many, effect = len(NEGATIVES), found.effect
+    unknowns, rise = (np.repeat(x, many, axis=0) for x in (ends.unknowns, ends.rise))
     forms = np.tile(np.arange(many), len(ends))
-    tails = search(window, hypotheses(unknowns, SMOOTH, forms))
+    tails = search(window, hypotheses(unknowns, rise, forms, effect))
     # one end that is reached from several starts counts once
     level = levels(window, tails, widening(window, tails))
     kept = _distinct(tails, np.argsort(-level), SAME_LENGTH)
     tails, level = tails[kept], level[kept]
     likely = tails[level >= level[0] - LIKELY]
-    rises = np.arange(1, len(RISES))
+    rises = np.setdiff1d(np.arange(len(RISES)), ends.rise)
+    unknowns, before, negative = (
+        np.repeat(x, rises.size, axis=0)
+        for x in (likely.unknowns, likely.rise, likely.negative)
+    )
     rise = np.tile(rises, len(likely))
-    unknowns = np.repeat(likely.unknowns, rises.size, axis=0)
-    unknowns = moved(unknowns, np.full(rise.size, SMOOTH), rise)
-    negative = np.repeat(likely.negative, rises.size)
-    return joined(tails, search(window, hypotheses(unknowns, rise, negative)))
+    unknowns[:, :5] = moved(unknowns[:, :5], before, rise)
+    start = hypotheses(unknowns, rise, negative, effect)
+    return joined(tails, search(window, start, FORM_STEPS))
 
 
 def _at_instants(window: Window, plain: Modes) -> list[Modes]:
@@ -568,41 +571,23 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
             base = plain[[int(np.argmax(np.where(usual, level, -np.inf)))]]
         starts = effect.starts(window, base, trial)
         trials = hypotheses(starts, base.rise[0], base.negative[0], effect)
-        if len(trials) > 1:  # the best of either half, which differ in length
-            halves = np.split(evaluate(window, trials, slopes=False).cost, 2)
-            places = [int(np.argmin(half)) for half in halves]
-            trials = trials[[places[0], len(halves[0]) + places[1]]]
+        trials = _most_likely(window, trials, 2)
         found = search(
             window, trials, 20, against=best.cost[0] + HOPELESS_EFFECT * widened
         )
         reached = levels(window, found, widened)
-        end = found[[int(np.argmax(reached))]]
         if effect.all_forms and reached.max() > level.max() - LIKELY_EFFECT:
             # the best forms without the effect may only imitate it
-            found = _forms_with(window, end)
+            found = _all_forms(window, found)
         if reached.max() > level.max():
             # or the search without it ended elsewhere
+            end = found.best
             start = hypotheses(end.unknowns[:, :5], end.rise, end.negative)
-            again.append(_forms_with(window, start))
+            again.append(_all_forms(window, search(window, start, FORM_STEPS)))
         groups.append(found)
     plain = joined(*again)
     order = np.argsort(-levels(window, plain, widened))
     return [plain[_distinct(plain, order, SAME_LENGTH)], *groups]
-
-
-def _forms_with(window: Window, found: Modes) -> Modes:
-    """Return an effect with all negative phases, then with all rises."""
-    many, effect = len(NEGATIVES), found.effect
-    unknowns = np.repeat(found.unknowns, many, axis=0)
-    start = hypotheses(unknowns, found.rise[0], np.arange(many), effect)
-    tails = search(window, start, FORM_STEPS)
-    best = tails.best
-    rise = np.setdiff1d(np.arange(len(RISES)), found.rise)
-    unknowns = np.repeat(best.unknowns, rise.size, axis=0)
-    same = np.full(rise.size, found.rise[0])
-    unknowns[:, :5] = moved(unknowns[:, :5], same, rise)
-    start = hypotheses(unknowns, rise, best.negative[0], effect)
-    return joined(tails, search(window, start, FORM_STEPS))
 
 
 class Weighted(NamedTuple):
@@ -664,11 +649,8 @@ def _high_passed(window: Window, groups: list[Modes], total: float):
     sign, _ = _sign(far, HIGH_PASSED, there)
     if sign < LEAST_SIGN and not HIGH_PASSED.suspected(there):
         return []
-    many = len(NEGATIVES)
-    unknowns = np.repeat(best.unknowns, many, axis=0)
-    start = hypotheses(unknowns, best.rise[0], np.arange(many))
     others = (m.best for m in groups[1:] if m.effect.name)
-    without = [search(far, start, 10), *(search(far, m, 10) for m in others)]
+    without = [_all_forms(far, there), *(search(far, m, 10) for m in others)]
     # another effect may imitate a high-pass, and its pulse be nearer
     near = min(groups, key=lambda modes: modes.cost.min()).best
     starts = [HIGH_PASSED.starts(far, mode, 0) for mode in (best, near)]
@@ -676,7 +658,8 @@ def _high_passed(window: Window, groups: list[Modes], total: float):
     rise = np.repeat([best.rise[0], near.rise[0]], each)
     negative = np.repeat([best.negative[0], near.negative[0]], each)
     trials = hypotheses(np.concatenate(starts), rise, negative, HIGH_PASSED)
-    modes = _forms_with(far, search(far, trials, 15).best)
+    ends = search(far, _most_likely(far, trials, 3), 15)
+    modes = _all_forms(far, ends)
     widened = widening(far, modes, *without)
     against = np.concatenate([levels(far, m, widened) for m in without])
     level = levels(far, modes, widened) - np.logaddexp.reduce(against) + total

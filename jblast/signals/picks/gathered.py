@@ -5,8 +5,9 @@ are compared with the table of stations before any sample is read. Of files with
 stems in several folders each folder is a shot, unless the table names FOLDER/STEM.
 
 Files share the clock of the first one if they, or their stations, state the time of day
-of the first sample. Each blast of each channel is picked, in batches. A file that
-cannot be used is reported and does not stop the others.
+of the first sample. Each blast of each channel is picked as soon as it is read, so a
+folder of any size needs bounded memory. A file that cannot be used is reported and does
+not stop the others.
 """
 
 import os
@@ -28,9 +29,6 @@ from jblast.signals.onsets import LEAST_PEAK_SHARE, Stretches, stretches
 from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.record_picks import RecordPick, pick_records
 
-BATCH_SAMPLES = 2**22
-"""Samples that are read before they are picked, 32 MB in double precision: a folder of
-any size needs bounded memory."""
 MAX_PRESSURE_PA = 1e9
 """Largest range of a record's samples [Pa]. The largest pressure of a blast in air is
 that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
@@ -45,7 +43,6 @@ class Gathered(NamedTuple):
 
     Attributes:
         picks: Picks in the order of files, channels and time.
-        orders: Number of each within its channel, from 1.
         silent: Names of channels without a pick.
         quieter: Number of onsets by channel that were skipped, more than 20 dB below
             the loudest.
@@ -56,13 +53,18 @@ class Gathered(NamedTuple):
     """
 
     picks: tuple[RecordPick, ...]
-    orders: tuple[int, ...]
     silent: tuple[str, ...]
     quieter: dict[str, int]
     refused: tuple[InputError, ...]
     epoch: datetime | None
     channels: int
     triggered: bool = False
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Number of each pick within its channel, from 1."""
+        names = [_channel(one.record) for one in self.picks]
+        return tuple(names[: at + 1].count(name) for at, name in enumerate(names))
 
     def named(self) -> tuple[str, ...]:
         """Return the name of each pick's record; of several in a channel name#order."""
@@ -103,17 +105,16 @@ def gathered(
     """
     reading = _Reading(scaling or Scaling(), high_pass_hz, stations, trigger)
     found: list[RecordPick] = []
-    for batch in _batches(reading.records(files)):
-        for one in pick_records(batch):
-            if not one.pick.found:
-                continue
-            if not keep_samples:
-                one = replace(one, record=replace(one.record, samples=np.zeros(0)))
-            found.append(one)
+    for record in reading.records(files):
+        (one,) = pick_records([record])
+        if not one.pick.found:
+            continue
+        if not keep_samples:
+            one = replace(one, record=replace(record, samples=np.zeros(0)))
+        found.append(one)
     names = [_channel(one.record) for one in found]
     return Gathered(
         picks=tuple(found),
-        orders=tuple(names[: at + 1].count(name) for at, name in enumerate(names)),
         silent=tuple(name for name in reading.channels if name not in names),
         quieter=reading.quieter,
         refused=_by_cause(reading.refused),
@@ -373,16 +374,3 @@ def _loud(segments: Sequence[Stretches]) -> tuple[list[PressureRecord], int]:
         if size >= LEAST_PEAK_SHARE * max(sizes)
     ]
     return loud, quieter + len(records) - len(loud)
-
-
-def _batches(records: Iterator[PressureRecord]) -> Iterator[list[PressureRecord]]:
-    """Yield records in batches of at least `BATCH_SAMPLES` samples."""
-    batch, samples = [], 0
-    for record in records:
-        batch.append(record)
-        samples += record.samples.size
-        if samples >= BATCH_SAMPLES:
-            yield batch
-            batch, samples = [], 0
-    if batch:
-        yield batch

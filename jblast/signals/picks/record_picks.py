@@ -104,9 +104,10 @@ def _pick(record: PressureRecord) -> Pick:
     apart = samples - np.median(samples)
     if pick.quality == "good" or -apart.min() <= apart.max():
         return pick
-    # a sensor of reversed polarity records a blast as a fall of the pressure
+    # a sensor of reversed polarity records a blast as a fall of the pressure; a step or
+    # a drift that falls is none, and no pulse fits it
     other = _of_sign(record, -samples, start_s, turned=True)
-    if other.quality == "poor" or other.pulse is None:
+    if other.pulse is None or other.quality == "poor" or "misfit" in other.notes:
         return pick
     fits = pick.quality != "poor" and pick.pulse is not None
     if fits and pick.misfit <= other.misfit:

@@ -59,10 +59,7 @@ def found(*changes) -> Gathered:
             source=f"g{k}.wav",
         )
         picks.append(record_pick(record, **({"air_arrival_s": 5.05} | changed)))
-    orders = (1,) * len(picks)
-    return Gathered(
-        tuple(picks), orders, ("dead",), {"g0": 2}, (), None, len(picks) + 1
-    )
+    return Gathered(tuple(picks), ("dead",), {"g0": 2}, (), None, len(picks) + 1)
 
 
 def test_the_fitted_curve_is_the_pulse_that_the_samples_hold():
