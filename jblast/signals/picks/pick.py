@@ -20,6 +20,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError, argument
+from jblast.observations.records.recording import even_clock
 from jblast.observations.table import RECORD_QUANTITIES
 from jblast.signals.picks.evidence import (
     MISFIT,
@@ -43,9 +44,6 @@ from jblast.signals.picks.pulse import (
 LEAST_SAMPLES = 16
 """Smallest number of samples of a record: pulse and drift have 11 unknowns, and the
 noise before the front has its own."""
-CLOCK_TOLERANCE = 1e-3
-"""Largest deviation from even times, as a share of a sample. Deviations of up to half a
-sample pass where the digits of the times explain them."""
 HOPELESS = 30.0
 """Squared misfit above which the model explains next to nothing."""
 SLIGHT_RESIDUAL = 1e-3
@@ -256,78 +254,45 @@ def pick(
         `found = jblast.pick(time_s, pressure_pa)`, then `found.positive_impulse_pa_s`
         and `found.sd("positive_impulse_pa_s")`.
     """
-    time, pressure = _checked(time_s, pressure_pa)
+    time, pressure = np.asarray(time_s, float), np.asarray(pressure_pa, float)
+    if time.ndim != 1 or pressure.shape != time.shape:
+        raise InputError(
+            f"{argument('pressure_pa')}: expected one record with as many samples as "
+            f"{argument('time_s')}, got the shapes {pressure.shape} and {time.shape}"
+        )
+    check_samples(argument("pressure_pa"), pressure)
+    start_s, rate_hz = even_clock(time, lambda at: f"{argument('time_s')}[{at}]")
     for name, what, value, unit in (
         ("high_pass_hz", "a positive corner", high_pass_hz, "Hz"),
         ("full_scale_pa", "a positive pressure", full_scale_pa, "Pa"),
     ):
         if value is not None and not (0 < value < np.inf):
             raise InputError(f"{argument(name)}: expected {what}, got {value:g} {unit}")
-    step = float(time[-1] - time[0]) / (time.size - 1)
     return picked(
         pressure,
-        float(time[0]),
-        step,
+        start_s,
+        1.0 / rate_hz,
         full_scale=full_scale_pa,
         high_pass_hz=high_pass_hz,
     )
 
 
-def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
-    """Return checked times and samples in double precision."""
-    time, pressure = np.asarray(time_s, float), np.asarray(pressure_pa, float)
-    if time.ndim != 1:
+def check_samples(where: str, samples: Float[np.ndarray, " sample"]) -> None:
+    """Raise an error for a record that is too short or not finite.
+
+    Args:
+        where: Name of the record, for messages.
+        samples: Its samples.
+    """
+    if samples.size < LEAST_SAMPLES:
         raise InputError(
-            f"{argument('time_s')}: expected [sample], got the shape {time.shape}"
+            f"{where}: expected {LEAST_SAMPLES} samples or more, got {samples.size}"
         )
-    if pressure.shape != time.shape:
-        raise InputError(
-            f"{argument('pressure_pa')}: expected one record with as many samples as "
-            f"{argument('time_s')}, got {pressure.shape} and {time.shape}"
-        )
-    if time.size < LEAST_SAMPLES:
-        raise InputError(
-            f"{argument('pressure_pa')}: expected {LEAST_SAMPLES} samples or more, got "
-            f"{time.size}"
-        )
-    _check_even(time)
-    bad = np.flatnonzero(~np.isfinite(pressure))
+    bad = np.flatnonzero(~np.isfinite(samples))
     if bad.size:
         raise InputError(
-            f"{argument('pressure_pa')}: expected finite samples, got "
-            f"{pressure[bad[0]]} at [{bad[0]}]"
-        )
-    return time, pressure
-
-
-def _check_even(time: Float[np.ndarray, " sample"]) -> None:
-    """Raise an error if times are not finite, rising and even."""
-    name = argument("time_s")
-    if not np.all(np.isfinite(time)):
-        first = int(np.argmax(~np.isfinite(time)))
-        raise InputError(
-            f"{name}: expected finite times, got {time[first]} at [{first}]"
-        )
-    steps = np.diff(time)
-    if not np.all(steps > 0):
-        first = int(np.argmax(~(steps > 0)))
-        raise InputError(
-            f"{name}: expected rising times, got {time[first]:.9g} and then "
-            f"{time[first + 1]:.9g} s at [{first + 1}]"
-        )
-    even = np.linspace(time[0], time[-1], time.size)
-    step = (time[-1] - time[0]) / (time.size - 1)
-    off = np.abs(time - even)
-    # times written with few digits deviate by rounding, up to half a sample; a missing
-    # sample deviates by more
-    if (
-        np.max(off) > max(CLOCK_TOLERANCE * step, 4e-16 * np.abs(time).max())
-        and np.max(off) > 0.5 * step
-    ):
-        first = int(np.argmax(off))
-        raise InputError(
-            f"{name}: expected even steps of {step:.6g} s, got {time[first]:.9g} s at "
-            f"[{first}], off by {off[first]:.3g} s"
+            f"{where}: expected finite samples, got {samples[bad[0]]} at [{bad[0]}] "
+            f"and {bad.size - 1} more"
         )
 
 
@@ -531,11 +496,6 @@ class NoteRow(NamedTuple):
     quality: Quality
 
 
-def _never(found: _Found) -> bool:
-    """Return False: the note is made for a record, not by a fit."""
-    return False
-
-
 QUALITIES: tuple[Quality, ...] = ("good", "doubtful", "poor")
 _ARRIVAL, _PEAK, _DURATION, _IMPULSE = RECORD_QUANTITIES
 ALL, NONE_WITHHELD = frozenset(RECORD_QUANTITIES), frozenset[str]()
@@ -543,8 +503,9 @@ TAIL = frozenset({_DURATION, _IMPULSE})
 NOTES: dict[NoteKind, NoteRow] = {
     "nothing_found": NoteRow(lambda f: not f.is_found(), ALL, "poor"),
     "hopeless": NoteRow(_Found.is_hopeless, ALL, "poor"),
-    "onset_alone": NoteRow(_never, ALL - {_ARRIVAL}, "doubtful"),
-    "reversed_polarity": NoteRow(_never, NONE_WITHHELD, "doubtful"),
+    # made for a recording, not by a fit, like that of reversed polarity
+    "onset_alone": NoteRow(lambda f: False, ALL - {_ARRIVAL}, "doubtful"),
+    "reversed_polarity": NoteRow(lambda f: False, NONE_WITHHELD, "doubtful"),
     "misfit": NoteRow(
         lambda f: f.fit.misfit > MISFIT and not f.is_hopeless(),
         # of simulated records a quarter of the peaks are right, an eighth of durations

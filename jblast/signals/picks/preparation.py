@@ -213,9 +213,14 @@ def clipped_samples(
     deep = x[0] - low > LEAST_SUCTION * (top - x[0])
     for sign, extreme, counts in ((1, top, top > x[0]), (-1, low, deep)):
         equal = (x == extreme) & counts
-        runs = np.convolve(equal, np.ones(IN_A_ROW), "same") >= IN_A_ROW
-        out += sign * (np.convolve(runs, np.ones(IN_A_ROW), "same") > 0) * equal
+        out += sign * equal * (_longest_run(equal) >= IN_A_ROW)
     return out
+
+
+def _longest_run(flags) -> int:
+    """Return the largest number of true values in a row."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _clipping_level(x, full_scale: float) -> float:
@@ -224,10 +229,8 @@ def _clipping_level(x, full_scale: float) -> float:
     flat = x == top
     if not 0 < top < full_scale or flat.all():
         return full_scale
-    edges = np.flatnonzero(np.diff(flat, prepend=False, append=False))
-    longest = (edges[1::2] - edges[::2]).max()
     often = flat.sum() > FLAT_RATIO * (x == x[~flat].max()).sum()
-    return top if longest >= FLAT_SAMPLES and often else full_scale
+    return top if _longest_run(flat) >= FLAT_SAMPLES and often else full_scale
 
 
 # durations, ln(1 + b), rises over the duration and negative phases of the bank
@@ -320,17 +323,12 @@ class Prepared:
         self.offset = x[: max(self.front - 2, 1)].mean()
         self.scale = np.abs(x - self.offset).max() or 1.0
         self.samples = (x - self.offset) / self.scale
-        self._low = int(np.searchsorted(self.front + FIRST, 0))
-        self._high = int(np.searchsorted(self.front + FIRST + WIDTH, x.size, "right"))
         self.binned = self._means(self.samples)
         held, some = self._means(self.clipped), self._means(np.abs(self.clipped))
         # bins of clipped samples alone are bounds; mixed ones are lost
         self.bound = np.where(np.abs(held) > 1 - 1e-6, np.sign(held), 0.0)
         self.lost = some > 0
-        whole = np.full(FIRST.size, self.binned[-1])
-        whole[: self._low] = self.binned[0]
-        whole[self._low : self._high] = self.binned
-        peak = BANK.filters @ whole
+        peak = BANK.filters @ self.binned
         fits = (peak > 0) & (np.exp(BANK.unknowns[:, 1]) < x.size)
         self.gains = np.where(fits, peak**2 * BANK.energy, 0.0)
         start = BANK.unknowns[int(np.argmax(self.gains))]
@@ -339,12 +337,14 @@ class Prepared:
         self._measure_noise(self.samples[: self.quiet])
 
     def _means(self, x):
-        """Return the means of samples over the bins within the record."""
-        at = self.front + EDGES[self._low : self._high + 1]
-        width = WIDTH[self._low : self._high]
-        means = np.diff(np.append(0.0, np.cumsum(x))[at]) / width
+        """Return the means over bins, beyond the record those of its first or last."""
+        ends = self.front + EDGES
+        at = np.clip(ends, 0, x.size)
+        means = np.diff(np.append(0.0, np.cumsum(x))[at]) / WIDTH
         # a single sample is exact, the difference of two sums is not
-        return np.where(width == 1, x[at[:-1]], means)
+        means = np.where(WIDTH == 1, x[np.minimum(at[:-1], x.size - 1)], means)
+        within = np.flatnonzero((ends[:-1] >= 0) & (ends[1:] <= x.size))
+        return means[np.clip(np.arange(WIDTH.size), within[0], within[-1])]
 
     def _measure_noise(self, quiet):
         self.known = quiet.size >= LEAST_QUIET
@@ -391,8 +391,7 @@ class Prepared:
             self.front + FIRST + WIDTH <= last
         )
         start, stop = np.flatnonzero(inside)[[0, -1]] + [0, 1]
-        mine = slice(start - self._low, stop - self._low)
-        return Window(self, duration, slice(start, stop), mine)
+        return Window(self, duration, slice(start, stop))
 
 
 class Window:
@@ -412,12 +411,12 @@ class Window:
         peak: About the peak of the pulse, for priors in peaks.
     """
 
-    def __init__(self, record: Prepared, duration: float, use: slice, mine: slice):
+    def __init__(self, record: Prepared, duration: float, use: slice):
         self.record, self.duration, self.peak = record, duration, 1.0
         self.ends = ENDS[use.start : use.stop + 1]
         self.widths, self.middle = WIDTH[use], MIDDLE[use]
-        self.values, self.held = record.binned[mine], record.bound[mine]
-        lost = record.lost[mine]
+        self.values, self.held = record.binned[use], record.bound[use]
+        lost = record.lost[use]
         covariance = np.tensordot(record.powers, KERNELS[:, use, use], 1)
         covariance[np.diag_indices_from(covariance)] += LOST * lost
         self.whitener = np.linalg.inv(np.linalg.cholesky(covariance))

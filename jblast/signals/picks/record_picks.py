@@ -21,13 +21,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks.pick import (
-    LEAST_SAMPLES,
     NoteKind,
     Pick,
     Quality,
+    check_samples,
     picked,
     without_values,
 )
@@ -91,7 +90,7 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
         InputError: One of them has too few samples, or one that is not finite.
     """
     for record in records:
-        _check(record)
+        check_samples(f"{record.source or record.name}: {record.name}", record.samples)
     return [RecordPick(record, _pick(record)) for record in records]
 
 
@@ -154,22 +153,6 @@ def _stretch_begin(record: PressureRecord) -> int:
         return 0
     largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
     return int(np.clip(largest - int(SHARE_BEFORE_LARGEST * LONGEST), 0, spare))
-
-
-def _check(record: PressureRecord) -> None:
-    """Raise an error for a record that is too short or not finite."""
-    name = record.source or record.name
-    if record.samples.size < LEAST_SAMPLES:
-        raise InputError(
-            f"{name}: {record.name}: expected {LEAST_SAMPLES} samples or more, got "
-            f"{record.samples.size}"
-        )
-    bad = np.flatnonzero(~np.isfinite(record.samples))
-    if bad.size:
-        raise InputError(
-            f"{name}: {record.name}: expected finite samples, got "
-            f"{record.samples[bad[0]]} at sample {bad[0]} and {bad.size - 1} more"
-        )
 
 
 class Onset(NamedTuple):
