@@ -38,12 +38,9 @@ from jblast.signals.picks.effects import (
 from jblast.signals.picks.preparation import BANK, Prepared, Window
 from jblast.signals.picks.pulse import (
     CENTRE,
-    CHANGES,
     CHANGES_SD,
     CONTINUED,
     CUBIC,
-    FAMILY_PHASE,
-    FAMILY_RISE,
     LN_PRIOR_NEGATIVE,
     LN_PRIOR_RISE,
     NEGATIVES,
@@ -53,7 +50,6 @@ from jblast.signals.picks.pulse import (
     SMOOTH,
     SPREAD,
     SUCTION,
-    VARIANCE,
     moved,
     natural,
     outputs,
@@ -73,8 +69,8 @@ MISFIT = 3.0
 LONGEST_STEP = np.array([4.0, 0.7, 0.7, 1.5, 0.7])
 FURTHER_STEP = 0.5
 """Largest change of an unknown in one step, where the expansion is about right."""
-DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4])
-"""Differences for slopes, far above rounding and below any curvature."""
+DIFFERENCE = 1e-5
+"""Difference for slopes, far above rounding and below any curvature."""
 ROUNDING = 1e-14
 """Damping of every system, relative to its diagonal, so that none is singular."""
 ENOUGH = 0.05
@@ -89,9 +85,9 @@ of another length may be ahead with its own form."""
 LIKELY_EFFECT, HOPELESS_EFFECT = 3.0, 10.0
 """Lags behind the best mode without an effect up to which all forms are tried with the
 effect, and beyond which its search is given up."""
-FORM_STEPS = 8
+FORM_STEPS = 5
 """Steps of a search from the end of a similar form."""
-LEAST_SIGN = 4.0
+LEAST_SIGN = 6.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
 searched. Noise has it in one record of three for a ring; the odds decide, not the
 sign."""
@@ -237,30 +233,20 @@ def evaluate(window: Window, modes: Modes, slopes: bool = True) -> Modes:
     if window.front_held:
         # a front within clipped samples is near the first of them
         centre[0], spread[0] = -0.5, 1.0
-    change = np.append(DIFFERENCE, np.full(p - 5, 1e-4))
-    trials = np.repeat(modes.unknowns[None], p + 1 if slopes else 1, axis=0)
-    if slopes:
-        trials[np.arange(1, p + 1), :, np.arange(p)] += change[:, None]
-    trials = trials.reshape(-1, p)
-    copies = len(trials) // many
+    # with slopes, copies follow in which one unknown each is a little larger
+    copies = p + 1 if slopes else 1
+    shifts = np.eye(p + 1, p, -1)[:copies, None] * DIFFERENCE
+    trials = (modes.unknowns + shifts).reshape(-1, p)
     rise, negative = np.tile(modes.rise, copies), np.tile(modes.negative, copies)
     columns = window.means(trials, rise, negative, modes.instants)
     columns = effect.columns(window, columns, trials, rise, negative)
     if window.record.high_pass is not None:
         corner = np.full(len(columns), window.record.high_pass)
-        columns = through_high_pass(window, columns, corner)
+        columns = through_high_pass(window.ends, columns, corner)
     q, n = columns.shape[1:]
     columns = columns.reshape(copies, many, q, n)
-    model = np.zeros((many, q + 4, n))
-    model[:, q:] = window.drift
-    own = [PEAK, SUCTION, *range(2 + CHANGES, q)]
-    model[:, own] = columns[0][:, own] @ window.whitener.T
-    families = np.flatnonzero(
-        (modes.rise == FAMILY_RISE) | (modes.negative == FAMILY_PHASE)
-    )
-    if families.size:  # the changes of others are zero
-        changes = columns[0][families, 2 : 2 + CHANGES]
-        model[families, 2 : 2 + CHANGES] = changes @ window.whitener.T
+    drift = np.broadcast_to(window.drift, (many, 4, n))
+    model = np.concatenate([columns[0] @ window.whitener.T, drift], axis=1)
     prior = _linear_prior(peak, effect)
     normal = model @ model.transpose(0, 2, 1) + prior
     right = model @ window.data
@@ -280,7 +266,7 @@ def evaluate(window: Window, modes: Modes, slopes: bool = True) -> Modes:
     if not slopes:
         return replace(modes, linear=c, cost=cost)
     pulses = (c[:, None, :q] @ columns)[..., 0, :]
-    moved_by = ((pulses[1:] - pulses[0]) / change[:, None, None]).transpose(1, 0, 2)
+    moved_by = ((pulses[1:] - pulses[0]) / DIFFERENCE).transpose(1, 0, 2)
     jacobian = np.concatenate([moved_by @ window.whitener.T, model], axis=1)
     more = [moved_by[..., held] * bounds.slack[:, None], bounds.rows]
     jacobian = np.concatenate([jacobian, np.concatenate(more, axis=1)], axis=2)
@@ -343,16 +329,13 @@ def _bounded(window: Window, columns, held, normal, right) -> _Bounds:
     return _Bounds(c, short, slope * sign, rows)
 
 
-def search(
-    window: Window, start: Modes, steps: int = 12, against: float = np.inf
-) -> Modes:
+def search(window: Window, start: Modes, steps: int = 12) -> Modes:
     """Return the optima of hypotheses by damped Gauss-Newton steps, all at once.
 
     Args:
         window: The bins.
         start: Where the searches begin.
         steps: Largest number of steps.
-        against: Cost above which a search is given up after five steps.
     """
     here = evaluate(window, start[np.arange(len(start))])  # a copy
     many, p = here.unknowns.shape
@@ -381,8 +364,6 @@ def search(
         done[some] = (better & (expected < ENOUGH * widened)) | (stalled[some] > 2)
         if step >= 2:
             done |= here.cost > np.min(here.cost) + HOPELESS * widened
-        if step >= 5:
-            done |= here.cost > against
     return here
 
 
@@ -472,10 +453,6 @@ def modes_of(
     plain = _all_forms(window, ends)
     instants = _at_instants(window, plain)
     groups = [*_with_effects(window, plain), *instants]
-    if _leaves(window, groups, until):
-        peak, window = window.peak, record.window(_duration(groups))
-        window.peak = peak
-        groups = [search(window, modes) for modes in groups]
     return window, groups
 
 
@@ -527,11 +504,7 @@ def _at_instants(window: Window, plain: Modes) -> list[Modes]:
     best = best[likely & (tau[best] > SHARPEST) & (tau[best] < SLOWEST)]
     if not best.size:
         return []
-    unknowns, rise = plain.unknowns[best].copy(), plain.rise[best]
-    # the average over a sample has made the rise longer
-    longer = np.sqrt(tau[best] ** 2 + 1 / 12 / VARIANCE[rise])
-    left = np.maximum(1 - longer / np.exp(unknowns[:, 1]), 0.1)
-    unknowns[:, 3] = np.log(longer / left)
+    unknowns, rise = plain.unknowns[best], plain.rise[best]
     start = hypotheses(unknowns, rise, plain.negative[best], instants=True)
     found = search(window, start, FORM_STEPS)
     # both samplings are equally probable; these stand for all modes of the other
@@ -565,18 +538,11 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
         gain, trial = _sign(window, effect, best)
         if gain < LEAST_SIGN and not effect.suspected(best):
             continue
-        base = best
-        if not effect.all_forms:
-            usual = (plain.rise == SMOOTH) & (plain.negative == CUBIC)
-            base = plain[[int(np.argmax(np.where(usual, level, -np.inf)))]]
-        starts = effect.starts(window, base, trial)
-        trials = hypotheses(starts, base.rise[0], base.negative[0], effect)
-        trials = _most_likely(window, trials, 2)
-        found = search(
-            window, trials, 20, against=best.cost[0] + HOPELESS_EFFECT * widened
-        )
+        starts = effect.starts(window, best, trial)
+        trials = hypotheses(starts, best.rise[0], best.negative[0], effect)
+        found = search(window, _most_likely(window, trials, 2), 20)
         reached = levels(window, found, widened)
-        if effect.all_forms and reached.max() > level.max() - LIKELY_EFFECT:
+        if reached.max() > level.max() - LIKELY_EFFECT:
             # the best forms without the effect may only imitate it
             found = _all_forms(window, found)
         if reached.max() > level.max():
@@ -653,11 +619,8 @@ def _high_passed(window: Window, groups: list[Modes], total: float):
     without = [_all_forms(far, there), *(search(far, m, 10) for m in others)]
     # another effect may imitate a high-pass, and its pulse be nearer
     near = min(groups, key=lambda modes: modes.cost.min()).best
-    starts = [HIGH_PASSED.starts(far, mode, 0) for mode in (best, near)]
-    each = len(starts[0])
-    rise = np.repeat([best.rise[0], near.rise[0]], each)
-    negative = np.repeat([best.negative[0], near.negative[0]], each)
-    trials = hypotheses(np.concatenate(starts), rise, negative, HIGH_PASSED)
+    starts = HIGH_PASSED.starts(far, near, 0)
+    trials = hypotheses(starts, near.rise[0], near.negative[0], HIGH_PASSED)
     ends = search(far, _most_likely(far, trials, 3), 15)
     modes = _all_forms(far, ends)
     widened = widening(far, modes, *without)

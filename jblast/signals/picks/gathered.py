@@ -138,18 +138,6 @@ def _listed(names: Sequence[str], most: int = MAX_NAMED) -> str:
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
-class _Names(NamedTuple):
-    """Names of the channels of a file.
-
-    Attributes:
-        shot: Folder of the file, if the folders are shots; else "".
-        sensors: Names of sensors by those of channels.
-    """
-
-    shot: str
-    sensors: dict[str, str]
-
-
 @dataclass
 class _Reading:
     """Findings of reading the records of files."""
@@ -162,19 +150,20 @@ class _Reading:
     quieter: dict[str, int] = field(default_factory=dict)
     refused: list[tuple[Path, InputError]] = field(default_factory=list)
     epoch: datetime | None = None
+    # sensor of each channel, and folder of each file if the folders are shots, else ""
+    sensors: dict[tuple[Path, str], str] = field(default_factory=dict)
+    shots: dict[Path, str] = field(default_factory=dict)
     # source of the first recording, and whether it has a time of day
     first: tuple[str, str] | None = None
 
     def records(self, files: Sequence[Path]) -> Iterator[PressureRecord]:
         """Yield intervals with a signal, those of a channel in order of time."""
-        names = self._names(files)
-        for file in each(list(names), "records"):
+        self._name_channels(files)
+        for file in each(list(self.shots), "records"):
             try:
                 recordings = _long_enough(open_record(file, self.scaling))
                 begin = min(one.own_start_s for one in recordings)
-                recordings = [
-                    self._timed(one, names[file], begin) for one in recordings
-                ]
+                recordings = [self._timed(one, file, begin) for one in recordings]
                 runs = [(one, stretches(one)) for one in recordings]
                 for one, channels in runs:
                     _check_scale(one, channels, self.scaling)
@@ -185,7 +174,7 @@ class _Reading:
             for recording, channels in runs:
                 for name, channel in zip(recording.names, channels, strict=True):
                     by_channel.setdefault(name, []).append(channel)
-            shot = names[file].shot
+            shot = self.shots[file]
             for name, segments in by_channel.items():
                 label = f"{shot}/{name}" if shot else name
                 self.channels.append(label)
@@ -197,17 +186,19 @@ class _Reading:
                     if np.ptp(record.samples) > 0:
                         yield replace(record, high_pass_hz=self.high_pass_hz, shot=shot)
 
-    def _names(self, files: Sequence[Path]) -> dict[Path, _Names]:
-        """Return the names of all channels, before any of them is read.
+    def _name_channels(self, files: Sequence[Path]) -> None:
+        """Find the sensor of each channel, before any of them is read.
 
         Raises:
             InputError: A channel has no station.
         """
-        held: dict[Path, list[tuple[str, tuple[str, ...]]]] = {}
+        held: dict[Path, Path] = {}
+        channels: list[tuple[Path, str, tuple[str, ...]]] = []
         for file in files:
             try:
                 found = open_channels(file)
-                if any(_key(file) == _key(other) for other in held):
+                key = file.resolve().with_suffix("")
+                if key in held.values():
                     raise InputError(
                         f"{file}: expected records with different names, got "
                         f"{file.stem} twice"
@@ -215,51 +206,48 @@ class _Reading:
             except InputError as error:
                 self.refused.append((file, error))
                 continue
-            both = (zip(one.names, one.aliases, strict=True) for one in found)
-            held[file] = [pair for pairs in both for pair in pairs]
+            held[file] = key
+            for one in found:
+                pairs = zip(one.names, one.aliases, strict=True)
+                channels += [(file, name, aliases) for name, aliases in pairs]
         folders = _folders(list(held))
         # a name that several channels have is the name of none
         shared = Counter(
             (folders[file], one)
-            for file, own in held.items()
-            for name, aliases in own
+            for file, name, aliases in channels
             for one in (name, *aliases)
         )
-        absent: list[str] = []
-        sensors: dict[Path, dict[str, str]] = {}
-        for file, own in held.items():
-            sensors[file] = {}
-            for name, aliases in own:
-                folder = folders[file]
-                options = [f"{folder}/{name}"] if folder else []
-                options += [name, *(a for a in aliases if shared[folder, a] == 1)]
-                stations = (name,) if self.stations is None else self.stations
-                sensor = next((one for one in options if one in stations), None)
-                absent += [] if sensor else [name]
-                sensors[file][name] = sensor or name
+        for file, name, aliases in channels:
+            folder = folders[file]
+            options = [f"{folder}/{name}"] * bool(folder) + [name]
+            options += [alias for alias in aliases if shared[folder, alias] == 1]
+            stations = (name,) if self.stations is None else self.stations
+            sensor = next((one for one in options if one in stations), "")
+            self.sensors[file, name] = sensor
+        absent = dict.fromkeys(name for (_, name), of in self.sensors.items() if not of)
         if absent:
             got = _listed(tuple(self.stations or ()), MAX_STATIONS)
             raise InputError(
                 f"{next(iter(held))}: expected a station for "
-                f"{_listed(list(dict.fromkeys(absent)), MAX_STATIONS)}, got {got}"
+                f"{_listed(list(absent), MAX_STATIONS)}, got {got}"
             )
-        of_all = [(folders[f], s) for f, own in sensors.items() for s in own.values()]
-        shots = len({sensor for _, sensor in of_all}) < len(set(of_all))
-        return {f: _Names(folders[f] * shots, own) for f, own in sensors.items()}
+        both = {(folders[file], of) for (file, _), of in self.sensors.items()}
+        shots = len({sensor for _, sensor in both}) < len(both)
+        self.shots = {file: folders[file] * shots for file in held}
 
-    def _timed(self, recording: Recording, names: _Names, begin: float) -> Recording:
+    def _timed(self, recording: Recording, file: Path, begin: float) -> Recording:
         """Return a recording of a sensor on the clock of the first.
 
         Args:
             recording: The recording.
-            names: Names of the channels of its file.
+            file: Its file.
             begin: Time of the first sample of the file on its own clock [s].
 
         Raises:
             InputError: Only one of the two has a time of day, or one was made by a
                 clock that was not set and is not that of its station.
         """
-        sensors = tuple(names.sensors[name] for name in recording.names)
+        sensors = tuple(self.sensors[file, name] for name in recording.names)
         recording = replace(recording, names=sensors)
         stations = self.stations or {}
         recording = started(recording, stations, recording.own_start_s - begin)
@@ -289,11 +277,6 @@ class _Reading:
         later = (recording.epoch - self.epoch).total_seconds()
         start = recording.start_s + later
         return replace(recording, epoch=self.epoch, start_s=start)
-
-
-def _key(file: Path) -> Path:
-    """Return the folder and stem of a file."""
-    return file.resolve().with_suffix("")
 
 
 def _folders(files: Sequence[Path]) -> dict[Path, str]:

@@ -313,13 +313,13 @@ def _pick(
     if not mine:
         got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"
         raise InputError(f"{where}: expected a blast of {shown(sensor)}, got {got}")
-    fitted = [one for one in mine if "onset_alone" not in one.notes]
-    if all(one.quality == "poor" for one in fitted):
+    if all(one.quality == "poor" for one in mine):
         raise InputError(
             f"{where}: expected a record of a blast pulse, got {shown(name)}, whose "
             "pick is poor; remove the row"
         )
-    one = max(fitted, key=lambda one: float(one.pick.peak_overpressure_pa))
+    # an onset alone has no peak, which makes it weaker than any pulse
+    one = max(mine, key=lambda one: float(np.nan_to_num(one.pick.peak_overpressure_pa)))
     if not one.record.calibrated:
         raise InputError(
             f"{where}: expected samples in pascals, got {shown(name)} without a unit; "

@@ -21,7 +21,6 @@ does not enter.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from statistics import NormalDist
 
 import numpy as np
@@ -74,9 +73,9 @@ BEHIND_DURATIONS, LEAST_BEHIND = 4.5, 48
 """Fitted interval before and behind the front: in durations, and at least in samples.
 The positive phase and the negative phase of the prior (2.4 durations) end at 3.4, one
 standard deviation longer at 5; a longer interval has more drift than pulse."""
-HALF_INSTANT = 0.05
-"""Half of the interval over which a sample at an instant is averaged [samples]: short,
-and differences of antiderivatives stay exact."""
+INSTANT = 0.1
+"""Interval over which a sample at an instant is averaged [samples]: short, and
+differences of antiderivatives stay exact."""
 CLIPPED_FROM = 0.999
 """Share of the full scale from which on a sample is clipped: the largest code of a
 converter is slightly below the scale, by 2^-15 for 16 bits."""
@@ -429,21 +428,11 @@ class Window:
         near = np.abs(self.middle) <= 2
         self.front_held = bool(np.any(self.held[near]))
 
-    @cached_property
-    def _instants(self):
-        """Times, places of the bins among them, and widths of samples at instants."""
-        one = self.widths == 1
-        left, many, n = int(one.argmax()), int(one.sum()), one.size
-        singles = self.middle[one, None] + [-HALF_INSTANT, HALF_INSTANT]
-        times = np.concatenate(
-            [self.ends[:left], singles.ravel(), self.ends[left + many + 1 :]]
-        )
-        place = np.arange(n) + np.clip(np.arange(n) - left, 0, many - 1)
-        return times, place, np.where(one, 2 * HALF_INSTANT, self.widths)
-
     def means(self, unknowns, rise, negative, instants=False):
         """Return the columns of pulses over the bins; samples may be instants."""
         if not instants:
             return np.diff(primitive(unknowns, rise, negative, self.ends)) / self.widths
-        times, place, widths = self._instants
-        return np.diff(primitive(unknowns, rise, negative, times))[..., place] / widths
+        widths = np.where(self.widths == 1, INSTANT, self.widths)
+        ends = (self.middle + np.array([[-0.5], [0.5]]) * widths).T
+        made = np.diff(primitive(unknowns, rise, negative, ends.ravel()))
+        return made[..., ::2] / widths

@@ -28,7 +28,6 @@ from jblast.signals.picks.pick import (
     Quality,
     check_samples,
     picked,
-    without_values,
 )
 from jblast.signals.picks.preparation import LONGEST
 
@@ -139,11 +138,15 @@ def _of_sign(
     apart = EARLIER_SD * np.hypot(pick.sds[0], step_s * onset.sigma)
     if pick.quality != "poor" and before < apart:
         return pick
-    quiet = float(samples[: int(onset.sample)].mean())
-    alone = without_values(("onset_alone",), pick.noise_pa, quiet)
+    alone = Pick(
+        ("onset_alone",),
+        pick.noise_pa,
+        baseline_pa=float(samples[: int(onset.sample)].mean()),
+        air_arrival_s=start_s + step_s * onset.sample,
+    )
     alone.sds[0] = step_s * onset.sigma
     alone.covariance[0, 0] = alone.sds[0] ** 2
-    return replace(alone, air_arrival_s=start_s + step_s * onset.sample)
+    return alone
 
 
 def _stretch_begin(record: PressureRecord) -> int:

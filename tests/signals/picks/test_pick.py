@@ -139,7 +139,7 @@ def test_pressures_scale_and_shift_and_so_do_clocks():
         (lambda t, p: (t[:-1], p), "shapes .1024,. and .1023,"),
         (
             lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p),
-            "time_s.400.: expected .* a gap",
+            r"time_s\[401\]: expected .* a gap",
         ),
         (
             lambda t, p: (np.stack([t, t]), np.stack([p, p])),
@@ -174,7 +174,7 @@ def test_a_stated_high_pass_is_part_of_the_pulse():
     # without it the phase is a tenth shorter or not written
     wrong = pick(TIME, samples)
     off = abs(wrong.positive_duration_s - TRUTH.duration) / TRUTH.duration
-    assert off > 0.05 or "high_passed" in wrong.notes
+    assert off > 0.05 or set(wrong.notes) & {"high_passed", "zero_shift"}
 
 
 def test_files_are_picked_without_jax(tmp_path):
