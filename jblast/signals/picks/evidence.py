@@ -539,7 +539,7 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
         if gain < LEAST_SIGN and not effect.suspected(best):
             continue
         starts = effect.starts(window, best, trial)
-        trials = hypotheses(starts, best.rise[0], best.negative[0], effect)
+        trials = hypotheses(starts, SMOOTH, best.negative[0], effect)
         found = search(window, _most_likely(window, trials, 2), 20)
         reached = levels(window, found, widened)
         if reached.max() > level.max() - LIKELY_EFFECT:

@@ -7,25 +7,20 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.signals.picks import pick
+from jblast.signals.picks import NAMES, pick
 from tests.signals.picks.simulated import RATE, SAMPLES, TIME, Truth, noisy, samples_of
 
 TRUTH = Truth()
 MANY = 16
-NAMES = (
-    *("air_arrival_s", "peak_overpressure_pa", "positive_duration_s"),
-    *("positive_impulse_pa_s", "rise_time_s", "decay", "negative_pressure_pa"),
-    "negative_duration_s",
-)
 VALUES = dict(
-    zip(
-        NAMES,
-        (
-            *(TRUTH.arrival, TRUTH.peak, TRUTH.duration, TRUTH.impulse, TRUTH.rise),
-            *(TRUTH.decay, TRUTH.suction, TRUTH.suction_duration),
-        ),
-        strict=True,
-    )
+    air_arrival_s=TRUTH.arrival,
+    peak_overpressure_pa=TRUTH.peak,
+    positive_duration_s=TRUTH.duration,
+    positive_impulse_pa_s=TRUTH.impulse,
+    decay=TRUTH.decay,
+    rise_time_s=TRUTH.rise,
+    negative_pressure_pa=TRUTH.suction,
+    negative_duration_s=TRUTH.suction_duration,
 )
 
 
