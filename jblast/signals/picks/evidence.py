@@ -87,7 +87,7 @@ LIKELY_EFFECT, HOPELESS_EFFECT = 3.0, 10.0
 effect, and beyond which its search is given up."""
 FORM_STEPS = 5
 """Steps of a search from the end of a similar form."""
-LEAST_SIGN = 6.0
+LEAST_SIGN = 4.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
 searched. Noise has it in one record of three for a ring; the odds decide, not the
 sign."""
@@ -429,44 +429,32 @@ def _distinct(modes: Modes, order, apart: float, *, forms: bool = True) -> list[
     return kept
 
 
-def modes_of(
-    record: Prepared, *, longest: float = np.inf, until: float = np.inf
-) -> tuple[Window, list[Modes]]:
+def modes_of(record: Prepared, longest: float = np.inf) -> tuple[Window, list[Modes]]:
     """Return all hypotheses worth a weight, in groups of one effect and one sampling.
 
     Args:
         record: The record.
         longest: Longest duration of the start [samples].
-        until: Sample at which the window ends at the latest.
     """
     member = record.best_member(longest)
     duration = record.start_duration(longest)
-    for _ in range(WINDOWS):
-        window = record.window(duration, until=until)
+    windows = 0
+    while True:
+        window = record.window(duration)
         ends = search(window, _starts(window, member), FIRST_STEPS)
         window.peak = float(np.clip(ends.best.linear[0, PEAK], 0.02, 3.0))
-        if not _leaves(window, [ends], until):
+        windows += 1
+        duration = float(np.exp(ends.best.unknowns[0, 1]))
+        # a pulse that does not fit may be too long
+        fits = widening(window, ends) < MISFIT
+        if not fits or windows == WINDOWS or 0.6 < duration / window.duration < 1.7:
             break
-        duration = _duration([ends])
     if not np.isfinite(ends.cost).any():
         return window, []
     plain = _all_forms(window, ends)
     instants = _at_instants(window, plain)
     groups = [*_with_effects(window, plain), *instants]
     return window, groups
-
-
-def _duration(groups: list[Modes]) -> float:
-    """Return the duration of the mode of lowest cost."""
-    best = min(groups, key=lambda modes: modes.cost.min()).best
-    return float(np.exp(best.unknowns[0, 1]))
-
-
-def _leaves(window: Window, groups: list[Modes], until: float) -> bool:
-    """Return True if a pulse that fits has another length than its window is for."""
-    ratio = _duration(groups) / window.duration
-    fits = np.isinf(until) and widening(window, *groups) < MISFIT
-    return fits and not 0.6 < ratio < 1.7
 
 
 def _all_forms(window: Window, found: Modes) -> Modes:

@@ -292,7 +292,7 @@ def _folders(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _check_scale(
-    recording: Recording, channels: Sequence[Stretches], scaling: Scaling | None
+    recording: Recording, channels: Sequence[Stretches], scaling: Scaling
 ) -> None:
     """Raise an error for pressures that no blast has.
 
@@ -308,7 +308,7 @@ def _check_scale(
     if largest <= MAX_PRESSURE_PA:
         return
     remedy = "check the unit and the scale of the samples"
-    if scaling is not None and scaling.sensitivity is not None:
+    if scaling.sensitivity is not None:
         remedy = (
             f"{argument('sensitivity')} is in pascals per volt or count: write "
             f"{1 / scaling.sensitivity:.6g} if {scaling.sensitivity:g} is in volts or "

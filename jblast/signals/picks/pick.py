@@ -387,7 +387,7 @@ class _Fit:
         """Return True if there is a pulse."""
         step = self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL
         clear = self.sd[1] < FOUND_SD or np.any(self.record.clipped > 0)
-        return bool(clear and not step)
+        return bool(clear and (self.alone or not step))
 
     def is_hopeless(self) -> bool:
         """Return True if the best hypothesis explains next to nothing."""
@@ -445,18 +445,16 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
             break
         front, duration = record.front, record.start_duration(longest)
         until = int(front + max(BEHIND_DURATIONS * duration / part, LEAST_FRONT))
-        # samples behind the front must not decide where the search begins, either
-        near = np.where(np.arange(samples.size) < until, samples, samples[0])
-        other = Prepared(near, full_scale, high_pass=high_pass)
-        tried = _fit_of(other, longest=duration, until=until)
+        other = Prepared(samples[:until], full_scale, high_pass=high_pass)
+        tried = _fit_of(other, longest=duration)
         if tried.fits and tried.sd[1] < FOUND_SD:
             best = replace(tried, alone=True)
     return best
 
 
-def _fit_of(record: Prepared, longest: float = np.inf, until: float = np.inf) -> _Fit:
+def _fit_of(record: Prepared, longest: float = np.inf) -> _Fit:
     """Return the fit of a record; arguments are those of `modes_of`."""
-    window, groups = modes_of(record, longest=longest, until=until)
+    window, groups = modes_of(record, longest)
     if not groups:
         return _Fit(window, [], np.inf)
     misfit = float(2 * min(modes.cost.min() for modes in groups) / window.count)
@@ -533,7 +531,8 @@ NOTES: dict[NoteKind, NoteRow] = {
     "sharp_front": NoteRow(lambda f: np.exp(f.mean[5]) < 1, quality="good"),
     "cut_short": NoteRow(
         lambda f: (
-            f.mean[0] + np.exp(f.mean[2]) > len(f.record.samples) - f.record.front
+            f.mean[0] + np.exp(f.mean[2]) > f.record.samples.size - f.record.front
+            and not f.alone
         ),
         TAIL,
     ),

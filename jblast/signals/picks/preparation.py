@@ -184,21 +184,18 @@ def first_front(x: Float[np.ndarray, " sample"]) -> int:
         sizes.append(free / normal / scale)
     least = max(min(sizes), 1e-9 * np.abs(x).max() + 1e-300)
     steps /= np.maximum(sizes, least)[:, None]
-    row, at = np.unravel_index(int(np.argmax(steps)), steps.shape)
-    found = (int(at), int(row), steps[row, at])
+    row, at = np.unravel_index(np.argmax(steps), steps.shape)
+    wide = widths[:, None]
     for _ in range(2):
-        at, row, size = found
-        earlier = (0, 0, 0.0)
-        for k, w in enumerate(widths[: row + 1]):
-            before = steps[k, : max(at - 2 * w, 0)]
-            if before.size and before.max() > earlier[2]:
-                i = int(np.argmax(before))
-                earlier = (i, k, before[i])
-        quiet = steps[earlier[1], : max(earlier[0] - 2 * widths[earlier[1]], 0)]
+        before = (np.arange(n) < at - 2 * wide) & (wide <= widths[row])
+        early = np.where(before, steps, 0.0)
+        k, i = np.unravel_index(np.argmax(early), steps.shape)
+        quiet = steps[k, : max(i - 2 * widths[k], 0)]
         rms = np.sqrt(np.mean(quiet**2)) if quiet.size >= 16 else 0.0
-        if rms and earlier[2] > max(EARLIER_STEP_SD * rms, STEP_SHARE * size):
-            found = earlier
-    return found[0]
+        least = max(EARLIER_STEP_SD * rms, STEP_SHARE * steps[row, at])
+        if rms and early[k, i] > least:
+            row, at = k, i
+    return int(at)
 
 
 def clipped_samples(
@@ -375,16 +372,15 @@ class Prepared:
         power += np.sum(self.powers[1:] * (1 + RHO) / (1 - RHO))
         return float(power * (samples + samples**2 / max(self.quiet, 1)))
 
-    def window(self, duration, *, reach=BEHIND_DURATIONS, until=np.inf) -> "Window":
+    def window(self, duration, reach=BEHIND_DURATIONS) -> "Window":
         """Return the whitened bins about a pulse of a duration.
 
         Args:
             duration: The duration [samples].
             reach: End of the window behind the front, in durations.
-            until: Sample at which it ends at the latest.
         """
-        reach = max(reach * duration, LEAST_BEHIND)
-        last = min(self.front + reach, until, self.samples.size)
+        last = self.front + max(reach * duration, LEAST_BEHIND)
+        last = min(last, self.samples.size)
         first = self.front - max(BEFORE_DURATIONS * duration, LEAST_BEFORE)
         inside = (self.front + FIRST >= max(first, 0)) & (
             self.front + FIRST + WIDTH <= last
