@@ -82,9 +82,9 @@ LIKELY, LIKELY_END = 6.0, 12.0
 """Lags behind the best negative phase up to which all rises are tried with it, and
 behind the best first end up to which all negative phases are, in ln evidence: the end
 of another length may be ahead with its own form."""
-LIKELY_EFFECT, HOPELESS_EFFECT = 3.0, 10.0
-"""Lags behind the best mode without an effect up to which all forms are tried with the
-effect, and beyond which its search is given up."""
+LIKELY_EFFECT = 3.0
+"""Lag behind the best mode without an effect up to which all forms are tried with the
+effect."""
 FORM_STEPS = 5
 """Steps of a search from the end of a similar form."""
 LEAST_SIGN = 4.0
