@@ -69,8 +69,9 @@ MISFIT = 3.0
 LONGEST_STEP = np.array([4.0, 0.7, 0.7, 1.5, 0.7])
 FURTHER_STEP = 0.5
 """Largest change of an unknown in one step, where the expansion is about right."""
-DIFFERENCE = 1e-5
-"""Difference for slopes, far above rounding and below any curvature."""
+DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4])
+"""Differences for slopes, also of the unknowns of an effect, far above rounding and
+below any curvature."""
 ROUNDING = 1e-14
 """Damping of every system, relative to its diagonal, so that none is singular."""
 ENOUGH = 0.05
@@ -85,7 +86,7 @@ of another length may be ahead with its own form."""
 LIKELY_EFFECT = 3.0
 """Lag behind the best mode without an effect up to which all forms are tried with the
 effect."""
-FORM_STEPS = 5
+FORM_STEPS = 8
 """Steps of a search from the end of a similar form."""
 LEAST_SIGN = 4.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
@@ -235,7 +236,7 @@ def evaluate(window: Window, modes: Modes, slopes: bool = True) -> Modes:
         centre[0], spread[0] = -0.5, 1.0
     # with slopes, copies follow in which one unknown each is a little larger
     copies = p + 1 if slopes else 1
-    shifts = np.eye(p + 1, p, -1)[:copies, None] * DIFFERENCE
+    shifts = np.eye(p + 1, p, -1)[:copies, None] * DIFFERENCE[:p]
     trials = (modes.unknowns + shifts).reshape(-1, p)
     rise, negative = np.tile(modes.rise, copies), np.tile(modes.negative, copies)
     columns = window.means(trials, rise, negative, modes.instants)
@@ -266,7 +267,9 @@ def evaluate(window: Window, modes: Modes, slopes: bool = True) -> Modes:
     if not slopes:
         return replace(modes, linear=c, cost=cost)
     pulses = (c[:, None, :q] @ columns)[..., 0, :]
-    moved_by = ((pulses[1:] - pulses[0]) / DIFFERENCE).transpose(1, 0, 2)
+    moved_by = ((pulses[1:] - pulses[0]) / DIFFERENCE[:p, None, None]).transpose(
+        1, 0, 2
+    )
     jacobian = np.concatenate([moved_by @ window.whitener.T, model], axis=1)
     more = [moved_by[..., held] * bounds.slack[:, None], bounds.rows]
     jacobian = np.concatenate([jacobian, np.concatenate(more, axis=1)], axis=2)
