@@ -70,6 +70,7 @@ class Effect:
         scan: Columns that it adds to first order: [trial, column, bin].
         starts: Unknowns from which a search begins, given the best trial of the scan.
         suspected: True for a sign that no scan shows.
+        hides_rise: True if the best rise without the effect imitates it.
     """
 
     name: str
@@ -81,6 +82,7 @@ class Effect:
     scan: Callable = lambda window, best: None
     starts: Callable = lambda window, best, trial: None
     suspected: Callable = lambda best: False
+    hides_rise: bool = False
 
     @property
     def ln_width(self) -> float:
@@ -265,6 +267,7 @@ EFFECTS = (
         columns=_ringing,
         scan=_ring_scan,
         starts=_ring_starts,
+        hides_rise=True,
     ),
     Effect(
         "later_arrival",

@@ -530,7 +530,8 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
         if gain < LEAST_SIGN and not effect.suspected(best):
             continue
         starts = effect.starts(window, best, trial)
-        trials = hypotheses(starts, SMOOTH, best.negative[0], effect)
+        rise = SMOOTH if effect.hides_rise else best.rise[0]
+        trials = hypotheses(starts, rise, best.negative[0], effect)
         found = search(window, _most_likely(window, trials, 2), 20)
         reached = levels(window, found, widened)
         if reached.max() > level.max() - LIKELY_EFFECT:
