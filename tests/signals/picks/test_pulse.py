@@ -181,6 +181,8 @@ def clipped(samples, full_scale=None):
 def test_equal_samples_in_a_row_at_the_top_are_clipped():
     assert clipped(np.minimum(RAMP, 0.8)) == [16, 17, 18, 19]
     assert clipped(np.r_[np.minimum(RAMP, 0.8), 0.0]) == [16, 17, 18, 19]
+    # also a sample at the level that noise leaves between others
+    assert clipped([0.0, 0.8, 0.7, 0.8, 0.8, 0.8]) == [1, 3, 4, 5]
     assert clipped(RAMP) == []
     assert clipped(RAMP, 1.0) == [19]
 
