@@ -125,12 +125,11 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
         wspace=0.2,
         hspace=0.24,
     )
-    made = zip(names, shown, curves(shown), strict=False)
-    for nth, (name, one, curve) in enumerate(made):
+    for nth, (name, one) in enumerate(zip(names, shown, strict=False)):
         row, column = divmod(nth, columns)
         inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.6, 1], hspace=0.1)
         above, below = (figure.add_subplot(part) for part in inner)
-        _draw(above, below, name, one, curve)
+        _draw(above, below, name, one, curve_of(one))
         if nth + columns >= len(shown):
             below.set_xlabel("time [s]")
     if len(picks) > MAX_RECORDS:
@@ -195,11 +194,6 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     titled(above, name, note, y=1.0)
 
 
-def curves(picks: Sequence[RecordPick]) -> list[Curve]:
-    """Return the curves of picks that keep their samples."""
-    return [_curve(one, _edges(one)) for one in picks]
-
-
 def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     """Return the first samples of bins of equal size, at most `BINS`, and the end."""
     pick, record = one.pick, one.record
@@ -212,49 +206,27 @@ def _edges(one: RecordPick) -> Int[np.ndarray, " edge"]:
     last = int((arrival + AFTER * wave - record.start_s) * record.rate_hz) + 2
     first, last = max(first, 0), min(last, record.samples.size)
     first = max(min(first, last - 2), 0)
-    # bins of equal size are means over one axis of a reshaped array
     size = -(-(last - first) // BINS)
     return np.arange(first, last + 1, size)
 
 
-def _curve(one: RecordPick, edges: Int[np.ndarray, " edge"]) -> Curve:
-    """Return the curve of a pick in bins of samples."""
-    record = one.record
+def curve_of(one: RecordPick) -> Curve:
+    """Return the curve of a pick that keeps its samples."""
+    record, edges = one.record, _edges(one)
     own = record.samples[edges[0] : edges[-1]] - one.pick.baseline_pa
-    fitted = np.zeros(edges.size - 1)
-    if one.pick.pulse is not None:
-        # sample i covers i - 1/2 to i + 1/2
-        ends_s = record.start_s + (edges - 0.5) / record.rate_hz
-        fitted = np.diff(one.pick.pulse.impulse_until(ends_s)) / np.diff(ends_s)
+    # bins of equal size are means over one axis of a reshaped array
     bins = own.reshape(edges.size - 1, -1)
     middle = 0.5 * (edges[:-1] + edges[1:] - 1)
+    # sample i covers i - 1/2 to i + 1/2
+    ends_s = record.start_s + (edges - 0.5) / record.rate_hz
+    pulse = one.pick.pulse
     return Curve(
         record.start_s + middle / record.rate_hz,
         bins.mean(axis=1),
         bins.min(axis=1),
         bins.max(axis=1),
-        _through_high_pass(one, fitted, int(edges[1] - edges[0])),
+        np.zeros(len(bins)) if pulse is None else pulse.means(ends_s),
     )
-
-
-def _through_high_pass(
-    one: RecordPick, fitted: Float[np.ndarray, " bin"], samples: int
-) -> Float[np.ndarray, " bin"]:
-    """Return the pulse after the recorder's first-order high-pass, if it has one.
-
-    Args:
-        one: The pick.
-        fitted: The pulse in bins, zero at the first.
-        samples: Samples per bin.
-    """
-    if not one.record.high_pass_hz:
-        return fitted
-    from scipy.signal import lfilter
-
-    step = samples / one.record.rate_hz
-    pole = np.exp(-2.0 * np.pi * one.record.high_pass_hz * step)
-    gain = 0.5 * (1.0 + pole)  # unit gain at the Nyquist frequency of the bins
-    return np.asarray(lfilter([gain, -gain], [1.0, -pole], fitted))
 
 
 def picks_page(

@@ -20,11 +20,12 @@ from jblast.signals.picks import (
     Gathered,
     LeftOut,
     NoteKind,
+    PickedValue,
     PickLog,
     Quality,
     Reason,
     RecordPick,
-    pick_estimate,
+    picked_value,
 )
 
 COLUMNS = {
@@ -133,10 +134,10 @@ def estimate_words(one: RecordPick, quantity: str) -> str:
 
     If the samples do not have the form of a blast pulse, the error is unknown.
     """
-    found = pick_estimate(one, quantity)
+    found = picked_value(one, quantity)
     if found is None:
         return ""
-    value, sd = found
+    value, sd = found.value, found.sd
     # an arrival is a clock reading: always in seconds, whatever its size
     if quantity == "air_arrival_s":
         error = "" if "misfit" in one.notes else f" ± {rounded(sd, sd)}"
@@ -193,19 +194,6 @@ def _listed(names: list[str] | tuple[str, ...]) -> str:
     if len(names) <= MAX_NAMES:
         return joined(list(names))
     return f"{', '.join(names[: MAX_NAMES - 1])} and {len(names) - MAX_NAMES + 1} more"
-
-
-@dataclass(frozen=True)
-class PickedValue:
-    """A value and its standard deviation, in its unit.
-
-    Attributes:
-        value: The value.
-        sd: Its standard deviation.
-    """
-
-    value: float
-    sd: float
 
 
 @dataclass(frozen=True)
@@ -307,18 +295,12 @@ def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
         file=one.record.source,
         bang=order,
         shot=shot,
-        **{quantity: _estimate(one, quantity) for quantity in NAMES},
+        **{quantity: picked_value(one, quantity) for quantity in NAMES},
         lower_bound=one.pick.lower_bound,
         later_arrivals_s=() if math.isnan(later.value) else (later,),
         quality=one.quality,
         notes=tuple(note_words(one)),
     )
-
-
-def _estimate(one: RecordPick, quantity: str) -> PickedValue | None:
-    """Return a value and its standard deviation; None if the pick has none."""
-    found = pick_estimate(one, quantity)
-    return None if found is None else PickedValue(*found)
 
 
 def note_words(one: RecordPick) -> list[str]:

@@ -18,11 +18,11 @@ from jblast.signals.picks.pick_files import (
 )
 from jblast.signals.picks.pick_log import (
     LeftOut as LeftOut,
-    PickEstimate as PickEstimate,
+    PickedValue as PickedValue,
     PickLog as PickLog,
     Reason as Reason,
     log_of as log_of,
-    pick_estimate as pick_estimate,
+    picked_value as picked_value,
 )
 from jblast.signals.picks.record_picks import (
     RecordPick as RecordPick,

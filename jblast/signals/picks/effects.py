@@ -70,7 +70,7 @@ class Effect:
         scan: Columns that it adds to first order: [trial, column, bin].
         starts: Unknowns from which a search begins, given the best trial of the scan.
         suspected: True for a sign that no scan shows.
-        all_forms: True if all forms are tried with it.
+        hides_rise: True if the best rise without the effect imitates it.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Effect:
     scan: Callable = lambda window, best: None
     starts: Callable = lambda window, best, trial: None
     suspected: Callable = lambda best: False
-    all_forms: bool = True
+    hides_rise: bool = False
 
     @property
     def ln_width(self) -> float:
@@ -213,29 +213,27 @@ def _drifts(best):
     )
 
 
-def through_high_pass(window: Window, columns, corner):
+def through_high_pass(ends, columns, corner):
     """Return columns behind a first-order high-pass, exact for steps over bins.
 
     Args:
-        window: The bins.
+        ends: Ends of the bins [sample].
         columns: Means over them, [trial, column, bin].
         corner: Angular frequency of the corner of each trial [1/sample].
     """
     corner = corner[:, None, None]
     far = 300 / corner
-    start, stop = (
-        np.clip(ends, -far, far) for ends in (window.ends[:-1], window.ends[1:])
-    )
+    start, stop = (np.clip(of, -far, far) for of in (ends[:-1], ends[1:]))
     steps = columns * (np.exp(corner * stop) - np.exp(corner * start))
     before = (np.cumsum(steps, axis=-1) - steps) * np.exp(-corner * start)
-    angle = corner * window.widths
+    angle = corner * np.diff(ends)
     left = -np.expm1(-angle) / angle
     return columns * left - before * left
 
 
 def _passed(window: Window, columns, unknowns, rise, negative):
     corner = np.exp(unknowns[:, 5] - unknowns[:, 1])
-    return through_high_pass(window, columns, corner)
+    return through_high_pass(window.ends, columns, corner)
 
 
 def _passed_scan(window: Window, best):
@@ -245,7 +243,7 @@ def _passed_scan(window: Window, best):
     pulse = np.einsum("kc,kcn->kn", best.linear[:1, : pulse.shape[1]], pulse)[:, None]
     corners = np.exp(-unknowns[0, 1]) * np.array([0.1, 0.3, 1.0])
     return np.concatenate(
-        [through_high_pass(window, pulse, np.array([c])) - pulse for c in corners]
+        [through_high_pass(window.ends, pulse, np.array([c])) - pulse for c in corners]
     )
 
 
@@ -269,7 +267,7 @@ EFFECTS = (
         columns=_ringing,
         scan=_ring_scan,
         starts=_ring_starts,
-        all_forms=False,
+        hides_rise=True,
     ),
     Effect(
         "later_arrival",

@@ -21,9 +21,8 @@ A clipped bin is a lower bound: its term is $-\ln\Phi$ of the excess over the le
 standard deviations of a sample, expanded about the present solution.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -39,12 +38,9 @@ from jblast.signals.picks.effects import (
 from jblast.signals.picks.preparation import BANK, Prepared, Window
 from jblast.signals.picks.pulse import (
     CENTRE,
-    CHANGES,
     CHANGES_SD,
     CONTINUED,
     CUBIC,
-    FAMILY_PHASE,
-    FAMILY_RISE,
     LN_PRIOR_NEGATIVE,
     LN_PRIOR_RISE,
     NEGATIVES,
@@ -54,7 +50,6 @@ from jblast.signals.picks.pulse import (
     SMOOTH,
     SPREAD,
     SUCTION,
-    VARIANCE,
     moved,
     natural,
     outputs,
@@ -74,8 +69,9 @@ MISFIT = 3.0
 LONGEST_STEP = np.array([4.0, 0.7, 0.7, 1.5, 0.7])
 FURTHER_STEP = 0.5
 """Largest change of an unknown in one step, where the expansion is about right."""
-DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4])
-"""Differences for slopes, far above rounding and below any curvature."""
+DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4])
+"""Differences for slopes, also of the unknowns of an effect, far above rounding and
+below any curvature."""
 ROUNDING = 1e-14
 """Damping of every system, relative to its diagonal, so that none is singular."""
 ENOUGH = 0.05
@@ -87,9 +83,9 @@ LIKELY, LIKELY_END = 6.0, 12.0
 """Lags behind the best negative phase up to which all rises are tried with it, and
 behind the best first end up to which all negative phases are, in ln evidence: the end
 of another length may be ahead with its own form."""
-LIKELY_EFFECT, HOPELESS_EFFECT = 3.0, 10.0
-"""Lags behind the best mode without an effect up to which all forms are tried with the
-effect, and beyond which its search is given up."""
+LIKELY_EFFECT = 3.0
+"""Lag behind the best mode without an effect up to which all forms are tried with the
+effect."""
 FORM_STEPS = 8
 """Steps of a search from the end of a similar form."""
 LEAST_SIGN = 4.0
@@ -120,9 +116,13 @@ NET_SD, NET_SHARE = 2.0, 0.3
 of the positive impulse, as it would remove all."""
 
 
+def _unsolved():
+    return np.zeros(0)
+
+
 @dataclass
-class Hypotheses:
-    """Hypotheses, one a row.
+class Modes:
+    """Modes of one effect and sampling, one a row, with their solution.
 
     Attributes:
         unknowns: Searched unknowns.
@@ -130,6 +130,12 @@ class Hypotheses:
         ln_prior: ln of prior probability and densities.
         effect: Effect of all rows.
         instants: True if samples are instants.
+        linear: Solved amounts [mode, amount].
+        cost: Half of the sum of squares, priors included [mode].
+        normal: Normal matrix of searched and linear unknowns.
+        slope: Minus the slope of the cost by the searched ones.
+        residuals: Whitened residuals, then those of bounds [mode, term].
+        jacobian: Slopes of the model [mode, unknown, term].
     """
 
     unknowns: Float[np.ndarray, "mode unknown"]
@@ -138,6 +144,12 @@ class Hypotheses:
     ln_prior: Float[np.ndarray, " mode"]
     effect: Effect
     instants: bool
+    linear: Float[np.ndarray, "..."] = field(default_factory=_unsolved)
+    cost: Float[np.ndarray, "..."] = field(default_factory=_unsolved)
+    normal: Float[np.ndarray, "..."] = field(default_factory=_unsolved)
+    slope: Float[np.ndarray, "..."] = field(default_factory=_unsolved)
+    residuals: Float[np.ndarray, "..."] = field(default_factory=_unsolved)
+    jacobian: Float[np.ndarray, "..."] = field(default_factory=_unsolved)
 
     def __len__(self) -> int:
         return len(self.unknowns)
@@ -145,33 +157,18 @@ class Hypotheses:
     def __getitem__(self, some):
         return replace(self, **{name: rows[some] for name, rows in self.rows()})
 
-    def rows(self) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield the fields that have a value for each."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                yield field.name, value
+    @property
+    def best(self) -> "Modes":
+        """The row of lowest cost."""
+        return self[[int(np.argmin(self.cost))]]
 
-
-@dataclass
-class Modes(Hypotheses):
-    """Hypotheses with their solution.
-
-    Attributes:
-        linear: Solved amounts.
-        cost: Half of the sum of squares, priors included.
-        normal: Normal matrix of searched and linear unknowns.
-        slope: Minus the slope of the cost by the searched ones.
-        residuals: Whitened residuals, then those of bounds.
-        jacobian: Slopes of the model, in rows of unknowns.
-    """
-
-    linear: Float[np.ndarray, "mode amount"]
-    cost: Float[np.ndarray, " mode"]
-    normal: Float[np.ndarray, "mode row row"]
-    slope: Float[np.ndarray, "mode slope"]
-    residuals: Float[np.ndarray, "mode term"]
-    jacobian: Float[np.ndarray, "mode row term"]
+    def rows(self) -> list[tuple[str, np.ndarray]]:
+        """Return the fields that have a value for each row."""
+        return [
+            (name, value)
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and len(value) == len(self)
+        ]
 
     def set(self, some, other: "Modes") -> None:
         """Replace rows by those of others."""
@@ -179,10 +176,7 @@ class Modes(Hypotheses):
             getattr(self, name)[some] = rows
 
 
-Rows = TypeVar("Rows", bound=Hypotheses)
-
-
-def joined(*parts: Rows) -> Rows:
+def joined(*parts: Modes) -> Modes:
     """Return the rows of several of one effect and sampling."""
     names = [name for name, _ in parts[0].rows()]
     return replace(
@@ -191,12 +185,12 @@ def joined(*parts: Rows) -> Rows:
     )
 
 
-def hypotheses(unknowns, rise, negative, effect=NOTHING, instants=False) -> Hypotheses:
+def hypotheses(unknowns, rise, negative, effect=NOTHING, instants=False) -> Modes:
     """Return hypotheses; one form stands for all rows."""
     rise, negative = (np.broadcast_to(f, len(unknowns)) for f in (rise, negative))
     prior = LN_PRIOR_RISE[rise] + LN_PRIOR_NEGATIVE[negative]
     ln_prior = prior + effect.ln_odds + effect.ln_width
-    return Hypotheses(unknowns, rise, negative, ln_prior, effect, instants)
+    return Modes(unknowns, rise, negative, ln_prior, effect, instants)
 
 
 def _unit_diagonal(matrices, damping):
@@ -231,7 +225,7 @@ def _linear_prior(peak: float, effect: Effect) -> Float[np.ndarray, "amount amou
     return prior
 
 
-def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
+def evaluate(window: Window, modes: Modes, slopes: bool = True) -> Modes:
     """Solve the linear unknowns of each; with slopes, expand the cost about it."""
     effect, peak = modes.effect, window.peak
     many, p = modes.unknowns.shape
@@ -240,40 +234,28 @@ def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
     if window.front_held:
         # a front within clipped samples is near the first of them
         centre[0], spread[0] = -0.5, 1.0
-    change = np.append(DIFFERENCE, np.full(p - 5, 1e-4))
-    trials = np.repeat(modes.unknowns[None], p + 1 if slopes else 1, axis=0)
-    if slopes:
-        trials[np.arange(1, p + 1), :, np.arange(p)] += change[:, None]
-    trials = trials.reshape(-1, p)
-    copies = len(trials) // many
+    # with slopes, copies follow in which one unknown each is a little larger
+    copies = p + 1 if slopes else 1
+    shifts = np.eye(p + 1, p, -1)[:copies, None] * DIFFERENCE[:p]
+    trials = (modes.unknowns + shifts).reshape(-1, p)
     rise, negative = np.tile(modes.rise, copies), np.tile(modes.negative, copies)
     columns = window.means(trials, rise, negative, modes.instants)
     columns = effect.columns(window, columns, trials, rise, negative)
     if window.record.high_pass is not None:
         corner = np.full(len(columns), window.record.high_pass)
-        columns = through_high_pass(window, columns, corner)
+        columns = through_high_pass(window.ends, columns, corner)
     q, n = columns.shape[1:]
     columns = columns.reshape(copies, many, q, n)
-    model = np.zeros((many, q + 4, n))
-    model[:, q:] = window.drift
-    own = [PEAK, SUCTION, *range(2 + CHANGES, q)]
-    model[:, own] = columns[0][:, own] @ window.whitener.T
-    families = np.flatnonzero(
-        (modes.rise == FAMILY_RISE) | (modes.negative == FAMILY_PHASE)
-    )
-    if families.size:  # the changes of others are zero
-        changes = columns[0][families, 2 : 2 + CHANGES]
-        model[families, 2 : 2 + CHANGES] = changes @ window.whitener.T
+    drift = np.broadcast_to(window.drift, (many, 4, n))
+    model = np.concatenate([columns[0] @ window.whitener.T, drift], axis=1)
     prior = _linear_prior(peak, effect)
     normal = model @ model.transpose(0, 2, 1) + prior
     right = model @ window.data
-    c = _solved(normal, right, ROUNDING)
     held = np.flatnonzero(window.held)
-    bounds = None
-    if held.size:
-        bounds = _bounded(window, columns[0][..., held], held, normal, right, c)
-        c = bounds.linear
+    bounds = _bounded(window, columns[0][..., held], held, normal, right)
+    c = bounds.linear
     residuals = window.data - (c[:, None] @ model)[:, 0]
+    residuals = np.concatenate([residuals, -bounds.short], axis=1)
     apart = (modes.unknowns - centre) / spread
     cost = 0.5 * (
         np.sum(residuals**2, axis=1)
@@ -281,36 +263,22 @@ def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
         + np.sum(apart**2, axis=1)
         + (np.minimum(c[:, SUCTION], 0) / (NO_SUCTION * peak)) ** 2
     )
-    if bounds is not None:
-        cost = cost + 0.5 * np.sum(bounds.short**2, axis=1)
     cost = np.where(np.isfinite(cost) & (c[:, PEAK] > 0), cost, np.inf)
-    kind = {field.name: getattr(modes, field.name) for field in fields(Hypotheses)}
     if not slopes:
-        none, nothing = np.zeros((many, 0)), np.zeros((many, 0, 0))
-        return Modes(
-            **kind,
-            linear=c,
-            cost=cost,
-            normal=nothing,
-            slope=none,
-            residuals=none,
-            jacobian=nothing,
-        )
+        return replace(modes, linear=c, cost=cost)
     pulses = (c[:, None, :q] @ columns)[..., 0, :]
-    moved_by = ((pulses[1:] - pulses[0]) / change[:, None, None]).transpose(1, 0, 2)
+    moved_by = ((pulses[1:] - pulses[0]) / DIFFERENCE[:p, None, None]).transpose(
+        1, 0, 2
+    )
     jacobian = np.concatenate([moved_by @ window.whitener.T, model], axis=1)
-    if bounds is not None:
-        more = np.concatenate(
-            [moved_by[..., held] * bounds.slack[:, None], bounds.rows], axis=1
-        )
-        jacobian = np.concatenate([jacobian, more], axis=2)
-        residuals = np.concatenate([residuals, -bounds.short], axis=1)
+    more = [moved_by[..., held] * bounds.slack[:, None], bounds.rows]
+    jacobian = np.concatenate([jacobian, np.concatenate(more, axis=1)], axis=2)
     normal = jacobian @ jacobian.transpose(0, 2, 1)
     normal[:, p:, p:] += prior
     normal[:, np.arange(p), np.arange(p)] += 1 / spread**2
     slope = (jacobian[:, :p] @ residuals[..., None])[..., 0] - apart / spread
-    return Modes(
-        **kind,
+    return replace(
+        modes,
         linear=c,
         cost=cost,
         normal=normal,
@@ -320,8 +288,7 @@ def evaluate(window: Window, modes: Hypotheses, slopes: bool = True) -> Modes:
     )
 
 
-@dataclass(frozen=True)
-class _Bounds:
+class _Bounds(NamedTuple):
     """Terms of clipped bins.
 
     Attributes:
@@ -337,14 +304,19 @@ class _Bounds:
     rows: Float[np.ndarray, "mode amount bin"]
 
 
-def _bounded(window: Window, columns, held, normal, right, c) -> _Bounds:
-    """Solve again with the bounds of clipped bins."""
+def _bounded(window: Window, columns, held, normal, right) -> _Bounds:
+    """Solve the amounts with the bounds of clipped bins."""
+    c = _solved(normal, right, ROUNDING)
+    many = len(columns)
+    if not held.size:
+        none = np.zeros((many, 0))
+        return _Bounds(c, none, none, np.zeros((*c.shape, 0)))
     # SciPy is loaded for records with clipped samples alone
     from scipy.special import log_ndtr
 
     sign, level = window.held[held], np.abs(window.values[held])
     sigma = window.record.sigma
-    drift = np.broadcast_to(window.line[:, held], (len(columns), 4, held.size))
+    drift = np.broadcast_to(window.line[:, held], (many, 4, held.size))
     model = np.concatenate([columns, drift], axis=1) * sign
     for last in (False, False, False, True):
         v = ((c[:, None] @ model)[:, 0] - level) / sigma
@@ -360,16 +332,13 @@ def _bounded(window: Window, columns, held, normal, right, c) -> _Bounds:
     return _Bounds(c, short, slope * sign, rows)
 
 
-def search(
-    window: Window, start: Hypotheses, steps: int = 12, against: float = np.inf
-) -> Modes:
+def search(window: Window, start: Modes, steps: int = 12) -> Modes:
     """Return the optima of hypotheses by damped Gauss-Newton steps, all at once.
 
     Args:
         window: The bins.
         start: Where the searches begin.
         steps: Largest number of steps.
-        against: Cost above which a search is given up after five steps.
     """
     here = evaluate(window, start[np.arange(len(start))])  # a copy
     many, p = here.unknowns.shape
@@ -398,8 +367,6 @@ def search(
         done[some] = (better & (expected < ENOUGH * widened)) | (stalled[some] > 2)
         if step >= 2:
             done |= here.cost > np.min(here.cost) + HOPELESS * widened
-        if step >= 5:
-            done |= here.cost > against
     return here
 
 
@@ -423,7 +390,7 @@ def levels(window: Window, modes: Modes, widened: float) -> Float[np.ndarray, " 
     return np.where((sign > 0) & np.isfinite(level), level, -np.inf)
 
 
-def _starts(window: Window, member: int) -> Hypotheses:
+def _starts(window: Window, member: int) -> Modes:
     """Return starts of different lengths and tails: rise and shift first."""
     first, negative = BANK.unknowns[member], BANK.negative[member]
     rise = np.append(START_RISES, np.exp(first[3]))
@@ -431,8 +398,7 @@ def _starts(window: Window, member: int) -> Hypotheses:
     trials = np.repeat(first[None], rise.size * START_SHIFTS.size, axis=0)
     trials[:, 0] = np.tile(START_SHIFTS, rise.size) - 0.5
     trials[:, 3] = np.log(np.repeat(rise, START_SHIFTS.size))
-    tried = evaluate(window, hypotheses(trials, SMOOTH, negative), slopes=False)
-    best = trials[int(np.argmin(tried.cost))]
+    best = _most_likely(window, hypotheses(trials, SMOOTH, negative), 1).unknowns
     grid = np.array(
         [
             (np.log(length), decay, tail, np.log(fall))
@@ -441,19 +407,24 @@ def _starts(window: Window, member: int) -> Hypotheses:
             for tail, fall in START_TAILS
         ]
     )
-    trials = np.repeat(best[None], len(grid), axis=0)
+    trials = np.repeat(best, len(grid), axis=0)
     trials[:, 1] += grid[:, 0]
     trials[:, 2], trials[:, 4] = grid[:, 1], grid[:, 3]
     trials[:, 3] = np.minimum(trials[:, 3], trials[:, 1] + np.log(0.4))
     tails = grid[:, 2].astype(int)
-    tried = evaluate(window, hypotheses(trials, SMOOTH, tails), slopes=False)
-    chosen = _distinct(trials[:, 1], tails, np.argsort(tried.cost), OTHER_LENGTH)
-    chosen = chosen[:STARTS]
-    return hypotheses(trials[chosen], SMOOTH, tails[chosen])
+    return _most_likely(window, hypotheses(trials, SMOOTH, tails), STARTS)
 
 
-def _distinct(length, form, order, apart) -> list[int]:
+def _most_likely(window: Window, trials: Modes, many: int) -> Modes:
+    """Return the best of trials, each of another length or form."""
+    tried = evaluate(window, trials, slopes=False)
+    return trials[_distinct(tried, np.argsort(tried.cost), OTHER_LENGTH)[:many]]
+
+
+def _distinct(modes: Modes, order, apart: float, *, forms: bool = True) -> list[int]:
     """Return indices in order, without those of form and length of another."""
+    length = modes.unknowns[:, 1]
+    form = (modes.rise * len(NEGATIVES) + modes.negative) * forms
     kept: list[int] = []
     for i in order:
         if all(form[i] != form[j] or abs(length[i] - length[j]) > apart for j in kept):
@@ -461,81 +432,58 @@ def _distinct(length, form, order, apart) -> list[int]:
     return kept
 
 
-def modes_of(
-    record: Prepared, *, longest: float = np.inf, until: float = np.inf
-) -> tuple[Window, list[Modes]]:
+def modes_of(record: Prepared, longest: float = np.inf) -> tuple[Window, list[Modes]]:
     """Return all hypotheses worth a weight, in groups of one effect and one sampling.
 
     Args:
         record: The record.
         longest: Longest duration of the start [samples].
-        until: Sample at which the window ends at the latest.
     """
     member = record.best_member(longest)
     duration = record.start_duration(longest)
-    window, ends = _ends_in(record, duration, member, until)
-    for _ in range(WINDOWS - 1):
-        if not _leaves(window, [ends], until):
+    windows = 0
+    while True:
+        window = record.window(duration)
+        ends = search(window, _starts(window, member), FIRST_STEPS)
+        window.peak = float(np.clip(ends.best.linear[0, PEAK], 0.02, 3.0))
+        windows += 1
+        duration = float(np.exp(ends.best.unknowns[0, 1]))
+        # a pulse that does not fit may be too long
+        fits = widening(window, ends) < MISFIT
+        if not fits or windows == WINDOWS or 0.6 < duration / window.duration < 1.7:
             break
-        window, ends = _ends_in(record, _duration([ends]), member, until)
     if not np.isfinite(ends.cost).any():
         return window, []
     plain = _all_forms(window, ends)
     instants = _at_instants(window, plain)
     groups = [*_with_effects(window, plain), *instants]
-    if _leaves(window, groups, until):
-        peak, window = window.peak, record.window(_duration(groups))
-        window.peak = peak
-        groups = [search(window, modes) for modes in groups]
     return window, groups
 
 
-def _ends_in(
-    record: Prepared, duration: float, member: int, until: float
-) -> tuple[Window, Modes]:
-    """Return a window and the ends of the first searches in it."""
-    window = record.window(duration, until=until)
-    ends = search(window, _starts(window, member), FIRST_STEPS)
-    peak = float(ends.linear[int(np.argmin(ends.cost)), PEAK])
-    window.peak = float(np.clip(peak, 0.02, 3.0))
-    return window, ends
-
-
-def _duration(groups: list[Modes]) -> float:
-    """Return the duration of the mode of lowest cost."""
-    best = min(groups, key=lambda modes: modes.cost.min())
-    return float(np.exp(best.unknowns[int(np.argmin(best.cost)), 1]))
-
-
-def _leaves(window: Window, groups: list[Modes], until: float) -> bool:
-    """Return True if a pulse that fits has another length than its window is for."""
-    ratio = _duration(groups) / window.duration
-    fits = np.isinf(until) and widening(window, *groups) < MISFIT
-    return fits and not 0.6 < ratio < 1.7
-
-
-def _all_forms(window: Window, best: Modes) -> Modes:
+def _all_forms(window: Window, found: Modes) -> Modes:
     """Return all negative phases from the best ends, then all rises."""
     # ends of one length are one, since all negative phases are tried from each
-    length, order = best.unknowns[:, 1], np.argsort(best.cost)
-    ends = best[_distinct(length, np.zeros(len(best)), order, SAME_LENGTH)[:3]]
+    ends = _distinct(found, np.argsort(found.cost), SAME_LENGTH, forms=False)
+    ends = found[ends[:3]]
     ends = ends[ends.cost <= ends.cost[0] + LIKELY_END * widening(window, ends)]
-    many = len(NEGATIVES)
-    unknowns = np.repeat(ends.unknowns, many, axis=0)
+    many, effect = len(NEGATIVES), found.effect
+    unknowns, rise = (np.repeat(x, many, axis=0) for x in (ends.unknowns, ends.rise))
     forms = np.tile(np.arange(many), len(ends))
-    tails = search(window, hypotheses(unknowns, SMOOTH, forms))
+    tails = search(window, hypotheses(unknowns, rise, forms, effect))
     # one end that is reached from several starts counts once
     level = levels(window, tails, widening(window, tails))
-    order = np.argsort(-level)
-    kept = _distinct(tails.unknowns[:, 1], tails.negative, order, SAME_LENGTH)
+    kept = _distinct(tails, np.argsort(-level), SAME_LENGTH)
     tails, level = tails[kept], level[kept]
     likely = tails[level >= level[0] - LIKELY]
-    rises = np.arange(1, len(RISES))
+    rises = np.setdiff1d(np.arange(len(RISES)), ends.rise)
+    unknowns, before, negative = (
+        np.repeat(x, rises.size, axis=0)
+        for x in (likely.unknowns, likely.rise, likely.negative)
+    )
     rise = np.tile(rises, len(likely))
-    unknowns = np.repeat(likely.unknowns, rises.size, axis=0)
-    unknowns = moved(unknowns, np.full(rise.size, SMOOTH), rise)
-    negative = np.repeat(likely.negative, rises.size)
-    return joined(tails, search(window, hypotheses(unknowns, rise, negative)))
+    unknowns[:, :5] = moved(unknowns[:, :5], before, rise)
+    start = hypotheses(unknowns, rise, negative, effect)
+    return joined(tails, search(window, start, FORM_STEPS))
 
 
 def _at_instants(window: Window, plain: Modes) -> list[Modes]:
@@ -547,11 +495,7 @@ def _at_instants(window: Window, plain: Modes) -> list[Modes]:
     best = best[likely & (tau[best] > SHARPEST) & (tau[best] < SLOWEST)]
     if not best.size:
         return []
-    unknowns, rise = plain.unknowns[best].copy(), plain.rise[best]
-    # the average over a sample has made the rise longer
-    longer = np.sqrt(tau[best] ** 2 + 1 / 12 / VARIANCE[rise])
-    left = np.maximum(1 - longer / np.exp(unknowns[:, 1]), 0.1)
-    unknowns[:, 3] = np.log(longer / left)
+    unknowns, rise = plain.unknowns[best], plain.rise[best]
     start = hypotheses(unknowns, rise, plain.negative[best], instants=True)
     found = search(window, start, FORM_STEPS)
     # both samplings are equally probable; these stand for all modes of the other
@@ -585,76 +529,63 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
         gain, trial = _sign(window, effect, best)
         if gain < LEAST_SIGN and not effect.suspected(best):
             continue
-        base = best
-        if not effect.all_forms:
-            usual = (plain.rise == SMOOTH) & (plain.negative == CUBIC)
-            base = plain[[int(np.argmax(np.where(usual, level, -np.inf)))]]
-        starts = effect.starts(window, base, trial)
-        trials = hypotheses(starts, base.rise[0], base.negative[0], effect)
-        if len(trials) > 1:  # the best of either half, which differ in length
-            halves = np.split(evaluate(window, trials, slopes=False).cost, 2)
-            places = [int(np.argmin(half)) for half in halves]
-            trials = trials[[places[0], len(halves[0]) + places[1]]]
-        found = search(
-            window, trials, 20, against=best.cost[0] + HOPELESS_EFFECT * widened
-        )
+        starts = effect.starts(window, best, trial)
+        rise = SMOOTH if effect.hides_rise else best.rise[0]
+        trials = hypotheses(starts, rise, best.negative[0], effect)
+        found = search(window, _most_likely(window, trials, 2), 20)
         reached = levels(window, found, widened)
-        end = found[[int(np.argmax(reached))]]
-        if effect.all_forms and reached.max() > level.max() - LIKELY_EFFECT:
+        if reached.max() > level.max() - LIKELY_EFFECT:
             # the best forms without the effect may only imitate it
-            found = _forms_with(window, end)
+            found = _all_forms(window, found)
         if reached.max() > level.max():
             # or the search without it ended elsewhere
+            end = found.best
             start = hypotheses(end.unknowns[:, :5], end.rise, end.negative)
-            again.append(_forms_with(window, start))
+            again.append(_all_forms(window, search(window, start, FORM_STEPS)))
         groups.append(found)
     plain = joined(*again)
     order = np.argsort(-levels(window, plain, widened))
-    form = plain.rise * len(NEGATIVES) + plain.negative
-    plain = plain[_distinct(plain.unknowns[:, 1], form, order, SAME_LENGTH)]
-    return [plain, *groups]
+    return [plain[_distinct(plain, order, SAME_LENGTH)], *groups]
 
 
-def _forms_with(window: Window, found: Hypotheses) -> Modes:
-    """Return an effect with all negative phases, then with all rises."""
-    many, effect = len(NEGATIVES), found.effect
-    unknowns = np.repeat(found.unknowns, many, axis=0)
-    start = hypotheses(unknowns, found.rise[0], np.arange(many), effect)
-    tails = search(window, start, FORM_STEPS)
-    best = tails[[int(np.argmin(tails.cost))]]
-    rise = np.setdiff1d(np.arange(len(RISES)), found.rise)
-    unknowns = np.repeat(best.unknowns, rise.size, axis=0)
-    same = np.full(rise.size, found.rise[0])
-    unknowns[:, :5] = moved(unknowns[:, :5], same, rise)
-    start = hypotheses(unknowns, rise, best.negative[0], effect)
-    return joined(tails, search(window, start, FORM_STEPS))
-
-
-@dataclass(frozen=True)
-class HighPassed:
-    """An unstated high-pass, over a longer window.
+class Weighted(NamedTuple):
+    """Modes of one effect and sampling, with their weights.
 
     Attributes:
-        window: The window.
-        modes: Modes before the high-pass.
-        level: ln evidence of each.
+        window: Their window.
+        modes: The modes.
+        weights: Probability of each among all of a record.
         widened: Factor on the variance of the noise.
-        ln_odds: ln of the odds of a high-pass against none.
     """
 
     window: Window
     modes: Modes
-    level: Float[np.ndarray, " mode"]
+    weights: Float[np.ndarray, " mode"]
     widened: float
-    ln_odds: float
 
 
-def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
-    """Return modes before an unstated high-pass; None if there is no sign of one.
+def weighed(window: Window, groups: list[Modes]) -> list[Weighted]:
+    """Return modes with weights by their evidence, those of a high-pass among them.
 
     Args:
         window: Window of the groups.
         groups: Modes without a high-pass, those without an effect first.
+    """
+    widened = widening(window, *groups)
+    found = [(window, m, levels(window, m, widened), widened) for m in groups]
+    best = max(found, key=lambda group: group[2].max())[1]
+    if widened < MISFIT and best.effect.name != "resonating":
+        total = np.logaddexp.reduce(np.concatenate([group[2] for group in found]))
+        found += _high_passed(window, groups, total)
+    total = np.logaddexp.reduce(np.concatenate([group[2] for group in found]))
+    return [Weighted(w, m, np.exp(x - total), by) for w, m, x, by in found]
+
+
+def _high_passed(window: Window, groups: list[Modes], total: float):
+    """Return modes before an unstated high-pass, if there is a sign of one.
+
+    They are fitted over a longer window. Their ln evidence is that of all modes without
+    one, `total`, and the odds in that window.
     """
     record, plain = window.record, groups[0]
     level = levels(window, plain, widening(window, plain))
@@ -662,37 +593,29 @@ def high_passed(window: Window, groups: list[Modes]) -> HighPassed | None:
     duration = float(np.exp(best.unknowns[0, 1]))
     end = int(min(record.front + HIGH_PASS_REACH * duration, record.samples.size))
     if record.bound.any() or record.high_pass is not None:
-        return None
+        return []
     net = abs(record.samples[record.quiet : end].sum())
     sd = np.sqrt(record.slow_variance(end - record.quiet))
     impulse = float(
         np.exp(outputs(best.unknowns, best.rise, best.negative, best.linear)[0, 3])
     )
     if net > NET_SD * sd + NET_SHARE * impulse:
-        return None
+        return []
     far = record.window(duration, reach=HIGH_PASS_REACH)
     far.peak = window.peak
     there = search(far, best, 4)
     sign, _ = _sign(far, HIGH_PASSED, there)
     if sign < LEAST_SIGN and not HIGH_PASSED.suspected(there):
-        return None
-    many = len(NEGATIVES)
-    unknowns = np.repeat(best.unknowns, many, axis=0)
-    start = hypotheses(unknowns, best.rise[0], np.arange(many))
-    others = (m[[int(np.argmin(m.cost))]] for m in groups[1:] if m.effect.name)
-    without = [search(far, start, 10), *(search(far, m, 10) for m in others)]
+        return []
+    others = (m.best for m in groups[1:] if m.effect.name)
+    without = [_all_forms(far, there), *(search(far, m, 10) for m in others)]
     # another effect may imitate a high-pass, and its pulse be nearer
-    near = min(groups, key=lambda modes: modes.cost.min())
-    near = near[[int(np.argmin(near.cost))]]
-    starts = [HIGH_PASSED.starts(far, mode, 0) for mode in (best, near)]
-    each = len(starts[0])
-    rise = np.repeat([best.rise[0], near.rise[0]], each)
-    negative = np.repeat([best.negative[0], near.negative[0]], each)
-    trials = hypotheses(np.concatenate(starts), rise, negative, HIGH_PASSED)
-    ends = search(far, trials, 15)
-    modes = _forms_with(far, ends[[int(np.argmin(ends.cost))]])
+    near = min(groups, key=lambda modes: modes.cost.min()).best
+    starts = HIGH_PASSED.starts(far, near, 0)
+    trials = hypotheses(starts, near.rise[0], near.negative[0], HIGH_PASSED)
+    ends = search(far, _most_likely(far, trials, 3), 15)
+    modes = _all_forms(far, ends)
     widened = widening(far, modes, *without)
-    level = levels(far, modes, widened)
     against = np.concatenate([levels(far, m, widened) for m in without])
-    ln_odds = np.logaddexp.reduce(level) - np.logaddexp.reduce(against)
-    return HighPassed(far, modes, level, widened, float(ln_odds))
+    level = levels(far, modes, widened) - np.logaddexp.reduce(against) + total
+    return [(far, modes, level, widened)]

@@ -5,8 +5,9 @@ are compared with the table of stations before any sample is read. Of files with
 stems in several folders each folder is a shot, unless the table names FOLDER/STEM.
 
 Files share the clock of the first one if they, or their stations, state the time of day
-of the first sample. Each blast of each channel is picked, in batches. A file that
-cannot be used is reported and does not stop the others.
+of the first sample. Each blast of each channel is picked as soon as it is read, so a
+folder of any size needs bounded memory. A file that cannot be used is reported and does
+not stop the others.
 """
 
 import os
@@ -28,9 +29,6 @@ from jblast.signals.onsets import LEAST_PEAK_SHARE, Stretches, stretches
 from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.record_picks import RecordPick, pick_records
 
-BATCH_SAMPLES = 2**22
-"""Samples that are read before they are picked, 32 MB in double precision: a folder of
-any size needs bounded memory."""
 MAX_PRESSURE_PA = 1e9
 """Largest range of a record's samples [Pa]. The largest pressure of a blast in air is
 that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
@@ -45,7 +43,6 @@ class Gathered(NamedTuple):
 
     Attributes:
         picks: Picks in the order of files, channels and time.
-        orders: Number of each within its channel, from 1.
         silent: Names of channels without a pick.
         quieter: Number of onsets by channel that were skipped, more than 20 dB below
             the loudest.
@@ -56,13 +53,18 @@ class Gathered(NamedTuple):
     """
 
     picks: tuple[RecordPick, ...]
-    orders: tuple[int, ...]
     silent: tuple[str, ...]
     quieter: dict[str, int]
     refused: tuple[InputError, ...]
     epoch: datetime | None
     channels: int
     triggered: bool = False
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Number of each pick within its channel, from 1."""
+        names = [_channel(one.record) for one in self.picks]
+        return tuple(names[: at + 1].count(name) for at, name in enumerate(names))
 
     def named(self) -> tuple[str, ...]:
         """Return the name of each pick's record; of several in a channel name#order."""
@@ -103,17 +105,16 @@ def gathered(
     """
     reading = _Reading(scaling or Scaling(), high_pass_hz, stations, trigger)
     found: list[RecordPick] = []
-    for batch in _batches(reading.records(files)):
-        for one in pick_records(batch):
-            if not one.pick.found:
-                continue
-            if not keep_samples:
-                one = replace(one, record=replace(one.record, samples=np.zeros(0)))
-            found.append(one)
+    for record in reading.records(files):
+        (one,) = pick_records([record])
+        if not one.pick.found:
+            continue
+        if not keep_samples:
+            one = replace(one, record=replace(record, samples=np.zeros(0)))
+        found.append(one)
     names = [_channel(one.record) for one in found]
     return Gathered(
         picks=tuple(found),
-        orders=tuple(names[: at + 1].count(name) for at, name in enumerate(names)),
         silent=tuple(name for name in reading.channels if name not in names),
         quieter=reading.quieter,
         refused=_by_cause(reading.refused),
@@ -137,18 +138,6 @@ def _listed(names: Sequence[str], most: int = MAX_NAMED) -> str:
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
-class _Names(NamedTuple):
-    """Names of the channels of a file.
-
-    Attributes:
-        shot: Folder of the file, if the folders are shots; else "".
-        sensors: Names of sensors by those of channels.
-    """
-
-    shot: str
-    sensors: dict[str, str]
-
-
 @dataclass
 class _Reading:
     """Findings of reading the records of files."""
@@ -161,19 +150,20 @@ class _Reading:
     quieter: dict[str, int] = field(default_factory=dict)
     refused: list[tuple[Path, InputError]] = field(default_factory=list)
     epoch: datetime | None = None
+    # sensor of each channel, and folder of each file if the folders are shots, else ""
+    sensors: dict[tuple[Path, str], str] = field(default_factory=dict)
+    shots: dict[Path, str] = field(default_factory=dict)
     # source of the first recording, and whether it has a time of day
     first: tuple[str, str] | None = None
 
     def records(self, files: Sequence[Path]) -> Iterator[PressureRecord]:
         """Yield intervals with a signal, those of a channel in order of time."""
-        names = self._names(files)
-        for file in each(list(names), "records"):
+        self._name_channels(files)
+        for file in each(list(self.shots), "records"):
             try:
                 recordings = _long_enough(open_record(file, self.scaling))
                 begin = min(one.own_start_s for one in recordings)
-                recordings = [
-                    self._timed(one, names[file], begin) for one in recordings
-                ]
+                recordings = [self._timed(one, file, begin) for one in recordings]
                 runs = [(one, stretches(one)) for one in recordings]
                 for one, channels in runs:
                     _check_scale(one, channels, self.scaling)
@@ -184,7 +174,7 @@ class _Reading:
             for recording, channels in runs:
                 for name, channel in zip(recording.names, channels, strict=True):
                     by_channel.setdefault(name, []).append(channel)
-            shot = names[file].shot
+            shot = self.shots[file]
             for name, segments in by_channel.items():
                 label = f"{shot}/{name}" if shot else name
                 self.channels.append(label)
@@ -196,17 +186,19 @@ class _Reading:
                     if np.ptp(record.samples) > 0:
                         yield replace(record, high_pass_hz=self.high_pass_hz, shot=shot)
 
-    def _names(self, files: Sequence[Path]) -> dict[Path, _Names]:
-        """Return the names of all channels, before any of them is read.
+    def _name_channels(self, files: Sequence[Path]) -> None:
+        """Find the sensor of each channel, before any of them is read.
 
         Raises:
             InputError: A channel has no station.
         """
-        held: dict[Path, list[tuple[str, list[str]]]] = {}
+        held: dict[Path, Path] = {}
+        channels: list[tuple[Path, str, tuple[str, ...]]] = []
         for file in files:
             try:
                 found = open_channels(file)
-                if any(_key(file) == _key(other) for other in held):
+                key = file.resolve().with_suffix("")
+                if key in held.values():
                     raise InputError(
                         f"{file}: expected records with different names, got "
                         f"{file.stem} twice"
@@ -214,50 +206,46 @@ class _Reading:
             except InputError as error:
                 self.refused.append((file, error))
                 continue
-            held[file] = [(name, aliases) for name, *aliases in found]
+            held[file] = key
+            channels += [(file, name, tuple(aliases)) for name, *aliases in found]
         folders = _folders(list(held))
         # a name that several channels have is the name of none
         shared = Counter(
             (folders[file], one)
-            for file, own in held.items()
-            for name, aliases in own
+            for file, name, aliases in channels
             for one in (name, *aliases)
         )
-        absent: list[str] = []
-        sensors: dict[Path, dict[str, str]] = {}
-        for file, own in held.items():
-            sensors[file] = {}
-            for name, aliases in own:
-                folder = folders[file]
-                options = [f"{folder}/{name}"] if folder else []
-                options += [name, *(a for a in aliases if shared[folder, a] == 1)]
-                stations = (name,) if self.stations is None else self.stations
-                sensor = next((one for one in options if one in stations), None)
-                absent += [] if sensor else [name]
-                sensors[file][name] = sensor or name
+        for file, name, aliases in channels:
+            folder = folders[file]
+            options = [f"{folder}/{name}"] * bool(folder) + [name]
+            options += [alias for alias in aliases if shared[folder, alias] == 1]
+            stations = (name,) if self.stations is None else self.stations
+            sensor = next((one for one in options if one in stations), "")
+            self.sensors[file, name] = sensor
+        absent = dict.fromkeys(name for (_, name), of in self.sensors.items() if not of)
         if absent:
             got = _listed(tuple(self.stations or ()), MAX_STATIONS)
             raise InputError(
                 f"{next(iter(held))}: expected a station for "
-                f"{_listed(list(dict.fromkeys(absent)), MAX_STATIONS)}, got {got}"
+                f"{_listed(list(absent), MAX_STATIONS)}, got {got}"
             )
-        of_all = [(folders[f], s) for f, own in sensors.items() for s in own.values()]
-        shots = len({sensor for _, sensor in of_all}) < len(set(of_all))
-        return {f: _Names(folders[f] * shots, own) for f, own in sensors.items()}
+        both = {(folders[file], of) for (file, _), of in self.sensors.items()}
+        shots = len({sensor for _, sensor in both}) < len(both)
+        self.shots = {file: folders[file] * shots for file in held}
 
-    def _timed(self, recording: Recording, names: _Names, begin: float) -> Recording:
+    def _timed(self, recording: Recording, file: Path, begin: float) -> Recording:
         """Return a recording of a sensor on the clock of the first.
 
         Args:
             recording: The recording.
-            names: Names of the channels of its file.
+            file: Its file.
             begin: Time of the first sample of the file on its own clock [s].
 
         Raises:
             InputError: Only one of the two has a time of day, or one was made by a
                 clock that was not set and is not that of its station.
         """
-        sensors = tuple(names.sensors[name] for name in recording.names)
+        sensors = tuple(self.sensors[file, name] for name in recording.names)
         recording = replace(recording, names=sensors)
         stations = self.stations or {}
         recording = started(recording, stations, recording.own_start_s - begin)
@@ -289,11 +277,6 @@ class _Reading:
         return replace(recording, epoch=self.epoch, start_s=start)
 
 
-def _key(file: Path) -> Path:
-    """Return the folder and stem of a file."""
-    return file.resolve().with_suffix("")
-
-
 def _folders(files: Sequence[Path]) -> dict[Path, str]:
     """Return the folder of each file, "" if no two files have one stem."""
     parents = {file: file.resolve().parent for file in files}
@@ -307,7 +290,7 @@ def _folders(files: Sequence[Path]) -> dict[Path, str]:
 
 
 def _check_scale(
-    recording: Recording, channels: Sequence[Stretches], scaling: Scaling | None
+    recording: Recording, channels: Sequence[Stretches], scaling: Scaling
 ) -> None:
     """Raise an error for pressures that no blast has.
 
@@ -323,7 +306,7 @@ def _check_scale(
     if largest <= MAX_PRESSURE_PA:
         return
     remedy = "check the unit and the scale of the samples"
-    if scaling is not None and scaling.sensitivity is not None:
+    if scaling.sensitivity is not None:
         remedy = (
             f"{argument('sensitivity')} is in pascals per volt or count: write "
             f"{1 / scaling.sensitivity:.6g} if {scaling.sensitivity:g} is in volts or "
@@ -372,16 +355,3 @@ def _loud(segments: Sequence[Stretches]) -> tuple[list[PressureRecord], int]:
         if size >= LEAST_PEAK_SHARE * max(sizes)
     ]
     return loud, quieter + len(records) - len(loud)
-
-
-def _batches(records: Iterator[PressureRecord]) -> Iterator[list[PressureRecord]]:
-    """Yield records in batches of at least `BATCH_SAMPLES` samples."""
-    batch, samples = [], 0
-    for record in records:
-        batch.append(record)
-        samples += record.samples.size
-        if samples >= BATCH_SAMPLES:
-            yield batch
-            batch, samples = [], 0
-    if batch:
-        yield batch

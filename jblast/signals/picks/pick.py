@@ -12,7 +12,8 @@ the largest one), with its flat top as clipped, and by its front alone.
 """
 
 from collections.abc import Callable, Set
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,15 +21,16 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError, argument
+from jblast.observations.records.recording import even_clock
 from jblast.observations.table import RECORD_QUANTITIES
+from jblast.signals.picks.effects import through_high_pass
 from jblast.signals.picks.evidence import (
     MISFIT,
     Modes,
+    Weighted,
     covariance,
-    high_passed,
-    levels,
     modes_of,
-    widening,
+    weighed,
 )
 from jblast.signals.picks.preparation import BEHIND_DURATIONS, Prepared, Window
 from jblast.signals.picks.pulse import (
@@ -44,9 +46,6 @@ from jblast.signals.picks.pulse import (
 LEAST_SAMPLES = 16
 """Smallest number of samples of a record: pulse and drift have 11 unknowns, and the
 noise before the front has its own."""
-CLOCK_TOLERANCE = 1e-3
-"""Largest deviation from even times, as a share of a sample. Deviations of up to half a
-sample pass where the digits of the times explain them."""
 HOPELESS = 30.0
 """Squared misfit above which the model explains next to nothing."""
 SLIGHT_RESIDUAL = 1e-3
@@ -129,21 +128,34 @@ NoteKind = Literal[
 
 @dataclass(frozen=True)
 class FittedPulse:
-    """The most probable pulse: forms, unknowns and amounts, in samples from a front."""
+    """The most probable pulse: forms, unknowns and amounts, in samples from a front.
+
+    Attributes:
+        unknowns, rise, negative: As in `pulse.primitive`.
+        amounts: Amount of each column.
+        corner: Corner of the instrument's high-pass [1/sample]; None without one.
+        first_s: Time of the front [s].
+        step_s: Sample interval [s].
+        scale: Unit of the amounts.
+    """
 
     unknowns: Float[np.ndarray, "1 unknown"]
     rise: np.ndarray
     negative: np.ndarray
     amounts: Float[np.ndarray, " column"]
+    corner: float | None
     first_s: float
     step_s: float
     scale: float
 
-    def impulse_until(self, time_s: Float[np.ndarray, " time"]):
-        """Return the impulse since the arrival at rising times [Pa s]."""
-        at = (time_s - self.first_s) / self.step_s
-        made = primitive(self.unknowns, self.rise, self.negative, at)[0]
-        return self.scale * self.step_s * (self.amounts @ made)
+    def means(self, ends_s: Float[np.ndarray, " end"]) -> Float[np.ndarray, " bin"]:
+        """Return the mean over bins between rising times, as the recorder has it."""
+        ends = (ends_s - self.first_s) / self.step_s
+        made = primitive(self.unknowns, self.rise, self.negative, ends)
+        means = np.diff(self.amounts @ made) / np.diff(ends)
+        if self.corner is not None:
+            means = through_high_pass(ends, means[None], np.array([self.corner]))[0]
+        return self.scale * means[0]
 
 
 @dataclass(frozen=True)
@@ -154,6 +166,9 @@ class Pick:
     Values are NaN if no pulse was found.
 
     Attributes:
+        notes: Kinds of findings, in the order of `NOTES`.
+        noise_pa: Standard deviation of the noise of a sample [Pa].
+        baseline_pa: Baseline at the arrival [Pa].
         air_arrival_s: Start of the rise, on the clock of the samples [s].
         peak_overpressure_pa: Overpressure behind the front [Pa].
         positive_duration_s: Duration of the positive phase, rise included [s].
@@ -167,7 +182,6 @@ class Pick:
         covariance: Covariance of arrival [s], ln peak, ln duration and ln impulse.
         sds: Standard deviations of the eight values in the order of `NAMES`, in their
             units.
-        notes: Kinds of findings, in the order of `NOTES`.
         lower_bound: True if samples were clipped at the peak, so that only
             `clipped_at_pa` and the prior constrain it.
         clipped_at_pa: Largest absolute value of a clipped sample; NaN without any [Pa].
@@ -176,31 +190,33 @@ class Pick:
             without one [s].
         later_sigma_s: Its standard deviation [s].
         misfit: Squared misfit per degree of freedom, about 1 where the model fits [-].
-        noise_pa: Standard deviation of the noise of a sample [Pa].
-        baseline_pa: Baseline at the arrival [Pa].
         pulse: The most probable pulse; None if only an onset was found.
     """
 
-    air_arrival_s: float
-    peak_overpressure_pa: float
-    positive_duration_s: float
-    positive_impulse_pa_s: float
-    decay: float
-    rise_time_s: float
-    negative_pressure_pa: float
-    negative_duration_s: float
-    covariance: Float[np.ndarray, "4 4"]
-    sds: Float[np.ndarray, " 8"]
     notes: tuple[NoteKind, ...]
-    lower_bound: bool
-    clipped_at_pa: float
-    resonance_hz: float
-    later_arrival_s: float
-    later_sigma_s: float
-    misfit: float
     noise_pa: float
     baseline_pa: float
-    pulse: FittedPulse | None
+    air_arrival_s: float = np.nan
+    peak_overpressure_pa: float = np.nan
+    positive_duration_s: float = np.nan
+    positive_impulse_pa_s: float = np.nan
+    decay: float = np.nan
+    rise_time_s: float = np.nan
+    negative_pressure_pa: float = np.nan
+    negative_duration_s: float = np.nan
+    covariance: Float[np.ndarray, "4 4"] = field(
+        default_factory=lambda: np.full((IN_LOG, IN_LOG), np.nan)
+    )
+    sds: Float[np.ndarray, " 8"] = field(
+        default_factory=lambda: np.full(len(NAMES), np.nan)
+    )
+    lower_bound: bool = False
+    clipped_at_pa: float = np.nan
+    resonance_hz: float = np.nan
+    later_arrival_s: float = np.nan
+    later_sigma_s: float = np.nan
+    misfit: float = np.nan
+    pulse: FittedPulse | None = None
 
     @property
     def quality(self) -> Quality:
@@ -255,90 +271,48 @@ def pick(
 
     Example:
         `found = jblast.pick(time_s, pressure_pa)`, then `found.positive_impulse_pa_s`
-        and `found.sd("positive_impulse_pa_s")`.
+        and `fit.sd("positive_impulse_pa_s")`.
     """
-    time, pressure = _checked(time_s, pressure_pa)
+    time, pressure = np.asarray(time_s, float), np.asarray(pressure_pa, float)
+    if time.ndim != 1 or pressure.shape != time.shape:
+        raise InputError(
+            f"{argument('pressure_pa')}: expected one record with as many samples as "
+            f"{argument('time_s')}, got the shapes {pressure.shape} and {time.shape}"
+        )
+    check_samples(argument("pressure_pa"), pressure)
+    start_s, rate_hz = even_clock(time, lambda at: f"{argument('time_s')}[{at}]")
     for name, what, value, unit in (
         ("high_pass_hz", "a positive corner", high_pass_hz, "Hz"),
         ("full_scale_pa", "a positive pressure", full_scale_pa, "Pa"),
     ):
         if value is not None and not (0 < value < np.inf):
             raise InputError(f"{argument(name)}: expected {what}, got {value:g} {unit}")
-    step = float(time[-1] - time[0]) / (time.size - 1)
     return picked(
         pressure,
-        float(time[0]),
-        step,
+        start_s,
+        1.0 / rate_hz,
         full_scale=full_scale_pa,
         high_pass_hz=high_pass_hz,
     )
 
 
-def _checked(time_s: ArrayLike, pressure_pa: ArrayLike):
-    """Return checked times and samples in double precision."""
-    time, pressure = np.asarray(time_s, float), np.asarray(pressure_pa, float)
-    if time.ndim != 1:
+def check_samples(where: str, samples: Float[np.ndarray, " sample"]) -> None:
+    """Raise an error for a record that is too short or not finite.
+
+    Args:
+        where: Name of the record, for messages.
+        samples: Its samples.
+    """
+    if samples.size < LEAST_SAMPLES:
         raise InputError(
-            f"{argument('time_s')}: expected [sample], got the shape {time.shape}"
+            f"{where}: expected {LEAST_SAMPLES} samples or more, got {samples.size}"
         )
-    if pressure.shape != time.shape:
-        raise InputError(
-            f"{argument('pressure_pa')}: expected one record with as many samples as "
-            f"{argument('time_s')}, got {pressure.shape} and {time.shape}"
-        )
-    if time.size < LEAST_SAMPLES:
-        raise InputError(
-            f"{argument('pressure_pa')}: expected {LEAST_SAMPLES} samples or more, got "
-            f"{time.size}"
-        )
-    _check_even(time)
-    bad = np.flatnonzero(~np.isfinite(pressure))
+    bad = np.flatnonzero(~np.isfinite(samples))
     if bad.size:
         raise InputError(
-            f"{argument('pressure_pa')}: expected finite samples, got "
-            f"{pressure[bad[0]]} at [{bad[0]}]"
+            f"{where}: expected finite samples, got {samples[bad[0]]} at [{bad[0]}] "
+            f"and {bad.size - 1} more"
         )
-    return time, pressure
-
-
-def _check_even(time: Float[np.ndarray, " sample"]) -> None:
-    """Raise an error if times are not finite, rising and even."""
-    name = argument("time_s")
-    if not np.all(np.isfinite(time)):
-        first = int(np.argmax(~np.isfinite(time)))
-        raise InputError(
-            f"{name}: expected finite times, got {time[first]} at [{first}]"
-        )
-    steps = np.diff(time)
-    if not np.all(steps > 0):
-        first = int(np.argmax(~(steps > 0)))
-        raise InputError(
-            f"{name}: expected rising times, got {time[first]:.9g} and then "
-            f"{time[first + 1]:.9g} s at [{first + 1}]"
-        )
-    even = np.linspace(time[0], time[-1], time.size)
-    step = (time[-1] - time[0]) / (time.size - 1)
-    off = np.abs(time - even)
-    # times written with few digits deviate by rounding, up to half a sample; a missing
-    # sample deviates by more
-    if (
-        np.max(off) > max(CLOCK_TOLERANCE * step, 4e-16 * np.abs(time).max())
-        and np.max(off) > 0.5 * step
-    ):
-        first = int(np.argmax(off))
-        raise InputError(
-            f"{name}: expected even steps of {step:.6g} s, got {time[first]:.9g} s at "
-            f"[{first}], off by {off[first]:.3g} s"
-        )
-
-
-class _Weighted(NamedTuple):
-    """Modes of one effect and sampling, with their weights."""
-
-    window: Window
-    modes: Modes
-    weights: Float[np.ndarray, " mode"]
-    widened: float
 
 
 @dataclass(frozen=True)
@@ -353,21 +327,47 @@ class _Fit:
     """
 
     window: Window
-    groups: list[_Weighted]
+    groups: list[Weighted]
     misfit: float
     alone: bool = False
 
     @property
+    def record(self) -> Prepared:
+        """The record."""
+        return self.window.record
+
+    @property
     def left(self) -> float:
         """Root mean square residual of the best [largest sample]."""
-        return float(np.sqrt(self.misfit)) * self.window.record.sigma
+        return float(np.sqrt(self.misfit)) * self.record.sigma
 
     @property
     def fits(self) -> bool:
         """True if a hypothesis explains the record."""
         return self.misfit < MISFIT or self.left < SLIGHT_RESIDUAL
 
-    def best(self, effect: str | None = None) -> tuple[_Weighted, Modes]:
+    @cached_property
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and covariance of the outputs over all modes."""
+        parts = [_of_group(group) for group in self.groups]
+        weights, values, within = (np.concatenate(x) for x in zip(*parts, strict=True))
+        weights = weights / weights.sum()
+        mean = weights @ values
+        apart = values - mean
+        spread = (weights[:, None] * apart).T @ apart
+        return mean, np.einsum("k,kij->ij", weights, within) + spread
+
+    @property
+    def mean(self) -> Float[np.ndarray, " 8"]:
+        """Mean of the outputs."""
+        return self.moments[0]
+
+    @property
+    def sd(self) -> Float[np.ndarray, " 8"]:
+        """Standard deviations of the outputs."""
+        return np.sqrt(np.diag(self.moments[1]))
+
+    def best(self, effect: str | None = None) -> tuple[Weighted, Modes]:
         """Return the most probable mode, of all or of an effect, and its group."""
         groups = [
             g for g in self.groups if effect is None or g.modes.effect.name == effect
@@ -378,6 +378,24 @@ class _Fit:
     def share(self, of: Callable[[Modes], np.ndarray]) -> float:
         """Return the weight of modes with a property."""
         return float(sum(np.sum(g.weights * of(g.modes)) for g in self.groups))
+
+    def shows(self, effect: str) -> bool:
+        """Return True if an effect is probable."""
+        return self.share(lambda m: np.array(m.effect.name == effect)) > PROBABLE
+
+    def is_found(self) -> bool:
+        """Return True if there is a pulse."""
+        step = self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL
+        clear = self.sd[1] < FOUND_SD or np.any(self.record.clipped > 0)
+        return bool(clear and (self.alone or not step))
+
+    def is_hopeless(self) -> bool:
+        """Return True if the best hypothesis explains next to nothing."""
+        return self.misfit > HOPELESS and self.left > SLIGHT_RESIDUAL
+
+    def loses_duration(self) -> bool:
+        """Return True if neither duration nor peak is well known."""
+        return not (self.sd[2] < UNSURE_DURATION or self.sd[1] < FAINT_PEAK_SD)
 
 
 def picked(
@@ -406,12 +424,12 @@ def picked(
 def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
     """Return the best of several attempts."""
     record = Prepared(samples, full_scale, high_pass=high_pass)
-    longest, best = np.inf, _weighed(*modes_of(record))
+    longest, best = np.inf, _fit_of(record)
     for _ in range(2):
         longest = SHORTER * record.start_duration(longest)
         if best.fits or longest < 0.5 * FEW_SAMPLES:
             break
-        tried = _weighed(*modes_of(record, longest=longest))
+        tried = _fit_of(record, longest=longest)
         best = min(best, tried, key=lambda fit: fit.misfit)
     if not best.fits:
         top = record.samples.max()
@@ -420,62 +438,30 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
         if high and flat.sum() >= FLAT_TOP_SAMPLES:
             clipped = np.maximum(record.clipped, flat)
             other = Prepared(samples, full_scale, clipped, high_pass)
-            tried = _weighed(*modes_of(other))
+            tried = _fit_of(other)
             best = tried if tried.fits else best
     for part in FRONT_PARTS:
         if best.fits:
             break
         front, duration = record.front, record.start_duration(longest)
         until = int(front + max(BEHIND_DURATIONS * duration / part, LEAST_FRONT))
-        # samples behind the front must not decide where the search begins, either
-        near = np.where(np.arange(samples.size) < until, samples, samples[0])
-        other = Prepared(near, full_scale, high_pass=high_pass)
-        tried = _weighed(*modes_of(other, longest=duration, until=until))
-        if tried.fits and _peak_sd(tried) < FOUND_SD:
+        other = Prepared(samples[:until], full_scale, high_pass=high_pass)
+        tried = _fit_of(other, longest=duration)
+        if tried.fits and tried.sd[1] < FOUND_SD:
             best = replace(tried, alone=True)
     return best
 
 
-def _weighed(window: Window, groups: list[Modes]) -> _Fit:
-    """Return modes with weights by their evidence; an unstated high-pass may be one."""
+def _fit_of(record: Prepared, longest: float = np.inf) -> _Fit:
+    """Return the fit of a record; arguments are those of `modes_of`."""
+    window, groups = modes_of(record, longest)
     if not groups:
         return _Fit(window, [], np.inf)
-    widened = widening(window, *groups)
-    level = [levels(window, modes, widened) for modes in groups]
-    total = np.logaddexp.reduce(np.concatenate(level))
-    found = [
-        _Weighted(window, modes, np.exp(x - total), widened)
-        for modes, x in zip(groups, level, strict=True)
-    ]
     misfit = float(2 * min(modes.cost.min() for modes in groups) / window.count)
-    fit = _Fit(window, found, misfit)
-    rings = fit.best()[1].effect.name == "resonating"
-    passed = high_passed(window, groups) if widened < MISFIT and not rings else None
-    if passed is None:
-        return fit
-    share = 1 / (1 + np.exp(-np.clip(passed.ln_odds, -50, 50)))
-    own = np.exp(passed.level - np.logaddexp.reduce(passed.level))
-    return replace(
-        fit,
-        groups=[
-            *(g._replace(weights=g.weights * (1 - share)) for g in found),
-            _Weighted(passed.window, passed.modes, own * share, passed.widened),
-        ],
-    )
+    return _Fit(window, weighed(window, groups), misfit)
 
 
-def _moments(fit: _Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and covariance of the outputs over all modes."""
-    parts = [_of_group(group) for group in fit.groups]
-    weights, values, covariances = (np.concatenate(x) for x in zip(*parts, strict=True))
-    weights = weights / weights.sum()
-    mean = weights @ values
-    apart = values - mean
-    within = np.einsum("k,kij->ij", weights, covariances)
-    return mean, within + (weights[:, None] * apart).T @ apart
-
-
-def _of_group(group: _Weighted):
+def _of_group(group: Weighted):
     """Return weights, outputs and their covariances, of the modes that count."""
     some = group.weights > LEAST_WEIGHT
     modes, weights = group.modes[some], group.weights[some]
@@ -511,41 +497,6 @@ def _of_group(group: _Weighted):
     return weights, values, own
 
 
-def _peak_sd(fit: _Fit) -> float:
-    return float(np.sqrt(_moments(fit)[1][1, 1]))
-
-
-class _Found(NamedTuple):
-    """Arguments of the tests of notes."""
-
-    fit: _Fit
-    values: Float[np.ndarray, " 8"]
-    sd: Float[np.ndarray, " 8"]
-
-    @property
-    def record(self) -> Prepared:
-        """The record."""
-        return self.fit.window.record
-
-    def shows(self, effect: str) -> bool:
-        """Return True if an effect is probable."""
-        return self.fit.share(lambda m: np.array(m.effect.name == effect)) > PROBABLE
-
-    def is_found(self) -> bool:
-        """Return True if there is a pulse."""
-        step = self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL
-        clear = self.sd[1] < FOUND_SD or np.any(self.record.clipped > 0)
-        return bool(clear and not step)
-
-    def is_hopeless(self) -> bool:
-        """Return True if the best hypothesis explains next to nothing."""
-        return self.fit.misfit > HOPELESS and self.fit.left > SLIGHT_RESIDUAL
-
-    def loses_duration(self) -> bool:
-        """Return True if neither duration nor peak is well known."""
-        return not (self.sd[2] < UNSURE_DURATION or self.sd[1] < FAINT_PEAK_SD)
-
-
 class NoteRow(NamedTuple):
     """A row of the table of notes.
 
@@ -555,87 +506,68 @@ class NoteRow(NamedTuple):
         quality: Best quality with the note.
     """
 
-    test: Callable[[_Found], bool]
-    withheld: Set[str]
-    quality: Quality
-
-
-def _never(found: _Found) -> bool:
-    """Return False: the note is made for a record, not by a fit."""
-    return False
+    test: Callable[[_Fit], bool | np.bool_]
+    withheld: Set[str] = frozenset()
+    quality: Quality = "doubtful"
 
 
 QUALITIES: tuple[Quality, ...] = ("good", "doubtful", "poor")
 _ARRIVAL, _PEAK, _DURATION, _IMPULSE = RECORD_QUANTITIES
-ALL, NONE_WITHHELD = frozenset(RECORD_QUANTITIES), frozenset[str]()
-TAIL = frozenset({_DURATION, _IMPULSE})
+ALL, TAIL = frozenset(RECORD_QUANTITIES), frozenset({_DURATION, _IMPULSE})
 NOTES: dict[NoteKind, NoteRow] = {
     "nothing_found": NoteRow(lambda f: not f.is_found(), ALL, "poor"),
-    "hopeless": NoteRow(_Found.is_hopeless, ALL, "poor"),
-    "onset_alone": NoteRow(_never, ALL - {_ARRIVAL}, "doubtful"),
-    "reversed_polarity": NoteRow(_never, NONE_WITHHELD, "doubtful"),
+    "hopeless": NoteRow(_Fit.is_hopeless, ALL, "poor"),
+    # made for a recording, not by a fit, like that of reversed polarity
+    "onset_alone": NoteRow(lambda f: False, ALL - {_ARRIVAL}),
+    "reversed_polarity": NoteRow(lambda f: False),
+    # of simulated records a quarter of the peaks are right, an eighth of durations
     "misfit": NoteRow(
-        lambda f: f.fit.misfit > MISFIT and not f.is_hopeless(),
-        # of simulated records a quarter of the peaks are right, an eighth of durations
-        ALL - {_ARRIVAL},
-        "doubtful",
+        lambda f: f.misfit > MISFIT and not f.is_hopeless(), ALL - {_ARRIVAL}
     ),
-    "front_alone": NoteRow(lambda f: f.fit.alone, TAIL, "doubtful"),
-    "clipped": NoteRow(
-        lambda f: bool(np.any(f.record.clipped)), NONE_WITHHELD, "doubtful"
-    ),
-    "few_quiet_samples": NoteRow(
-        lambda f: not f.record.known, NONE_WITHHELD, "doubtful"
-    ),
-    "under_sampled": NoteRow(
-        lambda f: np.exp(f.values[2]) < FEW_SAMPLES, NONE_WITHHELD, "doubtful"
-    ),
-    "sharp_front": NoteRow(lambda f: np.exp(f.values[5]) < 1, NONE_WITHHELD, "good"),
+    "front_alone": NoteRow(lambda f: f.alone, TAIL),
+    "clipped": NoteRow(lambda f: np.any(f.record.clipped)),
+    "few_quiet_samples": NoteRow(lambda f: not f.record.known),
+    "under_sampled": NoteRow(lambda f: np.exp(f.mean[2]) < FEW_SAMPLES),
+    "sharp_front": NoteRow(lambda f: np.exp(f.mean[5]) < 1, quality="good"),
     "cut_short": NoteRow(
         lambda f: (
-            f.record.front + f.values[0] + np.exp(f.values[2]) > f.record.samples.size
+            f.mean[0] + np.exp(f.mean[2]) > f.record.samples.size - f.record.front
+            and not f.alone
         ),
         TAIL,
-        "doubtful",
     ),
-    "resonating": NoteRow(lambda f: f.shows("resonating"), NONE_WITHHELD, "doubtful"),
-    "later_arrival": NoteRow(lambda f: f.shows("later_arrival"), NONE_WITHHELD, "good"),
-    "zero_shift": NoteRow(lambda f: f.shows("zero_shift"), TAIL, "doubtful"),
-    "high_passed": NoteRow(lambda f: f.shows("high_passed"), TAIL, "doubtful"),
+    "resonating": NoteRow(lambda f: f.shows("resonating")),
+    "later_arrival": NoteRow(lambda f: f.shows("later_arrival"), quality="good"),
+    "zero_shift": NoteRow(lambda f: f.shows("zero_shift"), TAIL),
+    "high_passed": NoteRow(lambda f: f.shows("high_passed"), TAIL),
     "continued_decay": NoteRow(
-        lambda f: f.fit.share(lambda m: m.negative == CONTINUED) > PROBABLE,
-        NONE_WITHHELD,
-        "good",
+        lambda f: f.share(lambda m: m.negative == CONTINUED) > PROBABLE, quality="good"
     ),
     # "not less than" is also true of NaN
     "duration_unsure": NoteRow(
-        lambda f: not f.sd[2] < UNSURE_DURATION and not f.loses_duration(),
-        NONE_WITHHELD,
-        "doubtful",
+        lambda f: not (f.sd[2] < UNSURE_DURATION or f.loses_duration())
     ),
-    "duration_lost": NoteRow(_Found.loses_duration, {_DURATION}, "doubtful"),
-    "faint": NoteRow(lambda f: not f.sd[1] < FAINT_PEAK_SD, NONE_WITHHELD, "doubtful"),
+    "duration_lost": NoteRow(_Fit.loses_duration, {_DURATION}),
+    "faint": NoteRow(lambda f: not f.sd[1] < FAINT_PEAK_SD),
 }
 """Notes on picks, in the order in which they are listed."""
 
 
 def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
     """Return a pick in seconds and in the record's unit."""
-    record = fit.window.record
-    if not fit.groups:
-        return _nothing_found(record)
-    mean, covariance = _moments(fit)
-    found = _Found(fit, mean, np.sqrt(np.diag(covariance)))
-    notes: tuple[NoteKind, ...]
-    notes = tuple(kind for kind, row in NOTES.items() if row.test(found))
+    record = fit.record
+    notes: tuple[NoteKind, ...] = ("nothing_found",)
+    if fit.groups:
+        notes = tuple(kind for kind, row in NOTES.items() if row.test(fit))
     if "nothing_found" in notes:
-        return _nothing_found(record)
+        return Pick(("nothing_found",), record.scale * record.sigma, record.offset)
+    mean, covariance = fit.moments
     first_s, scale = start_s + step_s * record.front, record.scale
     units = np.array(
         [step_s, scale, step_s, scale * step_s, 1.0, step_s, scale, step_s]
     )
     values = units * np.where(IN_LN, np.exp(mean), mean)
-    sds = found.sd * np.where(IN_LN, np.abs(values), units)
+    sds = fit.sd * np.where(IN_LN, np.abs(values), units)
     values[0] += first_s
     one_way = np.append(step_s, np.ones(IN_LOG - 1))
     in_log = covariance[:IN_LOG, :IN_LOG] * np.outer(one_way, one_way)
@@ -650,6 +582,7 @@ def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
         best.rise,
         best.negative,
         best.linear[0, : 2 + CHANGES],
+        record.high_pass,
         first_s,
         step_s,
         scale,
@@ -661,50 +594,26 @@ def _pick_of(fit: _Fit, start_s: float, step_s: float) -> Pick:
     if "later_arrival" in notes:
         later, later_sd = _later(*fit.best("later_arrival"))
     return Pick(
+        notes,
+        scale * record.sigma,
+        record.offset + scale * float(baseline),
         *map(float, values),
         covariance=in_log,
         sds=sds,
-        notes=notes,
-        lower_bound=high and not found.sd[1] < BOUND_PEAK_SD,
+        lower_bound=high and not fit.sd[1] < BOUND_PEAK_SD,
         clipped_at_pa=float(clipped.max()) if clipped.size else np.nan,
         resonance_hz=frequency,
         later_arrival_s=first_s + step_s * later,
         later_sigma_s=step_s * later_sd,
         misfit=float(fit.misfit),
-        noise_pa=scale * record.sigma,
-        baseline_pa=record.offset + scale * float(baseline),
         pulse=pulse,
     )
 
 
-def _later(group: _Weighted, mode: Modes) -> tuple[float, float]:
+def _later(group: Weighted, mode: Modes) -> tuple[float, float]:
     """Return the arrival of a further front and its standard deviation [samples]."""
     own = covariance(mode)[0] * max(group.widened, 1.0)
     lag = float(np.exp(mode.unknowns[0, 5]))
     arrival = float(natural(mode.unknowns, mode.rise)[0][0])
     variance = own[0, 0] + 2 * lag * own[0, 5] + lag * lag * own[5, 5]
     return arrival + lag, float(np.sqrt(variance))
-
-
-def without_values(notes: tuple[NoteKind, ...], noise_pa: float, baseline_pa: float):
-    """Return a pick whose values are NaN."""
-    return Pick(
-        **dict.fromkeys(NAMES, np.nan),
-        covariance=np.full((IN_LOG, IN_LOG), np.nan),
-        sds=np.full(len(NAMES), np.nan),
-        notes=notes,
-        lower_bound=False,
-        clipped_at_pa=np.nan,
-        resonance_hz=np.nan,
-        later_arrival_s=np.nan,
-        later_sigma_s=np.nan,
-        misfit=np.nan,
-        noise_pa=noise_pa,
-        baseline_pa=baseline_pa,
-        pulse=None,
-    )
-
-
-def _nothing_found(record: Prepared) -> Pick:
-    noise_pa = record.scale * record.sigma
-    return without_values(("nothing_found",), noise_pa, record.offset)

@@ -8,8 +8,10 @@ A row of a log may also name a record; `picked_log` replaces it by rows of its p
 """
 
 from collections.abc import Mapping, Sequence, Set
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -73,21 +75,7 @@ class PickLog(NamedTuple):
     independent: tuple[str, ...] = ()
 
 
-class _Row(NamedTuple):
-    sensor: str
-    quantity: str
-    value: float
-    sigma: float
-    is_bound: bool
-    shot: str
-    record: str
-
-
-def log_of(
-    found: Gathered,
-    stations: Mapping[str, Station] | None = None,
-    comments: Sequence[str] = (),
-) -> PickLog:
+def log_of(found: Gathered, stations: Mapping[str, Station] | None = None) -> PickLog:
     """Return the rows of a log.
 
     Picks at several stations belong to one event if their time differences are at most
@@ -97,31 +85,73 @@ def log_of(
     Args:
         found: Picks.
         stations: Stations by name of the sensor.
-        comments: Provenance.
 
     Raises:
         InputError: Files without a time of day did not begin together.
     """
     names = found.named()
     shots, weaker = _shots(found, stations)
-    rows: list[_Row] = []
-    covariances: list[RecordCovariance] = []
-    independent: list[str] = []
+    unplaced = Station((np.nan, np.nan, np.nan), "")
+    frame, parts, independent = None, [], []
     left_out = [LeftOut(names[at], RECORD_QUANTITIES, "weaker") for at in weaker]
     for at, shot in shots.items():
         one = found.picks[at]
-        kept, gone = kept_quantities(one)
+        station = (stations or {}).get(one.record.name, unplaced)
+        place = observed(
+            [one.record.name],
+            [SAMPLES],
+            [np.nan],
+            [np.nan],
+            position=np.array([station.position]),
+            shot=(shot,),
+            clock=(station.clock,),
+            record=(names[at],),
+        )
+        rows, gone = rows_of(one, place)
+        parts.append(rows)
+        frame = frame or station.frame
         left_out += [LeftOut(names[at], lost, reason) for reason, lost in gone.items()]
-        made = [_row(one, quantity, shot, names[at]) for quantity in kept]
-        rows += made
-        shared = _covariances(one, names[at], kept)
-        covariances += shared
-        if not shared and sum(not row.is_bound for row in made) > 1:
+        if not rows.covariances and np.sum(~rows.bounds()) > 1:
             independent.append(names[at])
+    log = _joined(observed([], [], [], [], epoch=found.epoch, frame=frame), parts)
     count = len(set(shots.values()))
-    observations = _observations(rows, found, stations, comments)
-    observations = replace(observations, covariances=tuple(covariances))
-    return PickLog(observations, tuple(left_out), count, tuple(independent))
+    return PickLog(log, tuple(left_out), count, tuple(independent))
+
+
+def rows_of(
+    one: RecordPick, place: Observations
+) -> tuple[Observations, dict[Reason, tuple[str, ...]]]:
+    """Return the rows of a pick with their covariance, and lost quantities by reason.
+
+    Args:
+        one: The pick.
+        place: One row with the sensor, its place and the name of the record.
+    """
+    kept, gone = kept_quantities(one)
+    values = np.array([log_value(one, quantity) for quantity in kept]).reshape(-1, 2)
+    bound = np.array([one.pick.lower_bound and name == PEAK for name in kept], bool)
+    covariances = ()
+    if np.sum(~bound) > 1:
+        with suppress(ValueError):  # not positive definite
+            covariances = (covariance_of(one, place.records()[0], kept),)
+    rows = replace(
+        some_rows(place, np.zeros(len(kept), int)),
+        quantity=kept,
+        value=values[:, 0],
+        sigma=values[:, 1],
+        lower_bound=bound,
+        covariances=covariances,
+    )
+    return rows, gone
+
+
+def _joined(log: Observations, parts: Sequence[Observations]) -> Observations:
+    """Return a log with further rows and covariances."""
+    columns = stacked([log, *parts])
+    if not columns["lower_bound"].any():
+        columns["lower_bound"] = None
+    covariances = [log.covariances, *(part.covariances for part in parts)]
+    return replace(log, covariances=tuple(chain(*covariances)), **columns)
 
 
 def kept_quantities(
@@ -140,13 +170,6 @@ def kept_quantities(
             gone[reason] = mine
             kept = tuple(quantity for quantity in kept if quantity not in mine)
     return kept, gone
-
-
-def _row(one: RecordPick, quantity: str, shot: str, record: str) -> _Row:
-    """Return the row of one quantity of a pick."""
-    value, sigma = log_value(one, quantity)
-    is_bound = quantity == PEAK and one.pick.lower_bound
-    return _Row(one.record.name, quantity, value, sigma, is_bound, shot, record)
 
 
 def _shots(
@@ -214,31 +237,6 @@ def _grouped(
     return numbers, [at_of[key] for key in grouped.left_out]
 
 
-def _observations(
-    rows: Sequence[_Row],
-    found: Gathered,
-    stations: Mapping[str, Station] | None,
-    comments: Sequence[str],
-) -> Observations:
-    unplaced = Station((np.nan, np.nan, np.nan), "")
-    placed = [(stations or {}).get(row.sensor, unplaced) for row in rows]
-    positions = np.array([station.position for station in placed])
-    return observed(
-        [row.sensor for row in rows],
-        [row.quantity for row in rows],
-        [row.value for row in rows],
-        [row.sigma for row in rows],
-        position=positions.reshape(len(rows), 3),
-        shot=tuple(row.shot for row in rows),
-        clock=tuple(station.clock for station in placed),
-        comments=tuple(comments),
-        lower_bound=np.array([row.is_bound for row in rows], bool),
-        frame=next((s.frame for s in placed if s.frame is not None), None),
-        epoch=found.epoch,
-        record=tuple(row.record for row in rows),
-    )
-
-
 def picked_log(
     observations: Observations,
     scaling: Scaling | None = None,
@@ -258,37 +256,34 @@ def picked_log(
         InputError: A row names no file or one that another row names, or the file
             cannot be read, contains no blast, or is not in pascals.
     """
-    sampled = np.flatnonzero(np.isin(observations.quantity, SAMPLES))
-    if not sampled.size:
+    sampled = np.isin(observations.quantity, SAMPLES)
+    if not sampled.any():
         return observations
-    picks: list[RecordPick] = []
-    rows: list[int] = []
-    for row in each(sampled.tolist(), "records"):
-        try:
-            picks.append(_pick(observations, row, scaling, high_pass_hz))
-        except InputError as fault:
-            if faults is None:
-                raise
-            faults.append(fault)
-        else:
-            rows.append(row)
+    picks: dict[int, RecordPick] = {}
+    placed: dict[int, RecordPick] = {}
     epoch = observations.epoch
+    for row in each(np.flatnonzero(sampled).tolist(), "records"):
+        with _collected(faults):
+            picks[row] = _pick(observations, row, scaling, high_pass_hz)
+    with _collected(faults):
+        epoch, placed = _on_one_clock(observations, picks)
+    parts = [
+        rows_of(one, some_rows(observations, np.array([row])))[0]
+        for row, one in placed.items()
+    ]
+    others = some_rows(observations, np.flatnonzero(~sampled))
+    return replace(_joined(others, parts), epoch=epoch)
+
+
+@contextmanager
+def _collected(faults: list[InputError] | None):
+    """Append an error to a list, if there is one."""
     try:
-        epoch, picks = _on_one_clock(observations, picks)
+        yield
     except InputError as fault:
         if faults is None:
             raise
         faults.append(fault)
-        picks, rows = [], []
-    others = np.setdiff1d(np.arange(len(observations)), sampled)
-    # `stacked` needs at least one part, so a log without rows has an empty one
-    parts = [some_rows(observations, others)] if others.size or not rows else []
-    covariances = observations.covariances
-    for row, one in zip(rows, picks, strict=True):
-        kept, _ = kept_quantities(one)
-        parts.append(_rows(observations, row, one, kept))
-        covariances += _covariances(one, observations.records()[row], kept)
-    return replace(_joined(observations, parts), covariances=covariances, epoch=epoch)
 
 
 def _pick(
@@ -318,13 +313,13 @@ def _pick(
     if not mine:
         got = f"channels {', '.join(sorted(channels))}" if channels else "no blast"
         raise InputError(f"{where}: expected a blast of {shown(sensor)}, got {got}")
-    fitted = [one for one in mine if "onset_alone" not in one.notes]
-    if all(one.quality == "poor" for one in fitted):
+    if all(one.quality == "poor" for one in mine):
         raise InputError(
             f"{where}: expected a record of a blast pulse, got {shown(name)}, whose "
             "pick is poor; remove the row"
         )
-    one = max(fitted, key=lambda one: float(one.pick.peak_overpressure_pa))
+    # an onset alone has no peak, which makes it weaker than any pulse
+    one = max(mine, key=lambda one: float(np.nan_to_num(one.pick.peak_overpressure_pa)))
     if not one.record.calibrated:
         raise InputError(
             f"{where}: expected samples in pascals, got {shown(name)} without a unit; "
@@ -335,22 +330,20 @@ def _pick(
 
 
 def _on_one_clock(
-    observations: Observations, picks: list[RecordPick]
-) -> tuple[datetime | None, list[RecordPick]]:
+    observations: Observations, picks: dict[int, RecordPick]
+) -> tuple[datetime | None, dict[int, RecordPick]]:
     """Return the UTC of the log's time zero, and picks whose times count from it.
 
     Raises:
         InputError: Only some of the files have a time of day.
     """
-    epochs = [one.record.epoch for one in picks if one.record.epoch is not None]
+    records = [one.record for one in picks.values()]
+    epochs = [record.epoch for record in records if record.epoch is not None]
     if not epochs:
         return observations.epoch, picks
-    undated = [one.record.source for one in picks if one.record.epoch is None]
-    if not undated and observations.epoch is None:
-        timed = set(observations.quantity) & set(CLOCK_TIMES)
-        undated = [f"{observations.source or 'observations'}, column value"] * bool(
-            timed
-        )
+    undated = [record.source for record in records if record.epoch is None]
+    if observations.epoch is None and set(observations.quantity) & set(CLOCK_TIMES):
+        undated.append(f"{observations.source or 'observations'}, column value")
     if undated:
         raise InputError(
             f"{undated[0]}: expected times of day, as in the records of the log; got "
@@ -358,38 +351,11 @@ def _on_one_clock(
         )
     # the log's own epoch, since its other readings count from it
     zero = observations.epoch or min(epochs)
-    moved = []
-    for one in picks:
-        later = ((one.record.epoch or zero) - zero).total_seconds()
-        record = replace(one.record, epoch=zero, start_s=one.record.start_s + later)
-        arrival = one.pick.air_arrival_s + later
-        pick = replace(one.pick, air_arrival_s=arrival)
-        moved.append(RecordPick(record, pick))
+    moved = {}
+    for (row, one), epoch in zip(picks.items(), epochs, strict=True):
+        arrival = one.pick.air_arrival_s + (epoch - zero).total_seconds()
+        moved[row] = replace(one, pick=replace(one.pick, air_arrival_s=arrival))
     return zero, moved
-
-
-def _rows(
-    observations: Observations, row: int, one: RecordPick, kept: Sequence[str]
-) -> Observations:
-    """Return the rows of a record's readings, with the position of its row."""
-    same = some_rows(observations, np.full(len(kept), row))
-    bound = one.pick.lower_bound
-    value, sigma = zip(*(log_value(one, name) for name in kept), strict=True)
-    return replace(
-        same,
-        quantity=tuple(kept),
-        value=np.array(value),
-        sigma=np.array(sigma),
-        lower_bound=np.array([bound and name == PEAK for name in kept]),
-    )
-
-
-def _joined(observations: Observations, parts: Sequence[Observations]) -> Observations:
-    """Return a log with the rows of several parts of it."""
-    columns = stacked(parts)
-    if not columns["lower_bound"].any():
-        columns["lower_bound"] = None
-    return replace(observations, **columns)
 
 
 def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
@@ -397,18 +363,6 @@ def log_value(one: RecordPick, quantity: str) -> tuple[float, float]:
     if quantity == PEAK and one.pick.lower_bound:
         return one.pick.clipped_at_pa - one.pick.baseline_pa, one.pick.noise_pa
     return getattr(one.pick, quantity), one.pick.sd(quantity)
-
-
-def _covariances(
-    one: RecordPick, record: str, kept: Sequence[str]
-) -> tuple[RecordCovariance, ...]:
-    """Return the covariance of a pick's rows, if they have one."""
-    if len(kept) - (one.pick.lower_bound and PEAK in kept) < 2:
-        return ()
-    try:
-        return (covariance_of(one, record, kept),)
-    except ValueError:  # not positive definite
-        return ()
 
 
 def covariance_of(
@@ -426,25 +380,27 @@ def covariance_of(
     Raises:
         ValueError: The covariance is not positive definite.
     """
-    bound = one.pick.lower_bound
-    names = tuple(
-        name
-        for name in RECORD_QUANTITIES
-        if name in quantities and not (bound and name == "peak_overpressure_pa")
-    )
+    bound = {PEAK} if one.pick.lower_bound else set()
+    names = tuple(name for name in quantities if name not in bound)
     at = [RECORD_QUANTITIES.index(name) for name in names]
     matrix = one.pick.covariance[np.ix_(at, at)]
     return RecordCovariance(record, names, 0.5 * (matrix + matrix.T))
 
 
-class PickEstimate(NamedTuple):
-    """A value and its standard deviation, in its unit."""
+@dataclass(frozen=True)
+class PickedValue:
+    """A value and its standard deviation, in its unit.
+
+    Attributes:
+        value: The value.
+        sd: Its standard deviation.
+    """
 
     value: float
     sd: float
 
 
-def pick_estimate(one: RecordPick, name: str) -> PickEstimate | None:
+def picked_value(one: RecordPick, name: str) -> PickedValue | None:
     """Return a value of a pick with its standard deviation.
 
     The result is None for pressures and impulses of samples without a scale, and for
@@ -454,7 +410,8 @@ def pick_estimate(one: RecordPick, name: str) -> PickEstimate | None:
         one: The pick of one record.
         name: One of `NAMES`.
     """
-    if name in IN_PASCALS and not one.record.calibrated:
-        return None
     value = getattr(one.pick, name)
-    return None if np.isnan(value) else PickEstimate(value, one.pick.sd(name))
+    unscaled = name in IN_PASCALS and not one.record.calibrated
+    return (
+        None if unscaled or np.isnan(value) else PickedValue(value, one.pick.sd(name))
+    )

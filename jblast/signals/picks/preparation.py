@@ -21,7 +21,6 @@ does not enter.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from statistics import NormalDist
 
 import numpy as np
@@ -74,9 +73,9 @@ BEHIND_DURATIONS, LEAST_BEHIND = 4.5, 48
 """Fitted interval before and behind the front: in durations, and at least in samples.
 The positive phase and the negative phase of the prior (2.4 durations) end at 3.4, one
 standard deviation longer at 5; a longer interval has more drift than pulse."""
-HALF_INSTANT = 0.05
-"""Half of the interval over which a sample at an instant is averaged [samples]: short,
-and differences of antiderivatives stay exact."""
+INSTANT = 0.1
+"""Interval over which a sample at an instant is averaged [samples]: short, and
+differences of antiderivatives stay exact."""
 CLIPPED_FROM = 0.999
 """Share of the full scale from which on a sample is clipped: the largest code of a
 converter is slightly below the scale, by 2^-15 for 16 bits."""
@@ -185,21 +184,18 @@ def first_front(x: Float[np.ndarray, " sample"]) -> int:
         sizes.append(free / normal / scale)
     least = max(min(sizes), 1e-9 * np.abs(x).max() + 1e-300)
     steps /= np.maximum(sizes, least)[:, None]
-    row, at = np.unravel_index(int(np.argmax(steps)), steps.shape)
-    found = (int(at), int(row), steps[row, at])
+    row, at = np.unravel_index(np.argmax(steps), steps.shape)
+    wide = widths[:, None]
     for _ in range(2):
-        at, row, size = found
-        earlier = (0, 0, 0.0)
-        for k, w in enumerate(widths[: row + 1]):
-            before = steps[k, : max(at - 2 * w, 0)]
-            if before.size and before.max() > earlier[2]:
-                i = int(np.argmax(before))
-                earlier = (i, k, before[i])
-        quiet = steps[earlier[1], : max(earlier[0] - 2 * widths[earlier[1]], 0)]
+        before = (np.arange(n) < at - 2 * wide) & (wide <= widths[row])
+        early = np.where(before, steps, 0.0)
+        k, i = np.unravel_index(np.argmax(early), steps.shape)
+        quiet = steps[k, : max(i - 2 * widths[k], 0)]
         rms = np.sqrt(np.mean(quiet**2)) if quiet.size >= 16 else 0.0
-        if rms and earlier[2] > max(EARLIER_STEP_SD * rms, STEP_SHARE * size):
-            found = earlier
-    return found[0]
+        least = max(EARLIER_STEP_SD * rms, STEP_SHARE * steps[row, at])
+        if rms and early[k, i] > least:
+            row, at = k, i
+    return int(at)
 
 
 def clipped_samples(
@@ -213,9 +209,14 @@ def clipped_samples(
     deep = x[0] - low > LEAST_SUCTION * (top - x[0])
     for sign, extreme, counts in ((1, top, top > x[0]), (-1, low, deep)):
         equal = (x == extreme) & counts
-        runs = np.convolve(equal, np.ones(IN_A_ROW), "same") >= IN_A_ROW
-        out += sign * (np.convolve(runs, np.ones(IN_A_ROW), "same") > 0) * equal
+        out += sign * equal * (_longest_run(equal) >= IN_A_ROW)
     return out
+
+
+def _longest_run(flags) -> int:
+    """Return the largest number of true values in a row."""
+    edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _clipping_level(x, full_scale: float) -> float:
@@ -224,10 +225,8 @@ def _clipping_level(x, full_scale: float) -> float:
     flat = x == top
     if not 0 < top < full_scale or flat.all():
         return full_scale
-    edges = np.flatnonzero(np.diff(flat, prepend=False, append=False))
-    longest = (edges[1::2] - edges[::2]).max()
     often = flat.sum() > FLAT_RATIO * (x == x[~flat].max()).sum()
-    return top if longest >= FLAT_SAMPLES and often else full_scale
+    return top if _longest_run(flat) >= FLAT_SAMPLES and often else full_scale
 
 
 # durations, ln(1 + b), rises over the duration and negative phases of the bank
@@ -320,17 +319,12 @@ class Prepared:
         self.offset = x[: max(self.front - 2, 1)].mean()
         self.scale = np.abs(x - self.offset).max() or 1.0
         self.samples = (x - self.offset) / self.scale
-        self._low = int(np.searchsorted(self.front + FIRST, 0))
-        self._high = int(np.searchsorted(self.front + FIRST + WIDTH, x.size, "right"))
         self.binned = self._means(self.samples)
         held, some = self._means(self.clipped), self._means(np.abs(self.clipped))
         # bins of clipped samples alone are bounds; mixed ones are lost
         self.bound = np.where(np.abs(held) > 1 - 1e-6, np.sign(held), 0.0)
         self.lost = some > 0
-        whole = np.full(FIRST.size, self.binned[-1])
-        whole[: self._low] = self.binned[0]
-        whole[self._low : self._high] = self.binned
-        peak = BANK.filters @ whole
+        peak = BANK.filters @ self.binned
         fits = (peak > 0) & (np.exp(BANK.unknowns[:, 1]) < x.size)
         self.gains = np.where(fits, peak**2 * BANK.energy, 0.0)
         start = BANK.unknowns[int(np.argmax(self.gains))]
@@ -339,12 +333,14 @@ class Prepared:
         self._measure_noise(self.samples[: self.quiet])
 
     def _means(self, x):
-        """Return the means of samples over the bins within the record."""
-        at = self.front + EDGES[self._low : self._high + 1]
-        width = WIDTH[self._low : self._high]
-        means = np.diff(np.append(0.0, np.cumsum(x))[at]) / width
+        """Return the means over bins, beyond the record those of its first or last."""
+        ends = self.front + EDGES
+        at = np.clip(ends, 0, x.size)
+        means = np.diff(np.append(0.0, np.cumsum(x))[at]) / WIDTH
         # a single sample is exact, the difference of two sums is not
-        return np.where(width == 1, x[at[:-1]], means)
+        means = np.where(WIDTH == 1, x[np.minimum(at[:-1], x.size - 1)], means)
+        within = np.flatnonzero((ends[:-1] >= 0) & (ends[1:] <= x.size))
+        return means[np.clip(np.arange(WIDTH.size), within[0], within[-1])]
 
     def _measure_noise(self, quiet):
         self.known = quiet.size >= LEAST_QUIET
@@ -376,23 +372,21 @@ class Prepared:
         power += np.sum(self.powers[1:] * (1 + RHO) / (1 - RHO))
         return float(power * (samples + samples**2 / max(self.quiet, 1)))
 
-    def window(self, duration, *, reach=BEHIND_DURATIONS, until=np.inf) -> "Window":
+    def window(self, duration, reach=BEHIND_DURATIONS) -> "Window":
         """Return the whitened bins about a pulse of a duration.
 
         Args:
             duration: The duration [samples].
             reach: End of the window behind the front, in durations.
-            until: Sample at which it ends at the latest.
         """
-        reach = max(reach * duration, LEAST_BEHIND)
-        last = min(self.front + reach, until, self.samples.size)
+        last = self.front + max(reach * duration, LEAST_BEHIND)
+        last = min(last, self.samples.size)
         first = self.front - max(BEFORE_DURATIONS * duration, LEAST_BEFORE)
         inside = (self.front + FIRST >= max(first, 0)) & (
             self.front + FIRST + WIDTH <= last
         )
         start, stop = np.flatnonzero(inside)[[0, -1]] + [0, 1]
-        mine = slice(start - self._low, stop - self._low)
-        return Window(self, duration, slice(start, stop), mine)
+        return Window(self, duration, slice(start, stop))
 
 
 class Window:
@@ -412,12 +406,12 @@ class Window:
         peak: About the peak of the pulse, for priors in peaks.
     """
 
-    def __init__(self, record: Prepared, duration: float, use: slice, mine: slice):
+    def __init__(self, record: Prepared, duration: float, use: slice):
         self.record, self.duration, self.peak = record, duration, 1.0
         self.ends = ENDS[use.start : use.stop + 1]
         self.widths, self.middle = WIDTH[use], MIDDLE[use]
-        self.values, self.held = record.binned[mine], record.bound[mine]
-        lost = record.lost[mine]
+        self.values, self.held = record.binned[use], record.bound[use]
+        lost = record.lost[use]
         covariance = np.tensordot(record.powers, KERNELS[:, use, use], 1)
         covariance[np.diag_indices_from(covariance)] += LOST * lost
         self.whitener = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -430,21 +424,11 @@ class Window:
         near = np.abs(self.middle) <= 2
         self.front_held = bool(np.any(self.held[near]))
 
-    @cached_property
-    def _instants(self):
-        """Times, places of the bins among them, and widths of samples at instants."""
-        one = self.widths == 1
-        left, many, n = int(one.argmax()), int(one.sum()), one.size
-        singles = self.middle[one, None] + [-HALF_INSTANT, HALF_INSTANT]
-        times = np.concatenate(
-            [self.ends[:left], singles.ravel(), self.ends[left + many + 1 :]]
-        )
-        place = np.arange(n) + np.clip(np.arange(n) - left, 0, many - 1)
-        return times, place, np.where(one, 2 * HALF_INSTANT, self.widths)
-
     def means(self, unknowns, rise, negative, instants=False):
         """Return the columns of pulses over the bins; samples may be instants."""
         if not instants:
             return np.diff(primitive(unknowns, rise, negative, self.ends)) / self.widths
-        times, place, widths = self._instants
-        return np.diff(primitive(unknowns, rise, negative, times))[..., place] / widths
+        widths = np.where(self.widths == 1, INSTANT, self.widths)
+        ends = (self.middle + np.array([[-0.5], [0.5]]) * widths).T
+        made = np.diff(primitive(unknowns, rise, negative, ends.ravel()))
+        return made[..., ::2] / widths

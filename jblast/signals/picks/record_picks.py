@@ -21,15 +21,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError
 from jblast.observations.records.recording import PressureRecord
 from jblast.signals.picks.pick import (
-    LEAST_SAMPLES,
     NoteKind,
     Pick,
     Quality,
+    check_samples,
     picked,
-    without_values,
 )
 from jblast.signals.picks.preparation import LONGEST
 
@@ -91,7 +89,7 @@ def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:
         InputError: One of them has too few samples, or one that is not finite.
     """
     for record in records:
-        _check(record)
+        check_samples(f"{record.source or record.name}: {record.name}", record.samples)
     return [RecordPick(record, _pick(record)) for record in records]
 
 
@@ -104,9 +102,10 @@ def _pick(record: PressureRecord) -> Pick:
     apart = samples - np.median(samples)
     if pick.quality == "good" or -apart.min() <= apart.max():
         return pick
-    # a sensor of reversed polarity records a blast as a fall of the pressure
+    # a sensor of reversed polarity records a blast as a fall of the pressure; a step or
+    # a drift that falls is none, and no pulse fits it
     other = _of_sign(record, -samples, start_s, turned=True)
-    if other.quality == "poor" or other.pulse is None:
+    if other.pulse is None or other.quality == "poor" or "misfit" in other.notes:
         return pick
     fits = pick.quality != "poor" and pick.pulse is not None
     if fits and pick.misfit <= other.misfit:
@@ -139,11 +138,15 @@ def _of_sign(
     apart = EARLIER_SD * np.hypot(pick.sds[0], step_s * onset.sigma)
     if pick.quality != "poor" and before < apart:
         return pick
-    quiet = float(samples[: int(onset.sample)].mean())
-    alone = without_values(("onset_alone",), pick.noise_pa, quiet)
+    alone = Pick(
+        ("onset_alone",),
+        pick.noise_pa,
+        baseline_pa=float(samples[: int(onset.sample)].mean()),
+        air_arrival_s=start_s + step_s * onset.sample,
+    )
     alone.sds[0] = step_s * onset.sigma
     alone.covariance[0, 0] = alone.sds[0] ** 2
-    return replace(alone, air_arrival_s=start_s + step_s * onset.sample)
+    return alone
 
 
 def _stretch_begin(record: PressureRecord) -> int:
@@ -153,22 +156,6 @@ def _stretch_begin(record: PressureRecord) -> int:
         return 0
     largest = int(np.argmax(np.abs(record.samples - np.median(record.samples))))
     return int(np.clip(largest - int(SHARE_BEFORE_LARGEST * LONGEST), 0, spare))
-
-
-def _check(record: PressureRecord) -> None:
-    """Raise an error for a record that is too short or not finite."""
-    name = record.source or record.name
-    if record.samples.size < LEAST_SAMPLES:
-        raise InputError(
-            f"{name}: {record.name}: expected {LEAST_SAMPLES} samples or more, got "
-            f"{record.samples.size}"
-        )
-    bad = np.flatnonzero(~np.isfinite(record.samples))
-    if bad.size:
-        raise InputError(
-            f"{name}: {record.name}: expected finite samples, got "
-            f"{record.samples[bad[0]]} at sample {bad[0]} and {bad.size - 1} more"
-        )
 
 
 class Onset(NamedTuple):

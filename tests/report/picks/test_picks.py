@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jblast.observations.records.recording import PressureRecord
-from jblast.report.pick_figures import BINS, curves, records_figure, write_picks
+from jblast.report.pick_figures import BINS, curve_of, records_figure, write_picks
 from jblast.report.picks import NOTES, picks_answer
 from jblast.report.provenance import provenance_of
 from jblast.signals.picks import Gathered, NoteKind, log_of
@@ -33,7 +33,7 @@ def friedlander(samples: int = 2000) -> np.ndarray:
     return pressure.reshape(samples, 100).mean(axis=1) + 5.0  # the baseline
 
 
-def pulse_of(negative: int) -> FittedPulse:
+def pulse_of(negative: int, corner: float | None = None) -> FittedPulse:
     """The same pulse, or one with another negative phase, in samples from 5.05 s."""
     duration, rise, fall = 0.01 * RATE, 1e-4 * RATE, 0.03 * RATE
     free = rise / (1 - rise / duration)
@@ -41,7 +41,7 @@ def pulse_of(negative: int) -> FittedPulse:
     forms = np.array([SMOOTH]), np.array([negative])
     unknowns = np.array([[0.5 * rise, *shape]])  # a smooth rise has its centre midway
     amounts = np.array([1.0, 0.3, 0, 0, 0, 0, 0])
-    return FittedPulse(unknowns, *forms, amounts, 5.05, 1 / RATE, 1000.0)
+    return FittedPulse(unknowns, *forms, amounts, corner, 5.05, 1 / RATE, 1000.0)
 
 
 def found(*changes) -> Gathered:
@@ -59,14 +59,11 @@ def found(*changes) -> Gathered:
             source=f"g{k}.wav",
         )
         picks.append(record_pick(record, **({"air_arrival_s": 5.05} | changed)))
-    orders = (1,) * len(picks)
-    return Gathered(
-        tuple(picks), orders, ("dead",), {"g0": 2}, (), None, len(picks) + 1
-    )
+    return Gathered(tuple(picks), ("dead",), {"g0": 2}, (), None, len(picks) + 1)
 
 
 def test_the_fitted_curve_is_the_pulse_that_the_samples_hold():
-    (curve,) = curves(found({}).picks)
+    curve = curve_of(found({}).picks[0])
     assert curve.time.size <= BINS
     # means over bins of a few samples; a hundred instants a sample, and the decay's
     # join behind the rise
@@ -85,7 +82,7 @@ def test_the_fitted_curve_has_the_form_of_the_fit():
     x = np.clip(since / 1e-4 + 1.0, 0.0, 1.0)
     pressure = np.where(since > 0, (1 - s) * np.exp(-s), 3 * x**2 - 2 * x**3)
     samples = 1000.0 * pressure.reshape(2000, 100).mean(axis=1) + 5.0
-    (curve,) = curves([replace(one, record=replace(one.record, samples=samples))])
+    curve = curve_of(replace(one, record=replace(one.record, samples=samples)))
     np.testing.assert_allclose(curve.fitted, curve.samples, atol=2.0)
 
 
@@ -129,9 +126,9 @@ def test_every_note_of_a_pick_has_words():
 
 
 def test_a_high_pass_takes_the_mean_of_a_long_pulse():
-    (plain,) = found({}).picks
-    passed = replace(plain, record=replace(plain.record, high_pass_hz=20.0))
-    (without,), (with_it,) = curves([plain]), curves([passed])
+    corner = 2 * np.pi * 20.0 / RATE
+    picks = found({}, {"pulse": pulse_of(CUBIC, corner)}).picks
+    without, with_it = map(curve_of, picks)
     # dy/dt = dp/dt - 2 pi f y by Euler's method, a step a bin
     step = without.time[1] - without.time[0]
     y, before = 0.0, without.fitted[0]

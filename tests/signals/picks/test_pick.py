@@ -7,25 +7,20 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.signals.picks import pick
+from jblast.signals.picks import NAMES, pick
 from tests.signals.picks.simulated import RATE, SAMPLES, TIME, Truth, noisy, samples_of
 
 TRUTH = Truth()
 MANY = 16
-NAMES = (
-    *("air_arrival_s", "peak_overpressure_pa", "positive_duration_s"),
-    *("positive_impulse_pa_s", "rise_time_s", "decay", "negative_pressure_pa"),
-    "negative_duration_s",
-)
 VALUES = dict(
-    zip(
-        NAMES,
-        (
-            *(TRUTH.arrival, TRUTH.peak, TRUTH.duration, TRUTH.impulse, TRUTH.rise),
-            *(TRUTH.decay, TRUTH.suction, TRUTH.suction_duration),
-        ),
-        strict=True,
-    )
+    air_arrival_s=TRUTH.arrival,
+    peak_overpressure_pa=TRUTH.peak,
+    positive_duration_s=TRUTH.duration,
+    positive_impulse_pa_s=TRUTH.impulse,
+    decay=TRUTH.decay,
+    rise_time_s=TRUTH.rise,
+    negative_pressure_pa=TRUTH.suction,
+    negative_duration_s=TRUTH.suction_duration,
 )
 
 
@@ -135,12 +130,15 @@ def test_pressures_scale_and_shift_and_so_do_clocks():
             lambda t, p: (t, np.where(t > 4e-3, np.nan, p)),
             r"pressure_pa: .* nan at \[4",
         ),
-        (lambda t, p: (t[::-1], p), "time_s: expected rising times"),
-        (lambda t, p: (t[:-1], p), "got .1024,. and .1023,"),
-        (lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p), "time_s: expected even"),
+        (lambda t, p: (t[::-1], p), r"time_s\[1\]: expected a time after"),
+        (lambda t, p: (t[:-1], p), "shapes .1024,. and .1023,"),
+        (
+            lambda t, p: (np.where(t > 4e-3, t + 1e-3, t), p),
+            r"time_s\[401\]: expected .* a gap",
+        ),
         (
             lambda t, p: (np.stack([t, t]), np.stack([p, p])),
-            "time_s: expected .sample.,",
+            "got the shapes .2, 1024. and",
         ),
         (lambda t, p: (t[:9], p[:9]), "16 samples or more, got 9"),
     ],
@@ -171,7 +169,7 @@ def test_a_stated_high_pass_is_part_of_the_pulse():
     # without it the phase is a tenth shorter or not written
     wrong = pick(TIME, samples)
     off = abs(wrong.positive_duration_s - TRUTH.duration) / TRUTH.duration
-    assert off > 0.05 or "high_passed" in wrong.notes
+    assert off > 0.05 or set(wrong.notes) & {"high_passed", "zero_shift"}
 
 
 def test_files_are_picked_without_jax(tmp_path):

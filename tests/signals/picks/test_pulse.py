@@ -8,6 +8,7 @@ from jblast.signals.picks.preparation import (
     KERNELS,
     RHO,
     WIDTH,
+    Prepared,
     clipped_samples,
     first_front,
     noise_powers,
@@ -74,6 +75,17 @@ def test_antiderivatives_are_the_integrals_of_each_form(rise, negative):
     # trapezoids of 0.0045 samples and tables of 1024 nodes
     expected = np.interp(ends, time, area)
     np.testing.assert_allclose(made, expected - expected[0], atol=2e-3)
+
+
+def test_samples_at_instants_are_the_pressure_there_and_wide_bins_are_means():
+    rise, negative = np.array([0]), np.array([CONTINUED])
+    window = Prepared(np.r_[np.zeros(600), np.ones(900)]).window(DURATION)
+    columns = window.means(unknowns(0), rise, negative, instants=True)[0, PEAK]
+    means = window.means(unknowns(0), rise, negative)[0, PEAK]
+    single = window.widths == 1
+    at = pressure(window.middle[single], 0, CONTINUED)
+    np.testing.assert_allclose(columns[single], at, atol=2e-3)
+    np.testing.assert_array_equal(columns[~single], means[~single])
 
 
 @pytest.mark.parametrize("rise", range(len(RISES)))
@@ -169,6 +181,8 @@ def clipped(samples, full_scale=None):
 def test_equal_samples_in_a_row_at_the_top_are_clipped():
     assert clipped(np.minimum(RAMP, 0.8)) == [16, 17, 18, 19]
     assert clipped(np.r_[np.minimum(RAMP, 0.8), 0.0]) == [16, 17, 18, 19]
+    # also a sample at the level that noise leaves between others
+    assert clipped([0.0, 0.8, 0.7, 0.8, 0.8, 0.8]) == [1, 3, 4, 5]
     assert clipped(RAMP) == []
     assert clipped(RAMP, 1.0) == [19]
 

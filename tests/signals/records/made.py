@@ -14,19 +14,8 @@ SD = 0.01
 def pick(**changed) -> Pick:
     """A good pick, but for what is changed; its errors are one percent."""
     fields: dict[str, Any] = dict(zip(NAMES, VALUES, strict=True))
-    fields |= {
-        "covariance": SD**2 * (0.5 * np.eye(4) + 0.5),
-        "notes": (),
-        "lower_bound": False,
-        "clipped_at_pa": np.nan,
-        "resonance_hz": np.nan,
-        "later_arrival_s": np.nan,
-        "later_sigma_s": np.nan,
-        "misfit": 1.0,
-        "noise_pa": 2.0,
-        "baseline_pa": 5.0,
-        "pulse": None,
-    }
+    fields |= {"covariance": SD**2 * (0.5 * np.eye(4) + 0.5), "notes": ()}
+    fields |= {"misfit": 1.0, "noise_pa": 2.0, "baseline_pa": 5.0}
     fields |= changed
     sds = [SD * abs(fields[name]) for name in NAMES]
     # arrival and decay in their own units

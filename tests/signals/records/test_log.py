@@ -18,17 +18,16 @@ STATIONS = {
 
 def found(*named, **common) -> Gathered:
     """Picks of records: (name, changes)."""
-    picks, orders = [], []
+    picks = []
     for name, changed in named:
         calibrated = changed.pop("calibrated", True)
         record = PressureRecord(name, np.zeros(0), rate_hz=1e4, calibrated=calibrated)
-        orders.append(1 + sum(one.record.name == name for one in picks))
         picks.append(record_pick(record, **changed))
-    return Gathered(tuple(picks), tuple(orders), (), {}, (), None, 1)._replace(**common)
+    return Gathered(tuple(picks), (), {}, (), None, 1)._replace(**common)
 
 
 def test_a_good_pick_gives_four_rows_and_their_covariance(tmp_path):
-    log = log_of(found(("a", {"air_arrival_s": 0.5})), STATIONS, ["of a test"])
+    log = log_of(found(("a", {"air_arrival_s": 0.5})), STATIONS)
     rows = log.observations
     assert rows.quantity == RECORD_QUANTITIES
     np.testing.assert_allclose(rows.value, [0.5, 1000.0, 0.01, 4.0])

@@ -8,6 +8,7 @@ from jblast.errors import InputError
 from jblast.observations import read, write
 from jblast.observations.records.formats import Scaling
 from jblast.signals.picks.pick_log import picked_log
+from tests.signals.records import test_flawed as flawed
 
 EXAMPLE = Path(__file__).parents[3] / "calibration/data/records_example"
 HEADER = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
@@ -116,3 +117,16 @@ def test_quantities_that_a_record_does_not_identify_have_no_row(tmp_path):
     picked = picked_log(read(log))
     assert picked.quantity == ("air_arrival_s", "peak_overpressure_pa")
     assert picked.covariances[0].quantities == picked.quantity
+
+
+def test_a_record_of_which_only_the_onset_is_known_gives_its_arrival(tmp_path):
+    samples = flawed.made("rings")
+    time = np.arange(samples.size) / flawed.RATE
+    table = np.stack([time, samples], axis=1)
+    np.savetxt(
+        tmp_path / "r.csv", table, "%.9g", ",", header="time_s,pressure_pa", comments=""
+    )
+    log = made(tmp_path, TWO[0].replace("g01.csv", "r.csv"))
+    picked = picked_log(read(log))
+    assert picked.quantity == ("air_arrival_s",)
+    assert abs(picked.value[0] - flawed.ARRIVAL) < 4 * flawed.RESOLVED
