@@ -13,6 +13,7 @@ from jblast.signals.arrival_log import (
     ArrayFinding,
     Log,
 )
+from jblast.signals.detect_files import SoundDetections
 from jblast.signals.matched_filter import Detection
 from jblast.signals.sound_watch import Searched
 
@@ -25,20 +26,9 @@ LAYOUTS = {
 ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
 
 
-def detection_text(
-    searched: Sequence[Searched],
-    dead: Sequence[str],
-    target: str,
-    log: Log | None = None,
-) -> str:
-    """Return the arrivals as a table, with notes, for the terminal.
-
-    Args:
-        searched: Channels that were searched.
-        dead: Names of constant channels, which were skipped.
-        target: Search target: a template, the pulse of a charge, or a bank of pulses.
-        log: Rows of the arrivals, if there are any.
-    """
+def detection_text(found: SoundDetections) -> str:
+    """Return the arrivals as a table, with notes, for the terminal."""
+    searched, dead, target, log = found
     count = sum(len(one.detections) for one in searched)
     names = len(searched)
     head = (
@@ -57,7 +47,7 @@ def detection_text(
     span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
     latency = max(one.latency_s for one in searched)
     lines += [
-        f"search target: {target}",
+        f"search target: {target.words}",
         f"threshold {span} dB (2E/N0); detection delay {1e3 * latency:.3g} ms "
         "from the first sample",
     ]
@@ -286,20 +276,9 @@ class DetectionAnswer(Document):
     rejected_arrivals: tuple[SoundArrival, ...]
 
 
-def detection_answer(
-    searched: Sequence[Searched],
-    dead: Sequence[str],
-    method: Mapping[str, Any],
-    arrays: Sequence[ArrayFinding] = (),
-) -> DetectionAnswer:
-    """Return the arrivals as a document.
-
-    Args:
-        searched: Channels that were searched.
-        dead: Names of constant channels, which were skipped.
-        method: Parameters of the search, by key.
-        arrays: Results of arrays.
-    """
+def detection_answer(found: SoundDetections) -> DetectionAnswer:
+    """Return the arrivals as a document."""
+    searched, dead, target, log = found
     arrivals = sound_arrivals(searched)
     rejected = [_arrival(one, found) for one in searched for found in one.others]
     return DetectionAnswer(
@@ -307,7 +286,7 @@ def detection_answer(
         arrivals=arrivals,
         threshold_snr_db=max(one.threshold_snr_db for one in searched),
         latency_s=max(one.latency_s for one in searched),
-        method=method,
+        method=target.keys,
         channels=tuple(
             SearchedChannel(
                 one.channel.sensor,
@@ -319,8 +298,8 @@ def detection_answer(
             )
             for one in searched
         ),
-        dead_channels=tuple(dead),
-        arrays=tuple(_array(finding) for finding in arrays),
+        dead_channels=dead,
+        arrays=tuple(map(_array, log.arrays)) if log else (),
         other_sounds=sum(not found.is_blast for found in _sounds(searched)),
         rejected_arrivals=tuple(sorted(rejected, key=lambda arrival: arrival.time_s)),
     )

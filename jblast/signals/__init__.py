@@ -47,7 +47,6 @@ if TYPE_CHECKING:
     from jblast.signals.templates import (
         bank_of_pulses as bank_of_pulses,
         blast_template as blast_template,
-        recorded_template as recorded_template,
     )
 
 HOMES = {
@@ -70,7 +69,6 @@ HOMES = {
     "filtered": "jblast.signals.matched_filter",
     "matched_kernel": "jblast.signals.matched_filter",
     "noise_spectrum": "jblast.signals.noise",
-    "recorded_template": "jblast.signals.templates",
     "relative_times": "jblast.signals.arrays",
     "search": "jblast.signals.sound_watch",
     "threshold_for": "jblast.signals.matched_filter",

@@ -109,8 +109,6 @@ pascals, two thirds of a step of 16 bits for samples of full scale 1."""
 MAX_WINDOWS = 4
 """Largest number of pulses whose models of the form test are stored, up to 20 MB each
 at 48 kHz."""
-PACKET_S = 0.1
-"""Length of the packets in which a recording is pushed as a stream [s]."""
 
 
 class Channel(NamedTuple):
@@ -460,7 +458,6 @@ def search(
     noise: NoiseSpectrum | None = None,
     forms: bool = True,
     front_samples: float = OTHER_FRONT,
-    packet_s: float | None = None,
 ) -> Searched:
     """Search a recording by `SoundWatch`, with the noise of all of it.
 
@@ -475,8 +472,6 @@ def search(
         noise: Spectrum of the noise; None to measure it.
         forms: As for `SoundWatch`.
         front_samples: As for `SoundWatch`.
-        packet_s: Length of the packets that are pushed [s]; None to push all samples
-            together, with the same result.
 
     Raises:
         InputError: Templates or recording cannot be used.
@@ -490,7 +485,6 @@ def search(
             f"template and the noise before it, {least / rate_hz:.6g} s; got "
             f"{samples.size / rate_hz:.6g} s"
         )
-    packet = samples.size if packet_s is None else max(round(packet_s * rate_hz), 1)
 
     def searched(noise: NoiseSpectrum, forms: bool) -> Searched:
         watch = SoundWatch(
@@ -501,17 +495,13 @@ def search(
             forms=forms,
             front_samples=front_samples,
         )
-        found: list[Detection] = []
-        outputs: list[np.ndarray] = []
-        for start in range(0, samples.size + packet, packet):
-            part = samples[start : start + packet]
-            found += watch.push(part) if part.size else watch.finish()
-            outputs.append(watch.statistic)
+        found, statistic = watch.push(samples), watch.statistic
+        found += watch.finish()
         return Searched(
             channel=channel,
             noise=noise,
             threshold=float(watch.thresholds.max()),
-            statistic=np.concatenate(outputs),
+            statistic=np.concatenate([statistic, watch.statistic]),
             detections=tuple(one for one in found if one.is_blast),
             others=tuple(one for one in found if not one.is_blast),
             latency_s=watch.latency_s,
