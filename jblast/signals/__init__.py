@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from jblast.signals.matched_filter import (
         Detection as Detection,
         MatchedKernel as MatchedKernel,
-        OverlapSave as OverlapSave,
         false_alarms_at as false_alarms_at,
         filtered as filtered,
         matched_kernel as matched_kernel,
@@ -56,7 +55,6 @@ HOMES = {
     "FilmDetections": "jblast.signals.detect_files",
     "MatchedKernel": "jblast.signals.matched_filter",
     "NoiseSpectrum": "jblast.signals.noise",
-    "OverlapSave": "jblast.signals.matched_filter",
     "RelativeTimes": "jblast.signals.arrays",
     "Searched": "jblast.signals.sound_watch",
     "SoundDetections": "jblast.signals.detect_files",

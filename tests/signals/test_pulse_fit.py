@@ -85,7 +85,7 @@ def test_other_impulsive_sounds_are_rejected(bank, name):
     found = search(channel(OTHERS[name]), bank)
     assert found.detections == ()
     assert found.others  # reported, not dropped
-    assert not any(one.fit is None or one.fit.accepted for one in found.others)
+    assert not any(one.fit is None or one.fit.blast_form for one in found.others)
     untested = search(channel(OTHERS[name]), bank, forms=False)
     assert len(untested.detections) == len(found.others)
 
@@ -135,5 +135,5 @@ def test_an_arrival_at_either_end_of_a_recording_is_tested(bank):
     for at in (0.0, 0.01, SECONDS - 0.01):
         sound = friedlander(0.003)[: round((SECONDS - at) * RATE)]
         fit = PulseTest(bank, RATE, noise)(channel(sound, at).samples, at, 3)
-        assert fit.accepted
+        assert fit.blast_form
         assert fit.dof > 0
