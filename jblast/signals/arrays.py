@@ -504,7 +504,9 @@ class PlaneWave(NamedTuple):
         from scipy.optimize import least_squares
 
         # Levenberg and Marquardt's method accepts unknowns that are not identified
-        return least_squares(self.residuals, front, method="lm", ftol=1e-15, xtol=1e-12).x
+        return least_squares(
+            self.residuals, front, method="lm", ftol=1e-15, xtol=1e-12
+        ).x
 
     def covariance(self, front: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 2"]:
         """Return the covariance of bearing and elevation [rad^2].
