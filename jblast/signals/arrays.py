@@ -64,6 +64,7 @@ from numpy.typing import ArrayLike
 
 from jblast.errors import InputError
 from jblast.signals.matched_filter import Detection
+from jblast.signals.noise import checked_samples
 
 MIN_MICROPHONES, MAX_MICROPHONES = 2, 8
 """Number of microphones of an array. One has no delays; more than eight are no array of
@@ -156,7 +157,7 @@ def relative_times(
         InputError: Too few or too many records, an odd window, or samples that are not
             finite.
     """
-    samples = np.asarray(samples, float)
+    samples = np.array([checked_samples("samples", row) for row in np.asarray(samples)])
     count, length = samples.shape
     if not MIN_MICROPHONES <= count <= MAX_MICROPHONES:
         raise InputError(
@@ -167,12 +168,6 @@ def relative_times(
         raise InputError(
             f"samples: expected an even number, {4 * AVERAGED_BINS} or more, "
             f"got {length}"
-        )
-    if not (finite := np.isfinite(samples)).all():
-        channel, at = np.argwhere(~finite)[0]
-        raise InputError(
-            f"samples: expected finite numbers, got {samples[channel, at]} at sample "
-            f"{at} of channel {channel + 1}"
         )
     # a window that fades only at its ends (Tukey's)
     ends = max(int(TAPERED_SHARE * length), 1)

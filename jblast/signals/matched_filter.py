@@ -109,7 +109,6 @@ class MatchedKernel(NamedTuple):
             outputs for noise: 2 pi times the upcrossings of zero per sample.
         timing_rad_s: $\beta$: the standard deviation of an arrival with statistic $s$
             is $1/(\beta s)$.
-        template_samples: Length of the template.
     """
 
     taps: Float[np.ndarray, " tap"]
@@ -119,7 +118,6 @@ class MatchedKernel(NamedTuple):
     response: float
     phase_step_rad: float
     timing_rad_s: float
-    template_samples: int
 
     @property
     def reach(self) -> int:
@@ -189,7 +187,6 @@ def matched_kernel(
         response=height / sigma,
         phase_step_rad=float(np.arccos(np.clip(neighbour / variance, -1.0, 1.0))),
         timing_rad_s=curvature / height / math.sqrt(slope / variance),
-        template_samples=shape.size,
     )
 
 
@@ -268,7 +265,7 @@ class Detection(NamedTuple):
 
     @property
     def is_blast(self) -> bool:
-        """False if the form is not that of a blast."""
+        """False if the form is not that of a blast, or the noise before it as loud."""
         return self.fit is None or self.fit.blast_form
 
 

@@ -18,7 +18,7 @@ of the reflection (ground, facade). With $E = |m|^2$ and $\chi^2 = |w - m|^2$:
   any family, so $\chi^2$ grows with loudness; a misfit up to `MAX_MISFIT` is
   accepted, as the noncentral distribution $\chi^2_\nu(\lambda)$ with
   $\lambda =$ `MAX_MISFIT` $E$ (as Allen 2005, Phys. Rev. D 71, 062001).
-  `p` is the probability of a larger $\chi^2$ under it.
+  `fit_p` is the probability of a larger $\chi^2$ under it.
 - *Likelihood ratio* against ringing: the best decaying oscillation
   $e^{-\pi f t / Q}\,(c \cos 2\pi f t + s \sin 2\pi f t)$ explains an energy
   $E_\mathrm{ring}$ of the same window with five free numbers: $c$, $s$, arrival,
@@ -98,32 +98,23 @@ class PulseFit(NamedTuple):
     """Fit of an arrival by a blast pulse.
 
     Attributes:
+        blast_form: Whether the arrival has the form of a blast pulse, and exceeds the
+            threshold in the noise just before it.
         misfit: Unexplained energy over that of the pulse.
         log_likelihood_ratio: Natural logarithm of the likelihood of the pulse over that
             of the best decaying oscillation, or two.
-        p: Probability of a larger chi-squared for a pulse of the largest accepted
-            misfit.
-        dof: Degrees of freedom of chi-squared.
-        level: Rms noise in the pulse's band before the arrival, over that of the whole
-            recording.
-        loud: True if the arrival exceeds the threshold in that noise, too.
+        fit_p: Probability of a larger chi-squared for the largest accepted misfit.
+        fit_dof: Degrees of freedom of chi-squared.
+        noise_level: Rms noise in the pulse's band before the arrival over that of the
+            whole recording.
     """
 
+    blast_form: bool
     misfit: float
     log_likelihood_ratio: float
-    p: float
-    dof: int
-    level: float
-    loud: bool = True
-
-    @property
-    def blast_form(self) -> bool:
-        """True if the arrival is a blast by form and by level over the noise."""
-        return (
-            self.loud
-            and self.misfit <= MAX_MISFIT
-            and self.log_likelihood_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
-        )
+    fit_p: float
+    fit_dof: int
+    noise_level: float
 
 
 class _Window(NamedTuple):
@@ -172,7 +163,11 @@ class PulseTest:
         self._window = lru_cache(MAX_WINDOWS)(self._models)
 
     def __call__(
-        self, samples: Float[np.ndarray, " sample"], time_s: float, nth: int
+        self,
+        samples: Float[np.ndarray, " sample"],
+        time_s: float,
+        nth: int,
+        over: float = math.inf,
     ) -> PulseFit:
         """Fit an arrival.
 
@@ -180,6 +175,7 @@ class PulseTest:
             samples: Samples of the channel.
             time_s: Arrival [s].
             nth: Number of the template that found it.
+            over: Its statistic over the threshold in the noise of the whole recording.
         """
         window = self._window(nth)
         at = round(time_s * self._rate_hz)
@@ -203,16 +199,14 @@ class PulseTest:
         # normal limit of the noncentral chi-squared, at hundreds of degrees of freedom
         spread = np.sqrt(2 * least * (dof * least + 2 * accepted))
         z = (chi2 - dof * least - accepted) / spread
-        return PulseFit(
-            misfit=(chi2 - dof * least) / energy,
-            log_likelihood_ratio=min(
-                (energy - one) / (2 * max(level, 1.0) ** 2),
-                (energy - two) / (2 * max(level, 1.0) ** 2) + math.log(dof),
-            ),
-            p=0.5 * math.erfc(z / math.sqrt(2)),
-            dof=dof,
-            level=level,
+        misfit = (chi2 - dof * least) / energy
+        log_ratio = min(
+            (energy - one) / (2 * max(level, 1.0) ** 2),
+            (energy - two) / (2 * max(level, 1.0) ** 2) + math.log(dof),
         )
+        is_pulse = misfit <= MAX_MISFIT and log_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
+        p = 0.5 * math.erfc(z / math.sqrt(2))
+        return PulseFit(is_pulse and over > level, misfit, log_ratio, p, dof, level)
 
     def _whitened(
         self, samples: np.ndarray, at: int, window: _Window

@@ -13,7 +13,7 @@ sound found by a bank of pulses is compared with the form of a blast (`pulse_fit
 The noise is given, or learnt from the first second by the median over windows, which a
 blast in it hardly changes. It is then refined as more of it is known
 (`noise.NoiseFollower`), without the sound around arrivals. In addition a blast must
-exceed the threshold in the noise just before it (`PulseFit.loud`).
+exceed the threshold in the noise just before it (`PulseTest`).
 
 An estimate of the noise over few seconds has an error, which would increase the rate of
 false alarms. An output in true standard deviations crosses $u$ upwards at a rate
@@ -375,14 +375,14 @@ class SoundWatch:
         fit = None
         if self._forms:
             first, samples = self.latest
-            fit = self._test(samples, time_s - first / rate, nth)
-            fit = fit._replace(loud=bool(height > self.thresholds[nth] * fit.level))
+            over = height / float(self.thresholds[nth])
+            fit = self._test(samples, time_s - first / rate, nth, over)
         return Detection(
             time_s=time_s,
             sigma_s=math.hypot(1 / (kernel.timing_rad_s * height), self._front_s),
             snr_db=in_decibels(height),
             statistic=height,
-            template_s=kernel.template_samples / rate,
+            template_s=(kernel.reach + 1) / rate,
             spread_s=float(np.ptp(times)) / rate if times.size else 0.0,
             fit=fit,
         )

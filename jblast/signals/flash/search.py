@@ -40,6 +40,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import boxcox
 
 from jblast.observations import Observations, observed
 from jblast.scene import Camera
@@ -560,17 +561,12 @@ class Tail(NamedTuple):
         For less than one false alarm in the whole film it is above the largest observed
         value.
         """
-        rarer = math.log(1.0 / (self.hours * false_alarms_per_hour))
-        beyond = self.greatest + self.scale * rarer if rarer > 0.0 else -math.inf
-        return max(self._by_tail(false_alarms_per_hour), beyond)
-
-    def _by_tail(self, false_alarms_per_hour: float) -> float:
-        ratio = math.log(self.per_hour / false_alarms_per_hour)
-        if ratio <= 0.0:
-            return self.level
-        if self.shape == 0.0:
-            return self.level + self.scale * ratio
-        return self.level + self.scale * math.expm1(self.shape * ratio) / self.shape
+        rarer = self.per_hour / false_alarms_per_hour
+        # (x^shape - 1) / shape, or ln x for a shape of 0
+        by_tail = self.level + self.scale * float(boxcox(max(rarer, 1.0), self.shape))
+        once = self.hours * false_alarms_per_hour
+        beyond = self.greatest - self.scale * math.log(once) if once < 1.0 else by_tail
+        return max(by_tail, beyond)
 
 
 MEASURED = Tail(

@@ -93,7 +93,7 @@ def test_with_a_dead_microphone_no_time_is_complete():
         (np.zeros((1, 64)), "2 to 8 microphones, got 1"),
         (np.zeros((9, 64)), "2 to 8 microphones, got 9"),
         (np.zeros((2, 101)), "even number"),
-        (np.full((2, 64), np.nan), "finite numbers"),
+        (np.full((2, 64), np.nan), "finite samples"),
     ],
 )
 def test_what_cannot_be_used_is_refused(samples, said):
