@@ -63,18 +63,21 @@ def write_detection(
     """
     directory.mkdir(parents=True, exist_ok=True)
     write_text(directory / JSON, text)
-    names, log = [JSON], found.log
+    names = [JSON]
     if isinstance(found, SoundDetections):
         log = found.log and found.log.observations
         names += _write_outputs(directory, found.searched)
         figures = {PICTURE: partial(detection_figure, found.searched)}
     elif isinstance(found, ClipDetections):
-        figures = {
-            f"{Path(clip.film.path).stem}.{PICTURE}": partial(flash_figure, clip)
-            for clip in found.clips
-        }
+        log, figures = (
+            found.log,
+            {
+                f"{Path(clip.film.path).stem}.{PICTURE}": partial(flash_figure, clip)
+                for clip in found.clips
+            },
+        )
     else:
-        figures = {PICTURE: partial(flash_figure, found)}
+        log, figures = found.log, {PICTURE: partial(flash_figure, found)}
     for name, draw in figures.items():
         write_figure(draw(), directory / name)
         names.append(name)

@@ -24,6 +24,7 @@ from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
 from jblast.progress_line import Progress, reported
+from jblast.scene import Camera, Scene, UncertainScene, scene_of
 from jblast.signals.arrival_log import Log, log_of
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.picked_arrivals import picked_arrivals
@@ -36,9 +37,8 @@ from jblast.signals.sound_watch import (
 )
 from jblast.signals.templates import DURATIONS, bank_of_pulses, blast_template
 
-# sound does without cameras
+# sound does without the search of films
 if TYPE_CHECKING:
-    from jblast.scene import Camera, UncertainScene
     from jblast.signals.flash.fireball import Direction
     from jblast.signals.flash.search import FlashDetections
 
@@ -207,7 +207,7 @@ def detect(
     all_sounds: bool = False,
     positions: AnyPath | None = None,
     fps: float | None = None,
-    scene: "UncertainScene | AnyPath | None" = None,
+    scene: Scene | UncertainScene | AnyPath | None = None,
     size: tuple[int, int] | None = None,
     progress: Progress = False,
 ) -> SoundDetections | FilmDetections | ClipDetections:
@@ -334,7 +334,7 @@ def _kind(recordings: Sequence[str], given: Sequence[str]) -> Kind:
         InputError: Sound and pictures are combined, there are several films, an
             argument does not apply to the kind, or arguments exclude each other.
     """
-    kinds = [_kind_of(Path(file)) for file in recordings]
+    kinds: list[Kind] = [_kind_of(Path(file)) for file in recordings]
     first, kind = recordings[0], kinds[0]
     if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):
         seen = next(f for f, k in zip(recordings, kinds, strict=True) if k != "sound")
@@ -553,7 +553,7 @@ def _detect_film(
     *,
     kind: Kind,
     fps: float | None,
-    scene: "UncertainScene | AnyPath | None",
+    scene: Scene | UncertainScene | AnyPath | None,
     size: tuple[int, int] | None,
     false_alarms_per_hour: float,
 ) -> FilmDetections:
@@ -565,8 +565,12 @@ def _detect_film(
     from jblast.signals.flash.fireball import direction_of
     from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
 
-    is_events = kind == "events"
-    camera = None if scene is None else _camera(scene)
+    is_events, camera, source = kind == "events", None, ""
+    if scene is not None:
+        uncertain = scene_of(scene)
+        camera, source = uncertain.scene.camera, uncertain.source or "scene"
+        if camera is None:
+            raise InputError(f"{source}: expected the [camera] of the film, got none")
     exposure_s = 0.0 if camera is None or is_events else float(camera.exposure_s)
     opened = (
         _events(path, camera, size) if is_events else _frames(path, fps, exposure_s)
@@ -575,7 +579,7 @@ def _detect_film(
     pixels = film.width, film.height
     if camera is not None and pixels != (camera.width, camera.height):
         raise InputError(
-            f"{_source(scene)}: [camera]: expected {film.width} x {film.height} pixels "
+            f"{source}: [camera]: expected {film.width} x {film.height} pixels "
             f"as in {path}, got {camera.width} x {camera.height}"
         )
     flashes = detect_flashes(
@@ -599,27 +603,6 @@ def _detect_film(
 
 _Opened = tuple[Iterator[Any], Film, tuple[str, ...], bool]
 """Blocks of images, the film, warnings, and `FilmDetections.own_clock`."""
-
-
-def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
-    """Return a scene's camera.
-
-    Raises:
-        InputError: It has none.
-    """
-    from jblast.scene import scene_of
-
-    uncertain = scene_of(scene)
-    camera = uncertain.scene.camera
-    if camera is None:
-        raise InputError(
-            f"{_source(scene)}: expected the [camera] of the film, got none"
-        )
-    return camera
-
-
-def _source(scene: Any) -> str:
-    return os.fspath(scene) if isinstance(scene, str | os.PathLike) else scene.source
 
 
 def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
@@ -657,7 +640,7 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
 
 def _events(
     path: str,
-    camera: "Camera | None",
+    camera: Camera | None,
     size: tuple[int, int] | None,
 ) -> _Opened:
     """Return blocks of changes of light."""

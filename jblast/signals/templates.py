@@ -100,7 +100,8 @@ def bank_of_pulses(rate_hz: float) -> list[np.ndarray]:
     # at one scaled distance, durations and distances scale as W^(1/3)
     long = [one for one in DURATIONS if one * rate_hz >= 1.0] or DURATIONS[-1:]
     size = np.array(long) / unit
-    return blast_templates(size**3, BANK_SCALED_DISTANCE * size, rate_hz)
+    masses, ranges = size**3, BANK_SCALED_DISTANCE * size
+    return blast_templates(masses.tolist(), ranges.tolist(), rate_hz)
 
 
 @kept

@@ -310,7 +310,8 @@ class FlashWatch:
             if len(self._parts) == self._group:
                 every, light = zip(*self._parts, strict=True)
                 self._add(
-                    float(np.mean(every)), np.mean(light, axis=0, dtype=np.float32)
+                    float(np.mean(every)),
+                    np.stack(light).mean(axis=0, dtype=np.float32),
                 )
                 self._parts = []
         return self._reported()

@@ -19,6 +19,7 @@ from jblast.report.fit.document import fit_document
 from jblast.report.flights import flights_answer
 from jblast.report.world_files import run_world
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, Written, read_events
+from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.film import film_to_events
 from jblast.signals.detect_files import SoundDetections
 from jblast.study.filming import FilmOptions, film_of
@@ -129,6 +130,14 @@ def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):
         InputError, match=r"^fps: expected it with frames or video only"
     ):
         library.detect(tmp_path / "a.wav", fps=50.0)
+
+
+def test_a_scene_without_a_camera_is_no_place_of_a_film(tmp_path):
+    for number in range(2):
+        write_png(tmp_path / f"{number}.png", np.zeros((6, 8, 1)))
+    scene = library.Scene(library.Charge(mass_kg=1.0))
+    with pytest.raises(InputError, match=r"^scene: expected the \[camera\]"):
+        library.detect(tmp_path, fps=1000.0, scene=scene)
 
 
 def test_equations_are_found_as_by_the_command(jblast):
