@@ -331,9 +331,12 @@ def _kind(recordings: Sequence[str], given: Sequence[str]) -> Kind:
     """Return the kind of recordings; check the given arguments of `detect`.
 
     Raises:
-        InputError: Sound and pictures are combined, there are several films, an
-            argument does not apply to the kind, or arguments exclude each other.
+        InputError: There is none, sound and pictures are combined, there are several
+            films, an argument does not apply to the kind, or arguments exclude each
+            other.
     """
+    if not recordings:
+        raise InputError(f"{argument('recordings')}: expected a file, got none")
     kinds: list[Kind] = [_kind_of(Path(file)) for file in recordings]
     first, kind = recordings[0], kinds[0]
     if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):

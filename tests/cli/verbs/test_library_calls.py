@@ -120,6 +120,8 @@ def test_sound_is_searched_as_by_the_command(jblast):
 
 
 def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):
+    with pytest.raises(InputError, match="recordings: expected a file, got none"):
+        library.detect([])
     with pytest.raises(InputError, match="without sound; got 2 recordings"):
         library.detect(["a.wav", "a.mp4"])
     for suffix in EVENT_FORMATS:
