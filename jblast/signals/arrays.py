@@ -140,7 +140,7 @@ def relative_times(
     samples: ArrayLike,
     rate_hz: float,
     noise_variance: ArrayLike,
-    largest_s: ArrayLike,
+    largest_s: ArrayLike | float,
 ) -> RelativeTimes:
     """Return the times at which a front passed each microphone.
 
