@@ -457,3 +457,17 @@ def log_of_picks(picks: Sequence[RecordPick]) -> Observations:
             covariance_of(one, one.record.name, RECORD_QUANTITIES) for one in picks
         ),
     )
+
+
+def recorded_template(
+    samples: np.ndarray, rate_hz: float, start_s: float, duration_s: float
+) -> np.ndarray:
+    """Return an interval of a recording as a template, without the mean before it."""
+    count, start = round(duration_s * rate_hz), round(start_s * rate_hz)
+    template = samples[start : start + count] - samples[:start].mean()
+    # a cut would be another front
+    fading = max(round(0.2 * count), 1)
+    template[-fading:] *= 0.5 + 0.5 * np.cos(
+        np.pi * (np.arange(fading) + 1) / (fading + 1)
+    )
+    return template

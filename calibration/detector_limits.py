@@ -26,6 +26,7 @@ from calibration.cases import (
     coloured,
     plain_normalised,
     pulse,
+    recorded_template,
     rumble,
 )
 from calibration.detector_costs import costs
@@ -34,7 +35,6 @@ from jblast.signals import (
     filtered,
     matched_kernel,
     noise_spectrum,
-    recorded_template,
 )
 from jblast.signals.matched_filter import HALF_WIDTH, between_samples
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import soundfile
 
+from calibration.cases import recorded_template
 from calibration.everyday_sounds import (
     KINDS,
     RATE_HZ,
@@ -33,7 +34,6 @@ from jblast.signals import (
     Channel,
     Searched,
     bank_of_pulses,
-    recorded_template,
     search,
 )
 

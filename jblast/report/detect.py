@@ -6,14 +6,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from jblast.report.words import aligned, joined
-from jblast.results import AMONG, Document
+from jblast.results import AMONG, Document, among
 from jblast.signals.arrival_log import (
     LEAST_PLANE_PROBABILITY,
     MAX_ARRAY_WIDTH,
     ArrayFinding,
     Log,
 )
+from jblast.signals.detect_files import SoundDetections
 from jblast.signals.matched_filter import Detection
+from jblast.signals.pulse_fit import PulseFit
 from jblast.signals.sound_watch import Searched
 
 LAYOUTS = {
@@ -25,20 +27,9 @@ LAYOUTS = {
 ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
 
 
-def detection_text(
-    searched: Sequence[Searched],
-    dead: Sequence[str],
-    target: str,
-    log: Log | None = None,
-) -> str:
-    """Return the arrivals as a table, with notes, for the terminal.
-
-    Args:
-        searched: Channels that were searched.
-        dead: Names of constant channels, which were skipped.
-        target: Search target: a template, the pulse of a charge, or a bank of pulses.
-        log: Rows of the arrivals, if there are any.
-    """
+def detection_text(found: SoundDetections) -> str:
+    """Return the arrivals as a table, with notes, for the terminal."""
+    searched, dead, target, log = found
     count = sum(len(one.detections) for one in searched)
     names = len(searched)
     head = (
@@ -57,7 +48,7 @@ def detection_text(
     span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
     latency = max(one.latency_s for one in searched)
     lines += [
-        f"search target: {target}",
+        f"search target: {target.words}",
         f"threshold {span} dB (2E/N0); detection delay {1e3 * latency:.3g} ms "
         "from the first sample",
     ]
@@ -146,46 +137,20 @@ def _of_array(finding: ArrayFinding) -> list[str]:
 
 
 @dataclass(frozen=True)
-class BlastForm:
-    """The test of an arrival for the form of a blast pulse.
-
-    Attributes:
-        blast_form: Whether the arrival has the form of a blast pulse.
-        misfit: Unexplained energy over that of the pulse.
-        log_likelihood_ratio: Natural logarithm of the likelihood of the pulse over that
-            of the best decaying oscillation.
-        fit_p: Probability of a larger chi-squared for the largest accepted misfit.
-        fit_dof: Degrees of freedom of chi-squared.
-        noise_level: Rms noise before the arrival over that of the whole recording.
-    """
-
-    blast_form: bool
-    misfit: float
-    log_likelihood_ratio: float
-    fit_p: float
-    fit_dof: int
-    noise_level: float
-
-
-@dataclass(frozen=True)
 class SoundArrival:
     """An arrival in a channel.
 
     Attributes:
-        time_s: Arrival time since the start of the recording.
-        snr_db: Estimate of 2E/N0 [dB].
-        sigma_s: Standard error of the time.
+        found: The arrival.
         channel: Number of the channel in its file, from 1.
         sensor: Name of the sensor.
         form: Test of its form; absent in a search with a template.
     """
 
-    time_s: float
-    snr_db: float
-    sigma_s: float
+    found: Detection = field(metadata=among("time_s", "snr_db", "sigma_s"))
     channel: int
     sensor: str
-    form: BlastForm | None = field(metadata=AMONG)
+    form: PulseFit | None = field(metadata=AMONG)
 
 
 @dataclass(frozen=True)
@@ -286,28 +251,16 @@ class DetectionAnswer(Document):
     rejected_arrivals: tuple[SoundArrival, ...]
 
 
-def detection_answer(
-    searched: Sequence[Searched],
-    dead: Sequence[str],
-    method: Mapping[str, Any],
-    arrays: Sequence[ArrayFinding] = (),
-) -> DetectionAnswer:
-    """Return the arrivals as a document.
-
-    Args:
-        searched: Channels that were searched.
-        dead: Names of constant channels, which were skipped.
-        method: Parameters of the search, by key.
-        arrays: Results of arrays.
-    """
+def detection_answer(found: SoundDetections) -> DetectionAnswer:
+    """Return the arrivals as a document."""
+    searched, dead, target, log = found
     arrivals = sound_arrivals(searched)
-    rejected = [_arrival(one, found) for one in searched for found in one.others]
     return DetectionAnswer(
         detected=bool(arrivals),
         arrivals=arrivals,
         threshold_snr_db=max(one.threshold_snr_db for one in searched),
         latency_s=max(one.latency_s for one in searched),
-        method=method,
+        method=target.keys,
         channels=tuple(
             SearchedChannel(
                 one.channel.sensor,
@@ -319,27 +272,23 @@ def detection_answer(
             )
             for one in searched
         ),
-        dead_channels=tuple(dead),
-        arrays=tuple(_array(finding) for finding in arrays),
+        dead_channels=dead,
+        arrays=tuple(map(_array, log.arrays)) if log else (),
         other_sounds=sum(not found.is_blast for found in _sounds(searched)),
-        rejected_arrivals=tuple(sorted(rejected, key=lambda arrival: arrival.time_s)),
+        rejected_arrivals=sound_arrivals(searched, others=True),
     )
 
 
-def sound_arrivals(searched: Sequence[Searched]) -> tuple[SoundArrival, ...]:
-    """Return the arrivals of all channels in order of time."""
-    arrivals = [_arrival(one, found) for one in searched for found in one.detections]
-    return tuple(sorted(arrivals, key=lambda arrival: arrival.time_s))
-
-
-def _arrival(one: Searched, found: Detection) -> SoundArrival:
-    form = None
-    if fit := found.fit:
-        numbers = fit.misfit, fit.log_likelihood_ratio, fit.p, fit.dof, fit.level
-        form = BlastForm(fit.blast_form, *numbers)
-    channel = one.channel
-    times = found.time_s, found.snr_db, found.sigma_s
-    return SoundArrival(*times, channel.number, channel.sensor, form)
+def sound_arrivals(
+    searched: Sequence[Searched], *, others: bool = False
+) -> tuple[SoundArrival, ...]:
+    """Return the arrivals of all channels, or the other sounds, in order of time."""
+    arrivals = [
+        SoundArrival(found, one.channel.number, one.channel.sensor, found.fit)
+        for one in searched
+        for found in (one.others if others else one.detections)
+    ]
+    return tuple(sorted(arrivals, key=lambda arrival: arrival.found.time_s))
 
 
 def _array(finding: ArrayFinding) -> ArrayAnswer:

@@ -1,6 +1,8 @@
 """Files of `jblast detect --out`: the log, and figures of the detections."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from jblast.files import write_text
-from jblast.observations import Observations, write
+from jblast.observations import write
 from jblast.observations.records.sound import write_sound
 from jblast.report.figure_files import write_figure
 from jblast.report.figure_style import (
@@ -22,7 +24,13 @@ from jblast.report.figure_style import (
     quiet,
     titled,
 )
-from jblast.signals.flash.search import Flash, FlashDetections
+from jblast.signals.detect_files import (
+    ClipDetections,
+    Film,
+    FilmDetections,
+    SoundDetections,
+)
+from jblast.signals.flash.search import Flash
 from jblast.signals.sound_watch import Searched
 
 MAX_DRAWN = 4
@@ -41,19 +49,14 @@ MAX_LABELS = 5
 def write_detection(
     directory: Path,
     text: str,
-    figures: Mapping[str, Callable[[], Figure]],
-    log: Observations | None,
-    searched: Sequence[Searched] = (),
+    found: SoundDetections | FilmDetections | ClipDetections,
 ) -> list[str]:
     """Write document, filter output, figures and log; return the names of the files.
 
     Args:
         directory: Output directory; created if missing.
         text: The document.
-        figures: Function that draws each figure, by the name of its file.
-        log: Rows of the arrivals; without rows an older log is removed.
-        searched: Channels of sound, whose filter output is written, one file a
-            recording.
+        found: The detections. Without rows an older log is removed.
 
     Raises:
         OSError: It cannot be written.
@@ -61,16 +64,20 @@ def write_detection(
     directory.mkdir(parents=True, exist_ok=True)
     write_text(directory / JSON, text)
     names = [JSON]
-    records: dict[str, list[Searched]] = {}
-    for one in searched:
-        records.setdefault(one.channel.record, []).append(one)
-    for record, members in records.items():
-        name = FILTERED if len(records) == 1 else f"{Path(record).stem}.{FILTERED}"
-        # outputs of one file can differ in length by the length of the filter
-        length = min(member.statistic.size for member in members)
-        outputs = np.array([member.statistic[:length] for member in members])
-        write_sound(directory / name, outputs, members[0].channel.rate_hz)
-        names.append(name)
+    if isinstance(found, SoundDetections):
+        log = found.log and found.log.observations
+        names += _write_outputs(directory, found.searched)
+        figures = {PICTURE: partial(detection_figure, found.searched)}
+    elif isinstance(found, ClipDetections):
+        log, figures = (
+            found.log,
+            {
+                f"{Path(clip.film.path).stem}.{PICTURE}": partial(flash_figure, clip)
+                for clip in found.clips
+            },
+        )
+    else:
+        log, figures = found.log, {PICTURE: partial(flash_figure, found)}
     for name, draw in figures.items():
         write_figure(draw(), directory / name)
         names.append(name)
@@ -81,20 +88,28 @@ def write_detection(
     return names
 
 
-def flash_figure(watched: FlashDetections, shape: tuple[int, int]) -> Figure:
-    """Draw each flash, and the statistic of the search below.
+def _write_outputs(directory: Path, searched: Sequence[Searched]) -> list[str]:
+    """Write the filter output of channels of sound, one file a recording."""
+    names, several = [], len({one.channel.record for one in searched}) > 1
+    for record, members in groupby(searched, lambda one: one.channel.record):
+        name = f"{Path(record).stem}.{FILTERED}" if several else FILTERED
+        every = [*members]
+        outputs = np.array([one.statistic for one in every])
+        write_sound(directory / name, outputs, every[0].channel.rate_hz)
+        names.append(name)
+    return names
 
-    Args:
-        watched: Flashes and the statistic of the search.
-        shape: Height and width of the image [px].
-    """
+
+def flash_figure(found: FilmDetections) -> Figure:
+    """Draw each flash, and the statistic of the search below."""
+    watched = found.flashes
     shown = watched.flashes[:MAX_DRAWN]
     figure = new_figure(10.0, 2.4 + 3.4 * len(shown))
     grid = figure.add_gridspec(
         len(shown) + 1, 2, height_ratios=[*([1.4] * len(shown)), 1.0]
     )
     for row, flash in enumerate(shown):
-        _picture(figure.add_subplot(grid[row, 0]), flash, shape)
+        _picture(figure.add_subplot(grid[row, 0]), flash, found.film)
         _growth(figure.add_subplot(grid[row, 1]), flash)
     axes = figure.add_subplot(grid[-1, :])
     axes.plot(watched.times, watched.statistic, color=BLUE, linewidth=1.0)
@@ -109,9 +124,8 @@ def flash_figure(watched: FlashDetections, shape: tuple[int, int]) -> Figure:
     return figure
 
 
-def _picture(axes: Axes, flash: Flash, shape: tuple[int, int]) -> None:
-    height, width = shape
-    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+def _picture(axes: Axes, flash: Flash, film: Film) -> None:
+    extent = (-0.5, film.width - 0.5, film.height - 0.5, -0.5)
     if flash.picture is None:
         axes.set_facecolor("#cccccc")
     else:

@@ -3,15 +3,16 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Literal
 
-from jblast.report.detect import SoundArrival
+from jblast.report.detect import SoundArrival, sound_arrivals
 from jblast.results import Document, among
+from jblast.signals.detect_files import Film, FilmDetections
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
-from jblast.signals.flash.search import Candidate, Flash, FlashDetections
+from jblast.signals.flash.search import SLOW_HZ, Candidate, Flash
 from jblast.signals.matched_filter import in_decibels
 
-Kind = Literal["frames", "video", "events"]
 CAUSES = {
     "faint": "below the threshold",
     "grows_on": "its growth did not slow down as a fireball's of up to 1 t does",
@@ -114,29 +115,6 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Searched:
-    """The searched film.
-
-    Attributes:
-        path: Folder or file.
-        kind: Kind of the film.
-        width: Width of the image [px].
-        height: Height of the image [px].
-        frames: Number of frames; for events of milliseconds.
-        frames_hz: Frame rate [1/s].
-        seconds: Length [s].
-    """
-
-    path: str
-    kind: Kind
-    width: int
-    height: int
-    frames: int
-    frames_hz: float
-    seconds: float
-
-
-@dataclass(frozen=True)
 class FlashAnswer(Document):
     """The answer of `jblast detect` for film.
 
@@ -160,7 +138,7 @@ class FlashAnswer(Document):
     threshold_snr_db: float
     latency_s: float
     method: Method
-    recording: Searched
+    recording: Film
     flashes: tuple[FlashSeen, ...]
     warnings: tuple[str, ...]
     sound_arrivals: tuple[SoundArrival, ...] = ()
@@ -207,7 +185,7 @@ def flash_text(answer: FlashAnswer) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _film_words(film: Searched) -> str:
+def _film_words(film: Film) -> str:
     size = f"{film.width} x {film.height} pixels"
     if film.kind == "events":
         return f"{film.seconds:.6g} s of events of {size}"
@@ -251,46 +229,24 @@ def _lines(flash: FlashSeen, number: int | None) -> list[str]:
     return lines
 
 
-def flash_answer(
-    watched: FlashDetections,
-    searched: Searched,
-    false_alarms: float,
-    directions: Sequence[Direction] = (),
-    warnings: Sequence[str] = (),
-    sound_arrivals: Sequence[SoundArrival] = (),
-    bang_s: float | None = None,
-) -> FlashAnswer:
-    """Return the answer on a film.
-
-    Args:
-        watched: Flashes and the statistic of the search.
-        searched: The film.
-        false_alarms: False-alarm rate of the threshold [1/h].
-        directions: Direction of each flash; none without a scene.
-        warnings: Warnings, as sentences.
-        sound_arrivals: Arrivals in the sound track.
-        bang_s: Time of the bang.
-    """
+def flash_answer(found: FilmDetections) -> FlashAnswer:
+    """Return the answer on a film."""
+    watched, hz, bang = found.flashes, found.film.frames_hz, found.bang
     late = [f.alarm_s - f.growth.time_s for f in watched.flashes]
     return FlashAnswer(
-        detected=bool(watched.flashes or sound_arrivals),
+        detected=found.detected,
         arrivals=tuple(_arrival(flash) for flash in watched.flashes),
         threshold_snr_db=in_decibels(watched.threshold),
         latency_s=max(late, default=watched.latency_s),
-        method=Method("growth_cusum", false_alarms, watched.threshold),
-        recording=searched,
+        method=Method("growth_cusum", found.false_alarms_per_hour, watched.threshold),
+        recording=found.film,
         flashes=tuple(
-            FlashSeen(
-                flash.growth,
-                flash,
-                directions[i] if directions else None,
-                tuple(map(GrownTo, flash.silhouettes)),
-            )
-            for i, flash in enumerate(watched.flashes)
+            FlashSeen(flash.growth, flash, to, tuple(map(GrownTo, flash.silhouettes)))
+            for flash, to in zip_longest(watched.flashes, found.directions)
         ),
-        warnings=tuple(warnings),
-        sound_arrivals=tuple(sound_arrivals),
-        bang_s=bang_s,
+        warnings=((slow_film(hz),) if hz < SLOW_HZ else ()) + found.notes,
+        sound_arrivals=sound_arrivals(found.sound.searched) if found.sound else (),
+        bang_s=bang and bang.time_s,
         candidates=watched.candidates,
     )
 

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from jblast.signals.matched_filter import (
         Detection as Detection,
         MatchedKernel as MatchedKernel,
-        OverlapSave as OverlapSave,
         false_alarms_at as false_alarms_at,
         filtered as filtered,
         matched_kernel as matched_kernel,
@@ -47,7 +46,6 @@ if TYPE_CHECKING:
     from jblast.signals.templates import (
         bank_of_pulses as bank_of_pulses,
         blast_template as blast_template,
-        recorded_template as recorded_template,
     )
 
 HOMES = {
@@ -57,7 +55,6 @@ HOMES = {
     "FilmDetections": "jblast.signals.detect_files",
     "MatchedKernel": "jblast.signals.matched_filter",
     "NoiseSpectrum": "jblast.signals.noise",
-    "OverlapSave": "jblast.signals.matched_filter",
     "RelativeTimes": "jblast.signals.arrays",
     "Searched": "jblast.signals.sound_watch",
     "SoundDetections": "jblast.signals.detect_files",
@@ -70,7 +67,6 @@ HOMES = {
     "filtered": "jblast.signals.matched_filter",
     "matched_kernel": "jblast.signals.matched_filter",
     "noise_spectrum": "jblast.signals.noise",
-    "recorded_template": "jblast.signals.templates",
     "relative_times": "jblast.signals.arrays",
     "search": "jblast.signals.sound_watch",
     "threshold_for": "jblast.signals.matched_filter",

@@ -13,7 +13,8 @@ zero: delays do not constrain the mean time. Its pseudo-inverse is the covarianc
 times relative to the mean of all microphones. For two microphones this is the bound
 $\sigma^{-2} = 2\sum \omega^2\gamma^2/(1-\gamma^2)$ of the delay, with the coherence
 $\gamma^2 = S^2/((S+N_1)(S+N_2))$. Sums run over the bins above zero and below half the
-rate. The search begins at the delays of all pairs, the maxima of
+rate. The search begins at the delays from the microphone with the least noise, the
+maxima of
 
 $$C(\tau) = \sum_\omega \psi\, \mathrm{Re}\,(X_1^* X_2 e^{i\omega\tau}), \qquad
   \psi = \frac{S}{S(N_1+N_2) + N_1 N_2}.$$
@@ -55,7 +56,6 @@ References:
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -64,10 +64,11 @@ from numpy.typing import ArrayLike
 
 from jblast.errors import InputError
 from jblast.signals.matched_filter import Detection
+from jblast.signals.noise import checked_samples
 
 MIN_MICROPHONES, MAX_MICROPHONES = 2, 8
-"""Number of microphones of an array. One has no delays; eight have 28 pairs, each at
-the cost of a transform of the window."""
+"""Number of microphones of an array. One has no delays; more than eight are no array of
+one recorder."""
 AVERAGED_BINS = 16
 """Bins on either side over which powers are averaged: 33 in all give the power of the
 sound to 17 % at the resolution that a blast's smooth spectrum needs."""
@@ -92,6 +93,9 @@ SCORINGS = 8
 FLAT_SHARE = 1e-6
 """Smallest extent of an array in a dimension that it spans, over its largest. A smaller
 one is rounding, far below the error of any survey."""
+LEAST_LOG_SPEED_SD = 1e-3
+"""Smallest standard deviation of ln of the speed: that by 0.6 K. Searches along the
+sphere of an exact speed would need thousands of steps."""
 IDENTIFIED_SD_RAD = 0.5
 """Largest standard deviation of an identified angle [rad]. Beyond it the linearized
 covariance means little, and the 90 % interval covers a quarter of the circle."""
@@ -118,15 +122,13 @@ class RelativeTimes(NamedTuple):
     """Times at which a front passed each microphone, relative to their mean.
 
     Attributes:
-        time: Times relative to the mean of all [s]; NaN if delays do not connect all
-            microphones.
+        time: Times relative to the mean of all [s]; NaN if one has no delay from the
+            clearest.
         covariance: Covariance of these times [s^2]; singular, since their sum is zero.
-        lost: Pairs without a delay, `(first, second)` counted from zero.
     """
 
     time: Float[np.ndarray, " channel"]
     covariance: Float[np.ndarray, "channel channel"]
-    lost: tuple[tuple[int, int], ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -138,7 +140,7 @@ def relative_times(
     samples: ArrayLike,
     rate_hz: float,
     noise_variance: ArrayLike,
-    largest_s: ArrayLike,
+    largest_s: ArrayLike | float,
 ) -> RelativeTimes:
     """Return the times at which a front passed each microphone.
 
@@ -155,7 +157,7 @@ def relative_times(
         InputError: Too few or too many records, an odd window, or samples that are not
             finite.
     """
-    samples = np.asarray(samples, float)
+    samples = np.array([checked_samples("samples", row) for row in np.asarray(samples)])
     count, length = samples.shape
     if not MIN_MICROPHONES <= count <= MAX_MICROPHONES:
         raise InputError(
@@ -166,12 +168,6 @@ def relative_times(
         raise InputError(
             f"samples: expected an even number, {4 * AVERAGED_BINS} or more, "
             f"got {length}"
-        )
-    if not (finite := np.isfinite(samples)).all():
-        channel, at = np.argwhere(~finite)[0]
-        raise InputError(
-            f"samples: expected finite numbers, got {samples[channel, at]} at sample "
-            f"{at} of channel {channel + 1}"
         )
     # a window that fades only at its ends (Tukey's)
     ends = max(int(TAPERED_SHARE * length), 1)
@@ -189,26 +185,23 @@ def relative_times(
     # of a dead microphone none
     precision = np.divide(1.0, noise, out=np.zeros_like(noise), where=noise > 0)
     reach = np.broadcast_to(np.asarray(largest_s, float), (count, count))
-    pairs = [*combinations(range(count), 2)]
-    delays = np.array(
+    first = int(np.argmax(precision @ sound))
+    time = np.array(
         [
-            _delay(spectra[[*pair]], sound, precision[[*pair]], rate_hz, reach[pair])
-            for pair in pairs
+            _delay(spectra[[first, n]], sound, precision[[first, n]], rate_hz, most)
+            if n != first
+            else 0.0
+            for n, most in enumerate(reach[first])
         ]
     )
-    known = np.isfinite(delays)
-    lost = tuple(pair for pair, found in zip(pairs, known, strict=True) if not found)
-    first, second = np.array(pairs)[known].reshape(-1, 2).T
-    design = np.eye(count)[second] - np.eye(count)[first]
-    if np.linalg.matrix_rank(design) < count - 1:
-        nothing = np.full((count, count), np.nan)
-        return RelativeTimes(nothing[0], nothing, lost)
-    # pseudo-inverses set the mean time to zero, which delays do not constrain
-    time = np.linalg.pinv(design) @ delays[known]
+    time -= time.mean()
+    if np.isnan(time).any():
+        return RelativeTimes(time, np.full((count, count), np.nan))
     omega = 2 * np.pi * np.arange(len(sound)) * rate_hz / length
     weight = sound / (1 + sound * precision.sum(axis=0))
     # spectra are real at zero and at half the rate: no phase is defined there
     weight[[0, -1]] = 0.0
+    # the pseudo-inverse is for a mean of zero, which delays do not constrain
     between = 2 * (weight * sound * omega**2 * precision) @ precision.T
     np.fill_diagonal(between, 0.0)
     covariance = np.linalg.pinv(np.diag(between.sum(axis=1)) - between, hermitian=True)
@@ -216,7 +209,7 @@ def relative_times(
         beams = spectra * precision * np.exp(1j * omega * time[:, None])
         slope = -2 * np.imag(np.conj(beams.sum(axis=0)) * beams) @ (weight * omega)
         time = time + covariance @ slope
-    return RelativeTimes(time, covariance, lost)
+    return RelativeTimes(time, covariance)
 
 
 def _gain_and_sound(
@@ -357,14 +350,14 @@ def direction(
                 times.time,
                 times.covariance + of_air,
                 sound_speed,
-                sound_speed_sigma / sound_speed,
+                max(sound_speed_sigma / sound_speed, LEAST_LOG_SPEED_SD),
             )
         )
     best = fits[int(np.argmax([fit.log_evidence for fit in fits]))]
     typical = fits[int(np.argmax(small_aperture @ TYPICAL))] if len(fits) > 1 else best
     resolved, covariance, mirror = _resolved_angles(best, _averaged(fits, best), span)
     hidden = ~resolved
-    values = np.where(resolved, angles_of(best.found.toward), np.nan)
+    values = np.where(resolved, angles_of(best.found), np.nan)
     names = {1: "two" if len(positions) == 2 else "collinear", 2: "coplanar"}
     return Direction(
         bearing=float(values[0]),
@@ -383,15 +376,15 @@ class PlaneWaveFit(NamedTuple):
 
     Attributes:
         wave: Measurements of the front.
-        found: The most probable front.
+        found: Slowness of the most probable front, as in `PlaneWave`.
         other: The one on the other side of the plane of the microphones.
         chi2: Chi-squared of the times about the first.
         log_evidence: ln of the probability of the times, up to a constant.
     """
 
     wave: "PlaneWave"
-    found: "Front"
-    other: "Front"
+    found: Float[np.ndarray, "3"]
+    other: Float[np.ndarray, "3"]
     chi2: float
     log_evidence: float
 
@@ -420,7 +413,8 @@ def _plane_wave_fit(
     inside = design.T @ weight @ design
     slowness = basis @ np.linalg.solve(inside, design.T @ weight @ time)
     left = time + apart @ slowness
-    wave = PlaneWave(basis @ inside @ basis.T, slowness, sound_speed, log_speed_sd)
+    information = basis @ inside @ basis.T / sound_speed**2
+    wave = PlaneWave(information, slowness * sound_speed, log_speed_sd)
     found = wave.nearest(wave.start())
     other = wave.mirrored(found)
     # microphones in a plane do not distinguish its sides at all
@@ -444,128 +438,87 @@ def _averaged(
     weights = np.exp(evidence - evidence.max())
     total = np.zeros((2, 2))
     for fit, weight in zip(fits, weights / weights.sum(), strict=True):
-        sides = [fit.found.toward, fit.other.toward]
-        same = sides[int(np.argmax([side @ best.found.toward for side in sides]))]
-        off = angles_of(same) - angles_of(best.found.toward)
+        same = max(fit.found, fit.other, key=lambda side: side @ best.found)
+        off = angles_of(same) - angles_of(best.found)
         off = (off + np.pi) % (2 * np.pi) - np.pi
         total += weight * (fit.wave.covariance(fit.found) + np.outer(off, off))
     return total
 
 
-class Front(NamedTuple):
-    """A plane front.
-
-    Attributes:
-        toward: Unit vector to its source: east, north, up.
-        log_speed: ln of its speed over that of sound.
-    """
-
-    toward: Float[np.ndarray, "3"]
-    log_speed: float
-
-
 class PlaneWave(NamedTuple):
     """Measurements of a plane wave by an array.
 
+    Slownesses, toward the source, are relative to the expected one: of a front of
+    that speed the length is 1.
+
     Attributes:
         information: Information on the slowness in the directions that the microphones
-            span [m^2/s^2].
-        slowness: Slowness toward the source in these directions [s/m].
-        sound_speed: Expected speed [m/s].
-        log_sd: Standard deviation of its ln.
+            span.
+        slowness: Slowness in these directions.
+        log_sd: Standard deviation of ln of the speed.
     """
 
     information: Float[np.ndarray, "3 3"]
     slowness: Float[np.ndarray, "3"]
-    sound_speed: float
     log_sd: float
 
-    def axis(self) -> Float[np.ndarray, "3"]:
-        """Return the direction in which the slowness is best constrained."""
-        return np.linalg.eigh(self.information)[1][:, -1]
+    def axes(self) -> Float[np.ndarray, "3 3"]:
+        """Return directions, as columns, by how well the slowness is constrained."""
+        return np.linalg.eigh(self.information)[1]
 
-    def normal(self) -> Float[np.ndarray, "3"]:
-        """Return the direction in which the slowness is least constrained."""
-        return np.linalg.eigh(self.information)[1][:, 0]
-
-    def start(self) -> Front:
+    def start(self) -> Float[np.ndarray, "3"]:
         """Return the measured slowness, completed along the normal by the speed."""
-        inside = self.slowness * self.sound_speed
-        normal = self.normal()
-        inside = inside - (inside @ normal) * normal
-        across = 1.0 - inside @ inside
-        side = -1.0 if self.slowness @ normal < 0 else 1.0
+        normal = self.axes()[:, 0]
+        along = float(self.slowness @ normal)
+        inside = self.slowness - along * normal
         # errors may make a front along the plane slower than sound: the root must be
         # real, and the slope along the normal finite
-        toward = inside + side * np.sqrt(max(across, 1e-4)) * normal
-        return Front(toward / np.linalg.norm(toward), 0.0)
+        across = np.sqrt(max(1.0 - inside @ inside, 1e-4))
+        toward = inside + np.copysign(across, along) * normal
+        return toward / np.linalg.norm(toward)
 
-    def mirrored(self, front: Front) -> Front:
+    def mirrored(self, front: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
         """Return a front from the other side of the plane of the microphones."""
-        normal = self.normal()
-        toward = front.toward - 2 * (front.toward @ normal) * normal
-        return Front(toward, front.log_speed)
+        normal = self.axes()[:, 0]
+        return front - 2 * (front @ normal) * normal
 
-    def misfit(self, front: Front) -> float:
+    def residuals(self, front: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4"]:
+        """Return differences to the measurements and the speed, over their errors."""
+        sizes, axes = np.linalg.eigh(self.information)
+        root = (axes * np.sqrt(np.maximum(sizes, 0.0))).T
+        log_slowness = np.log(np.linalg.norm(front))
+        return np.append(root @ (front - self.slowness), log_slowness / self.log_sd)
+
+    def misfit(self, front: Float[np.ndarray, "3"]) -> float:
         """Return chi-squared of a front."""
-        left = self._left(front)
-        known = (front.log_speed / self.log_sd) ** 2 if self.log_sd else 0.0
-        return float(left @ self.information @ left + known)
+        return float(np.sum(self.residuals(front) ** 2))
 
-    def nearest(self, front: Front) -> Front:
+    def nearest(self, front: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
         """Return the front of least chi-squared near one."""
         # SciPy's optimisers take 0.3 s to import, and most searches have no array
         from scipy.optimize import least_squares
 
-        sizes, axes = np.linalg.eigh(self.information)
-        root = (axes * np.sqrt(np.maximum(sizes, 0.0))).T
-        # steps across the direction: bearing and elevation are singular overhead
-        tangent = np.linalg.svd(front.toward[None])[2][1:]
-        scale = self.log_sd or 1.0
-
-        def moved(step: np.ndarray) -> Front:
-            toward = front.toward + step[:2] @ tangent
-            log_speed = front.log_speed + scale * (step[2] if self.log_sd else 0.0)
-            return Front(toward / np.linalg.norm(toward), log_speed)
-
-        def misfit(step: np.ndarray) -> np.ndarray:
-            tried = moved(step)
-            return np.append(root @ self._left(tried), tried.log_speed / scale)
-
         # Levenberg and Marquardt's method accepts unknowns that are not identified
-        free = np.zeros(3 if self.log_sd else 2)
-        return moved(least_squares(misfit, free, method="lm", xtol=1e-12).x)
+        return least_squares(
+            self.residuals, front, method="lm", ftol=1e-15, xtol=1e-12
+        ).x
 
-    def covariance(self, front: Front) -> Float[np.ndarray, "2 2"]:
+    def covariance(self, front: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 2"]:
         """Return the covariance of bearing and elevation [rad^2].
 
         The variance of a direction without information is very large.
         """
-        bearing, elevation = angles_of(front.toward)
-        east, north = np.sin(bearing), np.cos(bearing)
-        level, up = np.cos(elevation), np.sin(elevation)
-        turn = np.array([[north * level, -east * level, 0.0],
-                         [-east * up, -north * up, level]])  # fmt: skip
-        slope = self._slope(front, turn)
-        hessian = slope.T @ self.information @ slope
-        if not self.log_sd:
-            hessian = hessian[:2, :2]
-        else:
-            hessian[2, 2] += self.log_sd**-2
+        east, north, up = front
+        level, length = np.hypot(east, north), np.linalg.norm(front)
+        of_bearing = np.array([north, -east, 0.0]) / level**2
+        of_elevation = np.array([-east * up, -north * up, level**2])
+        slope = np.stack([of_bearing, of_elevation / (level * length**2)])
+        by_speed = front / (length**2 * self.log_sd)
+        hessian = self.information + np.outer(by_speed, by_speed)
         # a line or a plane of microphones has no information in one direction: a very
         # large variance there instead of a singular matrix
-        least = 1e-12 * np.trace(hessian) * np.eye(len(hessian))
-        return np.linalg.inv(hessian + least)[:2, :2]
-
-    def _left(self, front: Front) -> np.ndarray:
-        """Return the difference of a front's slowness to the measured one."""
-        speed = self.sound_speed * np.exp(front.log_speed)
-        return front.toward / speed - self.slowness
-
-    def _slope(self, front: Front, turn: np.ndarray) -> np.ndarray:
-        """Return the derivative of its slowness by two turns and ln speed."""
-        speed = self.sound_speed * np.exp(front.log_speed)
-        return np.vstack([turn, -front.toward]).T / speed
+        least = 1e-12 * np.trace(hessian) * np.eye(3)
+        return slope @ np.linalg.inv(hessian + least) @ slope.T
 
 
 def _resolved_angles(
@@ -575,15 +528,15 @@ def _resolved_angles(
     wave, found, other = fit.wave, fit.found, fit.other
     # a line of microphones identifies a cone about it: an elevation if it is vertical
     if span == 1:
-        upright = abs(float(wave.axis()[2])) > 1 - FLAT_SHARE
+        upright = abs(float(wave.axes()[2, -1])) > 1 - FLAT_SHARE
         covariance = np.diag([np.inf, covariance[1, 1]])
         resolved = np.array(
             [False, upright and covariance[1, 1] < IDENTIFIED_SD_RAD**2]
         )
         return resolved, covariance, None
     sd = np.sqrt(np.diag(covariance))
-    mirrored = angles_of(other.toward)
-    turned = (mirrored - angles_of(found.toward) + np.pi) % (2 * np.pi) - np.pi
+    mirrored = angles_of(other)
+    turned = (mirrored - angles_of(found) + np.pi) % (2 * np.pi) - np.pi
     as_good = wave.misfit(other) - wave.misfit(found) < MIRROR_CHI2
     # coplanar microphones never distinguish the two sides, however close they are
     differ = as_good & (
@@ -594,7 +547,7 @@ def _resolved_angles(
 
 
 def angles_of(toward: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
-    """Return bearing, clockwise from north, and elevation of a direction [rad]."""
+    """Return bearing, clockwise from north, and elevation of a vector [rad]."""
     level = np.hypot(toward[0], toward[1])
     bearing = np.arctan2(toward[0], toward[1]) % (2 * np.pi)
     return np.array([bearing, np.arctan2(toward[2], level)])

@@ -94,15 +94,16 @@ def log_of(
     found = {name: one.detections for name, one in of.items()}
     grouped = bangs(found, positions, one=len(clocks) > 1)
     rows: list[_Row] = []
-    arrays: list[ArrayFinding] = []
+    found_arrays: list[ArrayFinding] = []
+    arrays = _arrays(searched, stations)
     for number, arrivals in enumerate(grouped.heard):
         shot = str(number + 1) if len(grouped.heard) > 1 else ""
         alone = dict(arrivals)
-        for name, members in _arrays(searched, stations).items():
+        for name, members in arrays.items():
             if not all(member.channel.sensor in arrivals for member in members):
                 continue
             finding, made = _array_rows(name, members, stations, arrivals, number, shot)
-            arrays.append(finding)
+            found_arrays.append(finding)
             rows += made
             for member in members if finding.used else ():
                 alone.pop(member.channel.sensor)
@@ -125,7 +126,7 @@ def log_of(
         comments=tuple(comments),
         frame=frame,
     )
-    return Log(log, tuple(arrays), grouped.left_out)
+    return Log(log, tuple(found_arrays), grouped.left_out)
 
 
 def _arrays(

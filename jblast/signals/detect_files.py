@@ -10,8 +10,7 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -26,11 +25,12 @@ from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import counted, each, stages
 from jblast.progress_line import Progress, reported
+from jblast.scene import Camera, Scene, UncertainScene, scene_of
 from jblast.signals.arrival_log import Log, log_of
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
+from jblast.signals.picked_arrivals import picked_arrivals
 from jblast.signals.sound_watch import (
     OTHER_FRONT,
-    PACKET_S,
     SAME_FRONT,
     Channel,
     Searched,
@@ -38,25 +38,23 @@ from jblast.signals.sound_watch import (
 )
 from jblast.signals.templates import DURATIONS, bank_of_pulses, blast_template
 
-# sound does without cameras
+# sound does without the search of films
 if TYPE_CHECKING:
-    from jblast.scene import Camera, UncertainScene
     from jblast.signals.flash.fireball import Direction
     from jblast.signals.flash.search import FlashDetections
 
 AnyPath = str | os.PathLike[str]
 Kind = Literal["sound", "frames", "video", "events"]
-EVENT_FILES = (*(".h5", ".hdf5", ".npz", ".raw", ".aedat4", ".txt", ".csv", ".dat"),)
-"""Suffixes of `sensors.camera.files.event_files.EVENT_FORMATS`, without its imports."""
-OF_SOUND = ("template", "mass_kg", "range_m", "all_sounds", "stream", "positions")
-KINDS: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "frames": ((), ("fps", "scene")),
-    "video": (VIDEOS, ("fps", "scene", *OF_SOUND)),
-    "events": (EVENT_FILES, ("scene", "size")),
-    "sound": ((".wav", ".flac"), OF_SOUND),
+SOUNDS = (".wav", ".flac")
+"""Suffixes that are recognised without the imports of cameras."""
+OF_SOUND = ("template", "mass_kg", "range_m", "all_sounds", "positions")
+ARGUMENTS: dict[Kind, tuple[str, ...]] = {
+    "frames": ("fps", "scene"),
+    "video": ("fps", "scene", *OF_SOUND),
+    "events": ("scene", "size"),
+    "sound": OF_SOUND,
 }
-"""Suffixes of recordings of each kind, and the arguments that apply to it. Frames are
-those of a folder; a file of any other suffix is read as sound."""
+"""Arguments that apply to recordings of each kind."""
 EXCLUSIVE = (
     *(("template", "mass_kg"), ("template", "range_m"), ("scene", "positions")),
     *(("all_sounds", "template"), ("all_sounds", "mass_kg")),
@@ -79,16 +77,22 @@ USUAL_STEPS = (0.2, 0.2)
 events`. A wrong value scales the changes of light, not the times of flashes."""
 
 
-class Method(NamedTuple):
+class Target(NamedTuple):
     """Search target of sound.
 
     Attributes:
         words: Its name in messages.
         keys: Its keys in a document.
+        at_rate: Its templates at a sampling rate [Hz].
+        is_sound: True for a template from a file.
+        is_bank: True for a bank of pulses, with whose form arrivals are compared.
     """
 
     words: str
-    keys: dict[str, Any]
+    keys: Mapping[str, Any]
+    at_rate: Callable[[float], list[np.ndarray]]
+    is_sound: bool = False
+    is_bank: bool = False
 
 
 class SoundDetections(NamedTuple):
@@ -97,13 +101,13 @@ class SoundDetections(NamedTuple):
     Attributes:
         searched: Channels with their arrivals.
         dead: Names of constant channels, which were skipped.
-        method: Search target.
+        target: Search target.
         log: Rows of the arrivals; None without positions.
     """
 
     searched: tuple[Searched, ...]
     dead: tuple[str, ...]
-    method: Method
+    target: Target
     log: Log | None
 
     @property
@@ -112,18 +116,34 @@ class SoundDetections(NamedTuple):
         return any(one.detections for one in self.searched)
 
 
+class Film(NamedTuple):
+    """A searched film.
+
+    Attributes:
+        path: Folder or file.
+        kind: Kind of the film.
+        width: Width of the image [px].
+        height: Height of the image [px].
+        frames: Number of frames; for events of milliseconds.
+        frames_hz: Frame rate [1/s].
+        seconds: Length [s].
+    """
+
+    path: str
+    kind: Literal["frames", "video", "events"]
+    width: int
+    height: int
+    frames: int
+    frames_hz: float
+    seconds: float
+
+
 class FilmDetections(NamedTuple):
     """Flashes in a film or in camera events.
 
     Attributes:
         flashes: The flashes, and other bright spots.
-        path: The recording.
-        kind: Its kind.
-        width: Width of the image [px].
-        height: Height of the image [px].
-        frames: Number of frames; for events, number of steps of `flash.search.STEP_S`.
-        frames_hz: Rate of frames, or steps [Hz].
-        seconds: Length [s].
+        film: The recording.
         false_alarms_per_hour: Rate of false alarms of the threshold.
         directions: Direction of each flash; empty without a scene.
         log: Rows of the flashes; of a video with `positions`, of the flash and the
@@ -135,16 +155,10 @@ class FilmDetections(NamedTuple):
     """
 
     flashes: "FlashDetections"
-    path: str
-    kind: Literal["frames", "video", "events"]
-    width: int
-    height: int
-    frames: int
-    frames_hz: float
-    seconds: float
+    film: Film
     false_alarms_per_hour: float
-    directions: "Sequence[Direction]"
-    log: Observations | None
+    directions: "Sequence[Direction]" = ()
+    log: Observations | None = None
     sound: SoundDetections | None = None
     notes: tuple[str, ...] = ()
     own_clock: bool = True
@@ -154,6 +168,15 @@ class FilmDetections(NamedTuple):
         """True if there is a flash, or an arrival in the sound track."""
         heard = self.sound is not None and self.sound.detected
         return bool(self.flashes.flashes) or heard
+
+    @property
+    def bang(self) -> Detection | None:
+        """The loudest arrival after the flash; without a flash the loudest."""
+        lit = [flash.growth.time_s for flash in self.flashes.flashes]
+        searched = self.sound.searched if self.sound else ()
+        heard = [found for one in searched for found in one.detections]
+        later = [found for found in heard if not lit or found.time_s > min(lit)]
+        return max(later, key=lambda found: found.statistic, default=None)
 
 
 class ClipDetections(NamedTuple):
@@ -183,10 +206,9 @@ def detect(
     range_m: float | None = None,
     false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
     all_sounds: bool = False,
-    stream: bool = False,
     positions: AnyPath | None = None,
     fps: float | None = None,
-    scene: "UncertainScene | AnyPath | None" = None,
+    scene: Scene | UncertainScene | AnyPath | None = None,
     size: tuple[int, int] | None = None,
     progress: Progress = False,
 ) -> SoundDetections | FilmDetections | ClipDetections:
@@ -203,7 +225,6 @@ def detect(
             that resemble a blast.
         all_sounds: In a search without a template or charge, accept impulsive sounds
             of any form.
-        stream: Search packet by packet, as live sound; the arrivals are the same.
         positions: Table of stations of the microphones, or of the clips.
         fps: Frame rate [Hz], required for a folder.
         scene: Scene, or its file, whose camera recorded the film.
@@ -222,75 +243,55 @@ def detect(
     """
     one = isinstance(recordings, str | os.PathLike)
     files = [os.fspath(f) for f in ([recordings] if one else recordings)]
-    of_sound: dict[str, Any] = {
-        "template": template,
-        "mass_kg": mass_kg,
-        "range_m": range_m,
-        "all_sounds": all_sounds,
-        "stream": stream,
-        "positions": positions,
+    given = {
+        **{"template": template, "mass_kg": mass_kg, "range_m": range_m},
+        **{"all_sounds": all_sounds, "positions": positions},
+        **{"fps": fps, "scene": scene, "size": size},
     }
-    of_film: dict[str, Any] = {"fps": fps, "scene": scene, "size": size}
-    kind = recording_kind(files, **of_sound, **of_film)
-    if kind == "sound":
-        return detect_sound(
-            files, false_alarms_per_hour=false_alarms_per_hour, **of_sound
-        )
+    kind = _kind(
+        files, [k for k, v in given.items() if v is not None and v is not False]
+    )
     rate = {"false_alarms_per_hour": false_alarms_per_hour}
-    if kind != "video":
-        return detect_film(files[0], **rate, **of_film)
+    film = partial(_detect_film, kind=kind, fps=fps, scene=scene, size=size, **rate)
+    if kind in ("frames", "events"):
+        return film(files[0])
+    target = _target(template, mass_kg, range_m)
+    listen = partial(_detect_sound, target=target, all_sounds=all_sounds, **rate)
     _check_stems(files)
+    if kind == "sound":
+        return listen(files, positions)
     table = None
     if positions is not None:
-        table = _stations(os.fspath(positions), [(Path(f).stem, f) for f in files])
-    of_sound["positions"] = None
-    clips = [
-        _clip(file, table, of_sound | rate, of_film | rate)
-        for file in each(files, "clips")
-    ]
-    if len(clips) == 1:
-        return clips[0]
+        table = _stations(positions, [(Path(f).stem, f) for f in files])
+    clips = [_with_sound(film(file), listen) for file in each(files, "clips")]
     log = None if table is None else _clip_log(clips, table)
+    if len(clips) == 1:
+        return clips[0] if log is None else clips[0]._replace(log=log)
     return ClipDetections(tuple(clips), log)
 
 
-def _clip(
-    file: str,
-    stations: "dict[str, Station] | None",
-    of_sound: Mapping[str, Any],
-    of_film: Mapping[str, Any],
+def _with_sound(
+    film: FilmDetections, listen: Callable[[Sequence[str]], SoundDetections]
 ) -> FilmDetections:
-    """Search the picture and the sound track of a clip."""
-    film = detect_film(file, **of_film)
-    notes, sound = list(film.notes), None
-    made = created(Path(file))
+    """Return a clip with the arrivals in its sound track."""
+    path, notes, sound = film.film.path, list(film.notes), None
+    made = created(Path(path))
     if made is not None:
         notes.append(
             f"the clip states that it was created at {made}, of a phone the start of "
             f"the recording: jblast pick uses it as {START} in the table of positions"
         )
-    if has_sound(Path(file)):
+    if has_sound(Path(path)):
         unused = "the sound track was not searched"
         # frames of slow motion are not on the clock of the sound
         if not film.own_clock:
             notes.append(f"{unused}: its clock is not that of the given frame rate")
         else:
             try:
-                sound = detect_sound([file], **of_sound)
+                sound = listen([path])
             except InputError as error:
                 notes.append(f"{unused}: {error}")
-    film = film._replace(sound=sound, notes=tuple(notes))
-    return film if stations is None else film._replace(log=_clip_log([film], stations))
-
-
-def bang_of(film: FilmDetections) -> Detection | None:
-    """Return the loudest arrival after the flash; without a flash the loudest."""
-    if film.sound is None:
-        return None
-    lit = [flash.growth.time_s for flash in film.flashes.flashes]
-    heard = [found for one in film.sound.searched for found in one.detections]
-    later = [found for found in heard if not lit or found.time_s > min(lit)]
-    return max(later, key=lambda found: found.statistic, default=None)
+    return film._replace(sound=sound, notes=tuple(notes))
 
 
 def _clip_log(
@@ -298,50 +299,45 @@ def _clip_log(
 ) -> Observations:
     """Return the rows of the first flash and of the bang of each clip."""
     rows: list[tuple[str, str, float, float]] = []
-    for film in clips:
-        name = Path(film.path).stem
-        for flash in film.flashes.flashes[:1]:
+    for clip in clips:
+        name = Path(clip.film.path).stem
+        for flash in clip.flashes.flashes[:1]:
             # the sigma of first light is that of its time in the picture, and includes
             # the frame interval if growth is not identified; sound and picture of a
             # phone are offset by about a frame, which is another, independent error
-            sigma = math.hypot(
-                flash.growth.sigma_s, 1.0 / film.frames_hz / math.sqrt(12)
-            )
+            offset_s = 1.0 / clip.film.frames_hz / math.sqrt(12)
+            sigma = math.hypot(flash.growth.sigma_s, offset_s)
             rows.append((name, "flash_time_s", flash.growth.time_s, sigma))
-        bang = bang_of(film)
-        if bang is not None:
+        if (bang := clip.bang) is not None:
             rows.append((name, "air_arrival_s", bang.time_s, bang.sigma_s))
-    names = [name for name, *_ in rows]
-    log = observed(
+    names, quantity, value, sigma = zip(*rows, strict=True) if rows else ((),) * 4
+    files = [Path(clip.film.path).name for clip in clips]
+    return observed(
         names,
-        [quantity for _, quantity, *_ in rows],
-        [value for *_, value, _ in rows],
-        [sigma for *_, sigma in rows],
+        quantity,
+        value,
+        sigma,
         position=np.reshape([stations[name].position for name in names], (-1, 3)),
         clock=tuple(stations[name].clock or name for name in names),
         comments=(
-            *(
-                f"jblast detect of {Path(film.path).name}: flash and bang"
-                for film in clips
-            ),
+            *(f"jblast detect of {f}: flash and bang" for f in files),
             CLIP_SIGMAS,
         ),
+        # one table has one frame
+        frame=next(iter(stations.values())).frame,
     )
-    # one table has one frame
-    return replace(log, frame=next(iter(stations.values())).frame)
 
 
-def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
-    """Return the kind of recordings, for which arguments of `detect` are checked.
-
-    Args:
-        recordings: Files, or one folder.
-        **arguments: Arguments of `detect`; None or False if not given.
+def _kind(recordings: Sequence[str], given: Sequence[str]) -> Kind:
+    """Return the kind of recordings; check the given arguments of `detect`.
 
     Raises:
-        InputError: Sound and pictures are combined, there are several films, an
-            argument does not apply to the kind, or arguments exclude each other.
+        InputError: There is none, sound and pictures are combined, there are several
+            films, an argument does not apply to the kind, or arguments exclude each
+            other.
     """
+    if not recordings:
+        raise InputError(f"{argument('recordings')}: expected a file, got none")
     kinds: list[Kind] = [_kind_of(Path(file)) for file in recordings]
     first, kind = recordings[0], kinds[0]
     if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):
@@ -350,11 +346,8 @@ def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
             f"{seen}: expected one folder of frames, file of events, or videos, "
             f"without sound; got {len(kinds)} recordings"
         )
-    given = [
-        k for k, value in arguments.items() if not (value is None or value is False)
-    ]
     for name in given:
-        fitting = [k for k, (_, names) in KINDS.items() if name in names]
+        fitting = [k for k, names in ARGUMENTS.items() if name in names]
         if name == "scene" and len(kinds) > 1:
             fitting = ["one video"]
         if kind not in fitting:
@@ -378,105 +371,62 @@ def recording_kind(recordings: Sequence[AnyPath], **arguments: Any) -> Kind:
 
 
 def _kind_of(path: Path) -> Kind:
+    suffix = path.suffix.lower()
     if path.is_dir():
         return "frames"
-    for kind, (suffixes, _) in KINDS.items():
-        if path.suffix.lower() in suffixes:
-            return kind
-    return "sound"
+    if suffix in VIDEOS:
+        return "video"
+    if suffix in SOUNDS:
+        return "sound"
+    from jblast.sensors.camera.files.event_files import EVENT_FORMATS
+
+    return "events" if suffix in EVENT_FORMATS else "sound"
 
 
-def detect_sound(
-    recordings: Sequence[AnyPath],
-    *,
-    template: AnyPath | None = None,
-    mass_kg: float | None = None,
-    range_m: float | None = None,
-    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
-    all_sounds: bool = False,
-    stream: bool = False,
+def _detect_sound(
+    files: Sequence[str],
     positions: AnyPath | None = None,
+    *,
+    target: Target,
+    false_alarms_per_hour: float,
+    all_sounds: bool,
 ) -> SoundDetections:
-    """Find blasts in recordings of sound.
-
-    Args:
-        recordings: As for `detect`.
-        template: As for `detect`.
-        mass_kg: As for `detect`.
-        range_m: As for `detect`.
-        false_alarms_per_hour: As for `detect`.
-        all_sounds: As for `detect`.
-        stream: As for `detect`.
-        positions: As for `detect`.
-
-    Raises:
-        InputError: A recording cannot be read, or a channel has no station.
-    """
+    """Find blasts in recordings of sound; arguments as for `detect`."""
     begin = stages({"reading": 1.0, "searching": 4.0})
     begin("reading")
-    files = [os.fspath(file) for file in recordings]
     channels, dead = _channels(files)
     stations = None
     if positions is not None:
-        named = [(channel.sensor, channel.record) for channel in channels]
-        stations = _stations(os.fspath(positions), named)
+        stations = _stations(positions, [(one.sensor, one.record) for one in channels])
     begin("searching")
-    shapes, method = _target(template, mass_kg, range_m)
     # templates cost more than a search; most rates are equal
-    shapes_at = cache(shapes)
-    searched = [
-        search(
+    at_rate = cache(target.at_rate)
+    searched = []
+    for channel in each(channels, "channels"):
+        one = search(
             channel,
-            shapes_at(channel.rate_hz),
+            at_rate(channel.rate_hz),
             false_alarms_per_hour=false_alarms_per_hour,
-            forms=template is None and mass_kg is None,
-            front_samples=OTHER_FRONT if template is None else SAME_FRONT,
-            packet_s=PACKET_S if stream else None,
+            forms=target.is_bank,
+            front_samples=SAME_FRONT if target.is_sound else OTHER_FRONT,
         )
-        for channel in each(channels, "channels")
-    ]
-    if all_sounds:
-        searched = [_with_all_sounds(one) for one in searched]
-    # an arrival of a template is the time of its first sample, which may not be a front
-    if template is None:
-        searched = _picked(searched)
-    searched = [_with_compression(one) for one in searched]
+        arrivals, others = one.detections, one.others
+        if all_sounds:
+            arrivals, others = tuple(sorted(arrivals + others)), ()
+        # an arrival of a template is the time of its first sample, perhaps no front
+        if not target.is_sound:
+            arrivals = picked_arrivals(arrivals, channel.samples, channel.rate_hz)
+        if Path(channel.record).suffix.lower() in VIDEOS:
+            arrivals = tuple(
+                found._replace(sigma_s=math.hypot(found.sigma_s, LOSSY_SD_S))
+                for found in arrivals
+            )
+        searched.append(one._replace(detections=arrivals, others=others))
     log = None
     if stations is not None:
         names = ", ".join(Path(file).name for file in files)
-        log = log_of(searched, stations, [f"jblast detect of {names}: {method.words}"])
-    return SoundDetections(tuple(searched), tuple(dead), method, log)
-
-
-def _with_all_sounds(one: Searched) -> Searched:
-    """Return a channel whose detections include sounds of another form."""
-    sounds = sorted(one.detections + one.others, key=lambda found: found.time_s)
-    return one._replace(detections=tuple(sounds), others=())
-
-
-def _picked(searched: Sequence[Searched]) -> list[Searched]:
-    """Return channels with the times of the picks of their arrivals."""
-    from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
-
-    heard = [
-        SearchedChannel(one.channel.samples, one.channel.rate_hz, 0.0, one.detections)
-        for one in searched
-    ]
-    return [
-        one._replace(detections=arrivals)
-        for one, arrivals in zip(searched, picked_arrivals(heard), strict=True)
-    ]
-
-
-def _with_compression(one: Searched) -> Searched:
-    """Return a channel of a clip with the error of its compression, or a channel."""
-    if Path(one.channel.record).suffix.lower() not in VIDEOS:
-        return one
-    arrivals = (
-        found._replace(sigma_s=math.hypot(found.sigma_s, LOSSY_SD_S))
-        for found in one.detections
-    )
-    return one._replace(detections=tuple(arrivals))
+        log = log_of(searched, stations, [f"jblast detect of {names}: {target.words}"])
+    return SoundDetections(tuple(searched), tuple(dead), target, log)
 
 
 def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
@@ -485,16 +435,12 @@ def _channels(files: Sequence[str]) -> tuple[list[Channel], list[str]]:
     A constant channel is that of an unplugged microphone.
 
     Raises:
-        InputError: A recording cannot be read, two have one name, or every channel is
-            constant.
+        InputError: A recording cannot be read, or every channel is constant.
     """
     alive: list[Channel] = []
     dead: list[str] = []
-    _check_stems(files)
     for file in each(files, "recordings"):
         stem, sound = Path(file).stem, _sound(file)
-        for note in sound.notes:
-            warnings.warn(f"{file}: {note}", stacklevel=2)
         for number, samples in enumerate(sound.samples, start=1):
             name = stem if len(sound.samples) == 1 else f"{stem}.{number}"
             if not np.ptp(samples) > 0:
@@ -522,7 +468,10 @@ def _check_stems(files: Sequence[str]) -> None:
 def _sound(file: str) -> SoundRecord:
     """Read a sound file, or the sound track of a clip from its first frame on."""
     if Path(file).suffix.lower() not in VIDEOS:
-        return read_sound(file)
+        sound = read_sound(file)
+        for note in sound.notes:
+            warnings.warn(f"{file}: {note}", stacklevel=2)
+        return sound
     (track,) = open_record(file)
     samples = track.samples(0, track.length)
     # silence before a late track keeps one time zero for sound and picture
@@ -538,16 +487,17 @@ def _sound(file: str) -> SoundRecord:
     return SoundRecord(samples, int(track.rate_hz))
 
 
-def _stations(file: str, sensors: Sequence[tuple[str, str]]) -> dict[str, Station]:
+def _stations(table: AnyPath, sensors: Sequence[tuple[str, str]]) -> dict[str, Station]:
     """Read the positions of microphones or clips.
 
     Args:
-        file: Table of stations.
+        table: Table of stations.
         sensors: Name and recording of each.
 
     Raises:
         InputError: The table cannot be read, lacks a sensor, or has start times.
     """
+    file = os.fspath(table)
     stations = read_stations(file)
     if any(station.start is not None for station in stations.values()):
         raise InputError(
@@ -565,67 +515,54 @@ def _stations(file: str, sensors: Sequence[tuple[str, str]]) -> dict[str, Statio
 
 def _target(
     template: AnyPath | None, mass_kg: float | None, range_m: float | None
-) -> tuple[Callable[[float], list[np.ndarray]], Method]:
-    """Return the templates as a function of the sampling rate, and their name."""
-    if template:
-        path = os.fspath(template)
-        sound = _read_template(path)
-        words = f"the template {Path(path).name}"
-        keys: dict[str, Any] = {"name": "matched_filter", "template": path}
-
-        def at_rate(rate_hz: float) -> list[np.ndarray]:
-            return [resampled(sound.samples[0], sound.rate_hz, rate_hz)]
-
-        return at_rate, Method(words, keys)
-    if mass_kg is not None and range_m is not None:
-        words = f"the pulse of {mass_kg:g} kg of TNT at {range_m:g} m"
-        keys = {"name": "matched_filter"}
-        keys |= {"charge_mass_kg": mass_kg, "range_m": range_m}
-        return lambda rate_hz: [blast_template(mass_kg, range_m, rate_hz)], Method(
-            words, keys
-        )
-    low, high = 1e3 * DURATIONS[0], 1e3 * DURATIONS[-1]
-    words = f"a bank of {len(DURATIONS)} blast pulses of {low:.2g} to {high:.2g} ms"
-    keys = {"name": "bank_of_pulses", "durations_s": list(DURATIONS)}
-    return bank_of_pulses, Method(words, keys)
-
-
-def _read_template(file: str) -> SoundRecord:
-    """Read a template of one channel that is not constant.
+) -> Target:
+    """Return the search target of the arguments.
 
     Raises:
-        InputError: It cannot be read, is constant, or has several channels.
+        InputError: The template cannot be read, is constant, or has several channels.
     """
-    sound = read_sound(file)
-    for note in sound.notes:
-        warnings.warn(f"{file}: {note}", stacklevel=2)
-    if len(sound.samples) > 1:
-        raise InputError(
-            f"{file}: expected a template of one channel, got {len(sound.samples)}"
+    if template:
+        file = os.fspath(template)
+        sound = _sound(file)
+        if len(sound.samples) > 1:
+            raise InputError(
+                f"{file}: expected a template of one channel, got {len(sound.samples)}"
+            )
+        if not np.ptp(sound.samples) > 0:
+            raise InputError(
+                f"{file}: expected a template with a sound, got one value throughout"
+            )
+        return Target(
+            f"the template {Path(file).name}",
+            {"name": "matched_filter", "template": file},
+            lambda rate_hz: [resampled(sound.samples[0], sound.rate_hz, rate_hz)],
+            is_sound=True,
         )
-    if not np.ptp(sound.samples) > 0:
-        raise InputError(
-            f"{file}: expected a template with a sound, got one value throughout"
+    if mass_kg is not None and range_m is not None:
+        return Target(
+            f"the pulse of {mass_kg:g} kg of TNT at {range_m:g} m",
+            {"name": "matched_filter", "charge_mass_kg": mass_kg, "range_m": range_m},
+            lambda rate_hz: [blast_template(mass_kg, range_m, rate_hz)],
         )
-    return sound
+    low, high = 1e3 * DURATIONS[0], 1e3 * DURATIONS[-1]
+    return Target(
+        f"a bank of {len(DURATIONS)} blast pulses of {low:.2g} to {high:.2g} ms",
+        {"name": "bank_of_pulses", "durations_s": list(DURATIONS)},
+        bank_of_pulses,
+        is_bank=True,
+    )
 
 
-def detect_film(
-    recording: AnyPath,
+def _detect_film(
+    path: str,
     *,
-    fps: float | None = None,
-    scene: "UncertainScene | AnyPath | None" = None,
-    size: tuple[int, int] | None = None,
-    false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
+    kind: Kind,
+    fps: float | None,
+    scene: Scene | UncertainScene | AnyPath | None,
+    size: tuple[int, int] | None,
+    false_alarms_per_hour: float,
 ) -> FilmDetections:
-    """Find flashes of blasts in a film or in camera events.
-
-    Args:
-        recording: As for `detect`.
-        fps: As for `detect`.
-        scene: As for `detect`.
-        size: As for `detect`.
-        false_alarms_per_hour: As for `detect`.
+    """Find flashes of blasts in a film or in camera events; arguments as for `detect`.
 
     Raises:
         InputError: The recording cannot be read, or contradicts the scene's camera.
@@ -633,80 +570,44 @@ def detect_film(
     from jblast.signals.flash.fireball import direction_of
     from jblast.signals.flash.search import detect_flashes, flash_threshold, log_of
 
-    path = os.fspath(recording)
-    kind = recording_kind([path], fps=fps, scene=scene, size=size)
-    assert kind != "sound"
-    camera = None if scene is None else _camera(scene)
-    exposure_s = 0.0 if camera is None or kind == "events" else float(camera.exposure_s)
+    is_events, camera, source = kind == "events", None, ""
+    if scene is not None:
+        uncertain = scene_of(scene)
+        camera, source = uncertain.scene.camera, uncertain.source or "scene"
+        if camera is None:
+            raise InputError(f"{source}: expected the [camera] of the film, got none")
+    exposure_s = 0.0 if camera is None or is_events else float(camera.exposure_s)
     opened = (
-        _events(path, camera, size)
-        if kind == "events"
-        else _frames(path, fps, exposure_s)
+        _events(path, camera, size) if is_events else _frames(path, fps, exposure_s)
     )
-    width, height = opened.width, opened.height
-    if camera is not None and (width, height) != (camera.width, camera.height):
+    blocks, film, notes, own_clock = opened
+    pixels = film.width, film.height
+    if camera is not None and pixels != (camera.width, camera.height):
         raise InputError(
-            f"{_source(scene)}: [camera]: expected {width} x {height} pixels as in "
-            f"{path}, got {camera.width} x {camera.height}"
+            f"{source}: [camera]: expected {film.width} x {film.height} pixels "
+            f"as in {path}, got {camera.width} x {camera.height}"
         )
     flashes = detect_flashes(
-        opened.blocks,
-        opened.frames_hz,
+        blocks,
+        film.frames_hz,
         flash_threshold(false_alarms_per_hour),
-        changes=kind == "events",
+        changes=is_events,
         exposure_s=exposure_s,
     )
-    directions: Sequence[Direction] = ()
-    log = None
-    if camera is not None:
-        directions = [direction_of(camera, flash.growth) for flash in flashes.flashes]
-        comments = [
-            f"jblast detect of {Path(path).name}: first light, place and growth"
-        ]
-        log = log_of(flashes.flashes, camera, comments)
-    return FilmDetections(
-        flashes,
-        path,
-        kind,
-        *opened[1:6],
-        false_alarms_per_hour,
-        directions,
-        log,
-        notes=opened.notes,
-        own_clock=opened.own_clock,
+    found = FilmDetections(
+        flashes, film, false_alarms_per_hour, notes=notes, own_clock=own_clock
+    )
+    if camera is None:
+        return found
+    comment = f"jblast detect of {Path(path).name}: first light, place and growth"
+    return found._replace(
+        directions=[direction_of(camera, flash.growth) for flash in flashes.flashes],
+        log=log_of(flashes.flashes, camera, [comment]),
     )
 
 
-class _Opened(NamedTuple):
-    blocks: Iterator[Any]
-    width: int
-    height: int
-    frames: int
-    frames_hz: float
-    seconds: float
-    notes: tuple[str, ...] = ()
-    own_clock: bool = True
-
-
-def _camera(scene: "UncertainScene | AnyPath") -> "Camera":
-    """Return a scene's camera.
-
-    Raises:
-        InputError: It has none.
-    """
-    from jblast.scene import scene_of
-
-    uncertain = scene_of(scene)
-    camera = uncertain.scene.camera
-    if camera is None:
-        raise InputError(
-            f"{_source(scene)}: expected the [camera] of the film, got none"
-        )
-    return camera
-
-
-def _source(scene: Any) -> str:
-    return os.fspath(scene) if isinstance(scene, str | os.PathLike) else scene.source
+_Opened = tuple[Iterator[Any], Film, tuple[str, ...], bool]
+"""Blocks of images, the film, warnings, and `FilmDetections.own_clock`."""
 
 
 def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
@@ -730,29 +631,21 @@ def _frames(path: str, fps: float | None, exposure_s: float) -> _Opened:
             done += len(times)
             through(done)
 
+    shape = film.width, film.height, len(film)
     seconds = float(film.times[-1] - film.times[0])
-    hz = float(film.frames_hz)
-    notes: tuple[str, ...] = ()
-    if fps is not None and film.varying:
-        notes = (
-            "the frame rate varies: times are the time stamps of the file, and the "
-            "given rate is not used",
-        )
-    return _Opened(
-        blocks(),
-        film.width,
-        film.height,
-        len(film),
-        hz,
-        seconds,
-        notes,
-        own_clock=fps is None or film.varying,
+    kind = "frames" if Path(path).is_dir() else "video"
+    is_unused = fps is not None and film.varying
+    note = (
+        "the frame rate varies: times are the time stamps of the file, and the given "
+        "rate is not used"
     )
+    searched = Film(path, kind, *shape, float(film.frames_hz), seconds)
+    return blocks(), searched, (note,) * is_unused, fps is None or is_unused
 
 
 def _events(
     path: str,
-    camera: "Camera | None",
+    camera: Camera | None,
     size: tuple[int, int] | None,
 ) -> _Opened:
     """Return blocks of changes of light."""
@@ -796,12 +689,7 @@ def _events(
         brighter, darker = (float(step) for step in camera.threshold)
         threshold = brighter, darker
     last = int(events.t[-1])
-    return _Opened(
-        iter(event_changes(events, threshold)),
-        events.width,
-        events.height,
-        last // round(1e6 * STEP_S) + 1,
-        1.0 / STEP_S,
-        1e-6 * last,
-        notes,
-    )
+    steps = last // round(1e6 * STEP_S) + 1
+    shape = events.width, events.height, steps
+    film = Film(path, "events", *shape, 1.0 / STEP_S, 1e-6 * last)
+    return event_changes(events, threshold), film, notes, True

@@ -42,9 +42,6 @@ $$\sigma_t = \frac{1}{\beta \sqrt{2E/N_0}}$$
 
 as standard deviation, where $\beta$ is the rms bandwidth of the template in this noise
 (Kay, volume I, eq. 3.14). It holds for blasts of the template's form.
-
-Recordings and streams are filtered in blocks by overlap-save (Oppenheim and Schafer,
-Discrete-Time Signal Processing, section 8.7.3), so both have the same output.
 """
 
 import math
@@ -61,6 +58,7 @@ from jblast.signals.noise import (
     checked_positive,
     checked_samples,
     checked_template,
+    correlated,
     fast_length,
     whitening_taps,
 )
@@ -111,7 +109,6 @@ class MatchedKernel(NamedTuple):
             outputs for noise: 2 pi times the upcrossings of zero per sample.
         timing_rad_s: $\beta$: the standard deviation of an arrival with statistic $s$
             is $1/(\beta s)$.
-        template_samples: Length of the template.
     """
 
     taps: Float[np.ndarray, " tap"]
@@ -121,7 +118,6 @@ class MatchedKernel(NamedTuple):
     response: float
     phase_step_rad: float
     timing_rad_s: float
-    template_samples: int
 
     @property
     def reach(self) -> int:
@@ -143,8 +139,8 @@ def filtered(samples: ArrayLike, kernel: MatchedKernel) -> Float[np.ndarray, " s
         InputError: The recording is shorter than the filter, or not finite.
     """
     recording = checked_samples("recording", samples, least=kernel.taps.size)
-    passed = OverlapSave(kernel.taps, kernel.before)
-    return np.concatenate([passed.push(recording - kernel.offset), passed.finish()])
+    padded = np.pad(recording - kernel.offset, (kernel.before, kernel.reach))
+    return correlated(padded, kernel.taps)
 
 
 def matched_kernel(
@@ -191,7 +187,6 @@ def matched_kernel(
         response=height / sigma,
         phase_step_rad=float(np.arccos(np.clip(neighbour / variance, -1.0, 1.0))),
         timing_rad_s=curvature / height / math.sqrt(slope / variance),
-        template_samples=shape.size,
     )
 
 
@@ -270,7 +265,7 @@ class Detection(NamedTuple):
 
     @property
     def is_blast(self) -> bool:
-        """False if the form is not that of a blast."""
+        """False if the form is not that of a blast, or the noise before it as loud."""
         return self.fit is None or self.fit.blast_form
 
 
@@ -287,65 +282,3 @@ def between_samples(near: Float[np.ndarray, " sample"]) -> tuple[float, float]:
     part = 0.5 * (high - low) / bend if bend > 0 else 0.0
     height = mid + 0.25 * (high - low) * part
     return float(_OFFSETS[top] + part / PARTS_OF_SAMPLE), float(height)
-
-
-class OverlapSave:
-    """Correlation of a stream of samples with the taps of one filter or several.
-
-    Output k is the sum of `taps[j]` times sample `k - before + j`; samples outside the
-    sound count as 0. Several filters of equal length share the transforms of the
-    samples, and their outputs are rows.
-
-    Attributes:
-        out: Number of outputs returned so far.
-    """
-
-    def __init__(
-        self, taps: Float[np.ndarray, "*row tap"], before: int, block: int | None = None
-    ):
-        """Create the filter.
-
-        Args:
-            taps: The filter, or filters.
-            before: Number of taps before the sample of an output.
-            block: Outputs of one transform; None for a number of low cost.
-        """
-        # a transform yields its length minus the overlap: with four times the taps,
-        # three quarters of its outputs are used
-        if block is None:
-            block = max(3 * taps.shape[-1], 2**15)
-        self._overlap = taps.shape[-1] - 1
-        self._size = fast_length(self._overlap + block)
-        self._block = self._size - self._overlap
-        self._buffer = np.zeros(before)
-        self._reach = self._overlap - before
-        self.out = 0
-        self.retune(taps)
-
-    def retune(self, taps: Float[np.ndarray, "*row tap"]) -> None:
-        """Use other taps of the same shape from the next output on."""
-        self._gain = np.conj(np.fft.rfft(taps, self._size)) / self._size
-
-    def push(
-        self, samples: Float[np.ndarray, " new"]
-    ) -> Float[np.ndarray, "*row output"]:
-        """Add samples; return the outputs that they complete, in order."""
-        buffer = np.concatenate([self._buffer, samples])
-        ready = max(buffer.size - self._overlap, 0)
-        parts = []
-        for start in range(0, ready, self._block):
-            stop = min(start + self._block, ready)
-            spectrum = np.fft.rfft(buffer[start : stop + self._overlap], self._size)
-            # the gain contains 1 / size: one product, not two passes
-            around = np.fft.irfft(spectrum * self._gain, self._size, norm="forward")
-            parts.append(around[..., : stop - start])
-        self._buffer = buffer[ready:].copy()
-        self.out += ready
-        if len(parts) == 1:
-            return parts[0]
-        none = np.zeros((*self._gain.shape[:-1], 0))
-        return np.concatenate([none, *parts], axis=-1)
-
-    def finish(self) -> Float[np.ndarray, "*row output"]:
-        """Return the last outputs, so that there are as many as samples."""
-        return self.push(np.zeros(self._reach))

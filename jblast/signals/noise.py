@@ -47,8 +47,16 @@ FAST_FACTORS = (1, 3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135)
 """Odd factors of fast lengths. Without prime factors above 5 all passes of a transform
 are fast."""
 MEMORY_S = 32.0
-"""Length of noise at which the older half of its mean counts half [s]: the standard
-deviation of an output is then known to 3 %, and the wind may change in minutes."""
+"""Length of noise at which there is a better estimate, and the older half of the mean
+counts half [s]: the standard deviation of an output is then known to 3 %, and the wind
+may change in minutes. Noise that becomes louder meanwhile is known from the threshold
+in the noise just before an arrival, and after `RELEARN_S`."""
+REFINED = 3.0
+"""Ratio of the known length of noise to that of the last estimate from which on there
+is a better one, until `MEMORY_S` is reached."""
+MEDIAN_SHARE = 0.48
+"""Variance of the mean of exponential variables over that of their scaled median: the
+share of the time that a median is worth."""
 RELEARN_S = 5.0
 """Time without any quiet window after which noise is learnt again [s]: longer than the
 reverberation of a blast."""
@@ -162,34 +170,19 @@ class NoiseFollower:
     louder: the estimate is then the median over these seconds, and the mean begins
     again.
 
-    Attributes:
+    Args:
+        rate_hz: Sampling rate [Hz].
         offset: Mean of the samples.
     """
 
     def __init__(self, rate_hz: float, offset: float):
-        """Create the estimate without noise.
-
-        Args:
-            rate_hz: Sampling rate [Hz].
-            offset: Mean of the samples.
-        """
         self._rate_hz, self._size = rate_hz, window_size(rate_hz)
-        self.offset = offset
+        self._window_s = self._size // 2 / rate_hz
+        self._offset = offset
         self._last = np.zeros(0)
-        self._recent: deque[np.ndarray] = deque(maxlen=self._count(RELEARN_S))
-        self._sum = np.zeros(self._size // 2 + 1)
-        self._forget()
-
-    def _count(self, seconds: float) -> int:
-        return max(round(seconds * self._rate_hz / (self._size // 2)), 1)
-
-    def _forget(self) -> None:
-        self._sum[:], self._windows, self._unquiet = 0.0, 0.0, 0
-
-    @property
-    def quiet_s(self) -> float:
-        """Length of the noise in the mean [s]."""
-        return self._windows * (self._size // 2) / self._rate_hz
+        self._many = max(round(RELEARN_S / self._window_s), 1)
+        self._recent: deque[np.ndarray] = deque(maxlen=self._many)
+        self._sum, self._windows, self._unquiet = np.zeros(self._size // 2 + 1), 0.0, 0
 
     def add(self, block: Float[np.ndarray, " sample"], *, quiet: bool) -> None:
         """Add the next block.
@@ -203,7 +196,7 @@ class NoiseFollower:
         windows, alive = _windows(samples, self._size)
         if not alive.any():
             return
-        rows = periodograms(windows[alive] - self.offset, self._rate_hz)
+        rows = periodograms(windows[alive] - self._offset, self._rate_hz)
         self._recent.extend(rows)
         if not quiet:
             self._unquiet += len(rows)
@@ -212,26 +205,31 @@ class NoiseFollower:
         self._sum += rows.sum(axis=0)
         self._windows += len(rows)
         # the offset has the memory of the mean
-        step = (float(windows[alive].mean()) - self.offset) * len(rows)
-        self.offset += step / self._windows
-        if self._windows >= self._count(MEMORY_S):
-            self._sum *= 0.5
-            self._windows *= 0.5
+        step = (float(windows[alive].mean()) - self._offset) * len(rows)
+        self._offset += step / self._windows
 
-    def mean(self) -> NoiseSpectrum:
-        """Return the mean spectrum of the noise."""
-        return self._spectrum(self._sum / self._windows)
+    def better(self, known_s: float) -> tuple[NoiseSpectrum, float] | None:
+        """Return an estimate that is better than the last one, or None.
 
-    def relearnt(self) -> NoiseSpectrum | None:
-        """Return the spectrum of louder noise; None while there are quiet windows."""
-        if self._unquiet < self._count(RELEARN_S):
+        Args:
+            known_s: Length of noise of the last estimate [s].
+
+        Returns:
+            The spectrum, and the length of noise that it is worth [s].
+        """
+        quiet_s = self._windows * self._window_s
+        kept = 1.0
+        if self._unquiet >= self._many:
+            density, worth_s = median_density(np.stack(self._recent)), RELEARN_S
+            worth_s, kept, self._unquiet = MEDIAN_SHARE * worth_s, 0.0, 0
+        elif quiet_s >= min(REFINED * known_s, MEMORY_S):
+            density, worth_s = self._sum / self._windows, quiet_s
+            kept = 0.5 if quiet_s >= MEMORY_S else 1.0
+        else:
             return None
-        self._forget()
-        return self._spectrum(median_density(np.stack(self._recent)))
-
-    def _spectrum(self, density: np.ndarray) -> NoiseSpectrum:
+        self._sum, self._windows = kept * self._sum, kept * self._windows
         frequency = np.fft.rfftfreq(self._size, 1 / self._rate_hz)
-        return NoiseSpectrum(frequency, density, self.offset)
+        return NoiseSpectrum(frequency, density, self._offset), worth_s
 
 
 def window_size(rate_hz: float, samples: int | None = None) -> int:
@@ -317,6 +315,15 @@ def whitening_taps(noise: NoiseSpectrum, rate_hz: float) -> Float[np.ndarray, " 
     # a quarter of the circle is twice the window of the spectrum, longer than the
     # response lasts; the rest is aliasing
     return taps[: size // 4]
+
+
+def correlated(
+    samples: Float[np.ndarray, " sample"], taps: Float[np.ndarray, " tap"]
+) -> Float[np.ndarray, " output"]:
+    """Return the sums of taps times samples at all shifts within the samples."""
+    size = fast_length(samples.size)
+    product = np.fft.rfft(samples, size) * np.conj(np.fft.rfft(taps, size))
+    return np.fft.irfft(product, size)[: samples.size - taps.size + 1]
 
 
 def fast_length(least: int) -> int:

@@ -45,12 +45,10 @@ class Onset(NamedTuple):
 
     Attributes:
         sample: First sample, to the precision of a bin.
-        ratio: Power after over power before.
         peak: Largest deviation of a sample from the mean before, in the interval after.
     """
 
     sample: int
-    ratio: float
     peak: float
 
 
@@ -163,5 +161,5 @@ class _Bins:
                 continue
             since = slice(at, at + -(-after // self._size))
             peak = max(high[since].max() - mean[nth], mean[nth] - low[since].min())
-            found.append(Onset(at * self._size, float(ratio[nth]), float(peak)))
+            found.append(Onset(at * self._size, float(peak)))
         return found, loudest

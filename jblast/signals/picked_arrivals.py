@@ -13,9 +13,8 @@ error by the form.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -32,69 +31,43 @@ noise, and the longest pulses of the bank with their suction, 0.3 s. Between two
 arrivals it ends midway."""
 
 
-class SearchedChannel(NamedTuple):
-    """Arrivals in samples of a channel.
-
-    Attributes:
-        samples: The samples, in any unit.
-        rate_hz: Sampling rate [Hz].
-        start_s: Time of the first sample [s].
-        arrivals: Arrivals in order of time, on the same clock.
-    """
-
-    samples: Float[np.ndarray, " sample"]
-    rate_hz: float
-    start_s: float
-    arrivals: Sequence[Detection]
-
-
-def picked_arrivals(channels: Sequence[SearchedChannel]) -> list[tuple[Detection, ...]]:
-    """Return the arrivals of each channel with the times of their picks.
+def picked_arrivals(
+    arrivals: Sequence[Detection],
+    samples: Float[np.ndarray, " sample"],
+    rate_hz: float,
+    start_s: float = 0.0,
+) -> tuple[Detection, ...]:
+    """Return arrivals of a channel with the times of their picks.
 
     Args:
-        channels: Arrivals with the samples about them.
+        arrivals: Arrivals in order of time.
+        samples: The samples about them, in any unit.
+        rate_hz: Sampling rate [Hz].
+        start_s: Time of the first sample, on the clock of the arrivals [s].
     """
-    return [
-        tuple(
-            _timed(arrival, record)
-            for arrival, record in zip(
-                channel.arrivals, _intervals(channel), strict=True
-            )
-        )
-        for channel in channels
-    ]
-
-
-def _intervals(channel: SearchedChannel) -> Iterator[PressureRecord]:
-    """Yield the samples about each arrival."""
-    times = [arrival.time_s for arrival in channel.arrivals]
+    times = [arrival.time_s for arrival in arrivals]
     middles = [0.5 * (one + other) for one, other in pairwise(times)]
     bounds = pairwise([-math.inf, *middles, math.inf])
-    for time, (last, following) in zip(times, bounds, strict=False):
-        begin, end = (
-            int(
-                np.clip(
-                    (at - channel.start_s) * channel.rate_hz, 0, channel.samples.size
-                )
-            )
-            for at in (max(time - BEFORE_S, last), min(time + AFTER_S, following))
-        )
-        yield PressureRecord(
+    found = []
+    for arrival, (last, following) in zip(arrivals, bounds, strict=False):
+        first_s = max(arrival.time_s - BEFORE_S, last)
+        last_s = min(arrival.time_s + AFTER_S, following)
+        whole = (np.array([first_s, last_s]) - start_s) * rate_hz
+        begin, end = np.clip(whole, 0, samples.size).astype(int).tolist()
+        record = PressureRecord(
             name="",
-            samples=channel.samples[begin:end],
-            rate_hz=channel.rate_hz,
-            start_s=channel.start_s + begin / channel.rate_hz,
+            samples=samples[begin:end],
+            rate_hz=rate_hz,
+            start_s=start_s + begin / rate_hz,
             calibrated=False,
         )
-
-
-def _can_be_picked(record: PressureRecord) -> bool:
-    return record.samples.size >= LEAST_SAMPLES and bool(np.ptp(record.samples) > 0)
+        found.append(_timed(arrival, record))
+    return tuple(found)
 
 
 def _timed(arrival: Detection, record: PressureRecord) -> Detection:
     """Return an arrival with the time of its pick, or with a larger error."""
-    if _can_be_picked(record):
+    if record.samples.size >= LEAST_SAMPLES and np.ptp(record.samples) > 0:
         (picked,) = pick_records([record])
         time_s = picked.pick.air_arrival_s
         # a short pulse can be loudest within a longer sound, at which others begin

@@ -18,7 +18,7 @@ of the reflection (ground, facade). With $E = |m|^2$ and $\chi^2 = |w - m|^2$:
   any family, so $\chi^2$ grows with loudness; a misfit up to `MAX_MISFIT` is
   accepted, as the noncentral distribution $\chi^2_\nu(\lambda)$ with
   $\lambda =$ `MAX_MISFIT` $E$ (as Allen 2005, Phys. Rev. D 71, 062001).
-  `p` is the probability of a larger $\chi^2$ under it.
+  `fit_p` is the probability of a larger $\chi^2$ under it.
 - *Likelihood ratio* against ringing: the best decaying oscillation
   $e^{-\pi f t / Q}\,(c \cos 2\pi f t + s \sin 2\pi f t)$ explains an energy
   $E_\mathrm{ring}$ of the same window with five free numbers: $c$, $s$, arrival,
@@ -37,12 +37,13 @@ quiet surroundings has the form of a blast and is accepted.
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from jblast.signals.noise import NoiseSpectrum, fast_length, whitening_taps
+from jblast.signals.noise import NoiseSpectrum, correlated, fast_length, whitening_taps
 
 BEFORE_S, AFTER_S = 0.05, 0.1
 """Window before the arrival and after the pulse [s]: a cycle of 20 Hz, and the next
@@ -76,6 +77,8 @@ the lowest quality."""
 QUALITIES = (3.0, 6.0, 15.0)
 """Qualities of the oscillations. At a quality of 3 the second cycle has a third of the
 first one's amplitude; one of lower quality is nearly a blast's pulse and suction."""
+MAX_WINDOWS = 4
+"""Largest number of pulses whose models are stored, up to 20 MB each at 48 kHz."""
 LEAD_S = 0.002
 """Time before the front at which a Gaussian low-pass of 600 Hz begins [s]: 7 sd."""
 FITTED_NUMBERS = 7
@@ -95,45 +98,23 @@ class PulseFit(NamedTuple):
     """Fit of an arrival by a blast pulse.
 
     Attributes:
+        blast_form: Whether the arrival has the form of a blast pulse, and exceeds the
+            threshold in the noise just before it.
         misfit: Unexplained energy over that of the pulse.
         log_likelihood_ratio: Natural logarithm of the likelihood of the pulse over that
             of the best decaying oscillation, or two.
-        p: Probability of a larger chi-squared for a pulse of the largest accepted
-            misfit.
-        dof: Degrees of freedom of chi-squared.
-        level: Rms noise in the pulse's band before the arrival, over that of the whole
-            recording.
-        loud: True if the arrival exceeds the threshold in that noise, too.
+        fit_p: Probability of a larger chi-squared for the largest accepted misfit.
+        fit_dof: Degrees of freedom of chi-squared.
+        noise_level: Rms noise in the pulse's band before the arrival over that of the
+            whole recording.
     """
 
+    blast_form: bool
     misfit: float
     log_likelihood_ratio: float
-    p: float
-    dof: int
-    level: float
-    loud: bool = True
-
-    def over(self, statistic: float, threshold: float) -> "PulseFit":
-        """Return the fit of an arrival compared with the noise just before it.
-
-        Args:
-            statistic: Its statistic [standard deviations of the noise].
-            threshold: Threshold in the noise of the whole recording.
-        """
-        return self._replace(loud=bool(statistic > threshold * self.level))
-
-    @property
-    def blast_form(self) -> bool:
-        """True if the arrival is a blast by form and by level over the noise."""
-        return self.accepted and self.loud
-
-    @property
-    def accepted(self) -> bool:
-        """True if the form is that of a blast."""
-        return (
-            self.misfit <= MAX_MISFIT
-            and self.log_likelihood_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
-        )
+    fit_p: float
+    fit_dof: int
+    noise_level: float
 
 
 class _Window(NamedTuple):
@@ -178,10 +159,15 @@ class PulseTest:
         self._taps = whitening_taps(noise, rate_hz)
         self._lead = max(round(LEAD_S * rate_hz), 1)
         self._shift = max(round(SHIFT_S * rate_hz), 1)
-        self._windows: dict[int, _Window] = {}
+        # models of a window are computed once for all arrivals of one template
+        self._window = lru_cache(MAX_WINDOWS)(self._models)
 
     def __call__(
-        self, samples: Float[np.ndarray, " sample"], time_s: float, nth: int
+        self,
+        samples: Float[np.ndarray, " sample"],
+        time_s: float,
+        nth: int,
+        over: float = math.inf,
     ) -> PulseFit:
         """Fit an arrival.
 
@@ -189,11 +175,9 @@ class PulseTest:
             samples: Samples of the channel.
             time_s: Arrival [s].
             nth: Number of the template that found it.
+            over: Its statistic over the threshold in the noise of the whole recording.
         """
-        # models of a window are computed once for all arrivals of one template
-        if nth not in self._windows:
-            self._windows[nth] = self._window(nth)
-        window = self._windows[nth]
+        window = self._window(nth)
         at = round(time_s * self._rate_hz)
         earlier, w = self._whitened(samples, at, window)
         spectrum = np.fft.rfft(w, window.size)
@@ -202,7 +186,7 @@ class PulseTest:
         level, power = 1.0, 1.0
         if earlier.size >= pulse.size + LEAST_LEVEL_S * self._rate_hz:
             power = float(np.mean(earlier**2))
-            level = float(np.sqrt(np.mean(_correlated(earlier, pulse) ** 2)))
+            level = float(np.sqrt(np.mean(correlated(earlier, pulse) ** 2)))
         energy = float(model @ model)
         chi2 = float(np.sum((w - model) ** 2))
         one, two = self._ringing(w, spectrum, window, lags)
@@ -215,16 +199,14 @@ class PulseTest:
         # normal limit of the noncentral chi-squared, at hundreds of degrees of freedom
         spread = np.sqrt(2 * least * (dof * least + 2 * accepted))
         z = (chi2 - dof * least - accepted) / spread
-        return PulseFit(
-            misfit=(chi2 - dof * least) / energy,
-            log_likelihood_ratio=min(
-                (energy - one) / (2 * max(level, 1.0) ** 2),
-                (energy - two) / (2 * max(level, 1.0) ** 2) + math.log(dof),
-            ),
-            p=0.5 * math.erfc(z / math.sqrt(2)),
-            dof=dof,
-            level=level,
+        misfit = (chi2 - dof * least) / energy
+        log_ratio = min(
+            (energy - one) / (2 * max(level, 1.0) ** 2),
+            (energy - two) / (2 * max(level, 1.0) ** 2) + math.log(dof),
         )
+        is_pulse = misfit <= MAX_MISFIT and log_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
+        p = 0.5 * math.erfc(z / math.sqrt(2))
+        return PulseFit(is_pulse and over > level, misfit, log_ratio, p, dof, level)
 
     def _whitened(
         self, samples: np.ndarray, at: int, window: _Window
@@ -237,18 +219,14 @@ class PulseTest:
         memory = self._taps.size - 1
         start = begin - round(LEVEL_S * self._rate_hz) - memory
         stop = begin + window.length
-        inside = samples[max(start, 0) : stop] - self._noise.offset
-        padded = np.zeros(stop - start)
-        padded[max(-start, 0) :][: inside.size] = inside
-        size = fast_length(padded.size)
-        product = np.fft.rfft(padded, size) * np.fft.rfft(self._taps, size)
-        white = np.fft.irfft(product, size)[: stop - start]
-        known = memory + max(-start, 0)
-        w = white[begin - start :]
-        # the filter responds to the edges of the recording, which are no sound
-        w[: max(-begin, 0)] = 0.0
-        w[inside.size + max(-start, 0) - (begin - start) :] = 0.0
-        return white[known : begin - start], w
+        first, last = max(start, 0), min(stop, samples.size)
+        size = fast_length(last - first + memory)
+        inside = np.fft.rfft(samples[first:last] - self._noise.offset, size)
+        product = np.fft.irfft(inside * np.fft.rfft(self._taps, size), size)
+        # zero outside: the response to the end of the recording is no sound
+        white = np.zeros(stop - start)
+        white[first - start : last - start] = product[: last - first]
+        return white[first - start + memory : begin - start], white[begin - start :]
 
     def _pulse(
         self, w: np.ndarray, spectrum: np.ndarray, window: _Window, lags: np.ndarray
@@ -260,7 +238,8 @@ class PulseTest:
             np.argmax(around[:, starts]), (len(around), lags.size)
         )
         start = int(starts[lag])
-        direct = _placed(window.pulses[nth], start, w.size)
+        pulse = window.pulses[nth]
+        direct = _placed(pulse, start, w.size)
         later = np.arange(3, max(round(REFLECTION_S * self._rate_hz), 4))
         # autocorrelation of the pulse by its power spectrum
         power = np.abs(window.transforms[nth]) ** 2
@@ -275,12 +254,10 @@ class PulseTest:
         best = int(np.argmax(gain))
         columns = [direct, _placed(window.positive[nth], start, w.size)]
         if gain[best] > one**2:
-            columns.append(
-                _placed(window.pulses[nth], start + int(later[best]), w.size)
-            )
+            columns.append(_placed(pulse, start + int(later[best]), w.size))
         basis = np.stack(columns, axis=1)
         sizes, *_ = np.linalg.lstsq(basis, w, rcond=None)
-        return window.pulses[nth], basis @ sizes
+        return pulse, basis @ sizes
 
     def _ringing(
         self, w: np.ndarray, spectrum: np.ndarray, window: _Window, lags: np.ndarray
@@ -299,7 +276,7 @@ class PulseTest:
         sizes, *_ = np.linalg.lstsq(basis, w, rcond=None)
         return float(energies[nth, at]), float(np.sum((basis @ sizes) ** 2))
 
-    def _window(self, nth: int) -> _Window:
+    def _models(self, nth: int) -> _Window:
         rate = self._rate_hz
         before = max(round(BEFORE_S * rate), self._shift + self._lead)
         room = self._templates[nth].size + max(round(AFTER_S * rate), 1)
@@ -346,24 +323,10 @@ class PulseTest:
         fall, turn = np.exp(decay[:, None] * t), 2 * np.pi * frequency[:, None] * t
         pairs = np.stack([fall * np.sin(turn), fall * np.cos(turn)], axis=1)
         whitened = np.fft.irfft(np.fft.rfft(pairs, wide) * gain, wide)[..., :room]
-        # orthonormal by Gram and Schmidt: explained energies then add up for any phase
-        first, second = whitened[:, 0], whitened[:, 1]
-        first = first / np.linalg.norm(first, axis=1, keepdims=True)
-        second = second - np.sum(first * second, axis=1, keepdims=True) * first
-        second = second / np.linalg.norm(second, axis=1, keepdims=True)
-        return np.stack([first, second], axis=1)
-
-
-def _correlated(earlier: np.ndarray, pulse: np.ndarray) -> Float[np.ndarray, " output"]:
-    """Return the outputs of a pulse's filter that depend on the given samples alone."""
-    size = fast_length(earlier.size)
-    product = np.fft.rfft(earlier, size) * np.conj(np.fft.rfft(pulse, size))
-    return np.fft.irfft(product, size)[: earlier.size - pulse.size + 1]
+        # orthonormal: explained energies then add up for any phase
+        return np.linalg.qr(whitened.swapaxes(1, 2))[0].swapaxes(1, 2)
 
 
 def _placed(pulse: np.ndarray, start: int, count: int) -> Float[np.ndarray, " sample"]:
     """Return a window of zeros with a pulse from a sample on."""
-    row = np.zeros(count)
-    part = pulse[: count - start]
-    row[start : start + part.size] = part
-    return row
+    return np.pad(pulse, (start, count))[:count]

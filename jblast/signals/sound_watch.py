@@ -12,9 +12,8 @@ sound found by a bank of pulses is compared with the form of a blast (`pulse_fit
 
 The noise is given, or learnt from the first second by the median over windows, which a
 blast in it hardly changes. It is then refined as more of it is known
-(`noise.NoiseFollower`), without the sound around arrivals. Later the filters are
-computed again if the noise has changed. In addition a blast must exceed the threshold
-in the noise just before it (`PulseFit.loud`).
+(`noise.NoiseFollower`), without the sound around arrivals. In addition a blast must
+exceed the threshold in the noise just before it (`PulseTest`).
 
 An estimate of the noise over few seconds has an error, which would increase the rate of
 false alarms. An output in true standard deviations crosses $u$ upwards at a rate
@@ -50,15 +49,13 @@ from jblast.signals.matched_filter import (
     HALF_WIDTH,
     Detection,
     MatchedKernel,
-    OverlapSave,
     between_samples,
     in_decibels,
     matched_kernel,
     threshold_for,
 )
 from jblast.signals.noise import (
-    MEMORY_S,
-    RELEARN_S,
+    MEDIAN_SHARE,
     NoiseFollower,
     NoiseSpectrum,
     bin_variances,
@@ -72,7 +69,6 @@ from jblast.signals.pulse_fit import (
     AFTER_S,
     BEFORE_S as FITTED_BEFORE_S,
     LEVEL_S,
-    PulseFit,
     PulseTest,
 )
 
@@ -93,24 +89,9 @@ LEARN_S = 1.0
 """First part of a stream, in which the noise is learnt [s]: its median is worth the
 mean of ten windows. The first thresholds of short pulses are 1.1 times as high as later
 ones, of the longest pulses 2.2 times."""
-MEDIAN_SHARE = 0.48
-"""Variance of the mean of exponential variables over that of their scaled median: the
-share of the time that a median is worth."""
-REFINED = 3.0
-"""Ratio of the known length of noise to that of the filters at which these are computed
-again, until `MEMORY_S` is reached."""
-DRIFT = 0.1
-"""Relative change of an output's standard deviation at which filters are computed again
-later. The rate of false alarms is then up to 30 times or a fortieth of the requested
-one; at once the threshold in the noise just before an arrival corrects it."""
 LEAST_NOISE = 20e-6
 """Smallest standard deviation of noise: the hearing threshold of 20 uPa for samples in
 pascals, two thirds of a step of 16 bits for samples of full scale 1."""
-MAX_WINDOWS = 4
-"""Largest number of pulses whose models of the form test are stored, up to 20 MB each
-at 48 kHz."""
-PACKET_S = 0.1
-"""Length of the packets in which a recording is pushed as a stream [s]."""
 
 
 class Channel(NamedTuple):
@@ -159,51 +140,26 @@ class Searched(NamedTuple):
         return in_decibels(self.threshold)
 
 
-class PeakPicker:
-    """Maxima above 1 of a statistic, block by block in constant memory.
+def peaks_of(
+    outputs: Float[np.ndarray, " output"], before: int, after: int
+) -> Int[np.ndarray, " peak"]:
+    """Return the maxima above 1 of a statistic, of which none nearby is higher.
 
     Args:
-        dead: Number of outputs before a peak in which none is higher.
-        wait: Number of outputs after it likewise.
-
-    Attributes:
-        decided: Number of the output before which all peaks are accepted or rejected.
+        outputs: The statistic.
+        before: Number of outputs before a peak in which none is higher.
+        after: Number of outputs after it likewise.
     """
-
-    def __init__(self, dead: int, wait: int):
-        self._dead, self._wait = dead, wait
-        self._buffer = np.zeros(0)
-        # number of the first buffered output
-        self._first = 0
-        self.decided = 0
-
-    def push(
-        self, outputs: Float[np.ndarray, " new"], *, ended: bool = False
-    ) -> Int[np.ndarray, " peak"]:
-        """Add outputs; return the numbers of those that are accepted by now.
-
-        Args:
-            outputs: The next outputs.
-            ended: True if no more will follow.
-        """
-        buffer = np.concatenate([self._buffer, outputs])
-        decided = self.decided
-        # the last output is a peak or not by the next one
-        self.decided = self._first + buffer.size - (0 if ended else self._wait + 1)
-        inner = buffer[1:-1]
-        rising = (inner > buffer[:-2]) & (inner >= buffer[2:]) & (inner > 1)
-        peaks = 1 + np.flatnonzero(rising)
-        # reduceat needs an index behind the last peak, at a height that never counts
-        heights = np.append(buffer[peaks], -np.inf)
-        lo = np.searchsorted(peaks, peaks - self._dead)
-        hi = np.searchsorted(peaks, peaks + self._wait, side="right")
-        bounds = np.stack([lo, hi], axis=1).ravel()
-        highest = np.maximum.reduceat(heights, bounds)[::2] if peaks.size else heights
-        stands = peaks[heights[:-1] >= highest[: peaks.size]] + self._first
-        keep = max(self.decided - self._dead - 1 - self._first, 0)
-        # a copy, so that the buffer does not keep the whole block in memory
-        self._buffer, self._first = buffer[keep:].copy(), self._first + keep
-        return stands[(stands >= decided) & (stands < self.decided)]
+    inner = outputs[1:-1]
+    rising = (inner > outputs[:-2]) & (inner >= outputs[2:]) & (inner > 1)
+    peaks = 1 + np.flatnonzero(rising)
+    # reduceat needs an index behind the last peak, at a height that never counts
+    heights = np.append(outputs[peaks], -np.inf)
+    lo = np.searchsorted(peaks, peaks - before)
+    hi = np.searchsorted(peaks, peaks + after, side="right")
+    bounds = np.stack([lo, hi], axis=1).ravel()
+    highest = np.maximum.reduceat(heights, bounds)[::2] if peaks.size else heights
+    return peaks[heights[:-1] >= highest[: peaks.size]]
 
 
 class SoundWatch:
@@ -256,18 +212,19 @@ class SoundWatch:
         # the form test uses samples after the pulse, too, and long before it
         after, earlier = (AFTER_S, LEVEL_S + FITTED_BEFORE_S) if forms else (0.0, 0.0)
         self._wait = max(longest, round(after * rate_hz) + 1, HALF_WIDTH)
-        self._waiting = np.zeros(0)
-        self._outputs: list[np.ndarray] = []
-        self._found: list[Detection] = []
-        # the latest samples and outputs, and numbers of filtered samples, of outputs
-        # and of samples in the estimate of the noise
-        self._ring, self._recent = np.zeros(0), deque[tuple[int, np.ndarray]]()
-        self._taken, self._filtered, self._fed = 0, 0, 0
-        self._loud_at, self._known_s = -math.inf, 0.0
         self._keep = round(earlier * rate_hz) + 2 * (size + longest + self._block)
         self._keep += self._wait
-        self._filter: OverlapSave | None = None
-        self._tests: dict[int, PulseTest] = {}
+        self._waiting = np.zeros(0)
+        # the latest samples, from those of 0 before the first one on, and outputs: the
+        # number of the first, those of all filters, and the largest over its threshold
+        self._ring = np.zeros(0)
+        self._recent = deque[tuple[int, np.ndarray, np.ndarray]]()
+        # numbers of samples, with those of 0 that end the stream, of samples in the
+        # estimate of the noise, and of outputs whose peaks are decided
+        self._taken, self._end, self._fed, self._decided = 0, 0, 0, 0
+        self._outputs: list[np.ndarray] = []
+        self._found: list[Detection] = []
+        self._loud_at, self._known_s = -math.inf, 0.0
         self._follower: NoiseFollower | None = None
         self.kernels: list[MatchedKernel] = []
         self.thresholds: Float[np.ndarray, " template"] = np.zeros(0)
@@ -287,7 +244,8 @@ class SoundWatch:
 
         They contain those about the arrivals of the last push.
         """
-        return self._taken - self._ring.size, self._ring
+        first = self._end - self._ring.size
+        return max(first, 0), self._ring[max(-first, 0) : self._taken - first]
 
     def push(self, samples: ArrayLike) -> tuple[Detection, ...]:
         """Add any number of samples; return the sounds that are decided by now.
@@ -303,6 +261,7 @@ class SoundWatch:
             cut = self._waiting.size - self._waiting.size % self._block
             whole, self._waiting = self._waiting[:cut], self._waiting[cut:].copy()
             for start in range(0, cut, self._block):
+                self._taken += self._block
                 self._process(whole[start : start + self._block])
         return self._reported()
 
@@ -311,9 +270,11 @@ class SoundWatch:
         rest, self._waiting = self._waiting, np.zeros(0)
         if not self.kernels:
             self._learn_noise(rest)
+        self._taken += rest.size
+        # the last outputs need samples after the end, and their peaks outputs
+        rest = np.append(rest, np.zeros(self._longest + self._wait))
         for start in range(0, rest.size, self._block):
             self._process(rest[start : start + self._block])
-        self._process(None)
         return self._reported()
 
     def _reported(self) -> tuple[Detection, ...]:
@@ -337,18 +298,17 @@ class SoundWatch:
         rate = self.rate_hz
         noise = noise._replace(density=np.maximum(noise.density, self._floor))
         self.kernels = [matched_kernel(one, rate, noise) for one in self._templates]
-        before = self.kernels[0].before
-        taps = np.zeros((len(self.kernels), before + self._longest))
+        self._before = self.kernels[0].before
+        taps = np.zeros((len(self.kernels), self._before + self._longest))
         for row, kernel in zip(taps, self.kernels, strict=True):
             row[: kernel.taps.size] = kernel.taps
-        size = fast_length(2 * taps.shape[1])
-        # response of the outputs' power to that of the noise, by Parseval's theorem
-        self._power = np.abs(np.fft.rfft(taps, size)) ** 2 * (2 / size)
-        self._sums = taps.sum(axis=1, keepdims=True)
+        self._overlap = taps.shape[1] - 1
+        self._size = size = fast_length(self._overlap + self._block)
+        self._gain = np.conj(np.fft.rfft(taps, size))
         single = np.array([threshold_for(one, self._share) for one in self.kernels])
         self.thresholds = single
         if math.isfinite(seconds):
-            powers = self._power * bin_variances(noise, size, rate)
+            powers = np.abs(self._gain) ** 2 * bin_variances(noise, size, rate)
             width_hz = powers.sum(axis=1) ** 2 / np.sum(powers**2, axis=1) * rate / size
             # the window of the spectrum has a width of 1.5 lines
             dof = 2 * np.maximum(width_hz, 1.5 * rate / self._window) * seconds
@@ -358,45 +318,52 @@ class SoundWatch:
             windows = max(2 * seconds * rate / self._window, 4.0)
             raised = np.sqrt(dof * np.expm1(single**2 / dof))
             self.thresholds = raised / math.sqrt(1 - 2 / windows)
-        if self._filter is None:
-            self._filter = OverlapSave(taps, before, self._block)
-            self._picker = PeakPicker(taps.shape[1], self._wait)
-        self._filter.retune(taps)
-        self.noise, self._known_s, self._tests = noise, seconds, {}
+        if self.noise is None:
+            self._ring = np.zeros(self._overlap)
+        self.noise, self._known_s = noise, seconds
+        if self._forms:
+            self._test = PulseTest(self._templates, rate, noise)
 
-    def _process(self, block: np.ndarray | None) -> None:
-        """Filter a block; None for the end of the stream."""
-        assert self._filter is not None
+    def _process(self, block: Float[np.ndarray, " sample"]) -> None:
+        """Filter a block by overlap-save.
+
+        That is a transform of the block and of the samples before it (Oppenheim and
+        Schafer, Discrete-Time Signal Processing, section 8.7.3).
+        """
         assert self.noise is not None
-        ended, start = block is None, self._filtered
-        outputs = self._filter.finish() if block is None else self._filter.push(block)
-        outputs -= self.noise.offset * self._sums
-        self._filtered += outputs.shape[1]
+        self._end += block.size
+        self._ring = np.concatenate([self._ring, block])[-self._keep :]
+        # of noise of mean 0
+        used = self._ring[-(self._overlap + block.size) :] - self.noise.offset
+        spectrum = np.fft.rfft(used, self._size)
+        outputs = np.fft.irfft(spectrum * self._gain, self._size)[:, : block.size]
+        filtered = self._end - self._longest + 1
+        start = filtered - block.size
         # outputs that lack samples before or after the stream are not searched
-        outputs[:, : max(self.kernels[0].before - start, 0)] = 0.0
-        if block is None:
-            at = np.arange(start, self._filtered)
-            outputs[at > self._taken - self._sizes] = 0.0
-        else:
-            self._ring = np.concatenate([self._ring, block])[-self._keep :]
-            self._taken += block.size
-        self._recent.append((start, outputs))
-        self._outputs.append(outputs.max(axis=0))
+        at = np.arange(start, filtered)
+        outputs[(at < self._before) | (at > self._taken - self._sizes)] = 0.0
         scaled = (outputs / self.thresholds[:, None]).max(axis=0)
+        self._recent.append((start, outputs, scaled))
+        inside = slice(max(-start, 0), max(self._taken - start, 0))
+        self._outputs.append(outputs.max(axis=0)[inside])
         loud = np.flatnonzero(scaled > 1)
         if loud.size:
             self._loud_at = start + int(loud[-1])
-        peaks = self._picker.push(scaled, ended=ended)
-        self._found += [self._detection(int(peak)) for peak in peaks]
-        oldest = self._picker.decided - self._longest - HALF_WIDTH
+        near = np.concatenate([part for *_, part in self._recent])
+        peaks = peaks_of(near, self._overlap + 1, self._wait) + self._recent[0][0]
+        # the last output is a peak or not by the next one
+        decided, self._decided = self._decided, filtered - self._wait - 1
+        peaks = peaks[(peaks >= decided) & (peaks < self._decided)]
+        self._found += [self._detection(peak) for peak in peaks.tolist()]
+        oldest = self._decided - self._overlap - 2 - HALF_WIDTH
         while len(self._recent) > 1 and self._recent[1][0] < oldest:
             self._recent.popleft()
-        if self._follower is not None and not ended:
-            self._follow(self._follower)
+        if self._follower is not None and self._end <= self._taken:
+            self._follow(self._follower, filtered)
 
     def _detection(self, peak: int) -> Detection:
         """Return the sound whose statistic has a peak, of the loudest filter there."""
-        outputs = np.concatenate([part for _, part in self._recent], axis=1)
+        outputs = np.concatenate([part for _, part, _ in self._recent], axis=1)
         at, rate = peak - self._recent[0][0], self.rate_hz
         nth = int(np.argmax(outputs[:, at] / self.thresholds))
         near = np.pad(outputs[nth], HALF_WIDTH)[at : at + 2 * HALF_WIDTH + 1]
@@ -407,49 +374,30 @@ class SoundWatch:
         kernel, time_s = self.kernels[nth], (peak + shift) / rate
         fit = None
         if self._forms:
-            fit = self._test(time_s, nth).over(height, float(self.thresholds[nth]))
+            first, samples = self.latest
+            over = height / float(self.thresholds[nth])
+            fit = self._test(samples, time_s - first / rate, nth, over)
         return Detection(
             time_s=time_s,
             sigma_s=math.hypot(1 / (kernel.timing_rad_s * height), self._front_s),
             snr_db=in_decibels(height),
             statistic=height,
-            template_s=kernel.template_samples / rate,
+            template_s=(kernel.reach + 1) / rate,
             spread_s=float(np.ptp(times)) / rate if times.size else 0.0,
             fit=fit,
         )
 
-    def _test(self, time_s: float, nth: int) -> PulseFit:
-        assert self.noise is not None
-        if nth not in self._tests:
-            if len(self._tests) == MAX_WINDOWS:
-                self._tests.clear()
-            self._tests[nth] = PulseTest(self._templates, self.rate_hz, self.noise)
-        first, samples = self.latest
-        return self._tests[nth](samples, time_s - first / self.rate_hz, nth)
-
-    def _follow(self, follower: NoiseFollower) -> None:
+    def _follow(self, follower: NoiseFollower, filtered: int) -> None:
         """Update the noise by blocks whose neighbourhood is filtered."""
-        first = self._taken - self._ring.size
-        while self._fed + self._block + self._longest <= self._filtered:
+        first = self._end - self._ring.size
+        while self._fed + self._block + self._longest <= filtered:
             quiet = self._loud_at < self._fed - MASKED_LENGTHS * self._longest
             at = self._fed - first
             follower.add(self._ring[at : at + self._block], quiet=quiet)
             self._fed += self._block
-        louder = follower.relearnt()
-        if louder is not None:
-            self._tune(louder, MEDIAN_SHARE * RELEARN_S)
-        elif follower.quiet_s >= REFINED * self._known_s or self._drifted(follower):
-            self._tune(follower.mean(), follower.quiet_s)
-
-    def _drifted(self, follower: NoiseFollower) -> bool:
-        """Return True if outputs have another standard deviation in the noise now."""
-        if follower.quiet_s < MEMORY_S / REFINED:
-            return False
-        size = 2 * (self._power.shape[1] - 1)
-        noise = follower.mean()
-        least = np.maximum(noise.density, self._floor)
-        powers = bin_variances(noise._replace(density=least), size, self.rate_hz)
-        return bool(np.any(np.abs(np.sqrt(self._power @ powers) - 1) > DRIFT))
+        better = follower.better(self._known_s)
+        if better is not None:
+            self._tune(*better)
 
 
 def search(
@@ -460,7 +408,6 @@ def search(
     noise: NoiseSpectrum | None = None,
     forms: bool = True,
     front_samples: float = OTHER_FRONT,
-    packet_s: float | None = None,
 ) -> Searched:
     """Search a recording by `SoundWatch`, with the noise of all of it.
 
@@ -475,8 +422,6 @@ def search(
         noise: Spectrum of the noise; None to measure it.
         forms: As for `SoundWatch`.
         front_samples: As for `SoundWatch`.
-        packet_s: Length of the packets that are pushed [s]; None to push all samples
-            together, with the same result.
 
     Raises:
         InputError: Templates or recording cannot be used.
@@ -490,7 +435,6 @@ def search(
             f"template and the noise before it, {least / rate_hz:.6g} s; got "
             f"{samples.size / rate_hz:.6g} s"
         )
-    packet = samples.size if packet_s is None else max(round(packet_s * rate_hz), 1)
 
     def searched(noise: NoiseSpectrum, forms: bool) -> Searched:
         watch = SoundWatch(
@@ -501,17 +445,13 @@ def search(
             forms=forms,
             front_samples=front_samples,
         )
-        found: list[Detection] = []
-        outputs: list[np.ndarray] = []
-        for start in range(0, samples.size + packet, packet):
-            part = samples[start : start + packet]
-            found += watch.push(part) if part.size else watch.finish()
-            outputs.append(watch.statistic)
+        found, statistic = watch.push(samples), watch.statistic
+        found += watch.finish()
         return Searched(
             channel=channel,
             noise=noise,
             threshold=float(watch.thresholds.max()),
-            statistic=np.concatenate(outputs),
+            statistic=np.concatenate([statistic, watch.statistic]),
             detections=tuple(one for one in found if one.is_blast),
             others=tuple(one for one in found if not one.is_blast),
             latency_s=watch.latency_s,

@@ -1,7 +1,7 @@
-"""Templates: recorded blasts and blasts by the laws.
+"""Templates: blasts by the laws.
 
 A template begins with the sample at which the front arrives. The filter does not depend
-on its scale. By the laws it is the mean of the pressure over each sample, as an
+on its scale. It is the mean of the pressure over each sample, as an
 instrument records it, from the front to the end of the suction, without ground effects
 and echoes.
 
@@ -11,25 +11,23 @@ member near any blast, with which a matched filter loses little.
 
 from collections.abc import Sequence
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from numpy.typing import ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.errors import InputError, argument
-from jblast.signals.noise import (
-    checked_positive,
-    checked_samples,
-    checked_template,
-)
-from jblast.waves.waveform import blast_pulse
+from jblast.kept_programs import kept
+from jblast.signals.noise import checked_positive, checked_template
+from jblast.types import as_float_arrays
+from jblast.waves.laws.shock_kinematics import shock_kinematics_impulse
+from jblast.waves.pulse import Pulse, pulse_of, pulse_samples
+from jblast.waves.waveform import blast_pulse, weak_shock_rise_time
 
 LONGEST_S = 60.0
 """Longest duration of a template [s]: that of a nuclear blast; its samples and the
 equations of its filter stay within memory."""
-FADE = 0.2
-"""Share of a recorded template over which its end fades; a cut would be another
-front."""
 DURATION_RATIO = 2**0.5
 """Ratio of neighbouring durations of the bank. Half a step away, in white noise, 0.93
 of the signal remains, a loss of 0.6 dB."""
@@ -38,95 +36,34 @@ DURATIONS = tuple(0.001 * DURATION_RATIO**nth for nth in range(14))
 BANK_SCALED_DISTANCE = 50.0
 """Scaled distance of the bank's pulses [m/kg^(1/3)]: there the form hardly depends on
 it, as all pulses of one duration beyond Z = 5."""
-
-
-def recorded_template(
-    recording: ArrayLike, rate_hz: float, start_s: float, duration_s: float
-) -> Float[np.ndarray, " tap"]:
-    """Return an interval of a recording as a template.
-
-    The mean of the recording before the interval is subtracted, and its end fades.
-
-    Args:
-        recording: Samples of one channel.
-        rate_hz: Sampling rate [Hz].
-        start_s: Arrival of the front [s].
-        duration_s: Length of the interval [s].
-
-    Raises:
-        InputError: The interval is not within the recording, or silent.
-    """
-    samples = checked_samples("recording", recording)
-    rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
-    count = round(checked_positive("duration_s", duration_s, "s") * rate_hz)
-    start = round(start_s * rate_hz)
-    if not 0 <= start < start + count <= samples.size:
-        raise InputError(
-            f"{argument('start_s')}, {argument('duration_s')}: expected an interval "
-            f"within the {samples.size / rate_hz:.6g} s of the recording, got "
-            f"{start_s:g} to {start_s + duration_s:g} s"
-        )
-    stretch = samples[start : start + count]
-    # as long an interval before it as the template, so that drift cancels best
-    before = samples[max(start - count, 0) : start]
-    if before.size:
-        stretch = stretch - before.mean()
-    fading = max(round(FADE * count), 1)
-    fade = 0.5 + 0.5 * np.cos(np.pi * (np.arange(fading) + 1) / (fading + 1))
-    return checked_template(np.r_[stretch[:-fading], stretch[-fading:] * fade])
+AIR = STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 
 
 def blast_template(
-    mass_kg: float,
-    range_m: float,
-    rate_hz: float,
-    *,
-    ambient_pressure_pa: float = STANDARD_PRESSURE,
-    sound_speed_m_s: float = STANDARD_SOUND_SPEED,
-    burst: str = "surface",
+    mass_kg: float, range_m: float, rate_hz: float
 ) -> Float[np.ndarray, " tap"]:
-    """Return the blast of a charge at a range, by the laws, as a template [Pa].
+    """Return the blast of a charge on the ground, by the laws, as a template [Pa].
 
     Args:
         mass_kg: TNT-equivalent mass [kg].
         range_m: Slant range [m].
         rate_hz: Sampling rate [Hz].
-        ambient_pressure_pa: Ambient pressure [Pa].
-        sound_speed_m_s: Speed of sound [m/s].
-        burst: "surface" or "free-air".
 
     Raises:
         InputError: A number is not positive, or the blast is over within two samples.
     """
     mass = checked_positive("mass_kg", mass_kg, "kg")
     distance = checked_positive("range_m", range_m, "m")
-    air = (ambient_pressure_pa, sound_speed_m_s)
-    return blast_templates([mass], [distance], rate_hz, *air, burst)[0]
+    return blast_templates([mass], [distance], rate_hz)[0]
 
 
 def blast_templates(
-    masses_kg: Sequence[float],
-    ranges_m: Sequence[float],
-    rate_hz: float,
-    ambient_pressure_pa: float = STANDARD_PRESSURE,
-    sound_speed_m_s: float = STANDARD_SOUND_SPEED,
-    burst: str = "surface",
+    masses_kg: Sequence[float], ranges_m: Sequence[float], rate_hz: float
 ) -> list[Float[np.ndarray, " tap"]]:
-    """Return one template for each of several charges [Pa]; as `blast_template`.
-
-    Args:
-        masses_kg: TNT-equivalent masses [kg].
-        ranges_m: Slant ranges [m], of the same number.
-        rate_hz: Sampling rate [Hz].
-        ambient_pressure_pa: Ambient pressure [Pa].
-        sound_speed_m_s: Speed of sound [m/s].
-        burst: "surface" or "free-air".
-    """
-    from jblast.signals.law_pulses import pulses_by_law, sampled
-
+    """Return one template for each of several charges; as `blast_template`."""
     rate_hz = checked_positive("rate_hz", rate_hz, "Hz")
     mass, distance = (np.asarray(part, float) for part in (masses_kg, ranges_m))
-    pulses = pulses_by_law(mass, distance, ambient_pressure_pa, sound_speed_m_s, burst)
+    pulses = _pulses(mass, distance)
     whole_s = np.asarray(pulses.duration + pulses.suction_duration, float)
     short = ~(whole_s * rate_hz >= 2)
     if short.any():
@@ -146,7 +83,7 @@ def blast_templates(
     counts = np.ceil(whole_s * rate_hz).astype(int)
     # one compiled program for each power of two, not for each length
     longest = 2 ** int(counts.max() - 1).bit_length()
-    rows = np.asarray(sampled(pulses, rate_hz, longest), float)
+    rows = np.asarray(_sampled(pulses, rate_hz, longest), float)
     return [checked_template(row[:n]) for row, n in zip(rows, counts, strict=True)]
 
 
@@ -159,13 +96,37 @@ def bank_of_pulses(rate_hz: float) -> list[np.ndarray]:
     Raises:
         InputError: The rate is too low for all of them.
     """
-    air = (STANDARD_PRESSURE, STANDARD_SOUND_SPEED)
-    unit = float(blast_pulse(BANK_SCALED_DISTANCE, 1.0, *air, "surface").duration)
+    unit = float(blast_pulse(BANK_SCALED_DISTANCE, 1.0, *AIR, "surface").duration)
     # at one scaled distance, durations and distances scale as W^(1/3)
-    sampled = [one for one in DURATIONS if one * rate_hz >= 1.0] or DURATIONS[-1:]
-    sizes = [duration / unit for duration in sampled]
-    masses, ranges = (
-        [size**3 for size in sizes],
-        [BANK_SCALED_DISTANCE * size for size in sizes],
+    long = [one for one in DURATIONS if one * rate_hz >= 1.0] or DURATIONS[-1:]
+    size = np.array(long) / unit
+    masses, ranges = size**3, BANK_SCALED_DISTANCE * size
+    return blast_templates(masses.tolist(), ranges.tolist(), rate_hz)
+
+
+@kept
+def _pulses(
+    mass: Float[ArrayLike, " pulse"], distance: Float[ArrayLike, " pulse"]
+) -> Pulse:
+    """Return blasts on the ground whose fronts arrive at time zero."""
+    mass, distance, *air = as_float_arrays(mass, distance, *AIR)
+    ambient, speed = (jnp.broadcast_to(x, mass.shape) for x in air)
+    blast = blast_pulse(distance, mass, ambient, speed, "surface")
+    impulse = shock_kinematics_impulse(distance, mass, ambient, speed, "surface")
+    rise = weak_shock_rise_time(blast.peak, impulse, blast.duration)
+    return pulse_of(
+        jnp.zeros_like(mass),
+        blast.peak,
+        impulse,
+        blast.duration,
+        rise,
+        blast.suction,
+        blast.suction_impulse,
     )
-    return blast_templates(masses, ranges, rate_hz)
+
+
+@kept
+def _sampled(pulses: Pulse, rate_hz: float, count: int) -> Float[Array, "pulse sample"]:
+    """Return the mean of each pulse over each sample from its front on [Pa]."""
+    start = jnp.zeros((), pulses.peak.dtype)
+    return jax.vmap(lambda pulse: pulse_samples(pulse, start, rate_hz, count))(pulses)

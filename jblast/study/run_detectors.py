@@ -20,7 +20,7 @@ from jblast.scene import Instrument, Scene
 from jblast.signals.flash import Flash, FlashWatch
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
-from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
+from jblast.signals.picked_arrivals import picked_arrivals
 from jblast.signals.sound_watch import LEAST_NOISE, SoundWatch
 from jblast.signals.templates import bank_of_pulses
 from jblast.study.running import Frames, Packet, RunDetection, Samples
@@ -141,12 +141,11 @@ class RunDetectors:
         first, samples = watch.latest
         arrivals = [one for one in found if one.is_blast]
         rate_hz = watch.rate_hz
-        heard = SearchedChannel(samples, rate_hz, first / rate_hz, arrivals)
         return [
             self._detection(
                 name, "sound", start_s + one.time_s, one.sigma_s, one.statistic
             )
-            for one in picked_arrivals([heard])[0]
+            for one in picked_arrivals(arrivals, samples, rate_hz, first / rate_hz)
         ]
 
     def _looked(self, frames: Frames) -> list[RunDetection]:

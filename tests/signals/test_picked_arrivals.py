@@ -9,7 +9,7 @@ from scipy.signal import butter, lfilter
 
 from jblast.signals import Channel, bank_of_pulses, picked_arrivals as module, search
 from jblast.signals.matched_filter import Detection
-from jblast.signals.picked_arrivals import SearchedChannel, picked_arrivals
+from jblast.signals.picked_arrivals import picked_arrivals
 from tests.signals.records.made import picked_at_its_peak
 
 RATE = 8000.0
@@ -23,7 +23,7 @@ def heard(peaks, arrivals, seconds=4.0, start_s=0.0):
     samples = np.random.default_rng(0).uniform(-0.1, 0.1, round(seconds * RATE))
     for time, size in peaks:
         samples[round((time - start_s) * RATE)] = size
-    return SearchedChannel(samples, RATE, start_s, arrivals)
+    return picked_arrivals(arrivals, samples, RATE, start_s)
 
 
 @pytest.fixture
@@ -40,8 +40,7 @@ def lengths(monkeypatch):
 
 
 def test_an_arrival_has_the_time_of_its_pick_on_the_clock_of_the_channel(lengths):
-    channel = heard([(12.03, 5.0)], [arrival(12.0)], start_s=10.0)
-    ((found,),) = picked_arrivals([channel])
+    (found,) = heard([(12.03, 5.0)], [arrival(12.0)], start_s=10.0)
     assert found.time_s == pytest.approx(12.03)
     # half a sample is added to the error of the pick
     assert found.sigma_s >= 0.5 / RATE
@@ -50,21 +49,15 @@ def test_an_arrival_has_the_time_of_its_pick_on_the_clock_of_the_channel(lengths
 
 def test_of_two_arrivals_each_has_its_own_pick(lengths):
     peaks = [(2.02, 3.0), (2.42, 9.0)]
-    channel = heard(peaks, [arrival(2.0), arrival(2.4)])
-    (found,) = picked_arrivals([channel])
+    found = heard(peaks, [arrival(2.0), arrival(2.4)])
     assert [one.time_s for one in found] == pytest.approx([2.02, 2.42])
 
 
 @pytest.mark.parametrize("peaks", [[], [(2.3, 5.0)]], ids=["no pick", "another sound"])
 def test_without_a_pick_the_range_of_the_bank_is_an_error(lengths, peaks):
-    channel = heard(peaks, [arrival(2.0, spread_s=0.02)])
-    (found,) = picked_arrivals([channel])
+    found = heard(peaks, [arrival(2.0, spread_s=0.02)])
     assert found == (arrival(2.0, 0.02)._replace(sigma_s=math.hypot(1e-5, 0.02)),)
-
-
-def test_channels_without_arrivals_are_not_picked(lengths):
-    assert picked_arrivals([heard([], []), heard([], [])]) == [(), ()]
-    assert lengths == []
+    assert heard(peaks, []) == ()
 
 
 def bang(duration_s, level, *, high_pass_hz=None, echo=0.0, clipped=None, noise=1e-3):
@@ -96,7 +89,7 @@ CASES = {
 def test_the_bang_of_a_telephone_is_timed_within_its_error(sound):
     bank = bank_of_pulses(RATE)
     found = search(Channel("a", "a", 1, sound, RATE), bank, forms=False)
-    picks = picked_arrivals([SearchedChannel(sound, RATE, 0.0, found.detections)])[0]
+    picks = picked_arrivals(found.detections, sound, RATE)
     one = max(picks, key=lambda arrival: arrival.statistic)
     assert one.sigma_s < 2e-3
     assert one.time_s == pytest.approx(2.0003, abs=3 * one.sigma_s)

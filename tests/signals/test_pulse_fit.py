@@ -85,7 +85,7 @@ def test_other_impulsive_sounds_are_rejected(bank, name):
     found = search(channel(OTHERS[name]), bank)
     assert found.detections == ()
     assert found.others  # reported, not dropped
-    assert not any(one.fit is None or one.fit.accepted for one in found.others)
+    assert not any(one.fit is None or one.fit.blast_form for one in found.others)
     untested = search(channel(OTHERS[name]), bank, forms=False)
     assert len(untested.detections) == len(found.others)
 
@@ -102,9 +102,9 @@ def test_chi_squared_of_a_true_pulse_has_its_degrees_of_freedom(bank):
         fit = test(samples, 8000 / RATE, nth)
         # in units of the standard deviation, of chi-squared and of the noise level
         excess = fit.misfit * size**2 * (pulse @ pulse)
-        level_sd = np.sqrt(2 / (0.5 * RATE)) * fit.dof
-        z.append(excess / np.hypot(np.sqrt(2 * fit.dof), level_sd))
-        assert fit.p > 0.999  # far less misfit than is accepted
+        level_sd = np.sqrt(2 / (0.5 * RATE)) * fit.fit_dof
+        z.append(excess / np.hypot(np.sqrt(2 * fit.fit_dof), level_sd))
+        assert fit.fit_p > 0.999  # far less misfit than is accepted
     assert abs(np.mean(z)) < 0.5  # 4 standard errors
     assert np.std(z) == pytest.approx(1.0, abs=0.35)
 
@@ -127,7 +127,7 @@ def test_a_blast_in_quiet_after_loud_sound_is_accepted(bank):
     assert [round(arrival.time_s, 2) for arrival in found.detections] == [5.0]
     fit = found.detections[0].fit
     assert fit is not None
-    assert fit.level < 0.7
+    assert fit.noise_level < 0.7
 
 
 def test_an_arrival_at_either_end_of_a_recording_is_tested(bank):
@@ -135,5 +135,5 @@ def test_an_arrival_at_either_end_of_a_recording_is_tested(bank):
     for at in (0.0, 0.01, SECONDS - 0.01):
         sound = friedlander(0.003)[: round((SECONDS - at) * RATE)]
         fit = PulseTest(bank, RATE, noise)(channel(sound, at).samples, at, 3)
-        assert fit.accepted
-        assert fit.dof > 0
+        assert fit.blast_form
+        assert fit.fit_dof > 0

@@ -3,7 +3,7 @@ import pytest
 
 from calibration.cases import RATE
 from jblast.errors import InputError
-from jblast.signals import bank_of_pulses, blast_template, recorded_template
+from jblast.signals import bank_of_pulses, blast_template
 from jblast.signals.templates import BANK_SCALED_DISTANCE, DURATION_RATIO, DURATIONS
 from jblast.waves.waveform import blast_pulse
 
@@ -39,28 +39,6 @@ def test_the_front_is_in_the_first_samples():
 def test_blasts_without_samples_are_refused(mass, distance, rate, said):
     with pytest.raises(InputError, match=said):
         blast_template(mass, distance, rate)
-
-
-def test_a_recorded_template_starts_at_the_front_and_fades():
-    sound = 3.0 + np.r_[np.zeros(1000), np.full(500, 2.0), np.zeros(500)]
-    row = recorded_template(sound, 1000.0, 1.0, 0.3)
-    assert row.size == 300
-    assert np.allclose(row[:240], 2.0)
-    assert 0 < row[-1] < 0.01
-    assert (np.diff(row[240:]) < 0).all()
-
-
-@pytest.mark.parametrize(
-    ("level", "start", "said"),
-    [
-        (1.0, -0.1, "expected an interval within the 1 s"),
-        (1.0, 0.9, "expected an interval within the 1 s"),
-        (0.0, 0.5, "expected a sound"),
-    ],
-)
-def test_stretches_without_sound_are_refused(level, start, said):
-    with pytest.raises(InputError, match=said):
-        recorded_template(np.full(1000, level), 1000.0, start, 0.2)
 
 
 def likeness(one, other):

@@ -259,9 +259,6 @@ COMMANDS = (
     _refused("listen_refused", "listen records.toml --out none --json", "kind"),
     _searched("detect", "detect DATA/sound/bang.flac --all-sounds --json"),
     _searched(
-        "detect_stream", "detect DATA/sound/bang.flac --all-sounds --stream --json"
-    ),
-    _searched(
         "detect_pulse",
         "detect heard/phone.wav --charge 15 --range 60 --out found --json",
     ),

@@ -7,8 +7,6 @@ are searched for a growing flash. Exit code 3: nothing is found.
 
 import argparse
 import sys
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,14 +17,11 @@ from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError, whole_number
 
 if TYPE_CHECKING:
-    from jblast.report.flash import FlashAnswer
     from jblast.signals.detect_files import (
         ClipDetections,
         FilmDetections,
         SoundDetections,
     )
-
-Answer = tuple[dict[str, Any], str, Callable[[Path, str], list[str]]]
 
 
 def image_size(text: str) -> tuple[int, int]:
@@ -114,11 +109,6 @@ def add_arguments(verb: VerbParser) -> None:
         "reverberant or distant blasts, but doors, clicks and thunder as well "
         "(default: sounds with the form of a blast pulse)",
     )
-    verb.advanced.add_argument(
-        "--stream",
-        action="store_true",
-        help="search packet by packet, as a live stream; the arrivals are the same",
-    )
     verb.outputs.add_argument(
         "--out",
         metavar="DIR",
@@ -133,152 +123,56 @@ def add_arguments(verb: VerbParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Search, write, print; return the exit code."""
-    from jblast.signals.detect_files import (
-        ClipDetections,
-        SoundDetections,
-        detect,
-        recording_kind,
-    )
+    from jblast.cli.jax_start import start_jax
+    from jblast.results import to_json
+    from jblast.signals.detect_files import detect
 
-    of_sound = {
-        "template": options.template,
-        "mass_kg": options.charge,
-        "range_m": options.range,
-        "all_sounds": options.all_sounds,
-        "stream": options.stream,
-        "positions": options.positions,
-    }
-    of_film = {"fps": options.fps, "scene": options.scene, "size": options.size}
-    # `detect` checks the same, but only after the seconds in which JAX starts
-    kind = recording_kind(options.recordings, **of_sound, **of_film)
     if options.positions and not options.out:
         raise InputError("--positions: expected --out to write the log to, got none")
     if options.out:
         from jblast.report.fit.files import check_directory
 
         check_directory(options.out, options.force)
-    # Pulses of laws and the camera of a scene need JAX; other searches use NumPy.
-    if options.scene or (not options.template and _has_sound(kind, options.recordings)):
-        from jblast.cli.jax_start import start_jax
-
-        start_jax(quick=True)
+    start_jax(quick=True)
     found = detect(
         options.recordings,
-        **of_sound,
-        **of_film,
+        template=options.template,
+        mass_kg=options.charge,
+        range_m=options.range,
+        all_sounds=options.all_sounds,
+        positions=options.positions,
+        fps=options.fps,
+        scene=options.scene,
+        size=options.size,
         **given(options, false_alarms="false_alarms_per_hour"),
     )
-    from jblast.results import to_json
-
-    if isinstance(found, SoundDetections):
-        document, words, write = _of_sound(found)
-    elif isinstance(found, ClipDetections):
-        document, words, write = _of_clips(found)
-    else:
-        document, words, write = _of_film(found)
+    document, words = _answer(found)
     text = to_json(document)
-    written = write(Path(options.out), text) if options.out else []
-    if options.json:
-        sys.stdout.write(text)
-    else:
-        sys.stdout.write(words)
-        if written:
-            sys.stdout.write(f"\nWritten to {options.out}: {', '.join(written)}\n")
-        if "observations.csv" in written:
-            log = Path(options.out) / "observations.csv"
-            command = fit_command(log, options.scene)
-            sys.stdout.write(f"Fit it with: {command}\n")
+    if options.out:
+        from jblast.report.detect_files import LOG, write_detection
+
+        folder = Path(options.out)
+        written = write_detection(folder, text, found)
+        words += f"\nWritten to {folder}: {', '.join(written)}\n"
+        if LOG in written:
+            words += f"Fit it with: {fit_command(folder / LOG, options.scene)}\n"
+    sys.stdout.write(text if options.json else words)
     return 0 if found.detected else NOT_FOUND
 
 
-def _of_sound(found: "SoundDetections") -> Answer:
-    """Return the document, the text, and the function that writes files."""
+def _answer(
+    found: "SoundDetections | FilmDetections | ClipDetections",
+) -> tuple[dict[str, Any], str]:
+    """Return the document and the text."""
     from jblast.report.detect import detection_answer, detection_text
+    from jblast.report.flash import ClipsAnswer, flash_answer, flash_text
+    from jblast.signals.detect_files import ClipDetections, SoundDetections
 
-    searched, dead, method, log = found
-    arrays = log.arrays if log else ()
-    answer = detection_answer(searched, dead, method.keys, arrays)
-
-    def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import (
-            PICTURE,
-            detection_figure,
-            write_detection,
-        )
-
-        figures = {PICTURE: partial(detection_figure, searched)}
-        return write_detection(
-            folder, text, figures, log and log.observations, searched
-        )
-
-    return answer.to_dict(), detection_text(searched, dead, method.words, log), write
-
-
-def _has_sound(kind: str, recordings: list[str]) -> bool:
-    """Return True if a recording is sound, or a video with a sound track."""
-    from jblast.observations.records.clips import has_sound
-
-    if kind != "video":
-        return kind == "sound"
-    return any(has_sound(Path(file)) for file in recordings)
-
-
-def _of_clips(found: "ClipDetections") -> Answer:
-    """Return the document, the text, and the function that writes files."""
-    from jblast.report.flash import ClipsAnswer, flash_text
-
-    names = [Path(clip.path) for clip in found.clips]
-    answers = tuple(map(film_answer, found.clips))
-    words = "\n".join(
-        f"{path.name}: {flash_text(answer)}"
-        for path, answer in zip(names, answers, strict=True)
-    )
-
-    def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import PICTURE, flash_figure, write_detection
-
-        figures = {
-            f"{path.stem}.{PICTURE}": partial(
-                flash_figure, clip.flashes, (clip.height, clip.width)
-            )
-            for path, clip in zip(names, found.clips, strict=True)
-        }
-        return write_detection(folder, text, figures, found.log)
-
-    return ClipsAnswer(found.detected, answers).to_dict(), words, write
-
-
-def film_answer(found: "FilmDetections") -> "FlashAnswer":
-    """Return the answer on a film."""
-    from jblast.report.detect import sound_arrivals
-    from jblast.report.flash import Searched, flash_answer, slow_film
-    from jblast.signals.detect_files import bang_of
-    from jblast.signals.flash.search import SLOW_HZ
-
-    seen, hz = found.flashes, found.frames_hz
-    warnings = [] if hz >= SLOW_HZ else [slow_film(hz)]
-    bang = bang_of(found)
-    return flash_answer(
-        seen,
-        Searched(*found[1:8]),
-        found.false_alarms_per_hour,
-        found.directions,
-        [*warnings, *found.notes],
-        sound_arrivals(found.sound.searched) if found.sound else (),
-        bang and bang.time_s,
-    )
-
-
-def _of_film(found: "FilmDetections") -> Answer:
-    """Return the document, the text, and the function that writes files."""
-    from jblast.report.flash import flash_text
-
-    answer, seen = film_answer(found), found.flashes
-
-    def write(folder: Path, text: str) -> list[str]:
-        from jblast.report.detect_files import PICTURE, flash_figure, write_detection
-
-        draw = partial(flash_figure, seen, (found.height, found.width))
-        return write_detection(folder, text, {PICTURE: draw}, found.log)
-
-    return answer.to_dict(), flash_text(answer), write
+    if isinstance(found, SoundDetections):
+        return detection_answer(found).to_dict(), detection_text(found)
+    if not isinstance(found, ClipDetections):
+        answer = flash_answer(found)
+        return answer.to_dict(), flash_text(answer)
+    answers = tuple(map(flash_answer, found.clips))
+    words = [f"{Path(a.recording.path).name}: {flash_text(a)}" for a in answers]
+    return ClipsAnswer(found.detected, answers).to_dict(), "\n".join(words)

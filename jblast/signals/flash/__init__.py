@@ -8,7 +8,6 @@ from jblast.signals.flash.fireball import (
 )
 from jblast.signals.flash.search import (
     Candidate as Candidate,
-    EventSteps as EventSteps,
     Flash as Flash,
     FlashDetections as FlashDetections,
     FlashWatch as FlashWatch,

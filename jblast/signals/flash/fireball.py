@@ -375,10 +375,11 @@ def _within(spot: Bool[np.ndarray, "height width"], share: Image) -> Image:
     from scipy import ndimage
 
     # a spot is a small part of most images: only its surroundings are looked at
-    about = tuple(
-        slice(max(int(used[0]) - 1, 0), int(used[-1]) + 2)
-        for used in (np.flatnonzero(spot.any(axis=axis)) for axis in (1, 0))
-    )
+    rows, columns = np.nonzero(spot)
+    about = np.s_[
+        max(rows.min() - 1, 0) : rows.max() + 2,
+        max(columns.min() - 1, 0) : columns.max() + 2,
+    ]
     within = np.zeros_like(share)
     # the pixels around a spot contain the rest of its edge, to a fraction of a pixel
     within[about] = np.where(ndimage.binary_dilation(spot[about]), share[about], 0.0)
@@ -422,16 +423,13 @@ def silhouettes(
     quiet = max(begun - 2, 1)
     behind = np.median(light[max(quiet - BACKGROUND_FRAMES, 0) : quiet], axis=0)
     rise = light[quiet:] - behind
-    peak = (
-        float(np.quantile(rise.max(axis=0)[seed], LIGHT_QUANTILE))
-        if seed.any()
-        else 0.0
-    )
-    if peak <= 0.0:
+    peak = 0.0
+    if seed.any():
+        peak = float(np.quantile(rise.max(axis=0)[seed], LIGHT_QUANTILE))
+    # single precision resolves no less of full scale
+    if peak < 1e-6:
         return [], float(times[quiet - 1]), float(times[quiet])
-    full = behind + peak
-    scale = np.maximum(full - behind, 1e-6)
-    shares = np.clip(rise / scale, 0.0, 1.0)
+    shares = np.clip(rise / peak, 0.0, 1.0)
     seen, before = joined(times[quiet:], shares, seed, float(times[quiet - 1]))
     if not seen:
         return seen, before, float(times[-1])
@@ -440,7 +438,7 @@ def silhouettes(
     spot = _spot(shares[first - quiet], PIXEL_SHARE, seed)
     assert spot is not None
     earlier = slice(max(quiet - BACKGROUND_FRAMES, 0), first)
-    means = ndimage.uniform_filter((light[earlier] - behind) / scale, 3, axes=(1, 2))
+    means = ndimage.uniform_filter((light[earlier] - behind) / peak, 3, axes=(1, 2))
     faint = means[:, spot].max(axis=1)
     noise = float(faint[: quiet - earlier.start].max())
     dark = faint <= max(FAINT_SHARE, FAINT_NOISES * noise)

@@ -39,7 +39,8 @@ from itertools import chain, pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Integer
+from jaxtyping import Bool, Float
+from scipy.special import boxcox
 
 from jblast.observations import Observations, observed
 from jblast.scene import Camera
@@ -102,8 +103,6 @@ STEP_S = 1e-3
 """Time over which events are summed to one change [s]: the tuned frame interval."""
 STEP_US = round(1e6 * STEP_S)
 """The same [us]."""
-BLOCK_STEPS = 32
-"""Steps whose images are in memory together: 80 MB at 640 x 480 pixels."""
 Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 SENSOR = "camera"
 MAX_RADII = 8
@@ -266,7 +265,6 @@ class FlashWatch:
         *,
         changes: bool = False,
         exposure_s: float = 0.0,
-        shape: tuple[int, int] | None = None,
     ):
         """Create the search.
 
@@ -275,7 +273,6 @@ class FlashWatch:
             threshold: Threshold of the statistic.
             changes: True for changes by events.
             exposure_s: Exposure of a frame, 0 if not known [s].
-            shape: Height and width [px]; None for those of the first image.
         """
         self._group = 1 if changes else max(1, round(rate_hz / TUNED_RATE_HZ))
         rate = rate_hz / self._group
@@ -285,12 +282,10 @@ class FlashWatch:
         self._exposure_s = exposure_s + (self._group - 1) / rate_hz
         self._stays = stays_for(rate)
         self._watch: Watch | None = None
-        self._shape = shape
         self._kept: deque[_Kept] = deque(maxlen=FRAMES_BEFORE + DECISION_FRAMES)
         self._spots: list[_Spot] = []
         self._number = -1
-        self._parts: np.ndarray | float = 0.0
-        self._part_times: list[float] = []
+        self._parts: list[tuple[float, Image]] = []
         self.latency_s, self.binned = (self._stays - 1) / rate, 1
         self._start()
 
@@ -301,26 +296,24 @@ class FlashWatch:
         self._statistics: list[float] = []
 
     def push(
-        self, times: Sequence[float] | np.ndarray, images: Iterable[Image | None]
+        self, times: Sequence[float] | np.ndarray, images: Iterable[Image]
     ) -> tuple[Flash, ...]:
         """Process frames; return the blasts that are decided by now.
 
         Args:
             times: Times, as in `detect_flashes` [s].
-            images: Light, or changes; None is a change of zero.
+            images: Light, or changes.
         """
         self._start()
-        for time, image in zip(times, images, strict=True):
-            if self._group == 1:
-                # a copy, since callers reuse their buffers
-                self._add(float(time), None if image is None else np.array(image))
-                continue
-            self._parts = self._parts + np.asarray(image, np.float32)
-            self._part_times.append(float(time))
-            if len(self._part_times) == self._group:
-                mean = self._parts / np.float32(self._group)
-                self._add(float(np.mean(self._part_times)), mean)
-                self._parts, self._part_times = 0.0, []
+        for part in zip(times, images, strict=True):
+            self._parts.append(part)
+            if len(self._parts) == self._group:
+                every, light = zip(*self._parts, strict=True)
+                self._add(
+                    float(np.mean(every)),
+                    np.stack(light).mean(axis=0, dtype=np.float32),
+                )
+                self._parts = []
         return self._reported()
 
     def finish(self) -> tuple[Flash, ...]:
@@ -334,29 +327,18 @@ class FlashWatch:
         self.statistic = np.array(self._statistics)
         return tuple(self._flashes)
 
-    def _begin(self, image: Image | None) -> Watch:
-        """Create the test for the shape of the first frame, or the given one."""
-        shape = self._shape if image is None else image.shape
-        if shape is None:
-            raise ValueError("shape: expected it for a first step without events")
-        self.binned = max(1, math.ceil(max(shape) / MAX_WIDTH))
-        self._still = _binned(np.zeros(shape, np.float32), self.binned)
-        self._watch = Watch(self._still.shape, stays=self._stays)
-        return self._watch
-
-    def _add(self, time: float, image: Image | None) -> None:
+    def _add(self, time: float, image: Image) -> None:
         """Test a frame."""
         self._number += 1
-        watch = self._watch or self._begin(image)
+        if self._watch is None:
+            self.binned = max(1, math.ceil(max(image.shape) / MAX_WIDTH))
         # averaging before the logarithm: light adds up, its logarithm does not
-        image = self._still if image is None else _binned(image, self.binned)
+        image = _binned(image, self.binned)
+        watch = self._watch = self._watch or Watch(image.shape, stays=self._stays)
         if not self._changes:
             seen = watch.frame(image)
-        elif image is self._still or not image.any():
-            # one image for all steps without events
-            seen, image = watch.rest(), self._still
         else:
-            seen = watch.change(image)
+            seen = watch.change(image) if image.any() else watch.rest()
         self._kept.append(_Kept(self._number, time, image))
         self._times.append(time)
         self._statistics.append(seen.statistic)
@@ -580,17 +562,12 @@ class Tail(NamedTuple):
         For less than one false alarm in the whole film it is above the largest observed
         value.
         """
-        rarer = math.log(1.0 / (self.hours * false_alarms_per_hour))
-        beyond = self.greatest + self.scale * rarer if rarer > 0.0 else -math.inf
-        return max(self._by_tail(false_alarms_per_hour), beyond)
-
-    def _by_tail(self, false_alarms_per_hour: float) -> float:
-        ratio = math.log(self.per_hour / false_alarms_per_hour)
-        if ratio <= 0.0:
-            return self.level
-        if self.shape == 0.0:
-            return self.level + self.scale * ratio
-        return self.level + self.scale * math.expm1(self.shape * ratio) / self.shape
+        rarer = self.per_hour / false_alarms_per_hour
+        # (x^shape - 1) / shape, or ln x for a shape of 0
+        by_tail = self.level + self.scale * float(boxcox(max(rarer, 1.0), self.shape))
+        once = self.hours * false_alarms_per_hour
+        beyond = self.greatest - self.scale * math.log(once) if once < 1.0 else by_tail
+        return max(by_tail, beyond)
 
 
 MEASURED = Tail(
@@ -626,91 +603,21 @@ def flash_threshold(false_alarms_per_hour: float = 1.0) -> float:
 def event_changes(
     events: RecordedEvents, threshold: tuple[float, float] = (0.2, 0.2)
 ) -> Iterator[Block]:
-    """Yield the ends of steps [s], and the changes of light by the events of each.
+    """Yield the end of each step [s], and the change of light by its events.
 
     Args:
         events: Events in order of time.
         threshold: Change of the logarithm per event, brighter and darker.
     """
-    steps = EventSteps((events.height, events.width), threshold)
-    if not len(events.t):
-        return
-    last = int(events.t[-1]) // STEP_US + 1
-    still = np.zeros(steps.shape, np.float32)
-    for first in range(0, last, BLOCK_STEPS):
-        until = STEP_US * min(first + BLOCK_STEPS, last)
-        bounds = np.searchsorted(events.t, [STEP_US * first, until]).tolist()
-        part = (column[slice(*bounds)] for column in events[:4])
-        x, y, t, p = part
-        times, images = steps.push(t, x, y, p > 0, until)
-        yield times, np.stack([still if one is None else one for one in images])
-
-
-class EventSteps:
-    """Changes of light by events in each step of `STEP_S`, as the events come.
-
-    Attributes:
-        shape: Height and width of the images [px].
-    """
-
-    def __init__(
-        self,
-        shape: tuple[int, int],
-        threshold: tuple[float, float] = (0.2, 0.2),
-        first_us: int = 0,
-    ):
-        """Begin without events.
-
-        Args:
-            shape: Height and width [px].
-            threshold: Change of the logarithm per event, brighter and darker.
-            first_us: Start of the first step, a multiple of `STEP_S` [us].
-        """
-        self.shape = shape
-        self._brighter, self._darker = threshold
-        self._step = first_us // STEP_US
-        self._waiting = np.zeros((3, 0))
-
-    def push(
-        self,
-        t_us: Integer[np.ndarray, " event"],
-        x: Integer[np.ndarray, " event"],
-        y: Integer[np.ndarray, " event"],
-        brighter: Bool[np.ndarray, " event"],
-        until_us: int,
-    ) -> tuple[Float[np.ndarray, " step"], list[Image | None]]:
-        """Add events; return the ends of the completed steps [s], and their changes.
-
-        Args:
-            t_us: Times, in order [us].
-            x: Columns.
-            y: Rows.
-            brighter: True for brighter, False for darker.
-            until_us: Time before which all events are known [us].
-
-        Returns:
-            None in place of an image for a step without events.
-        """
-        pixel = y.astype(np.int64) * self.shape[1] + x
-        amount = np.where(brighter, self._brighter, -self._darker)
-        new = np.stack([t_us, pixel, amount])
-        events = np.concatenate([self._waiting, new], axis=1)
-        steps = np.arange(self._step, max(until_us // STEP_US, self._step))
-        bounds = np.searchsorted(events[0], STEP_US * np.append(steps, steps[-1:] + 1))
-        images: list[Image | None] = []
-        for low, high in pairwise(bounds.tolist()):
-            if low == high:
-                images.append(None)
-                continue
-            changes = np.bincount(
-                events[1, low:high].astype(np.int64),
-                weights=events[2, low:high],
-                minlength=self.shape[0] * self.shape[1],
-            )
-            images.append(changes.reshape(self.shape).astype(np.float32))
-        self._waiting = events[:, bounds[-1] :].copy() if steps.size else events
-        self._step += steps.size
-        return STEP_S * (steps + 1), images
+    shape = events.height, events.width
+    steps = int(events.t[-1]) // STEP_US + 1 if len(events.t) else 0
+    bounds = np.searchsorted(events.t, STEP_US * np.arange(steps + 1))
+    for step, (low, high) in enumerate(pairwise(bounds.tolist()), 1):
+        x, y, _, p = (column[low:high] for column in events[:4])
+        amount = np.where(p > 0, threshold[0], -threshold[1])
+        pixel = y.astype(np.int64) * events.width + x
+        change = np.bincount(pixel, amount, events.height * events.width)
+        yield np.array([STEP_S * step]), change.reshape(1, *shape).astype(np.float32)
 
 
 def log_of(

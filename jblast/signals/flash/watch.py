@@ -41,7 +41,6 @@ background. The statistic is the smallest sum of the last frames: lit pixels mus
 """
 
 from collections.abc import Iterator
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -161,11 +160,17 @@ class Watch:
         self._ego = EgoMotion(shape)
         self._pixels = Brightening(shape)
         self._tiles = tiles_of(shape)
-        self._counts = [len(t.tops) * len(t.lefts) for t in self._tiles]
-        self._cusum = Cusum(sum(self._counts), stays)
+        height, width = shape
+        self._boxes = [
+            (left, top, min(left + tiles.side, width), min(top + tiles.side, height))
+            for tiles in self._tiles
+            for top in tiles.tops.tolist()
+            for left in tiles.lefts.tolist()
+        ]
+        self._cusum = Cusum(len(self._boxes), stays)
         self._before: np.ndarray | None = None
         self._rested = 0
-        self._nothing = Seen(0.0, 0, (0, 0, shape[1], shape[0]))
+        self._nothing = Seen(0.0, 0, (0, 0, width, height))
 
     def frame(self, light: Float[np.ndarray, "height width"]) -> Seen:
         """Process a frame of linear light, full scale 1."""
@@ -174,9 +179,6 @@ class Watch:
         before, self._before = self._before, log
         if before is None:
             return self._nothing
-        # repeated frames have no change, whatever the fit of the motion
-        if np.array_equal(before, log):
-            return self.change(np.zeros_like(log))
         return self.change(self._ego.rest(before, log))
 
     def rest(self) -> Seen:
@@ -201,7 +203,7 @@ class Watch:
         if self._cusum.idle and not self.last.lit.any():
             self._cusum.rest()
             return self._nothing
-        sums = [down_the_columns(mask) for mask in self.last]
+        sums = [running_sums(mask, 0) for mask in self.last]
         evidence = [tiles.evidence(*sums) for tiles in self._tiles]
         whole = (
             np.concatenate([v.ravel() for v in some])
@@ -215,17 +217,7 @@ class Watch:
         statistic = self._cusum.statistic
         for tile in np.argsort(-statistic)[: np.count_nonzero(statistic > level)]:
             begun = int(self._cusum.begun[tile])
-            yield Seen(float(statistic[tile]), begun, self._box(int(tile)))
-
-    def _box(self, number: int) -> tuple[int, int, int, int]:
-        for tiles, count in zip(self._tiles, self._counts, strict=True):
-            if number < count:
-                row, column = divmod(number, len(tiles.lefts))
-                left, top = int(tiles.lefts[column]), int(tiles.tops[row])
-                right, bottom = left + tiles.side, top + tiles.side
-                return left, top, min(right, self.shape[1]), min(bottom, self.shape[0])
-            number -= count
-        raise AssertionError
+            yield Seen(float(statistic[tile]), begun, self._boxes[tile])
 
 
 class Evidence(NamedTuple):
@@ -282,8 +274,10 @@ class Tiles:
         """
         # by running sums a tile of any size costs four values
         new, lost, lasting = (self._banded(sums) for sums in (lit, fallen, bright))
-        new_sums, lost_sums, lasting_sums = (_running(v) for v in (new, lost, lasting))
-        first_sums = _running(lasting * self._column)
+        every = new, lost, lasting, lasting * self._column
+        new_sums, lost_sums, lasting_sums, first_sums = (
+            running_sums(rows, 1) for rows in every
+        )
         count = self._within(lasting_sums)
         middle = self._within(first_sums) / np.maximum(count, 1)
         # pixels of the middle column count half to either side, so that growth by one
@@ -382,18 +376,10 @@ def tiles_of(shape: tuple[int, int]) -> list[Tiles]:
     return [Tiles(shape, side) for side in fitting or [max(shape)]]
 
 
-def down_the_columns(mask: Mask) -> Int[np.ndarray, "row width"]:
-    """Return running sums of a mask down its columns, from a row of zeros on."""
-    out = np.zeros((mask.shape[0] + 1, mask.shape[1]), np.int32)
-    np.cumsum(mask, axis=0, out=out[1:])
-    return out
-
-
-def _running(rows: np.ndarray) -> np.ndarray:
-    """Return running sums along rows, from a column of zeros on."""
-    out = np.zeros((rows.shape[0], rows.shape[1] + 1), np.int32)
-    np.cumsum(rows, axis=1, out=out[:, 1:])
-    return out
+def running_sums(values: np.ndarray, axis: int) -> Int[np.ndarray, "row column"]:
+    """Return running sums along an axis, from zeros on."""
+    before = [(int(axis == 0), 0), (int(axis == 1), 0)]
+    return np.pad(np.cumsum(values, axis=axis, dtype=np.int32), before)
 
 
 class Cusum:
@@ -473,29 +459,13 @@ def own_change(change: Image) -> Image:
     """
     if np.count_nonzero(change > LEAST_CHANGE) <= FEW_PIXELS:
         return change
+    # imported here: films without changes do not need it
+    from scipy.ndimage import uniform_filter
+
     clipped = np.clip(change, np.float32(-MAX_LOG_CHANGE), np.float32(MAX_LOG_CHANGE))
-    return change - _mean(_mean(clipped, 0), 1)
-
-
-def _mean(image: Image, axis: int) -> Image:
-    """Return the mean of `MEAN_SIDE` neighbours along an axis, fewer at the edges."""
-    size = image.shape[axis]
-    # running sums in double precision: single would lose the digits of small changes
-    sums = np.zeros([n + (i == axis) for i, n in enumerate(image.shape)])
-    if axis:
-        np.cumsum(image, axis=1, out=sums[:, 1:])
-    else:
-        # row by row, four times faster than a cumulative sum down the columns
-        for row, (before, after) in enumerate(pairwise(sums)):
-            np.add(before, image[row], out=after)
-    at = np.arange(size)
-    first, last = (
-        np.maximum(at - MEAN_SIDE // 2, 0),
-        np.minimum(at + MEAN_SIDE // 2 + 1, size),
-    )
-    count = np.expand_dims(last - first, 1 - axis).astype(np.float32)
-    total = np.take(sums, last, axis) - np.take(sums, first, axis)
-    return total.astype(np.float32) / count
+    # squares are cut at the edges of the image
+    share = uniform_filter(np.ones_like(change), MEAN_SIDE, mode="constant")
+    return change - uniform_filter(clipped, MEAN_SIDE, mode="constant") / share
 
 
 class EgoMotion:

@@ -19,8 +19,9 @@ from jblast.report.fit.document import fit_document
 from jblast.report.flights import flights_answer
 from jblast.report.world_files import run_world
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, Written, read_events
+from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.film import film_to_events
-from jblast.signals.detect_files import EVENT_FILES, SoundDetections, recording_kind
+from jblast.signals.detect_files import SoundDetections
 from jblast.study.filming import FilmOptions, film_of
 from jblast.study.flight_results import Flights
 from jblast.study.running import has_mission, scene_to_run
@@ -113,23 +114,32 @@ def test_sound_is_searched_as_by_the_command(jblast):
     found = library.detect(path, template=pulse)
     assert isinstance(found, SoundDetections)
     assert found.detected
-    document = detection_answer(found.searched, found.dead, found.method.keys).to_dict()
+    document = detection_answer(found).to_dict()
     same(document, json.loads(out))
     Draft202012Validator(documents.schema("detect")).validate(document)
 
 
 def test_the_kind_of_a_recording_is_that_of_its_suffix(tmp_path):
-    assert set(EVENT_FILES) == set(EVENT_FORMATS)
-    assert recording_kind([tmp_path]) == "frames"
-    assert recording_kind(["a.mp4"]) == "video"
-    assert recording_kind(["a.wav", "b.flac"]) == "sound"
+    with pytest.raises(InputError, match="recordings: expected a file, got none"):
+        library.detect([])
     with pytest.raises(InputError, match="without sound; got 2 recordings"):
-        recording_kind(["a.wav", "a.mp4"])
+        library.detect(["a.wav", "a.mp4"])
+    for suffix in EVENT_FORMATS:
+        with pytest.raises(InputError, match="no such file"):
+            library.detect(tmp_path / f"a{suffix}", size=(64, 48))
     (tmp_path / "a.wav").touch()
     with pytest.raises(
         InputError, match=r"^fps: expected it with frames or video only"
     ):
         library.detect(tmp_path / "a.wav", fps=50.0)
+
+
+def test_a_scene_without_a_camera_is_no_place_of_a_film(tmp_path):
+    for number in range(2):
+        write_png(tmp_path / f"{number}.png", np.zeros((6, 8, 1)))
+    scene = library.Scene(library.Charge(mass_kg=1.0))
+    with pytest.raises(InputError, match=r"^scene: expected the \[camera\]"):
+        library.detect(tmp_path, fps=1000.0, scene=scene)
 
 
 def test_equations_are_found_as_by_the_command(jblast):

@@ -6,7 +6,8 @@ import numpy as np
 from jsonschema import Draft202012Validator
 
 from docs.generate import documents
-from jblast.report.flash import Searched, flash_answer
+from jblast.report.flash import flash_answer
+from jblast.signals.detect_files import Film, FilmDetections
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
 from jblast.signals.flash.search import Flash, FlashDetections
 
@@ -19,7 +20,7 @@ FLASH = Flash(6.0, 0.0370, 31, GROWN, SPOTS, np.full((60, 80), 0.2))
 TIMES = np.arange(80) / 1000
 SEEN = FlashDetections((FLASH,), TIMES, np.zeros(80), 4.0, 0.005, 1)
 NOTHING = SEEN._replace(flashes=())
-FILM = Searched("film", "frames", 80, 60, 80, 1000.0, 0.079)
+FILM = Film("film", "frames", 80, 60, 80, 1000.0, 0.079)
 WHERE = [Direction(0.5, 0.01, -0.1, 0.02)]
 
 
@@ -30,13 +31,13 @@ def test_the_schema_takes_a_flash_with_and_without_a_scene_and_none():
         flashes=(FLASH._replace(growth=GROWN._replace(radius_px=None, growth_s=None)),)
     )
     for seen, where in ((SEEN, WHERE), (SEEN, []), (bare, []), (NOTHING, [])):
-        told = flash_answer(seen, FILM, 1.0, where).to_dict()
+        told = flash_answer(FilmDetections(seen, FILM, 1.0, where)).to_dict()
         Draft202012Validator(schema).validate(json.loads(json.dumps(told)))
         assert told["detected"] == bool(seen.flashes)
 
 
 def test_keys_that_sound_and_film_share_mean_the_same():
-    told = flash_answer(SEEN, FILM, 1.0).to_dict()
+    told = flash_answer(FilmDetections(SEEN, FILM, 1.0)).to_dict()
     (arrival,) = told["arrivals"]
     assert arrival["time_s"] == 0.0304
     assert arrival["snr_db"] == 20 * np.log10(6.0)

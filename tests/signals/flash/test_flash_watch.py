@@ -1,13 +1,10 @@
 """Flashes in frames and events as they come: the same as in a whole film."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from jblast.sensors.camera.files.recorded_events import RecordedEvents
 from jblast.signals.flash import (
-    EventSteps,
     FlashWatch,
     detect_flashes,
     event_changes,
@@ -82,14 +79,13 @@ def events(film):
 
 def test_events_as_they_come_have_the_flashes_of_the_file(events):
     whole = detect_flashes(event_changes(events), 1000.0, HEIGHT, changes=True)
-    steps, packets = EventSteps(SHAPE), []
-    end = 1000 * len(whole.times)
-    for since, until in pairwise([*range(0, end, 7300), end]):
-        low, high = np.searchsorted(events.t, [since, until])
-        x, y, t, p = (column[low:high] for column in events[:4])
-        packets.append(steps.push(t, x, y, p > 0, until))
-    assert sum(image is None for _, images in packets for image in images) > 800
-    watch = FlashWatch(1000.0, HEIGHT, changes=True, shape=SHAPE)
+    changes = [*event_changes(events)]
+    assert sum(not image.any() for _, (image,) in changes) > 800
+    packets = [
+        [np.concatenate(columns) for columns in zip(*changes[i : i + 7], strict=True)]
+        for i in range(0, len(changes), 7)
+    ]
+    watch = FlashWatch(1000.0, HEIGHT, changes=True)
     found, others, statistic = watched(watch, packets)
     np.testing.assert_array_equal(statistic, whole.statistic)
     assert [one.growth for one, _ in found] == [one.growth for one in whole.flashes]

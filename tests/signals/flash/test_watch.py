@@ -13,7 +13,7 @@ from jblast.signals.flash.watch import (
     Cusum,
     EgoMotion,
     Tiles,
-    down_the_columns,
+    running_sums,
     tiles_of,
 )
 from tests.signals.flash.films import SHAPE, disc
@@ -113,7 +113,7 @@ def test_what_was_bright_long_ago_does_not_fall():
 
 def evidence(lit, fallen, bright, side=24):
     tiles = Tiles(lit.shape, side)
-    return tiles, tiles.evidence(*(down_the_columns(m) for m in (lit, fallen, bright)))
+    return tiles, tiles.evidence(*(running_sums(m, 0) for m in (lit, fallen, bright)))
 
 
 def by_hand(lit, fallen, bright):

@@ -10,9 +10,7 @@ from jblast.errors import InputError
 from jblast.observations.records.formats import open_record
 from jblast.signals.detect_files import (
     FilmDetections,
-    bang_of,
     detect,
-    recording_kind,
 )
 from tests.test_mutations_of_files import clip
 
@@ -34,7 +32,6 @@ def test_a_sound_track_has_the_clock_of_the_picture(tmp_path, suffix):
 
 
 def test_clips_and_arguments_that_do_not_fit_are_refused(tmp_path):
-    assert recording_kind(["a.mp4", "b.mov"]) == "video"
     paths = [clip(tmp_path / f"{name}.mp4") for name in ("one", "two")]
     table = tmp_path / "stations.csv"
     table.write_text(STATIONS.replace("two", "three"))
@@ -93,7 +90,7 @@ def test_a_varying_frame_rate_goes_by_the_time_stamps_of_the_file():
     (flash,) = film.flashes.flashes
     assert flash.growth.time_s == pytest.approx(1.012, abs=2 * flash.growth.sigma_s)
     assert "the frame rate varies" in film.notes[0]
-    bang = bang_of(film)
+    bang = film.bang
     assert bang is not None
     assert bang.time_s == pytest.approx(2.4, abs=2 * bang.sigma_s)
 
@@ -111,3 +108,9 @@ def test_sound_far_from_the_picture_is_not_searched(
     found = detect(path)
     assert isinstance(found, FilmDetections)
     assert said in found.notes[0]
+
+
+def test_a_template_that_is_none_is_refused_with_clips_too(tmp_path):
+    path = clip(tmp_path / "one.mp4")
+    with pytest.raises(InputError, match=r"absent\.wav: no such file"):
+        detect(path, template=tmp_path / "absent.wav")

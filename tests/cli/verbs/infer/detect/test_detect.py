@@ -42,15 +42,6 @@ def test_nothing_is_found_in_noise_and_the_code_says_so(jblast):
     assert "No arrival in" in jblast("detect", file, "--template", template(jblast))[1]
 
 
-def test_a_stream_finds_what_the_whole_does(jblast):
-    file = write(jblast, "two.wav", recording([[1.0, 2.5]]))
-    shape = template(jblast)
-    whole = answer(jblast, file, "--template", shape)[1]
-    streamed = answer(jblast, file, "--template", shape, "--stream")[1]
-    assert len(whole["arrivals"]) == 2
-    assert streamed == whole
-
-
 def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
     samples = recording([[1.0], [], [1.1]])
     samples[1] = 0.0

@@ -98,8 +98,8 @@ def test_what_cannot_be_is_refused_in_one_line(jblast):
         ((sound, film), ", without sound;"),
         ((film, "--fps", 1000, "--template", sound), "--template: expected it with"),
         (
-            (film, "--fps", 1000, "--stream"),
-            "--stream: expected it with video or sound only",
+            (film, "--fps", 1000, "--all-sounds"),
+            "--all-sounds: expected it with video or sound only",
         ),
         ((sound, "--fps", 1000), "--fps: expected it with frames"),
         (("nowhere", "--fps", 1000), "nowhere: no such file or directory"),
