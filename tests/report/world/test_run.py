@@ -151,12 +151,7 @@ def test_each_row_of_the_flight_and_each_frame_is_in_one_packet(run, parts):
 
 
 @pytest.mark.slow
-def test_who_watches_changes_nothing_recorded(scene, folder, monkeypatch):
-    # without picks, whose program takes a minute to compile
-    monkeypatch.setattr(
-        "jblast.study.run_detectors.picked_arrivals",
-        lambda channels: [tuple(one.arrivals) for one in channels],
-    )
+def test_who_watches_changes_nothing_recorded(scene, folder):
     alone, watched = folder / "alone", folder / "watched"
     arguments = {"seconds": SECONDS, "seed": 4}
     run_world(scene, alone, **arguments)
