@@ -70,7 +70,8 @@ class Effect:
         scan: Columns that it adds to first order: [trial, column, bin].
         starts: Unknowns from which a search begins, given the best trial of the scan.
         suspected: True for a sign that no scan shows.
-        hides_rise: True if the best rise without the effect imitates it.
+        all_forms: True if all forms are tried with it; a ring hides the form, and the
+            best form without it imitates the ring.
     """
 
     name: str
@@ -82,7 +83,7 @@ class Effect:
     scan: Callable = lambda window, best: None
     starts: Callable = lambda window, best, trial: None
     suspected: Callable = lambda best: False
-    hides_rise: bool = False
+    all_forms: bool = True
 
     @property
     def ln_width(self) -> float:
@@ -267,7 +268,7 @@ EFFECTS = (
         columns=_ringing,
         scan=_ring_scan,
         starts=_ring_starts,
-        hides_rise=True,
+        all_forms=False,
     ),
     Effect(
         "later_arrival",

@@ -38,9 +38,12 @@ from jblast.signals.picks.effects import (
 from jblast.signals.picks.preparation import BANK, Prepared, Window
 from jblast.signals.picks.pulse import (
     CENTRE,
+    CHANGES,
     CHANGES_SD,
     CONTINUED,
     CUBIC,
+    FAMILY_PHASE,
+    FAMILY_RISE,
     LN_PRIOR_NEGATIVE,
     LN_PRIOR_RISE,
     NEGATIVES,
@@ -50,6 +53,7 @@ from jblast.signals.picks.pulse import (
     SMOOTH,
     SPREAD,
     SUCTION,
+    VARIANCE,
     moved,
     natural,
     outputs,
@@ -83,9 +87,11 @@ LIKELY, LIKELY_END = 6.0, 12.0
 """Lags behind the best negative phase up to which all rises are tried with it, and
 behind the best first end up to which all negative phases are, in ln evidence: the end
 of another length may be ahead with its own form."""
-LIKELY_EFFECT = 3.0
-"""Lag behind the best mode without an effect up to which all forms are tried with the
-effect."""
+LIKELY_EFFECT, HOPELESS_EFFECT = 3.0, 10.0
+"""Lags behind the best mode without an effect up to which all forms are tried with the
+effect, and beyond which its search is given up."""
+EFFECT_STARTS = 4
+"""Best starts of an effect that are searched: fewer overlook a ring of a slow front."""
 FORM_STEPS = 8
 """Steps of a search from the end of a similar form."""
 LEAST_SIGN = 4.0
@@ -246,8 +252,16 @@ def evaluate(window: Window, modes: Modes, slopes: bool = True) -> Modes:
         columns = through_high_pass(window.ends, columns, corner)
     q, n = columns.shape[1:]
     columns = columns.reshape(copies, many, q, n)
-    drift = np.broadcast_to(window.drift, (many, 4, n))
-    model = np.concatenate([columns[0] @ window.whitener.T, drift], axis=1)
+    model = np.zeros((many, q + 4, n))
+    model[:, q:] = window.drift
+    own = [PEAK, SUCTION, *range(2 + CHANGES, q)]
+    model[:, own] = columns[0][:, own] @ window.whitener.T
+    families = np.flatnonzero(
+        (modes.rise == FAMILY_RISE) | (modes.negative == FAMILY_PHASE)
+    )
+    if families.size:  # the changes of others are zero
+        changes = columns[0][families, 2 : 2 + CHANGES]
+        model[families, 2 : 2 + CHANGES] = changes @ window.whitener.T
     prior = _linear_prior(peak, effect)
     normal = model @ model.transpose(0, 2, 1) + prior
     right = model @ window.data
@@ -332,13 +346,16 @@ def _bounded(window: Window, columns, held, normal, right) -> _Bounds:
     return _Bounds(c, short, slope * sign, rows)
 
 
-def search(window: Window, start: Modes, steps: int = 12) -> Modes:
+def search(
+    window: Window, start: Modes, steps: int = 12, against: float = np.inf
+) -> Modes:
     """Return the optima of hypotheses by damped Gauss-Newton steps, all at once.
 
     Args:
         window: The bins.
         start: Where the searches begin.
         steps: Largest number of steps.
+        against: Cost above which a search is given up after five steps.
     """
     here = evaluate(window, start[np.arange(len(start))])  # a copy
     many, p = here.unknowns.shape
@@ -367,6 +384,8 @@ def search(window: Window, start: Modes, steps: int = 12) -> Modes:
         done[some] = (better & (expected < ENOUGH * widened)) | (stalled[some] > 2)
         if step >= 2:
             done |= here.cost > np.min(here.cost) + HOPELESS * widened
+        if step >= 5:
+            done |= here.cost > against
     return here
 
 
@@ -440,24 +459,40 @@ def modes_of(record: Prepared, longest: float = np.inf) -> tuple[Window, list[Mo
         longest: Longest duration of the start [samples].
     """
     member = record.best_member(longest)
-    duration = record.start_duration(longest)
-    windows = 0
-    while True:
-        window = record.window(duration)
-        ends = search(window, _starts(window, member), FIRST_STEPS)
-        window.peak = float(np.clip(ends.best.linear[0, PEAK], 0.02, 3.0))
-        windows += 1
-        duration = float(np.exp(ends.best.unknowns[0, 1]))
-        # a pulse that does not fit may be too long
-        fits = widening(window, ends) < MISFIT
-        if not fits or windows == WINDOWS or 0.6 < duration / window.duration < 1.7:
-            break
+    window, ends = _first_ends(record, member, record.start_duration(longest))
+    for _ in range(WINDOWS - 1):
+        if _leaves(window, [ends]):
+            window, ends = _first_ends(record, member, _duration([ends]))
     if not np.isfinite(ends.cost).any():
         return window, []
     plain = _all_forms(window, ends)
     instants = _at_instants(window, plain)
     groups = [*_with_effects(window, plain), *instants]
+    if _leaves(window, groups):
+        peak, window = window.peak, record.window(_duration(groups))
+        window.peak = peak
+        groups = [search(window, modes) for modes in groups]
     return window, groups
+
+
+def _first_ends(record: Prepared, member: int, duration: float):
+    """Return the window for a duration, and the ends of the first searches in it."""
+    window = record.window(duration)
+    ends = search(window, _starts(window, member), FIRST_STEPS)
+    window.peak = float(np.clip(ends.best.linear[0, PEAK], 0.02, 3.0))
+    return window, ends
+
+
+def _duration(groups: list[Modes]) -> float:
+    """Return the duration of the mode of lowest cost."""
+    best = min(groups, key=lambda modes: modes.cost.min()).best
+    return float(np.exp(best.unknowns[0, 1]))
+
+
+def _leaves(window: Window, groups: list[Modes]) -> bool:
+    """Return True if a pulse that fits has another length than its window is for."""
+    ratio = _duration(groups) / window.duration
+    return widening(window, *groups) < MISFIT and not 0.6 < ratio < 1.7
 
 
 def _all_forms(window: Window, found: Modes) -> Modes:
@@ -495,7 +530,11 @@ def _at_instants(window: Window, plain: Modes) -> list[Modes]:
     best = best[likely & (tau[best] > SHARPEST) & (tau[best] < SLOWEST)]
     if not best.size:
         return []
-    unknowns, rise = plain.unknowns[best], plain.rise[best]
+    unknowns, rise = plain.unknowns[best].copy(), plain.rise[best]
+    # the average over a sample has made the rise longer
+    longer = np.sqrt(tau[best] ** 2 + 1 / 12 / VARIANCE[rise])
+    left = np.maximum(1 - longer / np.exp(unknowns[:, 1]), 0.1)
+    unknowns[:, 3] = np.log(longer / left)
     start = hypotheses(unknowns, rise, plain.negative[best], instants=True)
     found = search(window, start, FORM_STEPS)
     # both samplings are equally probable; these stand for all modes of the other
@@ -529,12 +568,18 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
         gain, trial = _sign(window, effect, best)
         if gain < LEAST_SIGN and not effect.suspected(best):
             continue
-        starts = effect.starts(window, best, trial)
-        rise = SMOOTH if effect.hides_rise else best.rise[0]
-        trials = hypotheses(starts, rise, best.negative[0], effect)
-        found = search(window, _most_likely(window, trials, 2), 20)
+        base = best
+        if not effect.all_forms:
+            usual = (plain.rise == SMOOTH) & (plain.negative == CUBIC)
+            base = plain[[int(np.argmax(np.where(usual, level, -np.inf)))]]
+        starts = effect.starts(window, base, trial)
+        trials = hypotheses(starts, base.rise[0], base.negative[0], effect)
+        tried = evaluate(window, trials, slopes=False)
+        trials = trials[np.argsort(tried.cost)[:EFFECT_STARTS]]
+        limit = best.cost[0] + HOPELESS_EFFECT * widened
+        found = search(window, trials, 20, against=limit)
         reached = levels(window, found, widened)
-        if reached.max() > level.max() - LIKELY_EFFECT:
+        if effect.all_forms and reached.max() > level.max() - LIKELY_EFFECT:
             # the best forms without the effect may only imitate it
             found = _all_forms(window, found)
         if reached.max() > level.max():

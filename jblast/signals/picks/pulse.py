@@ -141,8 +141,10 @@ def primitive(
     last = np.where(negative == CONTINUED, np.inf, 1.0)[:, None]
     x = np.clip((ends[first:risen] - a) / tau, 0, 1)
     # changes of shape cost as much as the shape, and only families have them
-    out[:, _RISE_COLUMNS, first:risen] = tau[:, :, None] * _looked_up(RISEN, rise, x)
-    out[:, _RISE_COLUMNS, risen:] = (tau * RISEN[rise, :, -1])[:, :, None]
+    changed = bool(np.any(rise == FAMILY_RISE))
+    of, table = (_RISE_COLUMNS, RISEN) if changed else ([PEAK], RISEN[:, :1])
+    out[:, of, first:risen] = tau[:, :, None] * _looked_up(table, rise, x)
+    out[:, of, risen:] = (tau * table[rise, :, -1])[:, :, None]
     # a rise that multiplies the decay; the mean of the family has half of it
     out[:, 4] *= (1 + b) * tau / length
     out[:, PEAK] += 0.5 * out[:, 4]
@@ -155,7 +157,9 @@ def primitive(
         faster = mine + FASTEST * whole / tau[some]
         out[some, PEAK, first:] = whole * (fallen(mine, s) - fallen(faster, s))
     r = np.clip((ends[over:] - a - duration) / fall, 0, 1)
-    out[:, _PHASE_COLUMNS, over:] = -fall[:, :, None] * _looked_up(SUCKED, negative, r)
+    changed = bool(np.any(negative == FAMILY_PHASE))
+    of, table = (_PHASE_COLUMNS, SUCKED) if changed else ([SUCTION], SUCKED[:, :1])
+    out[:, of, over:] = -fall[:, :, None] * _looked_up(table, negative, r)
     return out
 
 
