@@ -154,7 +154,10 @@ def resolve_positions(
         ),
         (
             "clock",
-            [c not in ("", s) and s in own for c, s in zip(log.clock, log.sensor)],  # noqa: B905
+            [
+                clock not in ("", sensor) and sensor in own
+                for clock, sensor in zip(log.clock, log.sensor, strict=True)
+            ],
             "got {clock}, but the scene gives sensor {sensor} a clock_offset_s of its "
             "own; expected one of the two",
         ),

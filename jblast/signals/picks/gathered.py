@@ -63,8 +63,12 @@ class Gathered(NamedTuple):
     @property
     def orders(self) -> tuple[int, ...]:
         """Number of each pick within its channel, from 1."""
-        names = [_channel(one.record) for one in self.picks]
-        return tuple(names[: at + 1].count(name) for at, name in enumerate(names))
+        counts: Counter[str] = Counter()
+        found = []
+        for name in (_channel(one.record) for one in self.picks):
+            counts[name] += 1
+            found.append(counts[name])
+        return tuple(found)
 
     def named(self) -> tuple[str, ...]:
         """Return the name of each pick's record; of several in a channel name#order."""

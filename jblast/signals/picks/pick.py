@@ -271,7 +271,7 @@ def pick(
 
     Example:
         `found = jblast.pick(time_s, pressure_pa)`, then `found.positive_impulse_pa_s`
-        and `fit.sd("positive_impulse_pa_s")`.
+        and `found.sd("positive_impulse_pa_s")`.
     """
     time, pressure = np.asarray(time_s, float), np.asarray(pressure_pa, float)
     if time.ndim != 1 or pressure.shape != time.shape:
