@@ -9,6 +9,32 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+UNITS = {
+    "": "",
+    "_m": "m",
+    "_s": "s",
+    "_kg": "kg",
+    "_pa": "Pa",
+    "_pa_s": "Pa s",
+    "_m_s": "m/s",
+    "_m_s2": "m/s²",
+    "_m_s2_sqrt_hz": "m/s²/√Hz",
+    "_m_s2_sqrt_s": "m/s²/√s",
+    "_rad": "rad",
+    "_rad_s": "rad/s",
+    "_rad_s_sqrt_hz": "rad/s/√Hz",
+    "_rad_s_sqrt_s": "rad/s/√s",
+    "_deg": "degrees",
+    "_n": "N",
+    "_n_m": "N m",
+    "_j": "J",
+    "_k": "K",
+    "_px": "px",
+    "_hz": "Hz",
+    "_db": "dB",
+    "_lux": "lux",
+}
+"""Units by the end of a name."""
 Kind = Literal[
     "flash",
     "arrival",
@@ -336,6 +362,12 @@ FEEL_WIND = tuple(q.name for q in _RECORDED if q.feels_wind)
 """Quantities that depend on the wind."""
 ADDABLE = {q.name: q.default_sigma for q in _RECORDED if q.default_sigma is not None}
 """Quantities of proposed additional readings, with their error: seconds or relative."""
+
+
+def unit_suffix(name: str) -> str:
+    """Return the end of a name that is its unit, a key of `UNITS`."""
+    # The longest: a name in _n_m ends in _m as well.
+    return max((end for end in UNITS if name.endswith(end)), key=len)
 
 
 def components(quantity: str) -> tuple[tuple[str, float], ...]:

@@ -1,10 +1,10 @@
-"""Results as documents: JSON, JSON Schema and data frames from one immutable type.
+"""Results as documents: JSON and JSON Schema from one immutable type.
 
 A result is a frozen dataclass or a named tuple.
 
-The list of attributes in a result's docstring describes its fields, and gives the unit
-of fields without a unit in their names. `described` reads it, so that the schema, the
-tables of keys in the manual and the pages of the API have the same text.
+The list of attributes in a result's docstring describes its fields. `described` reads
+it, so that the schema, the tables of keys in the manual and the pages of the API have
+the same text.
 
 A `Note` is a fact beside an answer, as numbers without words: `report.messages` has one
 sentence for each kind. A table of `jblast.report` maps such types to the function that
@@ -16,7 +16,7 @@ import json
 import math
 import re
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from inspect import cleandoc
 from types import MappingProxyType
@@ -30,21 +30,6 @@ HIDDEN = MappingProxyType({"hidden": True})
 """Metadata of a field without an entry."""
 AMONG = MappingProxyType({"among": ()})
 """Metadata of a field whose entries are merged into the object; None adds none."""
-UNITS = {
-    "_pa_s": "Pa s",
-    "_m_s2": "m/s2",
-    "_m_s": "m/s",
-    "_rad": "rad",
-    "_deg": "degree",
-    "_kg": "kg",
-    "_pa": "Pa",
-    "_px": "px",
-    "_m": "m",
-    "_s": "s",
-    "_j": "J",
-    "_k": "K",
-}
-"""Units at the end of names, longest first: `_m_s` must be tried before `_s`."""
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 NUMBER = {"type": ["number", "null"]}
 """An infinite or unknown number is null."""
@@ -175,34 +160,15 @@ def to_json(document: Mapping[str, Any]) -> str:
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def to_frame(results: Iterable[Any], words: Words = NO_WORDS) -> Any:
-    """Return results of one type as a `pandas.DataFrame`, a row each.
-
-    Nested entries have separate columns, such as `air_arrival_s.value`. Units are in
-    `frame.attrs["units"]`, by the name of the field.
-    """
-    # An optional use: pandas takes long to import.
-    import pandas
-
-    rows = list(results)
-    frame = pandas.json_normalize([entries(row, words) for row in rows])
-    fields_of = described(type(rows[0])) if rows else {}
-    frame.attrs["units"] = {name: unit for name, (_, unit) in fields_of.items() if unit}
-    return frame
-
-
-def described(cls: type) -> dict[str, tuple[str, str]]:
-    """Return description and unit of each field of a result."""
-    found: dict[str, tuple[str, str]] = {}
+def described(cls: type) -> dict[str, str]:
+    """Return the description of each field of a result."""
+    found: dict[str, str] = {}
     # Fields of base classes first, as in the dataclass itself.
     for base in reversed(cls.__mro__[:-1]):
         _, _, listed = cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
         listed = re.split(r"\n(?=\S)", listed)[0]  # up to the next section
         for name, text in re.findall(r"^ {4}(\w+): (.*(?:\n {8}.*)*)", listed, re.M):
-            description = " ".join(text.split()).rstrip(".")
-            unit = re.search(r"\[([^]]+)\]$", description)
-            ends = (unit for end, unit in UNITS.items() if name.endswith(end))
-            found[name] = (description, unit[1] if unit else next(ends, ""))
+            found[name] = " ".join(text.split()).rstrip(".")
     return found
 
 
@@ -217,6 +183,9 @@ def schema_of(
         hint: The type.
         words: Functions that word some types; their annotations give the schema.
         names: Types that classes import for type checkers only, by name.
+
+    Raises:
+        TypeError: JSON has no form of the type.
     """
     if hint in SIMPLE:
         return SIMPLE[hint]
@@ -237,8 +206,12 @@ def schema_of(
         if origin is Sequence or inner[1] is ...:
             return items
         return items | {"minItems": len(inner), "maxItems": len(inner)}
-    # what is left is a jaxtyping annotation of an array
-    return {"type": "array", "items": NUMBER}
+    if not hasattr(hint, "array_type"):  # of jaxtyping's annotations
+        raise TypeError(f"{hint}: expected a type with a form in JSON")
+    values: Schema = NUMBER
+    for _ in hint.dims:
+        values = {"type": "array", "items": values}
+    return values
 
 
 def _schema_of_class(
@@ -260,7 +233,7 @@ def _schema_of_class(
         if "among" not in meta:
             is_absent, key = meta.get("absent"), meta.get("key", name)
             schema = schema_of(value if is_absent else hint, words, names)
-            properties[key] = schema | {"description": texts[name][0]}
+            properties[key] = schema | {"description": texts[name]}
             required += [] if is_absent else [key]
         elif _is_result(value):
             own = _schema_of_class(value, words, names)

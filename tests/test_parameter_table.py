@@ -9,7 +9,8 @@ from jblast.parameters import (
     PARAMETERS,
     described,
 )
-from jblast.report.words import LADDERS, parameter_words, split_name
+from jblast.quantities import UNITS
+from jblast.report.words import parameter_words, split_name
 from jblast.scene import Scene, parameter_named, value_of
 from jblast.scene.reader.tables import keys_of
 from jblast.scene.sensor_kinds import all_instrument_keys, own_keys
@@ -64,8 +65,7 @@ def test_what_is_fitted_in_ln_is_positive_and_the_rest_may_be_zero(one):
 )
 def test_a_name_ends_in_its_unit(one):
     _, suffix, _ = split_name(one.name)
-    symbol = next(unit.symbol for _, unit in LADDERS[suffix] if unit.size == 1.0)
-    assert one.unit == (symbol or "1")
+    assert one.unit == (UNITS[suffix] or "1")
 
 
 def test_numbers_are_found_by_the_names_they_have_beside_others():

@@ -1,4 +1,4 @@
-"""Results as documents: entries, schema and data frame from one type."""
+"""Results as documents: entries and schema from one type."""
 
 import json
 import math
@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
+import numpy as np
 import pytest
+from jaxtyping import Float
 from jsonschema import Draft202012Validator, ValidationError
 
 from jblast.results import (
@@ -19,7 +21,6 @@ from jblast.results import (
     described,
     entries,
     schema_of,
-    to_frame,
 )
 
 
@@ -98,15 +99,17 @@ def test_the_schema_takes_these_entries_and_no_others():
         strict.validate({"value": 1.0, "sd": 0.1})
 
 
-def test_descriptions_and_units_are_those_of_docstring_and_name():
-    assert described(Reading)["sd"] == ("Its standard deviation [Pa]", "Pa")
-    assert described(Example)["time_s"] == ("When", "s")
-    assert described(Example)["schema"][1] == ""
+def test_descriptions_are_those_of_the_docstring():
+    assert described(Reading)["sd"] == "Its standard deviation [Pa]"
+    assert described(Example)["time_s"] == "When"
 
 
-def test_a_data_frame_has_a_row_for_each_result_and_units():
-    frame = to_frame([Reading(2.0, 0.1, 7), Reading(3.0, 0.2, 8)])
-    assert list(frame.columns) == ["value", "sd", "raw"]
-    assert frame["value"].tolist() == [2.0, 3.0]
-    assert frame.attrs["units"] == {"value": "Pa", "sd": "Pa"}
-    assert to_frame([]).empty
+def test_arrays_have_the_schema_of_their_shape_and_a_wrong_annotation_is_refused():
+    numbers = {"type": ["number", "null"]}
+    row = {"type": "array", "items": numbers}
+    assert schema_of(Float[np.ndarray, ""]) == numbers
+    assert schema_of(Float[np.ndarray, "3"]) == row
+    assert schema_of(Float[np.ndarray, "row 3"]) == {"type": "array", "items": row}
+    for wrong in (np.ndarray, set[int], list, object):
+        with pytest.raises(TypeError, match="expected a type with a form in JSON"):
+            schema_of(wrong)

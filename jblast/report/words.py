@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from jblast.parameters import described
-from jblast.quantities import quantity_named
-from jblast.results import UNITS
+from jblast.quantities import UNITS, quantity_named, unit_suffix
 from jblast.units import si_factor
 
 GAP = 2
@@ -124,7 +123,6 @@ LADDERS = {
         (1e-4, Unit("mm/s", 1e-3)),
         (0.1, Unit("m/s", 1.0)),
     ),
-    "_m_s2": ((0.0, Unit("m/s²", 1.0)),),
     "_pa": ((0.0, Unit("Pa", 1.0)), (1e3, Unit("kPa", 1e3)), (1e6, Unit("MPa", 1e6))),
     "_pa_s": ((0.0, Unit("Pa s", 1.0)), (1e4, Unit("kPa s", 1e3))),
     "_j": (
@@ -135,12 +133,9 @@ LADDERS = {
         (1e12, Unit("TJ", 1e12)),
     ),
     "_rad": ((0.0, Unit("mrad", 1e-3)), (0.1, Unit("rad", 1.0))),
-    "_deg": ((0.0, Unit("degrees", 1.0)),),
-    "_px": ((0.0, Unit("px", 1.0)),),
-    "_k": ((0.0, Unit("K", 1.0)),),
-    "": ((0.0, Unit("", 1.0)),),
 }
-"""Units of each suffix, each with the least value in SI that is printed in it."""
+"""Units of a suffix, each with the least value in SI that is printed in it; other
+suffixes have the SI unit alone."""
 
 
 def finite(number: Any) -> float | None:
@@ -151,7 +146,7 @@ def finite(number: Any) -> float | None:
 def unit_for(name: str, *numbers: float | None, system: System = "si") -> Unit:
     """Return the unit for numbers of one parameter or quantity, by the largest."""
     suffix = split_name(name)[1]
-    ladder = LADDERS[suffix]
+    ladder = LADDERS.get(suffix) or ((0.0, Unit(UNITS[suffix], 1.0)),)
     if system == "us" and suffix in CUSTOMARY:
         ladder = tuple(
             (start, Unit(SYMBOLS.get(ending) or ending, si_factor(ending)))
@@ -240,11 +235,8 @@ def behind(start: str, text: str) -> list[str]:
 def split_name(name: str) -> tuple[str, str, str]:
     """Split a parameter's name: `clock_offset_s.B` is ("clock_offset", "_s", "B")."""
     stem, _, label = name.partition(".")
-    # `UNITS` has longer suffixes first: _m_s ends in _s as well
-    for suffix in UNITS:
-        if stem.endswith(suffix):
-            return stem.removesuffix(suffix), suffix, label
-    return stem, "", label
+    suffix = unit_suffix(stem)
+    return stem.removesuffix(suffix), suffix, label
 
 
 def parameter_words(name: str) -> str:

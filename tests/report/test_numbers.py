@@ -46,6 +46,10 @@ def test_a_number_known_within_a_factor_has_two_significant_digits():
         ("sedov_gamma", 1.4, "1.4"),
         ("air_relative_humidity", 0.5, "0.5"),
         ("charge_range_m", 12345.0, "12.35 km"),
+        ("moment_x_n_m", 0.02, "0.02 N m"),
+        ("full_scale_rad_s", 34.9, "34.9 rad/s"),
+        ("noise_m_s2_sqrt_hz", 0.01, "0.01 m/s²/√Hz"),
+        ("force_up_n", 9.81, "9.81 N"),
     ],
 )
 def test_the_suffix_of_a_name_gives_its_unit(name, value, text):
