@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from jblast.fidelity import Choice
-from jblast.report.autopilot import LockstepAnswer, WatchedAnswer
 from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
 from jblast.report.check import CheckAnswer
 from jblast.report.choice import ChoiceAnswer
@@ -24,6 +23,7 @@ from jblast.report.study_run import StudyAnswer
 from jblast.report.tune import TuneAnswer
 from jblast.report.world import ServedAnswer, WorldAnswer
 from jblast.results import DIALECT, schema_of
+from jblast.study.mavlink_servers import LockstepAnswer, WatchedAnswer
 
 DOCUMENTS: dict[str, tuple[type, str]] = {
     "fit": (FitAnswer, "An answer of jblast fit"),

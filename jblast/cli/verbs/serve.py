@@ -22,6 +22,7 @@ from jblast.cli.arguments.numbers import positive, seed
 from jblast.cli.arguments.options import DOUBTFUL, add_force, add_json, given, path
 from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError, argument
+from jblast.files import refuse_existing
 from jblast.progress_line import serve_line
 
 if TYPE_CHECKING:
@@ -173,22 +174,26 @@ def _over_mavlink(options: argparse.Namespace) -> int:
 
     if options.ground_station:
         check_mission(options.scene)
-
+    if options.tlog:
+        refuse_existing(options.tlog, force=options.force)
     # Optimised code: the step of the vehicle has to keep up with the autopilot.
     start_jax()
-    from jblast.cli.arguments.mavlink import (
-        served_autopilot,
-        served_ground_station,
-    )
     from jblast.report.autopilot import lockstep_text, watched_text
+    from jblast.study.mavlink_servers import serve_autopilot, serve_ground_station
 
+    common = {
+        "seconds": options.seconds,
+        "seed": options.seed,
+        "report": serve_line,
+        **given(options, speed="speed", patience="patience_s", tlog="log"),
+    }
     if options.mavlink:
-        answer = served_autopilot(options)
+        answer = serve_autopilot(options.scene, options.mavlink, **common)
         words = lockstep_text(answer)
         # A millisecond of tolerance: the time is a sum of periods in floating point.
         short = options.seconds is not None and answer.seconds < options.seconds - 1e-3
     else:
-        answer = served_ground_station(options)
+        answer = serve_ground_station(options.scene, options.ground_station, **common)
         words, short = watched_text(answer), False
     sys.stdout.write(answer.to_json() if options.json else words)
     return DOUBTFUL if short else 0

@@ -1,0 +1,290 @@
+"""Servers of a scene's vehicle over MAVLink, for an autopilot or a ground station.
+
+Each runs until it is interrupted (SIGINT, SIGTERM) or its time is over.
+"""
+
+import contextlib
+import os
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from types import FrameType
+
+from jblast.autopilot.ground_station import GroundStation
+from jblast.autopilot.lockstep import (
+    MOTOR_WORDS,
+    PERIOD_S,
+    PLACE,
+    Lockstep,
+    fly_lockstep,
+    programs,
+    rotors_of,
+    turns_of,
+)
+from jblast.autopilot.mavlink import Link, TelemetryLog, read_address
+from jblast.autopilot.protocols import Missions
+from jblast.results import Document
+from jblast.scene import Place, UncertainScene, VehicleSpec
+from jblast.study.flights import checked_scene
+from jblast.study.missions import check_flown, flown_record, home_of, standing_record
+from jblast.study.running import scene_to_run
+from jblast.vehicle import vehicle_of
+
+AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
+"""Default ports, by convention of PX4's simulators and of ground stations."""
+
+
+@dataclass(frozen=True)
+class LockstepAnswer(Document):
+    """Result of a flight with an autopilot in lockstep.
+
+    Attributes:
+        scene: The scene's file.
+        seed: Seed of all random draws.
+        vehicle: The vehicle.
+        address: Address of the connection.
+        turns: Number of steps, 250 per second.
+        flown: Number of steps since the autopilot armed.
+        seconds: Time of flight.
+        late: Number of ignored answers, which came for an earlier step.
+        lost: Number of missing messages, by the autopilot's count.
+        damaged: Number of messages with a wrong checksum.
+        ended: Reason for the end of the flight.
+        position_m: Final position of the vehicle: east, north, up.
+        files: Files that were written.
+    """
+
+    scene: str
+    seed: int
+    vehicle: str
+    address: str
+    turns: int
+    flown: int
+    seconds: float
+    late: int
+    lost: int
+    damaged: int
+    ended: str
+    position_m: tuple[float, float, float]
+    files: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class WatchedAnswer(Document):
+    """Result of serving a ground station.
+
+    Attributes:
+        scene: The scene's file.
+        seed: Seed of all random draws.
+        vehicle: The vehicle.
+        address: Address of the connection.
+        flights: Number of flights.
+        items: Number of mission items at the end.
+        lost: Number of missing messages, by the station's count.
+        damaged: Number of messages with a wrong checksum.
+        ended: Reason for the end of the connection.
+    """
+
+    scene: str
+    seed: int
+    vehicle: str
+    address: str
+    flights: int
+    items: int
+    lost: int
+    damaged: int
+    ended: str
+
+
+def serve_autopilot(
+    scene: str | os.PathLike[str],
+    address: str = "tcp",
+    *,
+    seconds: float | None = None,
+    patience_s: float = 60.0,
+    log: str | None = None,
+    seed: int = 0,
+    report: Callable[[str], object] = lambda line: None,
+) -> LockstepAnswer:
+    """Let an autopilot fly a scene's vehicle in lockstep, as in PX4's simulators.
+
+    Args:
+        scene: Scene file with a vehicle.
+        address: "tcp:HOST:PORT", where it listens, or "udp:HOST:PORT", where it sends
+            first; host and port may be absent.
+        seconds: Duration of the flight; None: no end.
+        patience_s: Timeout of an answer.
+        log: New file of all messages; None: none.
+        seed: Seed of all random draws.
+        report: Called with a line when an autopilot can connect.
+
+    Raises:
+        InputError: The scene, the address or the log cannot be used.
+    """
+    flight = Lockstep()
+    # the port is bound before programs compile: a client may connect meanwhile
+    with contextlib.ExitStack() as stack:
+        uncertain, spec, place, link = stack.enter_context(
+            _served(scene, address, "mavlink", AUTOPILOT_PORT, seconds, seed)
+        )
+        rotors = rotors_of(vehicle_of(spec))
+        turns = turns_of(uncertain.scene, spec, place, seed, str(scene))
+        kept = None
+        if log:  # after the port is bound, so that a failure leaves no file
+            kept = stack.enter_context(TelemetryLog(log))
+            link.keep = kept.keep
+        made = programs(turns)
+        listens = link.address.kind == "tcp"
+        waits = (
+            "waits for an autopilot on" if listens else "connects to an autopilot at"
+        )
+        report(
+            f"{spec.model} in {scene} {waits} {link.address}: 250 samples a second in "
+            f"lockstep, motors {MOTOR_WORDS}"
+        )
+
+        def each() -> None:
+            # Simulated time: stamps of the wall clock would depend on the speed of the
+            # machine and of the autopilot.
+            if kept is not None:
+                kept.now_s = flight.turns * PERIOD_S
+
+        stack.enter_context(_stopped_by_signal())
+        unconnected = False
+        try:
+            # one second at a time, so that Ctrl-C is handled while waiting
+            while listens and not link.accept(1.0):
+                pass
+        except KeyboardInterrupt:
+            # A flight of 0 s, so that log and summary are complete also in this case.
+            unconnected, seconds = True, 0.0
+        fly_lockstep(
+            made,
+            link,
+            rotors,
+            flight=flight,
+            seconds=seconds,
+            patience_s=patience_s,
+            each=each,
+        )
+    east, north, up = (float(x) for x in flight.rows[-1].state[:3])
+    return LockstepAnswer(
+        scene=str(scene),
+        seed=seed,
+        vehicle=spec.model,
+        address=str(link.address),
+        turns=flight.turns,
+        flown=flight.flown,
+        seconds=flight.seconds,
+        late=flight.late,
+        lost=link.receiver.lost,
+        damaged=link.receiver.damaged,
+        ended="interrupted before an autopilot connected"
+        if unconnected
+        else flight.ended,
+        position_m=(east, north, up),
+        files=(log,) if log else (),
+    )
+
+
+def serve_ground_station(
+    scene: str | os.PathLike[str],
+    address: str = "udp",
+    *,
+    seconds: float | None = None,
+    speed: float = 1.0,
+    seed: int = 0,
+    report: Callable[[str], object] = lambda line: None,
+) -> WatchedAnswer:
+    """Let a ground station display and fly a scene's vehicle.
+
+    Args:
+        scene: Scene file with a vehicle.
+        address: "udp:HOST:PORT", where it sends first, or "tcp:HOST:PORT", where it
+            listens; host and port may be absent.
+        seconds: Duration; None: no end.
+        speed: Flight time per wall-clock time [-].
+        seed: Seed of all random draws.
+        report: Called with a line when a station can connect, and about each flight.
+
+    Raises:
+        InputError: The scene or the address cannot be used.
+    """
+    with _served(
+        scene, address, "ground_station", GROUND_PORT, seconds, seed
+    ) as served:
+        uncertain, spec, place, link = served
+
+        def report_text(text: str) -> None:
+            report(text)
+            station.report_text(text)
+
+        missions = Missions(
+            None if spec.mission is None else check_flown(uncertain),
+            home_of(spec, place),
+            lambda plan: check_flown(uncertain, plan),
+            report_text,
+        )
+        station = GroundStation(
+            link,
+            standing_record(spec, place),
+            missions,
+            lambda plan: flown_record(uncertain, plan, seed),
+            speed,
+            hovers=float(spec.held[2]) > 0,
+            report=report,
+        )
+        report(
+            f"{spec.model} in {scene} on {link.address}, for a ground station to arm"
+        )
+        with _stopped_by_signal():
+            watched = station.serve(seconds)
+    return WatchedAnswer(
+        scene=str(scene),
+        seed=seed,
+        vehicle=spec.model,
+        address=str(link.address),
+        flights=watched.flights,
+        items=len(missions.items),
+        lost=link.receiver.lost,
+        damaged=link.receiver.damaged,
+        ended=watched.ended,
+    )
+
+
+@contextlib.contextmanager
+def _served(
+    scene: str | os.PathLike[str],
+    address: str,
+    name: str,
+    ports: dict[str, int],
+    seconds: float | None,
+    seed: int,
+) -> Iterator[tuple[UncertainScene, VehicleSpec, Place, Link]]:
+    """Yield a scene with its blasts sampled, and a link that is closed at the end."""
+    read = read_address(address, name, ports.get(address.partition(":")[0], 0))
+    drawn = scene_to_run(scene, seconds=seconds, seed=seed)
+    whole = replace(drawn, place=PLACE if drawn.place is None else drawn.place)
+    spec = checked_scene(whole, 1, False)
+    with contextlib.closing(Link(read, name)) as link:
+        assert whole.place is not None
+        yield whole, spec, whole.place, link
+
+
+@contextlib.contextmanager
+def _stopped_by_signal() -> Iterator[None]:
+    """Make SIGTERM end a flight as Ctrl-C does."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = None
+    with contextlib.suppress(ValueError):  # only the main thread may set a handler
+        before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        # None also for a handler that was not set from Python and cannot be set from
+        # it.
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
