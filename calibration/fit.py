@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.cli.jax_start import start_jax
-from jblast.progress import Listener, heard_by
 
 if TYPE_CHECKING:
     from jblast.inference import Fit
@@ -75,18 +74,6 @@ CASES = {
 }
 
 
-class Stages(Listener):
-    """Prints each stage of a case's fit on stderr."""
-
-    def __init__(self, name: str):
-        super().__init__()
-        self.name = name
-
-    def heard(self) -> None:
-        """Print it."""
-        sys.stderr.write(f"{self.name}: {self.words()}\n")
-
-
 def fitted(name: str) -> "Fit":
     """Fit one case."""
     from jblast.inference import fit
@@ -95,8 +82,11 @@ def fitted(name: str) -> "Fit":
 
     log, scene = _files(name)
     observations, uncertain = read(log), read_scene(scene)
-    with heard_by(Stages(name)):
-        return fit(observations, uncertain)
+    return fit(
+        observations,
+        uncertain,
+        progress=lambda words, share: sys.stderr.write(f"{name}: {words}\n"),
+    )
 
 
 def run(names: Sequence[str]) -> None:

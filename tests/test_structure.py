@@ -19,7 +19,7 @@ from tests.tools.vocabulary import DEFAULT, found_in, summaries_in, words_in
 ROOT = PACKAGE.parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 BASE = (
-    *("errors", "types", "constants", "lazy", "progress", "progress_line", "registry"),
+    *("errors", "types", "constants", "lazy", "progress", "registry"),
     *("addresses", "files", "results", "parameters", "quantities", "units"),
     "kept_programs",
 )

@@ -3,8 +3,6 @@
 import os
 from importlib.metadata import version
 
-from jblast.progress_line import note_compilation
-
 QUICK = {
     "0.10": "--xla_cpu_use_fusion_emitters=false",
     "0.11": "--xla_cpu_opt_preset=fast_compile",
@@ -68,5 +66,3 @@ def start_jax(*, all_cores: bool = False, quick: bool = False) -> None:
     # For laws that depend on something outside of their code, which is not in the key.
     if os.environ.get("JBLAST_KEEP_PROGRAMS") != "0":
         keep_in(folder)
-    # The same listener twice would only repeat the record.
-    jax.monitoring.register_event_duration_secs_listener(note_compilation)

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from jblast.cli.arguments.options import option_for
 from jblast.cli.parsers import parsed, root_parser
 from jblast.errors import InputError
-from jblast.progress_line import printed_progress
+from jblast.progress import clear, printed_progress
 
 CLOSED_PIPE, INTERRUPTED = 128 + 13, 128 + 2
 """Exit codes of a command ended by SIGPIPE or SIGINT, by convention of shells."""
@@ -81,6 +81,7 @@ def main(arguments: Sequence[str] | None = None, *, progress: bool = True) -> in
 
 def _print_warning(message, category, filename, lineno, file=None, line=None) -> None:
     """Print a warning as one line."""
+    clear()
     sys.stderr.write(f"jblast: warning: {' '.join(str(message).split())}\n")
 
 

@@ -16,8 +16,7 @@ from jblast.environments.lanes import reset_lanes, step_lanes
 from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError, shown
 from jblast.kept_programs import kept, kept_between_runs
-from jblast.progress import in_words
-from jblast.progress_line import Progress, shown_by
+from jblast.progress import Progress, in_words, shown_by
 
 _RESET, _STEP = kept(reset), kept(step)
 _RESET_LANES, _STEP_LANES = kept(reset_lanes), kept(step_lanes)

@@ -32,8 +32,7 @@ from jblast.fidelity.errors import (
     relative_errors,
 )
 from jblast.kept_programs import kept_between_runs
-from jblast.progress import each
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, each, reported
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, TIMES, components
 from jblast.registry import Law, law_for, names_for
 from jblast.scene import (

@@ -205,7 +205,7 @@ def ensemble(
         steps.append(state)
         done = len(steps)
         if done % REPORTED == 0:
-            report(Level("", f"{done:,} steps", min(1.0, done / wanted), 0.0))
+            report(Level(f"{done:,} steps", min(1.0, done / wanted), 0.0))
         if done >= most_steps:
             break
         if done == check:

@@ -23,8 +23,7 @@ from jblast.observations.records.clips import VIDEOS, created, has_sound
 from jblast.observations.records.formats import open_channels, open_record
 from jblast.observations.records.sound import SoundRecord, read_sound, resampled
 from jblast.observations.records.stations import START, Station, read_stations
-from jblast.progress import counted, each, stages
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, counted, each, reported, stages
 from jblast.scene import Camera, Scene, UncertainScene, scene_of
 from jblast.signals.arrival_log import Log, log_of
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection

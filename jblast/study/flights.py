@@ -30,8 +30,7 @@ from jblast.autopilot.estimator import (
 from jblast.autopilot.lockstep import suite_of
 from jblast.errors import InputError, argument
 from jblast.kept_programs import kept, kept_between_runs
-from jblast.progress import counted
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, counted, reported
 from jblast.scene import (
     Place,
     Scene,

@@ -24,7 +24,7 @@ from jaxtyping import Float, Int, UInt8
 
 from jblast.errors import InputError, argument
 from jblast.kept_programs import kept_between_runs
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, reported
 from jblast.scene import (
     Charge,
     Instrument,

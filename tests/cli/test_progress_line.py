@@ -1,4 +1,4 @@
-"""What a command says while it works, by a clock that the test winds."""
+"""Progress of a command and of a function, by a clock that the test winds."""
 
 import io
 import subprocess
@@ -7,13 +7,17 @@ from typing import Any, cast
 
 import pytest
 
-from jblast import progress_line
+from jblast import progress as progress_module
 from jblast.errors import InputError
-from jblast.progress import counted, each, heard_by, stages
-from jblast.progress_line import (
+from jblast.progress import (
     Progress,
     ProgressLine,
+    clear,
+    counted,
+    each,
+    heard_by,
     reported,
+    stages,
 )
 
 
@@ -29,10 +33,9 @@ class Stream(io.StringIO):
 
 
 class Clock:
-    """Stands still until it is wound."""
+    """A clock that stands until it is wound."""
 
-    def __init__(self):
-        self.now = 100.0
+    now = 100.0
 
     def __call__(self) -> float:
         return self.now
@@ -47,48 +50,43 @@ def line_on(stream: Stream, clock: Clock) -> ProgressLine:
     return ProgressLine("fit", stream, clock)
 
 
-def test_nothing_is_said_in_the_first_second(clock):
-    stream = Stream()
-    with heard_by(line_on(stream, clock)):
-        begin = stages({"reading": 1.0, "fitting": 1.0})
-        begin("reading")
-        clock.now += 0.99
-        begin("fitting")
-    assert stream.getvalue() == ""
-
-
-def test_after_a_second_the_stage_is_told_and_of_how_many(clock):
-    stream = Stream()
+@pytest.mark.parametrize(
+    ("terminal", "quiet_s", "text"),
+    [(True, 3.0, "\r{}"), (False, 10.0, "{}\n")],
+)
+def test_nothing_is_printed_before_a_terminal_or_a_pipe_needs_it(
+    clock, terminal, quiet_s, text
+):
+    stream = Stream(terminal)
     line = line_on(stream, clock)
     with heard_by(line):
         begin = stages({"reading": 1.0, "fitting": 1.0})
         begin("reading")
-        clock.now += 1.0
-        line.show()  # what the ticking thread does
-    assert stream.getvalue() == "jblast fit: reading (1 of 2), 1 s so far\n"
+        clock.now += quiet_s - 0.01
+        line.show()
+        assert stream.getvalue() == ""
+        clock.now += 0.01
+        line.show()  # by the ticking thread
+    line = f"jblast fit: reading (1 of 2), {quiet_s:.0f} s so far"
+    assert stream.getvalue() == text.format(line)
 
 
-def test_there_is_no_time_left_until_one_unit_of_its_kind_is_done(clock):
+def test_the_time_left_is_that_of_the_mean_pace(clock):
     line = line_on(Stream(), clock)
     with heard_by(line):
         begin = stages({"reading": 1.0, "fitting": 3.0})
         begin("reading")
         clock.now += 2.0
-        begin("fitting")
-        # reading has another pace than fitting
         assert line.seconds_left() is None
+        begin("fitting")
+        assert line.seconds_left() == pytest.approx(6.0)
         through = counted(3, "logs")
         clock.now += 4.0
-        assert line.seconds_left() is None
         through(1)
-        assert line.seconds_left() == pytest.approx(8.0)
-        clock.now += 3.0
-        assert line.seconds_left() == pytest.approx(5.0)
-        clock.now += 6.0  # longer than expected: no estimate
-        assert line.seconds_left() is None
+        assert line.seconds_left() == pytest.approx(6.0)
 
 
-def test_a_task_within_a_task_moves_the_whole(clock):
+def test_a_nested_task_advances_the_whole_and_ends_with_its_parent(clock):
     line = line_on(Stream(), clock)
     with heard_by(line):
         begin = stages({"reading": 1.0, "fitting": 3.0})
@@ -101,39 +99,30 @@ def test_a_task_within_a_task_moves_the_whole(clock):
         assert line.words() == "reading (1 of 2)"
 
 
-def test_into_a_pipe_goes_a_line_a_stage_and_seldom_one_between(clock):
+def test_lines_in_a_pipe_become_rarer(clock):
     stream = Stream()
-    line = line_on(stream, clock)
-    with heard_by(line):
-        begin = stages({"reading": 1.0, "flying": 9.0})
-        begin("reading")
-        clock.now += 3.0
-        begin("flying")
-        through = counted(3000, "vehicles")
-        for vehicle in range(3000):
-            through(vehicle)
+    with heard_by(line_on(stream, clock)):
+        for _ in each(range(3000), "vehicles"):
             clock.now += 0.1
     lines = stream.getvalue().splitlines()
-    assert all(text.startswith("jblast fit: ") for text in lines)
-    assert "flying (2 of 2)" in lines[0]
     # 300 s: every 10 s for the first 50 s, then each a fifth later than the last
     assert 10 <= len(lines) <= 20
     assert "\r" not in stream.getvalue()
-    assert lines[-1].endswith("left")
+    assert lines[0].endswith("vehicles, 10 s so far, about 5 min left")
 
 
-def test_on_a_terminal_one_line_is_written_over_and_cleared(clock):
+def test_on_a_terminal_one_line_is_overwritten_and_cleared_before_other_output(clock):
     stream = Stream(terminal=True)
-    line = line_on(stream, clock)
-    with heard_by(line):
+    with heard_by(line_on(stream, clock)):
         for _ in each(range(20), "frames"):
             clock.now += 0.5
-        line.clear()
+        clear()
     assert "\n" not in stream.getvalue()
-    shown = stream.getvalue().split("\r")
-    assert shown[1].startswith("jblast fit: 2 of 20 frames, 1 s so far, about ")
-    assert max(map(len, shown)) < 80
-    assert shown[-2].strip() == shown[-1] == ""
+    written = stream.getvalue().split("\r")
+    first = "jblast fit: 6 of 20 frames, 3 s so far, about 7 s left"
+    assert written[1].rstrip() == first
+    assert max(map(len, written)) < 80
+    assert written[-2].strip() == written[-1] == ""
 
 
 @reported("work")
@@ -144,14 +133,17 @@ def work(*, progress: Progress = False) -> str:
     return "done"
 
 
-def test_a_function_reports_to_the_function_that_the_caller_gives():
-    heard = []
-    assert work(progress=lambda words, share: heard.append((words, share))) == "done"
-    assert heard == [("reading (1 of 2)", 0.0), ("fitting (2 of 2)", 0.25)]
+def test_a_function_reports_to_the_function_of_its_caller():
+    calls = []
+    assert work(progress=lambda words, share: calls.append((words, share))) == "done"
+    assert calls == [("reading (1 of 2)", 0.0), ("fitting (2 of 2)", 0.25)]
+    with pytest.raises(InputError, match="progress: expected True, False, or a func"):
+        work(progress=cast(Any, "yes"))
 
 
 def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
-    monkeypatch.setattr(progress_line, "QUIET_S", 0.0)
+    monkeypatch.setattr(progress_module, "QUIET_S", 0.0)
+    monkeypatch.setattr(progress_module, "REPEAT_S", 0.0)
     assert work(progress=True) == "done"
     out, err = capsys.readouterr()
     assert out == ""
@@ -160,41 +152,16 @@ def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
     assert capsys.readouterr() == ("", "")
 
 
-def test_another_progress_is_refused():
-    with pytest.raises(InputError, match="progress: expected True, False, or a func"):
-        work(progress=cast(Any, "yes"))
-
-
-SLOW = """
-import sys
-from jblast import progress_line
-from jblast.cli import main
-from jblast.cli.verbs import calc
-from jblast.progress import stages
-
-def run(asked):
-    begin = stages({"one": 1.0, "two": 1.0})
-    begin("one")
-    print("{}")
-    return 0
-
-progress_line.QUIET_S = 0.0
-calc.run = run
-sys.exit(main.main(["calc", "--mass", "1", "--range", "10"]))
-"""
-
-
-def test_a_pipe_gets_progress_on_stderr_and_stdout_stays_as_it_is():
-    done = subprocess.run(
-        [sys.executable, "-c", SLOW], check=True, capture_output=True, text=True
-    )
-    assert done.stdout == "{}\n"
-    assert done.stderr.splitlines()[0].startswith("jblast calc: one (1 of 2), 0 s")
+def test_a_piped_command_of_seconds_prints_its_answer_alone():
+    command = [sys.executable, "-m", "jblast", "calc", "--mass", "1", "--range", "10"]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert "peak overpressure" in done.stdout
+    assert done.stderr == ""
 
 
 @pytest.mark.parametrize("terminal", [True, False])
 @pytest.mark.parametrize("fault", [BrokenPipeError, OSError(28, "full"), ValueError])
-def test_where_nothing_can_be_said_the_command_goes_on(
+def test_a_command_continues_where_progress_cannot_be_written(
     clock, terminal, fault, monkeypatch
 ):
     stream = Stream(terminal)
@@ -206,6 +173,6 @@ def test_where_nothing_can_be_said_the_command_goes_on(
     line = line_on(stream, clock)
     with heard_by(line):
         stages({"reading": 1.0})("reading")
-        clock.now += 5.0
+        clock.now += 15.0
         line.show()
         line.clear()

@@ -23,7 +23,7 @@ from jblast.cli.arguments.options import DOUBTFUL, add_force, add_json, given, p
 from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.errors import InputError, argument
 from jblast.files import refuse_existing
-from jblast.progress_line import serve_line
+from jblast.progress import serve_line
 
 if TYPE_CHECKING:
     from jblast.report.world import ServedAnswer

@@ -44,8 +44,7 @@ from jblast.inference.posterior.parameters import Spread
 from jblast.inference.sample import solve as drawn
 from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations
-from jblast.progress import stages
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, reported, stages
 from jblast.quantities import ADDITIVE
 from jblast.results import Note, plain
 from jblast.scene import Scene, UncertainScene, scene_of

@@ -36,8 +36,7 @@ from jblast.observations.records.formats import Scaling
 from jblast.observations.scenes import for_log
 from jblast.observations.table import SAMPLES, some_rows
 from jblast.parameters import CLOCK_OFFSET
-from jblast.progress import each, stages
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, each, reported, stages
 from jblast.quantities import DIRECTIONS, TIMED
 from jblast.results import Note, assumption, warning
 from jblast.scene import Scene, UncertainScene, freed as with_free

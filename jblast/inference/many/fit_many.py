@@ -19,8 +19,7 @@ from jblast.kept_programs import kept_between_runs
 from jblast.observations import Observations, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.observations.grouping import located
-from jblast.progress import stages
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, reported, stages
 from jblast.registry import names_for
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE

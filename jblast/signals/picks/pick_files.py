@@ -14,7 +14,7 @@ from jblast.errors import InputError, argument
 from jblast.observations import Observations
 from jblast.observations.records.formats import Scaling, record_files
 from jblast.observations.records.stations import read_stations
-from jblast.progress_line import Progress, reported
+from jblast.progress import Progress, reported
 from jblast.results import Note
 from jblast.signals.picks.gathered import Gathered, gathered
 from jblast.signals.picks.pick_log import PickLog, log_of

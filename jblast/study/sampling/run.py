@@ -24,8 +24,7 @@ from jax.sharding import Mesh
 
 import jblast
 from jblast.errors import InputError, shown
-from jblast.progress import Level, Task
-from jblast.progress_line import Progress, reported
+from jblast.progress import Level, Progress, Task, reported
 from jblast.study.engine.store import SCHEMA, Store, Variable, locked, open_store
 from jblast.study.engine.summary import State, SummaryStore, merged_states, outcomes_of
 from jblast.study.engine.tiles import (
@@ -398,8 +397,10 @@ def progress_reporter(numbering: Numbering) -> Callable[[int, Estimates], None]:
             _estimate_text(name, estimates) for name in [*estimates.moments][:SHOWN]
         )
         words = f"{samples:,} of {total:,} samples, {rate:.3g}/s; {means}"
-        through = samples / total
-        task(Level("", words, through, min(1.0 - through, numbering.tile / total)))
+        # shares of this run, because the time left follows from them
+        missing = max(total - first[0], 1)
+        through = (samples - first[0]) / missing
+        task(Level(words, through, min(1.0 - through, numbering.tile / missing)))
 
     return report
 
