@@ -60,8 +60,7 @@ from jblast.observations.table import RECORD_QUANTITIES
 from jblast.progress import in_words
 from jblast.quantities import QUANTITIES
 from jblast.registry import call, law_for
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,
@@ -69,6 +68,7 @@ from jblast.report.figure_style import (
     new_figure,
     quiet,
     titled,
+    write_figure,
 )
 from jblast.report.words import capitalised, comma_separated, markdown
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import new_figure, quiet, titled
+from jblast.report.figures import new_figure, quiet, titled, write_figure
 
 
 def draw(

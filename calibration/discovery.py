@@ -55,7 +55,7 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.discovery.discover import Discovery, discover, replay
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.files import write_text
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     COLOURS,
     MARKERS,
     log_ticks,

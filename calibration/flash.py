@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from calibration import run_part
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     GRID,

@@ -24,8 +24,7 @@ from matplotlib.figure import Figure
 from calibration.thesis.physics import CODED, PRINTED, Physics
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     INK,
@@ -34,6 +33,7 @@ from jblast.report.figure_style import (
     new_figure,
     quiet,
     titled,
+    write_figure,
 )
 from jblast.report.words import aligned
 from jblast.report.world import summary_of

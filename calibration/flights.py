@@ -50,7 +50,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     COLOURS,
     MUTED,
     log_ticks,

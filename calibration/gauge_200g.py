@@ -26,7 +26,7 @@ from scipy.optimize import root_scalar
 
 from jblast.cli.jax_start import start_jax
 from jblast.constants import PSI
-from jblast.report.figure_style import BLUE, INK, VERMILLION, new_figure, quiet, titled
+from jblast.report.figures import BLUE, INK, VERMILLION, new_figure, quiet, titled
 from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,

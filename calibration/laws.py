@@ -42,7 +42,7 @@ from jblast.report.calculator.figures import (
     law_colours,
     name_curves,
 )
-from jblast.report.figure_style import INK, MUTED, log_ticks, new_figure, quiet, titled
+from jblast.report.figures import INK, MUTED, log_ticks, new_figure, quiet, titled
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst

@@ -57,7 +57,7 @@ from jblast.missions import (
 from jblast.missions.mission import geodetic
 from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from jblast.observations.places import Frame
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     COLOURS,
     INK,
     MUTED,

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,

@@ -44,7 +44,7 @@ from jblast.inference.density import density_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.sample import solve
 from jblast.observations import Observations
-from jblast.report.figure_style import BLUE, INK, new_figure, quiet, titled
+from jblast.report.figures import BLUE, INK, new_figure, quiet, titled
 from jblast.report.words import comma_separated
 from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.sensors import observe, planned_layout, resolve_laws

@@ -49,8 +49,7 @@ from jblast.observations import observed, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.progress import in_words
 from jblast.registry import LAWS, Law, call
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     GRID,
     INK,
@@ -59,6 +58,7 @@ from jblast.report.figure_style import (
     new_figure,
     quiet,
     titled,
+    write_figure,
 )
 from jblast.report.fit.figures import runs
 from jblast.report.words import (

@@ -27,8 +27,14 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import COLOURS, MARKERS, log_ticks, new_figure, quiet
+from jblast.report.figures import (
+    COLOURS,
+    MARKERS,
+    log_ticks,
+    new_figure,
+    quiet,
+    write_figure,
+)
 from jblast.report.study_columns import StudyColumns
 from jblast.report.study_page import contour_figure
 from jblast.report.study_results import summary_of

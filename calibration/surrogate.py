@@ -25,7 +25,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 from matplotlib.ticker import NullLocator
 
 from jblast.cli.jax_start import start_jax
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     MUTED,
     VERMILLION,

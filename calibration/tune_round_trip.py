@@ -44,8 +44,7 @@ from jblast.inference.tuning import Tuned, tune_sound
 from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import new_figure, titled
+from jblast.report.figures import new_figure, titled, write_figure
 from jblast.report.gain_files import cut_words, draw_each, draw_middle
 from jblast.report.gains import gains_answer, gains_text
 from jblast.report.tune_files import tune_figure, tuned_document

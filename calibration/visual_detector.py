@@ -30,8 +30,7 @@ from calibration.flash_trials import (
     without_a_blast,
 )
 from jblast.files import write_text
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     MUTED,
@@ -39,6 +38,7 @@ from jblast.report.figure_style import (
     new_figure,
     quiet,
     titled,
+    write_figure,
 )
 from jblast.report.words import aligned
 from jblast.signals.flash.search import Tail

@@ -30,8 +30,14 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import COLOURS, MUTED, new_figure, quiet, titled
+from jblast.report.figures import (
+    COLOURS,
+    MUTED,
+    new_figure,
+    quiet,
+    titled,
+    write_figure,
+)
 from jblast.report.words import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone

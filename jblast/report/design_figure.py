@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from jblast.inference.design.sensor_map import BoundMap
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,

@@ -14,8 +14,7 @@ from matplotlib.patches import Circle
 from jblast.files import write_text
 from jblast.observations import write
 from jblast.observations.records.sound import write_sound
-from jblast.report.figure_files import write_figure
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,
@@ -23,6 +22,7 @@ from jblast.report.figure_style import (
     new_figure,
     quiet,
     titled,
+    write_figure,
 )
 from jblast.signals.detect_files import (
     ClipDetections,

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from jblast.discovery.discover import Discovery, Replay
 from jblast.report.discovery import doubts, equation_text
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,

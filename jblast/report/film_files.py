@@ -23,7 +23,7 @@ from jaxtyping import Float
 from jblast.errors import InputError, argument
 from jblast.files import refuse_existing, replacing, writing
 from jblast.progress import counted, stages
-from jblast.report.figure_style import INK
+from jblast.report.figures import INK
 from jblast.report.film import FilmEvents, FilmFiles
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream

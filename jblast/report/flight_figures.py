@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     GRID,

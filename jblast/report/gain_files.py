@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import jblast
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     VERMILLION,

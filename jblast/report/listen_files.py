@@ -15,7 +15,7 @@ import jblast
 from jblast.files import write_text
 from jblast.progress import each
 from jblast.report.figure_files import write_drawn
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,

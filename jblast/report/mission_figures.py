@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from jblast.autopilot.estimator import PLACE
 from jblast.missions.mission import geodetic
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     GRID,
     INK,

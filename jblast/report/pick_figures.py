@@ -14,7 +14,7 @@ import jblast
 from jblast.files import write_text
 from jblast.observations import write
 from jblast.report.figure_files import picture_of, write_drawn
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     DPI,

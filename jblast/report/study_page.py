@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from jblast.files import write_bytes, write_text
 from jblast.report.figure_files import Picture, picture_of
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     INK,

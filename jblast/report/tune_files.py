@@ -22,7 +22,7 @@ from jblast.inference.tuning.tune_sight import EventsEvidence, FramesEvidence, c
 from jblast.inference.tuning.unknowns import row_named, tuned_value
 from jblast.parameters import CLOCK_OFFSET
 from jblast.report.figure_files import write_drawn
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     MUTED,
     VERMILLION,

@@ -31,7 +31,7 @@ from jblast.observations import read
 from jblast.observations.grouping import by_shot
 from jblast.report.estimates import printed_estimate
 from jblast.report.figure_files import picture_of
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     INK,

@@ -94,7 +94,7 @@ def save_figure(figure: "Figure", file: str | Path) -> None:
         InputError: The file cannot be written.
     """
     # Imported here, as Matplotlib takes a second and few commands draw.
-    from jblast.report.figure_files import write_figure
+    from jblast.report.figures import write_figure
 
     with writing(file):
         write_figure(figure, file)

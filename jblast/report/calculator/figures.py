@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from jblast.quantities import BY_VEHICLE, DIRECTIONS, FIREBALL_RADII
 from jblast.registry import LAWS
 from jblast.report.calculator.answer import title
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     COLOURS,
     INK,
     MUTED,

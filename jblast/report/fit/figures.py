@@ -28,7 +28,7 @@ from jblast.inference.fitting.fit import Band, Fit
 from jblast.inference.posterior.parameters import Estimate
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     DPI,

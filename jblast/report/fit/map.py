@@ -19,7 +19,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.place import ShockRing
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     INK,
     MUTED,

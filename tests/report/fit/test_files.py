@@ -40,12 +40,12 @@ DRAWN = (example.three_parameters, example.with_outliers)
 def pages(tmp_path_factory):
     """Every example's report, written once, in place of most figures an empty one."""
     root = tmp_path_factory.mktemp("reports")
-    empty = figure_files.image_bytes(Figure((1, 1)), "png")
+    empty = figure_files.figure_bytes(Figure((1, 1)), "png")
     written = {}
     for make in example.EVERY:
         with pytest.MonkeyPatch.context() as patch:
             if make not in DRAWN:
-                patch.setattr(figure_files, "image_bytes", lambda *_: empty)
+                patch.setattr(figure_files, "figure_bytes", lambda *_: empty)
             written[make.__name__] = write_report(make(), root / make.__name__)
     return root, written
 

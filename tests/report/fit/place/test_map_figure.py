@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jblast.report.figure_files import image_bytes
+from jblast.report.figures import figure_bytes
 from jblast.report.fit.map import map_figure
 from jblast.report.fit.place import (
     ground_map,
@@ -46,7 +46,7 @@ CASES = {
 def test_every_map_can_be_drawn_with_north_up_and_both_axes_alike(case):
     figure = map_figure(CASES[case]())
     assert figure is not None
-    assert image_bytes(figure, "png").startswith(b"\x89PNG")
+    assert figure_bytes(figure, "png").startswith(b"\x89PNG")
     axes = figure.axes[0]
     assert axes.get_aspect() == 1.0
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
