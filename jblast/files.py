@@ -101,6 +101,26 @@ def refuse_existing(path: str | os.PathLike[str], *, force: bool) -> None:
         )
 
 
+def check_out(
+    directory: str | os.PathLike[str], names: Iterable[str], *, force: bool
+) -> None:
+    """Check before a computation that files can be written to a folder, and make it.
+
+    Args:
+        directory: Output folder.
+        names: Names of the files to write.
+        force: Whether existing files may be overwritten.
+
+    Raises:
+        InputError: The folder is not writable, or has one of the files.
+    """
+    with writing(directory):
+        # made before the work: a missing permission would otherwise appear after it
+        Path(directory).mkdir(parents=True, exist_ok=True)
+    for name in names:
+        refuse_existing(Path(directory) / name, force=force)
+
+
 @contextmanager
 def writing(path: str | os.PathLike[str]) -> Iterator[None]:
     """Convert an OSError in writing a file or directory to a message.

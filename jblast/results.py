@@ -20,7 +20,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from inspect import cleandoc
 from types import MappingProxyType
-from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -47,6 +56,7 @@ Words = Mapping[type, Callable[[Any], Any]]
 """Function that returns the document's entry for a value, by type."""
 NO_WORDS: Words = MappingProxyType({})
 
+T = TypeVar("T")
 Level = Literal["problem", "warning", "assumption"]
 
 
@@ -90,11 +100,16 @@ def among(*names: str) -> Mapping[str, tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class Answer:
-    """The answer of a command, as a document."""
+class Document:
+    """The answer of a command as a document, with the version of its schema.
+
+    Attributes:
+        schema: 1, the version of its schema.
+    """
 
     words: ClassVar[Words] = NO_WORDS
     """Types that the document contains as text."""
+    schema: Literal[1] = field(default=1, init=False)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values for JSON, with null for numbers that are not finite."""
@@ -105,15 +120,27 @@ class Answer:
         return to_json(self.to_dict())
 
 
-@dataclass(frozen=True)
-class Document(Answer):
-    """An answer with the version of its schema.
+def filled(cls: type[T], *sources: Any, **given: Any) -> T:
+    """Return a result with each field from a value, or from the first source with it.
 
-    Attributes:
-        schema: 1, the version of its schema.
+    Args:
+        cls: Type of the result, a dataclass or named tuple.
+        *sources: Objects or mappings, searched in order for the name of a field.
+        **given: Values of fields, before those of all sources.
+
+    Raises:
+        TypeError: A field without a default is in no source, or a value has no field.
     """
-
-    schema: Literal[1] = field(default=1, init=False)
+    values = dict(given)
+    for name in _own_fields(cls):
+        for source in sources if name not in values else ():
+            if isinstance(source, Mapping) and name in source:
+                values[name] = source[name]
+                break
+            if not isinstance(source, Mapping) and hasattr(source, name):
+                values[name] = getattr(source, name)
+                break
+    return cls(**values)
 
 
 def plain(value: Any, words: Words = NO_WORDS) -> Any:
@@ -218,7 +245,7 @@ def _schema_of_class(
     cls: type, words: Words, names: Mapping[str, Any] | None
 ) -> Schema:
     """Return the schema of a result as returned by `entries`."""
-    words = {**words, **cls.words} if issubclass(cls, Answer) else words
+    words = {**words, **cls.words} if issubclass(cls, Document) else words
     hints, texts = get_type_hints(cls, localns=names), described(cls)
     properties: dict[str, Schema] = {}
     required: list[str] = []
@@ -260,6 +287,13 @@ def _fields(cls: Any) -> dict[str, Mapping[str, Any]]:
     if is_dataclass(cls):
         return {one.name: one.metadata for one in fields(cls)}
     return {name: {} for name in cls._fields}
+
+
+def _own_fields(cls: Any) -> list[str]:
+    """Return the names of the fields that a constructor takes."""
+    if is_dataclass(cls):
+        return [one.name for one in fields(cls) if one.init]
+    return list(cls._fields)
 
 
 def _wording(cls: type, words: Words) -> Callable[[Any], Any] | None:

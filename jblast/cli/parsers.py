@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import NamedTuple, NoReturn
 
 from jblast import __version__
+from jblast.cli import spec
 from jblast.cli.arguments.verb_parser import WIDTH, VerbParser
 from jblast.errors import closest, nearest
 
@@ -57,10 +58,14 @@ class Verb(NamedTuple):
         return import_module(f"jblast.cli.verbs.{self.name}")
 
 
-def verb_parser(verb: Verb) -> VerbParser:
+def verb_parser(verb: Verb) -> "VerbParser | spec.VerbParser":
     """Return the parser of one verb; no other verb is imported."""
     # One module only: importing those of all verbs would delay each command.
     module = verb.module()
+    if not hasattr(module, "add_arguments"):
+        read = spec.VerbParser(f"jblast {verb.name}", module.__doc__ or "")
+        read.set_defaults(progress=True, verb=verb.name, run=module.run)
+        return read
     parser = VerbParser(f"jblast {verb.name}", module.__doc__ or "", verb.example)
     # Before the arguments of the verb, which may turn it off (`jblast serve`).
     parser.set_defaults(progress=True)

@@ -6,12 +6,11 @@ from dataclasses import dataclass, field
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
 from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES
 from jblast.registry import LAWS
-from jblast.report.words import aligned, hanging
-from jblast.results import Answer, among
+from jblast.report.output import PROBLEM, Answer
+from jblast.report.view import Column, Lines, Table, View
+from jblast.results import Document, among
 
 ABSENT = "-"
-WIDTHS = (26, 14, 12)
-"""Least widths of the columns [characters]: no registered method has a longer name."""
 BY_HEIGHT = {
     ("free-air",): "free-air curves, by the height of burst",
     ("surface",): "the height of burst lies between the limits of the two curve sets; "
@@ -22,39 +21,30 @@ BY_HEIGHT = {
 """Sentence on the curve sets that the height of burst selects."""
 
 
-def choice_text(choice: Choice) -> str:
-    """Return the method, the reason, and a table of all compared methods."""
-    within = (
-        f"within {percent(choice.tolerance)}"
-        if choice.tolerance
-        else "without a tolerance"
-    )
-    lines = [
-        f"{choice.method} suffices: {choice.quantity} {within}"
-        if choice.met
-        else f"No method is accurate enough: {choice.quantity} {within}; best method: "
-        f"{choice.method}",
-        "",
-        *hanging(reason_for(choice), indent=2),
-        "",
-    ]
-    rows = [("  method", "error", "s/reading", "")]
-    rows += [_row(candidate) for candidate in choice.candidates]
-    lines += aligned(rows, right=(1, 2), least=WIDTHS)
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+COLUMNS = [
+    Column("method", lambda one: one.method),
+    Column(
+        "error",
+        lambda one: percent(one.error) if math.isfinite(one.error) else ABSENT,
+        right=True,
+    ),
+    Column(
+        "s/reading",
+        lambda one: ABSENT if math.isnan(one.cost_s) else f"{one.cost_s:.2g}",
+        right=True,
+    ),
+    Column("", lambda one: _remark(one)),
+]
 
 
-def _row(candidate: Candidate) -> tuple[str, str, str, str]:
-    cost = ABSENT if math.isnan(candidate.cost_s) else f"{candidate.cost_s:.2g}"
-    error = percent(candidate.error) if math.isfinite(candidate.error) else ABSENT
-    note = "the reference" if candidate.is_reference else ""
-    if not candidate.valid:
-        error, note = ABSENT, "not valid at all sensors"
-    return f"  {candidate.method}", error, cost, f" {note}"
+def _remark(one: Candidate) -> str:
+    if not one.valid:
+        return "not valid at all sensors"
+    return "the reference" if one.is_reference else ""
 
 
 @dataclass(frozen=True)
-class ChoiceAnswer(Answer):
+class ChoiceAnswer(Document):
     """The answer of `jblast choose`.
 
     Attributes:
@@ -70,9 +60,21 @@ class ChoiceAnswer(Answer):
     )
 
 
-def choice_answer(choice: Choice) -> ChoiceAnswer:
-    """Return a choice with its reason as text."""
-    return ChoiceAnswer(choice, reason_for(choice), choice)
+def choice_answer(choice: Choice) -> Answer:
+    """Return a choice with its reason and a table of all compared methods."""
+    tolerance = percent(choice.tolerance) if choice.tolerance else ""
+    within = f"within {tolerance}" if tolerance else "without a tolerance"
+    reason, found = reason_for(choice), f"{choice.quantity} {within}"
+    return Answer(
+        ChoiceAnswer(choice, reason, choice),
+        View(
+            f"{choice.method} suffices: {found}"
+            if choice.met
+            else f"No method is accurate enough: {found}; best method: {choice.method}",
+            [Lines("", [reason]), Table(COLUMNS, choice.candidates)],
+        ),
+        code=0 if choice.met else PROBLEM,
+    )
 
 
 def reason_for(choice: Choice) -> str:

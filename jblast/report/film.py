@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from jblast.results import ABSENT, AMONG, Answer
+from jblast.results import ABSENT, AMONG, Document
 from jblast.sensors.camera.files.event_files import Written
 
 Switch = Literal["on", "off"]
@@ -47,7 +47,7 @@ class FilmFiles:
 
 
 @dataclass(frozen=True)
-class FilmAnswer(Answer):
+class FilmAnswer(Document):
     """The answer of `jblast render`.
 
     Attributes:
@@ -137,7 +137,7 @@ def dark_film(share: float, darkest: float) -> str:
 
 
 @dataclass(frozen=True)
-class EventsAnswer(Answer):
+class EventsAnswer(Document):
     """The answer of `jblast events`.
 
     Attributes:

@@ -6,7 +6,6 @@ messages. JAX is imported inside functions only, so that `--help` does not load 
 """
 
 import argparse
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,25 +42,6 @@ OTHERWISE = {
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
 }
 """Options of Python arguments with another name."""
-
-
-def check_out(directory: Path, names: Iterable[str], *, force: bool) -> None:
-    """Check before the work that files can be written to a directory, and make it.
-
-    Args:
-        directory: Output directory.
-        names: Names of the files to write.
-        force: Whether existing files may be overwritten.
-
-    Raises:
-        InputError: The directory is not writable, or has one of the files.
-    """
-    with writing(directory):
-        # Made before the work: a missing permission would otherwise appear after
-        # minutes.
-        directory.mkdir(parents=True, exist_ok=True)
-    for name in names:
-        refuse_existing(directory / name, force=force)
 
 
 def path(text: str) -> str:

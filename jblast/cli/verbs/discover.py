@@ -14,14 +14,13 @@ from jblast.cli.arguments.options import (
     DOUBTFUL,
     add_force,
     add_json,
-    check_out,
     given,
     names_between_commas,
     path,
     save_figure,
 )
 from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.files import save_text
+from jblast.files import check_out, save_text
 
 FILES = ("discovery.json", "discovery.png")
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.kept_programs import kept
 from jblast.report.words import System, printed_number, quantity_words, unit_for
-from jblast.results import ABSENT, AMONG, Answer
+from jblast.results import ABSENT, AMONG, Document
 from jblast.sensors.calculator import (
     Calculated,
     Calculation,
@@ -395,7 +395,7 @@ def inputs(question: Question) -> Inputs:
 
 
 @dataclass(frozen=True)
-class CalculatorAnswer(Answer):
+class CalculatorAnswer(Document):
     """Every requested quantity by every law.
 
     Attributes:
@@ -412,7 +412,7 @@ class CalculatorAnswer(Answer):
 
 
 @dataclass(frozen=True)
-class InverseAnswer(Answer):
+class InverseAnswer(Document):
     """The range or the mass at which a quantity takes a value.
 
     Attributes:
