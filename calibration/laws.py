@@ -37,12 +37,15 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.files import write_text
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
-from jblast.report.calculator.figures import (
-    draw_curve,
-    law_colours,
-    name_curves,
+from jblast.report.figures import (
+    COLOURS,
+    INK,
+    MUTED,
+    log_ticks,
+    new_figure,
+    quiet,
+    titled,
 )
-from jblast.report.figures import INK, MUTED, log_ticks, new_figure, quiet, titled
 from jblast.report.words import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
@@ -58,6 +61,14 @@ UNSCALED = ("weak_shock_iso", "wu_hao")
 """Those that do."""
 SCALED_DISTANCE = np.geomspace(0.05, 1e4, 600)
 DRAWN = ("peak_overpressure_pa", "air_arrival_s")
+PALETTE = (
+    *(*COLOURS, INK, "#882255", "#E8308A", "#332288", "#999933", "#AA4499"),
+    *("#8C510A", "#44AA99", "#661100", "#888888", "#117733", "#B8860B"),
+    *("#3B6FB6", "#5E8C31"),
+)
+"""Colours of laws: those of Okabe and Ito, then mostly Tol's muted ones."""
+LABEL_GAP = 0.062
+"""Least distance of two labels, as a fraction of a panel's height: one line of text."""
 """Quantities with a figure."""
 BURSTS: tuple[Burst, Burst] = ("surface", "free-air")
 ON_THE_GROUND = ("ford_2021",)
@@ -242,7 +253,9 @@ def _panel(
     reference: str = "",
 ) -> None:
     """Draw curves and their names; a reference is broad, so others on it are seen."""
-    colours = law_colours()
+    # the same colour in every figure
+    names = sorted({law.name for law in LAWS.values() if law.quantity in DRAWN})
+    colours = dict(zip(names, PALETTE, strict=False))
     quiet(axes)
     axes.set_xscale("log")
     axes.set_xlim(x[0], x[-1])
@@ -253,10 +266,40 @@ def _panel(
         if name == reference:
             axes.plot(x, curve.value, color=colours[name], linewidth=5.0, alpha=0.35)
         else:
-            draw_curve(axes, x, curve.value, curve.valid, colours[name])
+            inside = np.where(curve.valid, curve.value, np.nan)
+            axes.plot(x, inside, color=colours[name], linewidth=1.7, zorder=3)
+            axes.plot(x, curve.value, "--", color=colours[name], lw=1.0, alpha=0.55)
         last = np.flatnonzero(np.isfinite(curve.value))[-1]
         ends[name] = (float(x[last]), float(curve.value[last]))
-    name_curves(axes, ends, colours)
+    _name_curves(axes, ends, colours)
+
+
+def _name_curves(
+    axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]
+) -> None:
+    """Write names of curves to the right of a panel, without overlaps."""
+    corner = axes.transAxes.inverted()
+    places = corner.transform(axes.transData.transform(np.array(list(ends.values()))))
+    # a curve may end above the panel, or in NaN: its name stays at the edge
+    places = np.clip(np.nan_to_num(places), 0.0, 1.0)
+    least, top = 0.0, 1.0 - LABEL_GAP * (len(ends) - 1)
+    for i in np.argsort(places[:, 1], kind="stable"):
+        height = max(least, min(places[i, 1], top))
+        least, top = height + LABEL_GAP, top + LABEL_GAP
+        name = list(ends)[i]
+        line = {"arrowstyle": "-", "color": colours[name], "lw": 0.6, "alpha": 0.6}
+        axes.annotate(
+            name,
+            xy=places[i],
+            xytext=(1.05, height),
+            xycoords="axes fraction",
+            textcoords="axes fraction",
+            fontsize=8.5,
+            color=colours[name],
+            va="center",
+            annotation_clip=False,
+            arrowprops=line | {"relpos": (0.0, 0.5), "shrinkA": 1, "shrinkB": 0},
+        )
 
 
 def _where_laws_hold(

@@ -2,7 +2,6 @@
 
 from jblast import registry
 from jblast.waves.laws.acoustic import acoustic_arrival_time as acoustic_arrival_time
-from jblast.waves.laws.brode import brode_pressure as brode_pressure
 from jblast.waves.laws.dna_1kt import (
     dna_1kt_arrival_time as dna_1kt_arrival_time,
     dna_1kt_pressure as dna_1kt_pressure,
@@ -19,7 +18,6 @@ from jblast.waves.laws.ground_motion import (
     ground_motion_displacement as ground_motion_displacement,
     ground_motion_velocity as ground_motion_velocity,
 )
-from jblast.waves.laws.henrych import henrych_pressure as henrych_pressure
 from jblast.waves.laws.kingery_bulmash import (
     ground_factor as ground_factor,
     kingery_bulmash_arrival_time as kingery_bulmash_arrival_time,

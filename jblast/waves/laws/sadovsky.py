@@ -3,18 +3,15 @@ r"""Peak pressure and duration by Sadovsky's cubic, the handbook law of the USSR
 Sadovsky (1952), read second-hand. With $Z$ of `scaling.py` and pressures in kgf/cm2
 (98066.5 Pa),
 
-$$p = \frac{0.95}{Z} + \frac{3.9}{Z^2} + \frac{13.0}{Z^3} \text{ (ground)}, \qquad
-  p = \frac{0.84}{Z} + \frac{2.7}{Z^2} + \frac{7.0}{Z^3} \text{ (free air)}$$
+$$p = \frac{0.95}{Z} + \frac{3.9}{Z^2} + \frac{13.0}{Z^3} \text{ (ground)}$$
 
-The ground form is 93.2, 383, 1275 kPa. The free-air form is from memory: no page was
-seen. Handbooks also round both to MPa: 0.1, 0.43, 1.4 lies 8 (Z = 15) to 10 % (Z = 1)
-higher than the ground form, 0.084, 0.27, 0.7 lies 2 % higher than the other.
+which is 93.2, 383, 1275 kPa. Handbooks also round it to MPa: 0.1, 0.43, 1.4 lies 8 (Z =
+15) to 10 % (Z = 1) higher.
 
-Range: Z = 1 to 15 m/kg^(1/3), where the ground form is 1.29 (Z = 1), 1.06 (2), 1.02 (5)
-and 0.97 (10) of Kingery and Bulmash, the free-air form 1.11, 0.99, 1.04 and 1.04, the
-duration 0.98, 1.17, 1.00 and 1.12. Closer in, the cubic leaves them fast (2.4 and 1.7
-at 0.5), so there, as past 15, the pressure is a power law with the end slope and not
-valid.
+Range: Z = 1 to 15 m/kg^(1/3), where the pressure is 1.29 (Z = 1), 1.06 (2), 1.02 (5)
+and 0.97 (10) of Kingery and Bulmash, the duration 0.98, 1.17, 1.00 and 1.12. Closer in,
+the cubic leaves them fast (2.4 at 0.5), so there, as past 15, the pressure is a power
+law with the end slope and not valid.
 """
 
 import jax.numpy as jnp
@@ -38,14 +35,15 @@ RANGE = (1.0, 15.0)
 """Valid scaled distances [m/kg^(1/3)]; some sources state 10 as the upper limit."""
 
 
-def _cubic(first: float, second: float, third: float) -> LogCurve:
-    # No constant term: far away the pressure vanishes.
-    terms = tuple(KGF_PER_CM2 * c for c in (0.0, first, second, third))
-    return LogCurve((ReciprocalPolynomial(*RANGE, terms),))
-
-
-# Coefficients as printed, in kgf/cm^2 over powers of Z.
-CURVES = {"surface": _cubic(0.95, 3.9, 13.0), "free-air": _cubic(0.84, 2.7, 7.0)}
+# Coefficients as printed, in kgf/cm^2 over powers of Z. No constant term: far away the
+# pressure vanishes.
+CURVE = LogCurve(
+    (
+        ReciprocalPolynomial(
+            *RANGE, tuple(KGF_PER_CM2 * c for c in (0.0, 0.95, 3.9, 13.0))
+        ),
+    )
+)
 
 
 @checked
@@ -53,20 +51,16 @@ def sadovsky_pressure(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
 ) -> Float[Array, "..."]:
-    """Return the peak incident overpressure [Pa].
+    """Return the peak incident overpressure of a charge on the ground [Pa].
 
     Args:
         slant_range: Range $R$ [m], positive.
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         ambient_pressure: $P_0$ [Pa], positive.
-        burst: "surface", or "free-air" (from memory).
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return sachs_pressure_factor(ambient_pressure) * jnp.exp(
-        CURVES[burst].log_value(log_z)
-    )
+    return sachs_pressure_factor(ambient_pressure) * jnp.exp(CURVE.log_value(log_z))
 
 
 @checked
@@ -95,21 +89,11 @@ def sadovsky_valid(
     slant_range: Float[ArrayLike, "..."],
     charge_mass: Float[ArrayLike, "..."],
     ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Bool[Array, "..."]:
-    """Return True for Z from 1 to 15."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return (z >= RANGE[0]) & (z <= RANGE[1])
-
-
-def sadovsky_duration_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
     burst: str = "surface",
 ) -> Bool[Array, "..."]:
     """Return True for Z from 1 to 15 and a charge on the ground."""
-    within = sadovsky_valid(slant_range, charge_mass, ambient_pressure)
-    return within & (burst == "surface")
+    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
+    return (z >= RANGE[0]) & (z <= RANGE[1]) & (burst == "surface")
 
 
 register(
@@ -117,7 +101,7 @@ register(
         quantity="peak_overpressure_pa",
         name="sadovsky",
         function=sadovsky_pressure,
-        range="Z = 1 to 15 m/kg^(1/3); free-air form from memory",
+        range="surface, Z = 1 to 15 m/kg^(1/3)",
         source="Sadovsky 1952, second-hand",
         valid=sadovsky_valid,
         scatter=declared_scatter(shot=0.10, record=0.10),
@@ -132,7 +116,7 @@ register(
         function=sadovsky_duration,
         range="surface, Z = 1 to 15 m/kg^(1/3)",
         source="Sadovsky 1952, second-hand",
-        valid=sadovsky_duration_valid,
+        valid=sadovsky_valid,
         scatter=declared_scatter(shot=0.10, record=0.10),
         scatter_source="declared",
     )
