@@ -20,8 +20,6 @@ from jblast.results import Document
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from jblast.report.figure_files import Picture as Drawn
-
 PROBLEM = 4
 """Exit code of an answer that is computed, but must not be used as it is."""
 NOT_FOUND = 3
@@ -129,7 +127,7 @@ def write_answer(
         drawn = {}
         for one in pictures:
             if (made := draw(one)) is not None:
-                write(folder / one.name, made.png)
+                write(folder / one.name, made)
                 drawn[one.name] = made
         # imported here, as a template takes a tenth of a second to load
         from jblast.report.page import page
@@ -141,12 +139,12 @@ def write_answer(
     return written
 
 
-def draw(picture: Picture) -> "Drawn | None":
-    """Return a drawn figure; on failure warn and return None."""
-    from jblast.report.figure_files import picture_of
+def draw(picture: Picture) -> bytes | None:
+    """Return a figure as a PNG file; on failure warn and return None."""
+    from jblast.report.figures import figure_bytes
 
     try:
-        return picture_of(picture.draw())
+        return figure_bytes(picture.draw())
     except Exception as error:
         warnings.warn(f"{picture.name} was not drawn: {error!r}", stacklevel=2)
         return None
@@ -154,9 +152,9 @@ def draw(picture: Picture) -> "Drawn | None":
 
 def figure_file(draw: "Callable[[], Figure]", path: str) -> bytes:
     """Return a figure as the content of a file, in the format of its suffix."""
-    from jblast.report.figure_files import image_bytes
+    from jblast.report.figures import figure_bytes
 
-    return image_bytes(draw(), Path(path).suffix[1:].lower())
+    return figure_bytes(draw(), Path(path).suffix[1:].lower())
 
 
 def write(path: Path, content: Content) -> None:

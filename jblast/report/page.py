@@ -1,23 +1,25 @@
 """The page of a view: one template, self-contained, without scripts."""
 
+import base64
+import io
 from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
+from PIL import Image
 
 import jblast
-from jblast.report.figure_files import Picture as Drawn
 from jblast.report.provenance import provenance_lines
 from jblast.report.view import Block, Facts, Lines, Picture, Table, Text, View
 
 
-def page(view: View, drawn: Mapping[str, Drawn]) -> str:
+def page(view: View, drawn: Mapping[str, bytes]) -> str:
     """Return a view as a page.
 
     Args:
         view: The view.
-        drawn: Its drawn figures by name; figures that are not drawn are left out.
+        drawn: PNG files of its figures by name; figures without one are left out.
     """
     environment = Environment(
         # names from logs and scenes are escaped: they could contain markup
@@ -37,7 +39,7 @@ def page(view: View, drawn: Mapping[str, Drawn]) -> str:
     )
 
 
-def _values(block: Block, drawn: Mapping[str, Drawn]) -> dict[str, Any]:
+def _values(block: Block, drawn: Mapping[str, bytes]) -> dict[str, Any]:
     """Return what the template needs of a block."""
     values: dict[str, Any] = {"kind": type(block).__name__, "title": block.title}
     if isinstance(block, Table):
@@ -60,8 +62,12 @@ def _values(block: Block, drawn: Mapping[str, Drawn]) -> dict[str, Any]:
     elif isinstance(block, Text):
         values["text"] = block.text
     else:
-        picture = drawn[block.name]
-        values |= {"source": picture.source, "width": picture.width}
+        png = drawn[block.name]
+        with Image.open(io.BytesIO(png)) as image:
+            # 96 pixels of CSS are an inch
+            width = round(96 * image.width / image.info["dpi"][0])
+        source = f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
+        values |= {"source": source, "width": width}
         values |= {"alt": block.alt, "caption": block.caption}
     return values
 

@@ -244,16 +244,20 @@ def _terminal_block(block: Block, indent: int, verbose: bool) -> list[str]:
 
 
 def _terminal_table(table: Table, margin: str) -> list[str]:
-    kept = table.kept()
-    rows = list(zip(*(cells for _, cells in kept), strict=True))
-    heads = [column.head for column, _ in kept]
-    right = {n for n, (column, _) in enumerate(kept) if column.right}
-    lines = aligned([heads, *rows] if any(heads) else rows, right=right)
-    head, body = lines[: len(lines) - len(rows)], lines[len(lines) - len(rows) :]
-    for row, line in zip(table.shown, body, strict=True):
-        head.append(line)
-        head += hanging(table.note(row), indent=2) if table.note(row) else []
-    lines = [margin + line for line in head]
+    columns, cells = zip(*table.kept(), strict=True) if table.rows else ((), ())
+    rows = [[one.head for one in columns], *map(list, zip(*cells, strict=True))]
+    right = {n for n, one in enumerate(columns) if one.right}
+    # sentences in the last column are broken behind the others
+    last = len(columns) - 1
+    texts = [row.pop() if row and last not in right else "" for row in rows]
+    lines = []
+    for n, (start, text) in enumerate(
+        zip(aligned(rows, right=right), texts, strict=True)
+    ):
+        if n or any(one.head for one in columns):
+            lines += behind(margin + start + (GAP if text else ""), text)
+        if n and (note := table.note(table.shown[n - 1])):
+            lines += hanging(note, indent=len(margin) + 2)
     for sentence in (table.left_out, table.caption):
         lines += hanging(sentence, indent=len(margin)) if sentence else []
     return lines
@@ -271,7 +275,7 @@ def aligned(rows: Sequence[Sequence[str]], *, right: Collection[int] = ()) -> li
         GAP.join(
             cell.rjust(width) if n in right else cell.ljust(width)
             for n, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
+        )
         for row in rows
     ]
 
