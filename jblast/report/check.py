@@ -14,7 +14,7 @@ from jblast.errors import InputError
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.scenes import for_log
 from jblast.observations.table import row_word
-from jblast.report.messages import say
+from jblast.report.messages import sentence
 from jblast.report.words import (
     joined,
     printed_number,
@@ -47,14 +47,14 @@ def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
         middle = uncertain.place is None
         whose = "the centre of the sensors" if middle else "from the scene"
         at = place(0.0, 0.0, log)
-        lines.append(say("degrees", alt_m=log.frame.alt_m, place=at, whose=whose))
+        lines.append(sentence("degrees", alt_m=log.frame.alt_m, place=at, whose=whose))
     if log.epoch is not None:
-        lines.append(say("time_zero", start=log.epoch.astimezone(UTC)))
+        lines.append(sentence("time_zero", start=log.epoch.astimezone(UTC)))
     if not len(log) or len(set(log.shot)) > 1:
         return lines
     free = list(for_log(uncertain, log).beliefs)
     if uncertain.source == NO_SCENE and len(free) > 1:
-        lines.append(say("freed", names=free))
+        lines.append(sentence("freed", names=free))
     return lines
 
 
@@ -267,7 +267,7 @@ def check_answer(
                 kind=note.kind,
                 lines=tuple(map(doubted.line_of, note["rows"])),
                 sensors=tuple(dict.fromkeys(doubted.sensor[r] for r in note["rows"])),
-                message=sentence(note, doubted),
+                message=row_sentence(note, doubted),
             )
             for note in doubts
         ),
@@ -292,7 +292,7 @@ def _places(log: Observations) -> dict[str, int]:
     return {kind or "neither": counts[kind] for kind in ("position", "range", "")}
 
 
-def sentence(note: Note, observations: Observations) -> str:
+def row_sentence(note: Note, observations: Observations) -> str:
     """Return a warning about rows of a log as a sentence, without its lines."""
     log, rows = observations, note["rows"]
     sensors = tuple(dict.fromkeys(log.sensor[row] for row in rows))
@@ -312,7 +312,7 @@ def sentence(note: Note, observations: Observations) -> str:
         facts["largest"] = printed_number(quantity, note["largest"], 3)
     if "east_m" in note.numbers:
         facts["place"] = place(note["east_m"], note["north_m"], log)
-    return say(note.kind, note.numbers, **facts)
+    return sentence(note.kind, note.numbers, **facts)
 
 
 def reading(log: Observations, row: int) -> str:

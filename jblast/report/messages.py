@@ -265,7 +265,7 @@ MESSAGES = {
 }
 
 
-def say(message: str, source: Any = None, /, **more: Any) -> str:
+def sentence(message: str, source: Any = None, /, **more: Any) -> str:
     """Return a sentence.
 
     Args:
@@ -279,7 +279,7 @@ def say(message: str, source: Any = None, /, **more: Any) -> str:
 
 def sentence_of(note: Note) -> str:
     """Return the sentence of a note."""
-    return say(note.kind, note.numbers)
+    return sentence(note.kind, note.numbers)
 
 
 def sentences_of(notes: Iterable[Note]) -> list[str]:

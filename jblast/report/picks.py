@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, timedelta
 
-from jblast.report.messages import listed, say, sentences_of
+from jblast.report.messages import listed, sentence, sentences_of
 from jblast.report.words import (
     aligned,
     quantity_words,
@@ -129,12 +129,12 @@ def _of_log(log: PickLog) -> list[str]:
     lines = []
     for (of, reason), names in same.items():
         what = "all" if "air_arrival_s" in of else listed(map(quantity_words, of))
-        why = say(f"no_row.{reason}")
+        why = sentence(f"no_row.{reason}")
         lines.append(f"not in the log: {what} of {listed(names)}: {why}")
     if log.independent:
-        lines.append(say("independent", names=log.independent))
+        lines.append(sentence("independent", names=log.independent))
     if log.bangs > 1:
-        lines.append(say("bangs", bangs=log.bangs))
+        lines.append(sentence("bangs", bangs=log.bangs))
     return lines
 
 

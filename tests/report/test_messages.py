@@ -12,8 +12,8 @@ import pytest
 import jblast
 from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock, WrongSensor
 from jblast.observations.check import doubt
-from jblast.report.check import sentence
-from jblast.report.messages import MAX_NAMED, MESSAGES, alarm, say, sentence_of
+from jblast.report.check import row_sentence
+from jblast.report.messages import MAX_NAMED, MESSAGES, alarm, sentence, sentence_of
 from jblast.results import problem, warning
 from jblast.signals.picks.pick import NOTES, NoteKind
 
@@ -35,7 +35,7 @@ def made():
                 continue
             kind = node.args[0]
             name = getattr(node.func, "id", "")
-            if name in (*MAKERS, "say") and isinstance(kind, ast.Constant):
+            if name in (*MAKERS, "sentence") and isinstance(kind, ast.Constant):
                 names = {word.arg for word in node.keywords}
                 names |= OF_ROWS if name == "doubt" or path.stem == "sanity" else set()
                 found.setdefault(kind.value, set()).update(names)
@@ -79,7 +79,7 @@ def test_doubts_of_numbers_of_any_size_are_printed(size):
             "too_slow",
             "too_fast",
         }:
-            assert sentence(doubt(kind, (5, 6), **numbers), LOG)
+            assert row_sentence(doubt(kind, (5, 6), **numbers), LOG)
 
 
 def test_numbers_are_printed_with_units_and_lists_are_short():
@@ -118,12 +118,12 @@ def test_numbers_are_printed_with_units_and_lists_are_short():
     ],
 )
 def test_forms_of_a_template(template, numbers, text):
-    assert say(template, numbers) == text
+    assert sentence(template, numbers) == text
 
 
 def test_fields_are_those_of_an_object_and_given_ones_come_first():
-    assert say("{value:3} {sigma}", LOG, value=0.5, sigma=np.nan) == "0.5 nan"
-    assert say("{names:names}", warning("x"), names=["a", "b"]) == "a and b"
+    assert sentence("{value:3} {sigma}", LOG, value=0.5, sigma=np.nan) == "0.5 nan"
+    assert sentence("{names:names}", warning("x"), names=["a", "b"]) == "a and b"
 
 
 def test_the_name_of_a_problem_is_in_capitals():

@@ -15,7 +15,7 @@ from jblast.inference.consensus import (
 from jblast.inference.sanity import doubts, rising_peaks
 from jblast.observations import Observations, some_rows
 from jblast.observations.places import Frame
-from jblast.report.check import sentence
+from jblast.report.check import row_sentence
 from jblast.scene import default_scene, freed
 from tests.inference.sanity.made import (
     ARRIVAL,
@@ -33,7 +33,7 @@ BOTH = log_of(ARRIVAL, PEAK)
 
 def kinds(log: Observations, scene=SCENE) -> list[str]:
     found = doubts(log, scene)
-    assert all(sentence(doubt, log) for doubt in found)
+    assert all(row_sentence(doubt, log) for doubt in found)
     return [doubt.kind for doubt in found]
 
 
@@ -291,7 +291,7 @@ def test_slow_arrivals_from_an_unknown_place_accuse_no_sensor(speed, free):
     (doubt,) = doubts(heard(speed), freed(SCENE, free))
     assert (doubt.kind, len(doubt["rows"])) == ("slow_together", 8)
     assert doubt.numbers["speed_m_s"] == pytest.approx(speed, rel=0.001)
-    assert f"imply a speed of {speed:.0f} m/s" in sentence(doubt, heard(speed))
+    assert f"imply a speed of {speed:.0f} m/s" in row_sentence(doubt, heard(speed))
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from jblast.observations.check import (
     refusals,
     sigmas_doubted,
 )
-from jblast.report.check import sentence
+from jblast.report.check import row_sentence
 from jblast.scene import Scene, Sensor, default_scene
 from tests.observations.rows import HEADER
 
@@ -93,7 +93,9 @@ def test_seconds_since_1970_are_told_and_never_taken_for_a_date(log, unit, facto
     assert (doubt.kind, doubt["rows"]) == ("since_1970", (0, 1))
     assert (doubt["unit"], doubt["when"]) == (unit, "2023-11-14T22:13:20.000Z")
     assert table.epoch is None
-    assert f"{unit} since 1970, here 2023-11-14T22:13:20.000Z" in sentence(doubt, table)
+    assert f"{unit} since 1970, here 2023-11-14T22:13:20.000Z" in row_sentence(
+        doubt, table
+    )
     # a clock that counts from its start, or from a day's, is no date
     assert clocks_doubted(replace(table, value=table.value / factor / 2e4)) == []
     known = replace(table, epoch=datetime(2020, 8, 4, tzinfo=UTC))
