@@ -58,7 +58,7 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.flight_figures import controllers_figure
+from jblast.report.flight_figures import distribution_figure
 from jblast.report.words import aligned
 from jblast.scene import Air, Charge, Scene, read_scene
 from jblast.study.flight_results import (
@@ -450,7 +450,7 @@ def controllers() -> None:
     print(f"{asked.count} blasts a vehicle, 8 s, steps of {CONTROLLER_STEP_S:g} s")
     print("\n".join(aligned(table)))
     if asked.out is not None:
-        controllers_figure(every[-1]).savefig(asked.out)
+        distribution_figure(every[-1]).savefig(asked.out)
 
 
 def estimator() -> None:

@@ -66,7 +66,7 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.mission_figures import draw_map
+from jblast.report.flight_figures import draw_map
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
 from jblast.study.flight_results import Options, Profile
 from jblast.study.flights import followed_along

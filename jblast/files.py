@@ -5,11 +5,14 @@ is complete. A reader, also after a crash, finds the old or the new content, nev
 part. This module writes all files of jblast.
 """
 
+import csv
+import io
 import os
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from jblast.errors import InputError, argument
 
@@ -76,6 +79,21 @@ def write_bytes(
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     r"""Write text as UTF-8 with line ends `\n`, atomically."""
     write_bytes(path, text.encode())
+
+
+def table_text(rows: Iterable[Iterable[Any]], comments: Iterable[str] = ()) -> str:
+    """Return rows as CSV, after comments as lines that begin with "#".
+
+    Args:
+        rows: Cells; the first row has the names of the columns.
+        comments: Comments, such as the provenance.
+    """
+    text = io.StringIO()
+    # a line break in a comment would begin a row of the table
+    text.writelines(f"# {' '.join(line.split())}\n" for line in comments)
+    # the default of csv is CR LF on all systems
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _created(target: Path) -> Path:

@@ -13,17 +13,17 @@ from jblast.report.discovery import DiscoveryAnswer
 from jblast.report.film import EventsAnswer, FilmAnswer
 from jblast.report.fit.document import FitAnswer, FitsAnswer
 from jblast.report.flash import ClipsAnswer, FlashAnswer
-from jblast.report.flights import FlightsAnswer
+from jblast.report.flights import FlightsAnswer, MissionAnswer
 from jblast.report.gains import GainsAnswer
 from jblast.report.listen import ListenAnswer
-from jblast.report.missions import MissionAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer
 from jblast.report.study_results import StudyReportAnswer
 from jblast.report.study_run import StudyAnswer
 from jblast.report.tune import TuneAnswer
-from jblast.report.world import ServedAnswer, WorldAnswer
+from jblast.report.world import WorldAnswer
 from jblast.results import DIALECT, schema_of
 from jblast.study.mavlink_servers import LockstepAnswer, WatchedAnswer
+from jblast.world.remote.serving import ServedAnswer
 
 DOCUMENTS: dict[str, tuple[type, str]] = {
     "fit": (FitAnswer, "An answer of jblast fit"),

@@ -64,7 +64,8 @@ def verb_parser(verb: Verb) -> "VerbParser | spec.VerbParser":
     module = verb.module()
     if not hasattr(module, "add_arguments"):
         read = spec.VerbParser(f"jblast {verb.name}", module.__doc__ or "")
-        read.set_defaults(progress=True, verb=verb.name, run=module.run)
+        is_shown = getattr(module, "PROGRESS", True)
+        read.set_defaults(progress=is_shown, verb=verb.name, run=module.run)
         return read
     parser = VerbParser(f"jblast {verb.name}", module.__doc__ or "", verb.example)
     # Before the arguments of the verb, which may turn it off (`jblast serve`).

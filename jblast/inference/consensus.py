@@ -28,11 +28,10 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from jblast.constants import PSI, STANDARD_SOUND_SPEED, TNT_SPECIFIC_ENERGY
 from jblast.observations import Observations
-from jblast.observations.check import doubt
+from jblast.observations.check import Doubt
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES
 from jblast.registry import law_for
-from jblast.results import Note
 from jblast.scene import Charge, Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.calculator import evaluate
@@ -299,7 +298,7 @@ class Blast:
     checkable: int
     unknowns: int
     price: int
-    doubt: Note | None = None
+    doubt: Doubt | None = None
 
     @property
     def agree(self) -> int:
@@ -347,10 +346,10 @@ def blast_of(
         later = at_place(readings, laws, place, None)
         elsewhere = anywhere(readings, laws, place[2])
         east, north, _ = elsewhere.place.tolist()
-        there = doubt("not_at_the_origin", first, east_m=east, north_m=north)
+        numbers = {"east_m": east, "north_m": north}
         tried = [
-            replace(later, doubt=doubt("not_at_time_0", first)),
-            replace(elsewhere, doubt=there),
+            replace(later, doubt=Doubt("not_at_time_0", first)),
+            replace(elsewhere, doubt=Doubt("not_at_the_origin", first, numbers)),
         ]
         best = _cheapest(stated, tried)
     return best
@@ -376,9 +375,9 @@ def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[Blast]:
         for name, factor in FACTORS[QUANTITIES[quantity].kind].items():
             changed = readings.rescaled(here, factor)
             blast = at_place(changed, laws, stated.place, stated.origin)
+            doubt = Doubt("units_of_a_quantity", rows, {"factor": factor}, (name,))
             if len(rows) > 1 and not blast.off.any():
-                note = doubt("units_of_a_quantity", rows, factor=factor, unit=name)
-                tried.append(replace(blast, price=blast.price + PRICE, doubt=note))
+                tried.append(replace(blast, price=blast.price + PRICE, doubt=doubt))
     return tried
 
 

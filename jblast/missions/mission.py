@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.missions.guidance import (
     CALIBRATE_S,
     FIELDS,
@@ -100,8 +100,13 @@ def grid_plan(
         speed_m_s: Cruise speed; None: the vehicle's.
 
     Raises:
-        InputError: There are too many lanes.
+        InputError: There are too many lanes, or an argument is out of its range.
     """
+    if width_m <= 0 or depth_m < 0 or spacing_m <= 0:
+        raise InputError(
+            f"{argument('grid')}: expected a positive WIDTH and SPACING and a DEPTH of "
+            f"0 or more, got {width_m:g},{depth_m:g},{spacing_m:g}"
+        )
     # Rounding must not add a lane to a depth of whole spacings.
     lanes = 1 + math.ceil(depth_m / spacing_m - 1e-9)
     if lanes > MAX_LANES:
@@ -139,7 +144,15 @@ def orbit_plan(
         up_m: Height above home.
         centre_m: Centre of the circle, east and north of home.
         speed_m_s: Cruise speed; None: the vehicle's.
+
+    Raises:
+        InputError: An argument is out of its range.
     """
+    if radius_m == 0 or turns <= 0:
+        raise InputError(
+            f"{argument('orbit')}: expected a RADIUS other than 0 and positive TURNS, "
+            f"got {radius_m:g},{turns:g}"
+        )
     return _plan(home, [centre_m], up_m, speed_m_s, turns=turns, radius_m=radius_m)
 
 
@@ -152,6 +165,12 @@ def _plan(
     radius_m: float | None = None,
 ) -> Plan:
     """Return a plan of take-off, positions, and return."""
+    # of swapped coordinates only those with a longitude beyond 90 degrees are found
+    if abs(home.lat_deg) > 90 or abs(home.lon_deg) > 180:
+        raise InputError(
+            f"{argument('home')}: expected a latitude of -90 to 90 and a longitude of "
+            f"-180 to 180 degrees, got {home.lat_deg:g},{home.lon_deg:g}"
+        )
     points = np.array([(*place, 0.0) for place in places])
     on_earth = geodetic(Frame(*home), points)
     rows: list[tuple[int, int, Parameters]] = [

@@ -1,35 +1,37 @@
-"""The answer of `jblast fly`: effects on the vehicles, and the tables of their flights.
-
-`jblast discover` reads the table of a flight. Besides position, velocity and attitude
-it has the direction of the rotors' thrust (body z in world axes), because acceleration
-by thrust is linear in this direction, and not in the quaternion.
-"""
+"""Answers on flights: `jblast fly`, hovering or on a mission, and `jblast serve`."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from jblast.autopilot.estimator import Thrown
+from jblast.missions.mission import geodetic
 from jblast.quantities import QUANTITIES
+from jblast.report.flight_figures import distribution_figure, map_figure, time_figure
+from jblast.report.output import PROBLEM, Answer
+from jblast.report.view import (
+    Column,
+    Facts,
+    Lines,
+    Picture,
+    Table,
+    View,
+)
 from jblast.report.words import (
-    aligned,
     capitalised,
-    comma_separated,
-    hanging,
     parameter_words,
     printed_number,
-    significant,
 )
-from jblast.results import Document
+from jblast.results import ABSENT, Document, among, filled
 from jblast.study.flight_results import (
     EXPOSURES,
     METRICS,
+    Encounter,
     Flights,
     Flown,
     flies_on,
@@ -41,22 +43,17 @@ from jblast.study.flight_results import (
     target_of,
     warnings_of,
 )
-from jblast.vehicle import Trajectory
+from jblast.study.flight_tables import flight_csv, flights_csv
+from jblast.study.mavlink_servers import serve_autopilot, serve_ground_station
+from jblast.study.missions import (
+    WATCHED_S,
+    Disturbance,
+    MissionFlight,
+    Waypoint,
+)
 from jblast.vehicle.metrics import THRESHOLDS, Threshold
+from jblast.world.remote.serving import serve_world
 
-WORLD, BODY, ROTORS = ("east", "north", "up"), "xyz", "1234"
-COLUMNS = {
-    "position_m": [f"{axis}_m" for axis in WORLD],
-    "velocity_m_s": [f"velocity_{axis}_m_s" for axis in WORLD],
-    "quaternion": [f"quaternion_{part}" for part in "ijkw"],
-    "body_rate_rad_s": [f"body_rate_{axis}_rad_s" for axis in BODY],
-    "rotor_speed_rad_s": [f"rotor_speed_{n}_rad_s" for n in ROTORS],
-    "force_n": [f"force_{axis}_n" for axis in WORLD],
-    "moment_n_m": [f"moment_{axis}_n_m" for axis in BODY],
-}
-"""Columns of the table, by part of the trajectory."""
-PULL = [f"pull_{axis}" for axis in WORLD]
-SET_POINT = [f"set_point_{axis}_m" for axis in WORLD]
 WORDS = {
     "error_before_m": "path error before",
     "error_at_blast_m": "path error at arrival",
@@ -68,236 +65,16 @@ WORDS = {
     "peak_acceleration_m_s2": "peak acceleration",
     "fireball_time_s": "time in a fireball",
 }
-THRESHOLD_WORDS = {
-    "peak_overpressure_pa": "threshold of overpressure",
-    "peak_acceleration_m_s2": "threshold of acceleration",
-    "fireball_time_s": "threshold of time in a fireball",
-}
 MET = ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa")
-"""Numbers of an `Encounter` that are printed for each blast."""
+"""Numbers of an `Encounter` in the document."""
+PARTS = {"place": "position", "moves": "velocity", "turn": "attitude"}
+"""Words of the parts of a state, by the beginning of their names in `Thrown`."""
+FLAGS = ("recovered", "settled", "crashed", "past_threshold", "in_range_share")
+"""Flags, which are shares over several vehicles."""
 MAX_NAMED = 100
 """Largest number of lost vehicles listed in the JSON: the table has all of them."""
-PARTS = {"position": "place", "velocity": "moves", "attitude": "turn"}
-"""Parts of a state, with the beginning of their names in `EstimateThrown`."""
-UNITS = {"place": "_m", "moves": "_m_s", "turn": "_rad"}
-EastNorthUpM = tuple[float, float, float]
-
-
-def trajectory_csv(
-    trajectory: Trajectory,
-    path_error_m: Float[np.ndarray, " time"],
-    comment: str,
-    set_point_m: Float[np.ndarray, "time 3"] | None = None,
-) -> str:
-    """Return the rows of one flight, up to its divergence if it diverged.
-
-    Args:
-        trajectory: The flight.
-        path_error_m: Path error of each row.
-        comment: Text of the first line.
-        set_point_m: Set point of each row, of a mission.
-    """
-    names = [name for part in COLUMNS.values() for name in part]
-    parts = [np.asarray(trajectory.time_s)[:, None]]
-    parts += [np.asarray(getattr(trajectory, name)) for name in COLUMNS]
-    rows = np.hstack([*parts, path_error_m[:, None]])
-    # the rows of a flight are not finite after its divergence
-    known = np.isfinite(rows).all(axis=1)
-    rows = rows[known]
-    first = 1 + names.index("quaternion_i")
-    # SciPy has the scalar last, as the columns have
-    attitude = Rotation.from_quat(rows[:, first : first + 4]).as_matrix()
-    rows = np.hstack([rows, attitude[:, :, 2]])
-    columns = ["time_s", *names, "path_error_m", *PULL]
-    if set_point_m is not None:
-        rows = np.hstack([rows, set_point_m[known]])
-        columns += SET_POINT
-    numbers = ([f"{value:.12g}" for value in row] for row in rows)
-    return f"# {comment}\n" + comma_separated([columns, *numbers])
-
-
-def flights_text(flights: Flights) -> str:
-    """Return results, blasts, sampled parameters and notes, for the terminal."""
-    lines = [_title(flights), "", *aligned(_holds(flights))]
-    estimates = [(hold_words(name), one.thrown) for name, one in flights.holds.items()]
-    lines += estimate_lines(estimates, flights.blasts, number_words)
-    lines += ["", *aligned(_blasts(flights)), ""]
-    if flights.drawn:
-        lines += [*aligned(_drawn(flights)), ""]
-    lines += _notes(flights)
-    return "\n".join(lines) + "\n"
-
-
-def _title(flights: Flights) -> str:
-    vehicle, options = flights.vehicle, flights.options
-    place = ", ".join(f"{float(x):g}" for x in target_of(vehicle))
-    who = vehicle.model.capitalize()
-    if flights.count > 1:
-        who = f"{flights.count:,} x {who}"
-    return (
-        f"{who} holding ({place}) m for {flights.seconds:g} s "
-        f"(rk4, steps of {printed_number('step_s', options.step_s)})"
-    )
-
-
-def _drawn(flights: Flights) -> list[tuple[str, ...]]:
-    head = "sampled, by --seed"
-    if flights.count > 1:
-        head += ": 5 %, 50 %, 95 %"
-    return [
-        (head, ""),
-        *(
-            (parameter_words(name), number_words(name, values))
-            for name, values in flights.drawn.items()
-        ),
-    ]
-
-
-def _blasts(flights: Flights) -> list[tuple[str, ...]]:
-    """Return a row for each blast."""
-    encounter = next(iter(flights.holds.values())).encounter
-    by_law = flights.options.profile is None
-    rows = [("blast", "arrives", "distance", "scaled [m/kg^(1/3)]", "peak", "in range")]
-    if flights.count > 1:
-        rows[0] = (*rows[0][:-1], "in range of its laws" if by_law else "in its cases")
-    for n, name in enumerate(flights.blasts):
-        inside = encounter.in_range[..., n]
-        rows.append(
-            (
-                name or "the charge",
-                number_words("arrival_s", encounter.arrival_s[..., n]),
-                number_words("distance_m", encounter.distance_m[..., n]),
-                number_words("", encounter.scaled_distance[..., n]),
-                number_words("overpressure_pa", encounter.overpressure_pa[..., n]),
-                _yes(bool(inside))
-                if flights.count == 1
-                else f"{100 * np.mean(inside):.3g} %",
-            )
-        )
-    return rows
-
-
-def _holds(flights: Flights) -> list[tuple[str, ...]]:
-    """Return a row for each metric, a column for each position controller."""
-    holds = flights.holds
-    several = flights.count > 1
-    head = [
-        hold_words(name) + (" (the scene's)" if name == flights.own else "")
-        for name in holds
-    ]
-    rows = [("5 %, 50 %, 95 %" if several else "", *head)]
-    for name in METRICS:
-        cells = [number_words(name, metric(f, name)) for f in holds.values()]
-        rows.append((WORDS[name], *cells))
-    if several:
-        shares = {
-            "recovered": lambda f: np.isfinite(f.metrics.recovery_time_s),
-            "settled": lambda f: f.metrics.settled,
-            "crashed": lambda f: f.metrics.crashed,
-        }
-        for word, of in shares.items():
-            cells = [f"{100 * np.mean(of(f)):.4g} %" for f in holds.values()]
-            rows.append((word, *cells))
-        rows.append(("flies on", *(_interval(flies_on(f)) for f in holds.values())))
-        return rows + _exposures(flights)
-    for word in ("settled", "crashed"):
-        flags = [bool(getattr(f.metrics, word)) for f in holds.values()]
-        rows.append((word, *map(_yes, flags)))
-    rows.append(("flies on", *(_yes(bool(flies_on(f))) for f in holds.values())))
-    return rows + _exposures(flights)
-
-
-def _exposures(flights: Flights) -> list[tuple[str, ...]]:
-    """Return rows on pressure, acceleration and fireball, with their thresholds."""
-    model, rows = flights.vehicle.model, []
-    for name in EXPOSURES:
-        held = flights.holds.values()
-        rows.append((WORDS[name], *(number_words(name, metric(f, name)) for f in held)))
-        past = [past_threshold(model, f)[name] for f in held]
-        cells = [
-            "unknown"
-            if each is None
-            else _interval(each)
-            if each.ndim
-            else _yes(bool(each))
-            for each in past
-        ]
-        limit = THRESHOLDS[model][name].value
-        limit_words = "" if limit is None else f" {_one(name, limit, 3)}"
-        rows.append((f"  above{limit_words or ' a threshold'}", *cells))
-    return rows
-
-
-def _notes(flights: Flights) -> list[str]:
-    """Return definitions of the terms, sources of the thresholds, and warnings."""
-    tolerance = printed_number("tolerance_m", flights.options.tolerance_m)
-    notes = [
-        f"Path errors are root mean squares. Recovery time: from the first blast's "
-        f"arrival until the path error stays within {tolerance}; 0 if it never exceeds "
-        "that. Flies on: did not hit the ground, turn over or diverge; structural "
-        "damage is not included."
-    ]
-    for name, limit in THRESHOLDS[flights.vehicle.model].items():
-        notes.append(f"{capitalised(THRESHOLD_WORDS[name])}: {limit.source}.")
-    lines = ["Definitions and assumptions"]
-    lines += [line for note in notes for line in hanging(note, 2)]
-    if warnings := warnings_of(flights):
-        lines += ["", "Warnings"]
-        lines += [
-            line
-            for warning in warnings
-            for line in hanging(f"{capitalised(warning)}.", 2)
-        ]
-    return lines
-
-
-def _interval(flags: np.ndarray) -> str:
-    low, high = (100 * share for share in share_interval(flags))
-    return f"{100 * np.mean(flags):.4g} % [{low:.4g} to {high:.4g} %]"
-
-
-def number_words(name: str, values: ArrayLike | float) -> str:
-    """Return a number with its unit, or the quantiles of several."""
-    known = np.asarray(values)
-    if not known.ndim:
-        return _one(name, float(known))
-    return ", ".join(_one(name, value, 3) for value in quantiles(known))
-
-
-def _one(name: str, value: float, digits: int = 4) -> str:
-    if math.isnan(value):
-        return "-"
-    if math.isinf(value):
-        return {"recovery_time_s": "not reached", "arrival_s": "never"}.get(name, "-")
-    # rounding of the integration: 1e-6 of any unit here is far below what matters
-    if 0 < abs(value) < 1e-6:
-        return printed_number(name, 0.0)
-    return printed_number(name, value, digits) if name else significant(value, digits)
-
-
-def _yes(value: bool) -> str:
-    return "yes" if value else "no"
-
-
-@dataclass(frozen=True)
-class BlastMet:
-    """A blast at one vehicle.
-
-    Attributes:
-        charge: Name of the charge; "" for a single one.
-        arrival_s: Arrival on the scene's clock.
-        distance_m: Distance from the charge to the vehicle at the arrival.
-        scaled_distance: Sachs-scaled distance [m/kg^(1/3)].
-        overpressure_pa: Incident peak overpressure there.
-        in_range: Whether its laws are valid there.
-    """
-
-    charge: str
-    arrival_s: float
-    distance_m: float
-    scaled_distance: float
-    overpressure_pa: float
-    in_range: bool
+FILES = ("flight.csv", "flights.csv", "flight.png", "distribution.png", "map.png")
+"""Files besides document and page, of which each answer has some."""
 
 
 @dataclass(frozen=True)
@@ -315,90 +92,9 @@ class Quantiles:
     q95: float
 
 
-@dataclass(frozen=True)
-class BlastMetBySeveral:
-    """A blast at several vehicles; attributes as in `BlastMet`.
-
-    Attributes:
-        charge: Name of the charge; "" for a single one.
-        arrival_s: Arrival on the scene's clock.
-        distance_m: Distance from the charge to the vehicle at the arrival.
-        scaled_distance: Sachs-scaled distance [m/kg^(1/3)].
-        overpressure_pa: Incident peak overpressure there.
-        in_range_share: Share of the vehicles for which its laws are valid.
-    """
-
-    charge: str
-    arrival_s: Quantiles
-    distance_m: Quantiles
-    scaled_distance: Quantiles
-    overpressure_pa: Quantiles
-    in_range_share: float
-
-
-@dataclass(frozen=True)
-class EstimateThrown:
-    """Errors of the state estimate before and after a blast.
-
-    Errors before are root mean squares over the second before the arrival. Errors after
-    are the largest until the next blast, 10 s at most. Several vehicles have quantiles.
-
-    Attributes:
-        charge: Name of the charge; "" for a single one.
-        place_before_m: Error of the position before.
-        place_m: Error of the position after.
-        moves_before_m_s: Error of the velocity before.
-        moves_m_s: Error of the velocity after.
-        turn_before_rad: Error of the attitude before.
-        turn_rad: Error of the attitude after.
-    """
-
-    charge: str
-    place_before_m: float | Quantiles
-    place_m: float | Quantiles
-    moves_before_m_s: float | Quantiles
-    moves_m_s: float | Quantiles
-    turn_before_rad: float | Quantiles
-    turn_rad: float | Quantiles
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Result of one flight.
-
-    Attributes:
-        error_before_m: Path error before the first blast.
-        error_at_blast_m: Path error at its arrival.
-        error_after_m: Path error after it.
-        peak_deviation_m: Largest path error after it.
-        peak_time_s: Time of that after the arrival.
-        recovery_time_s: Time from the arrival until it stays within the tolerance.
-        peak_overpressure_pa: Incident peak overpressure of the strongest blast.
-        peak_acceleration_m_s2: Largest acceleration by the blasts alone.
-        fireball_time_s: Time within a fireball while it is luminous.
-        recovered: Whether it returned within the tolerance.
-        settled: Whether it was within the tolerance before the blast.
-        crashed: Whether it crashed.
-        lost: Whether the integration diverged.
-        flies_on: Whether it neither crashed nor diverged.
-        past_threshold: Whether each exposure exceeds its threshold; null if unknown.
-    """
-
-    error_before_m: float
-    error_at_blast_m: float
-    error_after_m: float
-    peak_deviation_m: float
-    peak_time_s: float
-    recovery_time_s: float
-    peak_overpressure_pa: float
-    peak_acceleration_m_s2: float
-    fireball_time_s: float
-    recovered: bool
-    settled: bool
-    crashed: bool
-    lost: bool
-    flies_on: bool
-    past_threshold: Mapping[str, bool | None]
+Numbers = float | Quantiles
+"""A number of one vehicle, or its quantiles over several."""
+EastNorthUpM = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -417,8 +113,57 @@ class Share:
 
 
 @dataclass(frozen=True)
-class OutcomeOfSeveral:
-    """Results of several flights; quantiles of the attributes of `Outcome`.
+class BlastMet:
+    """A blast at the vehicles.
+
+    Attributes:
+        charge: Name of the charge; "" for a single one.
+        arrival_s: Arrival on the scene's clock.
+        distance_m: Distance from the charge to the vehicle at the arrival.
+        scaled_distance: Sachs-scaled distance [m/kg^(1/3)].
+        overpressure_pa: Incident peak overpressure there.
+        in_range: Whether its laws are valid there, for one vehicle.
+        in_range_share: Share of several vehicles for which they are.
+    """
+
+    charge: str
+    arrival_s: Numbers
+    distance_m: Numbers
+    scaled_distance: Numbers
+    overpressure_pa: Numbers
+    in_range: bool | None = field(default=None, metadata=ABSENT)
+    in_range_share: float | None = field(default=None, metadata=ABSENT)
+
+
+@dataclass(frozen=True)
+class EstimateThrown:
+    """Errors of the state estimate before and after a blast.
+
+    Errors before are root mean squares over the second before the arrival. Errors after
+    are the largest until the next blast, 10 s at most.
+
+    Attributes:
+        charge: Name of the charge; "" for a single one.
+        place_before_m: Error of the position before.
+        place_m: Error of the position after.
+        moves_before_m_s: Error of the velocity before.
+        moves_m_s: Error of the velocity after.
+        turn_before_rad: Error of the attitude before.
+        turn_rad: Error of the attitude after.
+    """
+
+    charge: str
+    place_before_m: Numbers
+    place_m: Numbers
+    moves_before_m_s: Numbers
+    moves_m_s: Numbers
+    turn_before_rad: Numbers
+    turn_rad: Numbers
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Results of flights with one controller: of one flight, or of several.
 
     Attributes:
         error_before_m: Path error before the first blast.
@@ -430,46 +175,56 @@ class OutcomeOfSeveral:
         peak_overpressure_pa: Incident peak overpressure of the strongest blast.
         peak_acceleration_m_s2: Largest acceleration by the blasts alone.
         fireball_time_s: Time within a fireball while it is luminous.
-        recovered_share: Share of the vehicles that recovered.
+        recovered: Whether it returned within the tolerance.
+        settled: Whether it was within the tolerance before the blast.
+        crashed: Whether it crashed.
+        recovered_share: Share of several vehicles that recovered.
         settled_share: Share of the vehicles that were settled.
         crashed_share: Share of the vehicles that crashed.
         flies_on_share: Share of the vehicles that fly on, with its interval.
         past_threshold_share: Share above the threshold of each exposure; null if
             unknown.
-        lost: Number of flights that diverged.
+        lost: Whether the integration diverged, or the number of flights that did.
         lost_vehicles: Numbers of these vehicles, the first hundred.
+        flies_on: Whether it neither crashed nor diverged.
+        past_threshold: Whether each exposure exceeds its threshold; null if unknown.
     """
 
-    error_before_m: Quantiles
-    error_at_blast_m: Quantiles
-    error_after_m: Quantiles
-    peak_deviation_m: Quantiles
-    peak_time_s: Quantiles
-    recovery_time_s: Quantiles
-    peak_overpressure_pa: Quantiles
-    peak_acceleration_m_s2: Quantiles
-    fireball_time_s: Quantiles
-    recovered_share: float
-    settled_share: float
-    crashed_share: float
-    flies_on_share: Share
-    past_threshold_share: Mapping[str, float | None]
-    lost: int
-    lost_vehicles: tuple[int, ...]
+    error_before_m: Numbers
+    error_at_blast_m: Numbers
+    error_after_m: Numbers
+    peak_deviation_m: Numbers
+    peak_time_s: Numbers
+    recovery_time_s: Numbers
+    peak_overpressure_pa: Numbers
+    peak_acceleration_m_s2: Numbers
+    fireball_time_s: Numbers
+    recovered: bool | None = field(default=None, metadata=ABSENT)
+    settled: bool | None = field(default=None, metadata=ABSENT)
+    crashed: bool | None = field(default=None, metadata=ABSENT)
+    recovered_share: float | None = field(default=None, metadata=ABSENT)
+    settled_share: float | None = field(default=None, metadata=ABSENT)
+    crashed_share: float | None = field(default=None, metadata=ABSENT)
+    flies_on_share: Share | None = field(default=None, metadata=ABSENT)
+    past_threshold_share: Mapping[str, float | None] | None = field(
+        default=None, metadata=ABSENT
+    )
+    lost: bool | int = False
+    lost_vehicles: tuple[int, ...] | None = field(default=None, metadata=ABSENT)
+    flies_on: bool | None = field(default=None, metadata=ABSENT)
+    past_threshold: Mapping[str, bool | None] | None = field(
+        default=None, metadata=ABSENT
+    )
 
 
 @dataclass(frozen=True)
-class FlightsAnswer(Document):
-    """The answer of `jblast fly`: options, blasts and results.
+class FlownAnswer(Document):
+    """The answer of `jblast fly`: options, blasts and limitations.
 
     Attributes:
         scene: The scene's file.
         seed: Seed of the priors.
         vehicle: Model of the vehicle.
-        vehicles: Number of vehicles.
-        position_m: Initial position: east, north, up.
-        target_m: Target position.
-        yaw_rad: Heading.
         seconds: Length of the flight [s].
         step_s: Step of the integrator.
         integrator: Name of the integrator.
@@ -479,49 +234,154 @@ class FlightsAnswer(Document):
         drawn: Values sampled from priors; quantiles of several.
         blasts: Each blast at the vehicles.
         thresholds: Thresholds by exposure.
-        scene_hold: Position controller of the scene; null if it has none.
-        holds: Results by position controller.
         estimator: "ekf", or "" for flights with the true state.
-        estimates: Errors of the estimate at each blast, by position controller.
         warnings: Limitations, as sentences.
     """
 
     scene: str
     seed: int
     vehicle: str
-    vehicles: int
-    position_m: EastNorthUpM
-    target_m: EastNorthUpM
-    yaw_rad: float
     seconds: float
     step_s: float
     integrator: str
     backend: str
     tolerance_m: float
     load: str
-    drawn: Mapping[str, float | Quantiles]
-    blasts: tuple[BlastMet | BlastMetBySeveral, ...]
+    drawn: Mapping[str, Numbers]
+    blasts: tuple[BlastMet, ...]
     thresholds: Mapping[str, Threshold]
-    scene_hold: str | None
-    holds: Mapping[str, Outcome | OutcomeOfSeveral]
     estimator: str
-    estimates: Mapping[str, tuple[EstimateThrown, ...]]
     warnings: tuple[str, ...]
 
 
-def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
-    """Return the answer on flights.
+@dataclass(frozen=True)
+class FlightsAnswer(FlownAnswer):
+    """The answer of `jblast fly` for one or several flights.
+
+    Attributes:
+        vehicles: Number of vehicles.
+        position_m: Initial position: east, north, up.
+        target_m: Target position.
+        yaw_rad: Heading.
+        scene_hold: Position controller of the scene; null if it has none.
+        holds: Results by position controller.
+        estimates: Errors of the estimate at each blast, by position controller.
+    """
+
+    vehicles: int
+    position_m: EastNorthUpM
+    target_m: EastNorthUpM
+    yaw_rad: float
+    scene_hold: str | None
+    holds: Mapping[str, Outcome]
+    estimates: Mapping[str, tuple[EstimateThrown, ...]]
+
+
+@dataclass(frozen=True)
+class BlastFlownThrough:
+    """Effect of one blast; null if it arrives before or after the flight.
+
+    Attributes:
+        of: Name of the charge.
+        waypoint: Number of the next item at its arrival.
+        rest: Path errors.
+        recovered: Whether the path error returned within the tolerance.
+    """
+
+    of: Disturbance = field(metadata=among("charge"))
+    waypoint: int | None
+    rest: Disturbance = field(
+        metadata=among(
+            *("error_before_m", "peak_deviation_m", "peak_time_s", "recovery_time_s")
+        )
+    )
+    recovered: bool | None
+
+
+@dataclass(frozen=True)
+class WaypointFlown:
+    """One item of the flight; an item that is flown again has another entry.
+
+    Attributes:
+        index: Number of the item in its plan.
+        command: MAVLink number of the command.
+        flown: Errors, and the time of arrival.
+    """
+
+    index: int
+    command: int
+    flown: Waypoint = field(
+        metadata=among(
+            *("reached", "time_s", "error_m", "path_error_rms_m", "path_error_max_m")
+        )
+    )
+
+
+@dataclass(frozen=True)
+class MissionAnswer(FlownAnswer):
+    """The answer of `jblast fly` for a mission.
+
+    Its length is from calibration until a second after the vehicle was disarmed.
+
+    Attributes:
+        mission: The plan's file.
+        home: Latitude, longitude [degree] and height [m] of the home position.
+        home_m: Home position: east, north, up.
+        completed: Whether it ended without a crash, with each waypoint reached.
+        disarmed_s: Time at which it was disarmed after landing; null if it was not.
+        crashed: Whether it crashed.
+        crash: Cause of the crash; "" without one.
+        waypoints: Result of each item.
+        disturbances: Effect of each blast.
+        estimates: Errors of the estimate at each blast; none with the true state.
+        peak_overpressure_pa: Incident peak overpressure of the strongest blast.
+        peak_acceleration_m_s2: Largest acceleration by the blasts alone.
+    """
+
+    mission: str
+    home: tuple[float, float, float]
+    home_m: EastNorthUpM
+    completed: bool
+    disarmed_s: float
+    crashed: bool
+    crash: str
+    waypoints: tuple[WaypointFlown, ...]
+    disturbances: tuple[BlastFlownThrough, ...]
+    estimates: tuple[EstimateThrown, ...]
+    peak_overpressure_pa: float
+    peak_acceleration_m_s2: float
+
+
+def fly_answer(
+    flown: Flights | MissionFlight, *, scene: str = "", seed: int = 0
+) -> Answer:
+    """Return the answer on flights or on a mission: document, view and table.
 
     Args:
-        flights: The flights.
+        flown: The flights.
         scene: The scene's file.
         seed: Seed of the sampled parameters.
     """
-    options, vehicle = flights.options, flights.vehicle
-    first = next(iter(flights.holds.values()))
-    several = flights.count > 1
-    blast = _blast_of_several if several else _blast
-    return FlightsAnswer(
+    if isinstance(flown, MissionFlight):
+        mission = mission_answer(flown, scene=scene, seed=seed)
+        view = mission_view(mission, flown)
+        return Answer(mission, view, {"flight.csv": flight_csv(flown)})
+    document = flights_answer(flown, scene=scene, seed=seed)
+    view = flights_view(document, flown)
+    if flown.count > 1:
+        return Answer(document, view, {"flights.csv": flights_csv(flown)})
+    return Answer(document, view, {"flight.csv": flight_csv(flown)})
+
+
+def flights_answer(
+    flights: Flights, *, scene: str = "", seed: int = 0
+) -> FlightsAnswer:
+    """Return the document of flights; arguments as of `fly_answer`."""
+    vehicle, held = flights.vehicle, flights.holds
+    return filled(
+        FlightsAnswer,
+        flights,
+        flights.options,
         scene=scene,
         seed=seed,
         vehicle=vehicle.model,
@@ -529,180 +389,385 @@ def flights_answer(flights: Flights, *, scene: str, seed: int) -> FlightsAnswer:
         position_m=_place(vehicle.position),
         target_m=_place(target_of(vehicle)),
         yaw_rad=float(vehicle.yaw),
-        seconds=flights.seconds,
-        step_s=options.step_s,
         integrator="rk4",
-        backend=options.backend,
-        tolerance_m=options.tolerance_m,
-        load=options.load_words,
-        drawn={
-            name: _spread(values) if several else float(values)
-            for name, values in flights.drawn.items()
-        },
-        blasts=tuple(blast(flights, first, n) for n in range(len(flights.blasts))),
+        load=flights.options.load_words,
+        drawn={name: _numbers(values) for name, values in flights.drawn.items()},
+        blasts=_blasts(next(iter(held.values())).encounter, flights.blasts),
         thresholds=THRESHOLDS[vehicle.model],
         scene_hold=flights.own,
-        holds={
-            name: (_outcome_of_several if several else _outcome)(vehicle.model, flown)
-            for name, flown in flights.holds.items()
-        },
-        estimator=options.estimator,
+        holds={name: _outcome(vehicle.model, flown) for name, flown in held.items()},
         estimates={
-            name: estimates_thrown(
-                flown.thrown, flights.blasts, _spread if several else float
-            )
-            for name, flown in flights.holds.items()
+            name: _estimates(flown.thrown, flights.blasts)
+            for name, flown in held.items()
             if flown.thrown is not None
         },
         warnings=tuple(warnings_of(flights)),
     )
 
 
-def flights_csv(flights: Flights) -> str:
-    """Return a row for each vehicle and controller: sampled parameters and results."""
-    blasts = [f".{name}" if name else "" for name in flights.blasts]
-    met = ("arrival_s", "distance_m", "scaled_distance", "in_range")
-    names = ["vehicle", "hold", *flights.drawn]
-    names += [f"{column}{blast}" for blast in blasts for column in met]
-    table = [[*names, *METRICS, *EXPOSURES, "settled", "crashed", "lost"]]
-    for hold, flown in flights.holds.items():
-        columns: list[Any] = list(flights.drawn.values())
-        for n in range(len(blasts)):
-            columns += [getattr(flown.encounter, name)[:, n] for name in met]
-        columns += [metric(flown, name) for name in (*METRICS, *EXPOSURES)]
-        columns += [flown.metrics.settled, flown.metrics.crashed, flown.lost]
-        rows = zip(*map(np.asarray, columns), strict=True)
-        for lane, row in enumerate(rows):
-            cells = (
-                ("true" if value else "false")
-                if isinstance(value, np.bool_)
-                else f"{value:.9g}"
-                for value in row
-            )
-            table.append([str(lane), hold, *cells])
-    return comma_separated(table)
+def mission_answer(
+    flight: MissionFlight, *, scene: str = "", seed: int = 0
+) -> MissionAnswer:
+    """Return the document of a mission; arguments as of `fly_answer`."""
+    mission, model = flight.mission, flight.vehicle.model
+    charges = [one.charge for one in flight.disturbances]
+    judged = EXPOSURES[:2]
+    return filled(
+        MissionAnswer,
+        flight,
+        flight.options,
+        {name: float(getattr(flight.exposure, name)) for name in judged},
+        scene=scene,
+        mission=mission.plan.source,
+        seed=seed,
+        vehicle=model,
+        home=_place(geodetic(mission.frame, mission.home_m)),
+        home_m=_place(mission.home_m),
+        integrator="rk4",
+        load=flight.options.load_words,
+        crashed=bool(flight.crash),
+        waypoints=tuple(
+            WaypointFlown(one.item.number, one.item.command, one)
+            for one in flight.waypoints
+        ),
+        blasts=_blasts(flight.encounter, charges),
+        disturbances=tuple(_through(flight, one) for one in flight.disturbances),
+        estimates=_estimates(flight.thrown, charges) if flight.thrown else (),
+        thresholds={name: THRESHOLDS[model][name] for name in judged},
+        warnings=tuple(_limitations(flight)),
+    )
+
+
+def _limitations(flight: MissionFlight) -> Iterator[str]:
+    yield from flight.notes
+    if flight.mission.plan.ignored:
+        yield flight.mission.plan.ignored
+    if flight.crash:
+        yield f"the vehicle {flight.crash}; results after that are not meaningful"
+    elif math.isnan(flight.disarmed_s):
+        yield "the flight reached the time limit before landing"
+    by_law = flight.options.profile is None
+    limit = "range of the laws" if by_law else "cases of the profile"
+    for one, inside in zip(flight.disturbances, flight.encounter.in_range, strict=True):
+        name = f"blast {one.charge}" if one.charge else "the blast"
+        if one.waypoint < 0:
+            yield f"{name} arrives before or after the flight"
+        elif not inside:
+            yield f"{name} lies outside the {limit}: its load is not reliable"
+
+
+def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:
+    if one.waypoint < 0:
+        return BlastFlownThrough(one, None, one, None)
+    number = flight.waypoints[one.waypoint].item.number
+    return BlastFlownThrough(one, number, one, math.isfinite(one.recovery_time_s))
+
+
+def _place(at: ArrayLike) -> tuple[float, float, float]:
+    first, second, third = np.asarray(at).tolist()
+    return first, second, third
+
+
+def _numbers(values: ArrayLike) -> Numbers:
+    """Return a number, or the quantiles of several, of which some may be infinite."""
+    known = np.asarray(values)
+    return Quantiles(*quantiles(known)) if known.ndim else float(known)
+
+
+def _flag(flags: ArrayLike) -> bool | float:
+    """Return a flag, or the share of several."""
+    known = np.asarray(flags)
+    return float(np.mean(known)) if known.ndim else bool(known)
+
+
+def _blasts(met: Encounter, charges: Sequence[str]) -> tuple[BlastMet, ...]:
+    flag = "in_range_share" if np.ndim(met.in_range) > 1 else "in_range"
+    return tuple(
+        BlastMet(
+            charge,
+            *(_numbers(getattr(met, name)[..., n]) for name in MET),
+            **{flag: _flag(met.in_range[..., n])},
+        )
+        for n, charge in enumerate(charges)
+    )
+
+
+def _estimates(thrown: Thrown, charges: Iterable[str]) -> tuple[EstimateThrown, ...]:
+    return tuple(
+        EstimateThrown(charge, *(_numbers(values[..., n]) for values in thrown))
+        for n, charge in enumerate(charges)
+    )
 
 
 def _outcome(model: str, flown: Flown) -> Outcome:
-    """Return the result of one flight."""
-    metrics = flown.metrics
-    return Outcome(
-        **{name: float(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
-        recovered=math.isfinite(float(metrics.recovery_time_s)),
-        settled=bool(metrics.settled),
-        crashed=bool(metrics.crashed),
-        lost=bool(flown.lost),
-        flies_on=bool(flies_on(flown)),
-        past_threshold={
-            name: None if past is None else bool(past)
+    on, lost = flies_on(flown), np.flatnonzero(flown.lost)
+    values = {name: _numbers(metric(flown, name)) for name in (*METRICS, *EXPOSURES)}
+    flags: dict[str, Any] = {
+        "recovered": _flag(np.isfinite(flown.metrics.recovery_time_s)),
+        "settled": _flag(flown.metrics.settled),
+        "crashed": _flag(flown.metrics.crashed),
+        "flies_on": _flag(on),
+        "past_threshold": {
+            name: None if past is None else _flag(past)
             for name, past in past_threshold(model, flown).items()
         },
+    }
+    if not on.ndim:
+        return Outcome(**values, **flags, lost=bool(lost.size))
+    flags["flies_on"] = Share(flags["flies_on"], *share_interval(on))
+    flags = {f"{name}_share": value for name, value in flags.items()}
+    few = tuple(lost[:MAX_NAMED].tolist())
+    return Outcome(**values, **flags, lost=lost.size, lost_vehicles=few)
+
+
+def flights_view(answer: FlightsAnswer, flights: Flights) -> View:
+    """Return results, blasts, sampled parameters, notes and figures of flights."""
+    several = answer.vehicles > 1
+    place = ", ".join(f"{x:g}" for x in answer.target_m)
+    tolerance = printed_number("tolerance_m", answer.tolerance_m)
+    within = "in range of its laws" if answer.load == "laws" else "in its cases"
+    spread = "5 %, 50 %, 95 %" if several else ""
+    drawn = (
+        ("distribution", distribution_figure) if several else ("flight", time_figure)
+    )
+    notes = [
+        "Path errors are root mean squares. Recovery time: from the first blast's "
+        f"arrival until the path error stays within {tolerance}; 0 if it never exceeds "
+        "that. Flies on: did not hit the ground, turn over or diverge; structural "
+        "damage is not included.",
+        *(
+            f"Threshold of {WORDS[n]}: {x.source}."
+            for n, x in answer.thresholds.items()
+        ),
+    ]
+    results = Table(
+        [
+            Column(spread, lambda row: row[0]),
+            *(_results_of(name, answer) for name in answer.holds),
+        ],
+        [*_result_rows(answer)],
+    )
+    blasts = Table(
+        [
+            Column("blast", _charge),
+            _column("arrives", "arrival_s"),
+            _column("distance", "distance_m"),
+            _column("scaled [m/kg^(1/3)]", "scaled_distance"),
+            _column("peak", "overpressure_pa"),
+            _column(within, "in_range_share")
+            if several
+            else _column("in range", "in_range"),
+        ],
+        answer.blasts,
+    )
+    errors = [
+        (f"{_charge(one)}, {hold_words(name)}", one)
+        for name, found in answer.estimates.items()
+        for one in found
+    ]
+    return View(
+        f"{f'{answer.vehicles:,} x ' if several else ''}{answer.vehicle.capitalize()} "
+        f"holding ({place}) m for {answer.seconds:g} s {_steps(answer)}",
+        [
+            results,
+            *_estimate_blocks(errors),
+            blasts,
+            _drawn(answer, f": {spread}" if several else ""),
+            Picture(f"{drawn[0]}.png", partial(drawn[1], flights)),
+            Lines("Definitions and assumptions", notes),
+            _warnings(answer),
+        ],
     )
 
 
-def _outcome_of_several(model: str, flown: Flown) -> OutcomeOfSeveral:
-    """Return the distribution of each metric, and shares of the vehicles."""
-    metrics = flown.metrics
-    on = flies_on(flown)
-    lost = np.flatnonzero(flown.lost)
-    return OutcomeOfSeveral(
-        **{name: _spread(metric(flown, name)) for name in (*METRICS, *EXPOSURES)},
-        recovered_share=_share(np.isfinite(metrics.recovery_time_s)),
-        settled_share=_share(metrics.settled),
-        crashed_share=_share(metrics.crashed),
-        flies_on_share=Share(_share(on), *share_interval(on)),
-        past_threshold_share={
-            name: None if past is None else _share(past)
-            for name, past in past_threshold(model, flown).items()
-        },
-        lost=lost.size,
-        lost_vehicles=tuple(lost[:MAX_NAMED].tolist()),
+def mission_view(answer: MissionAnswer, flight: MissionFlight) -> View:
+    """Return waypoints, blasts, sampled parameters, notes and figures of a mission."""
+    reached = sum(one.reached for one in flight.waypoints)
+    end = f"still in flight at the time limit, {answer.seconds:.4g} s"
+    if answer.crashed:
+        end = f"crashed ({answer.crash})"
+    elif math.isfinite(answer.disarmed_s):
+        end = f"landed, disarmed after {answer.disarmed_s:.4g} s"
+    tolerance = printed_number("tolerance_m", answer.tolerance_m)
+    waypoints = Table(
+        [
+            Column("waypoint", lambda one: one.item.words.removeprefix("item ")),
+            Column(
+                "reached", lambda one: f"{one.time_s:.2f} s" if one.reached else "no"
+            ),
+            _column("closest", "error_m"),
+            _column("path error rms", "path_error_rms_m"),
+            _column("largest", "path_error_max_m"),
+        ],
+        flight.waypoints,
+        marked=lambda one: not one.reached,
+    )
+    through = [(one.waypoint, one.rest) for one in answer.disturbances]
+    blasts = Table(
+        [
+            Column("blast", lambda row: _charge(row[0])),
+            _column("arrives", "arrival_s", 0),
+            Column("leg to", lambda row: "-" if row[1] is None else f"{row[1]}"),
+            _column("distance", "distance_m", 0),
+            _column("peak", "overpressure_pa", 0),
+            _column("path error before", "error_before_m", 2),
+            _column("peak deviation", "peak_deviation_m", 2),
+            _column("recovery", "recovery_time_s", 2),
+        ],
+        [(met, *one) for met, one in zip(answer.blasts, through, strict=True)],
+        caption="" if answer.blasts else "no blasts",
+    )
+    notes = (
+        "A waypoint is reached within its acceptance radius. Closest: least distance "
+        "from it. Path error: distance from the set point, which moves along the "
+        "plan's legs. Deviation and recovery are measured over the "
+        f"{WATCHED_S:g} s after a blast, or up to the next one; recovered: the path "
+        f"error stays within {tolerance}."
+    )
+    return View(
+        f"{answer.vehicle.capitalize()} on {answer.mission} {_steps(answer)}:",
+        [
+            waypoints,
+            blasts,
+            *_estimate_blocks([(_charge(one), one) for one in answer.estimates]),
+            _drawn(answer),
+            Picture("map.png", partial(map_figure, flight)),
+            Picture("flight.png", partial(time_figure, flight)),
+            Lines("Definitions", [notes]),
+            _warnings(answer),
+        ],
+        subtitle=f"{end}; {reached} of {len(flight.waypoints)} waypoints reached",
     )
 
 
-def _blast(flights: Flights, flown: Flown, n: int) -> BlastMet:
-    """Return a blast at one vehicle."""
-    encounter = flown.encounter
-    return BlastMet(
-        charge=flights.blasts[n],
-        **{name: float(getattr(encounter, name)[n]) for name in MET},
-        in_range=bool(encounter.in_range[n]),
-    )
-
-
-def _blast_of_several(flights: Flights, flown: Flown, n: int) -> BlastMetBySeveral:
-    """Return a blast at several vehicles."""
-    encounter = flown.encounter
-    return BlastMetBySeveral(
-        charge=flights.blasts[n],
-        **{name: _spread(getattr(encounter, name)[..., n]) for name in MET},
-        in_range_share=_share(encounter.in_range[..., n]),
-    )
-
-
-def _place(at: ArrayLike) -> EastNorthUpM:
-    east, north, up = np.asarray(at).tolist()
-    return east, north, up
-
-
-def _share(flags: ArrayLike) -> float:
-    return float(np.mean(np.asarray(flags)))
-
-
-def _spread(values: ArrayLike) -> Quantiles:
-    """Return quantiles of numbers, of which some may be infinite."""
-    return Quantiles(*quantiles(np.asarray(values)))
-
-
-def estimates_thrown(
-    thrown: Thrown, blasts: Iterable[str], of: Callable[[Any], Any]
-) -> tuple[EstimateThrown, ...]:
-    """Return the errors of the estimate before and after each blast.
+def served(server: str, scene: str, *, seconds: float | None, **options: Any) -> Answer:
+    """Serve a scene until interrupted, and return the answer.
 
     Args:
-        thrown: The errors; the last axis is that of the blasts.
-        blasts: Names of the charges.
-        of: Function that summarises the vehicles' numbers.
+        server: "mavlink" for an autopilot, "ground_station", or "listen" for simulators
+            over gRPC.
+        scene: The scene's file.
+        seconds: Duration; None: unlimited.
+        options: Options of the server.
     """
-    found = thrown._asdict()
-    return tuple(
-        EstimateThrown(charge=name, **{k: of(v[..., n]) for k, v in found.items()})
-        for n, name in enumerate(blasts)
+    if server == "mavlink":
+        flown = serve_autopilot(scene, seconds=seconds, **options)
+        place = ", ".join(f"{x:.3g}" for x in flown.position_m)
+        # a millisecond of tolerance: the time is a sum of periods in floating point
+        short = seconds is not None and flown.seconds < seconds - 1e-3
+        view = View(
+            f"{flown.vehicle.capitalize()} flown by an autopilot for "
+            f"{flown.seconds:g} s to ({place}) m: {flown.ended}",
+            [Lines("", [f"Written: {name}" for name in flown.files])],
+            subtitle=f"{flown.turns:,} steps, {flown.flown:,} of them in flight; late "
+            f"answers {flown.late:,}, lost messages {flown.lost:,}, damaged messages "
+            f"{flown.damaged:,}",
+        )
+        return Answer(flown, view, code=PROBLEM if short else 0)
+    if server == "ground_station":
+        watched = serve_ground_station(scene, seconds=seconds, **options)
+        view = View(
+            f"{watched.vehicle.capitalize()} for a ground station on "
+            f"{watched.address}: {watched.ended}",
+            subtitle=f"flights {watched.flights}, mission items {watched.items}, lost "
+            f"messages {watched.lost}, damaged messages {watched.damaged}",
+        )
+        return Answer(watched, view)
+    sent = serve_world(
+        scene, ends_s=math.inf if seconds is None else seconds, **options
     )
+    lost = [f"disconnected {one.entity or one.peer}: {one.why}" for one in sent.dropped]
+    title = f"{sent.packets:,} packets sent, {sent.late:,} of them late"
+    return Answer(sent, View(title, [Lines("", lost)]))
 
 
-def estimate_lines(
-    estimates: Sequence[tuple[str, Thrown | None]],
-    blasts: Sequence[str],
-    number: Callable[[str, ArrayLike], str],
-) -> list[str]:
-    """Return lines on the estimates of flights; none if they used the true state.
+def _result_rows(answer: FlightsAnswer) -> Iterator[tuple[str, str, str]]:
+    """Yield words, field and entry of each result."""
+    for name in METRICS:
+        yield WORDS[name], name, ""
+    for name in ("recovered", "settled", "crashed", "flies_on"):
+        yield name.replace("_", " "), name, ""
+    for name in EXPOSURES:
+        limit = answer.thresholds[name].value
+        yield WORDS[name], name, ""
+        words = "a threshold" if limit is None else printed(name, limit, 3)
+        yield f"  above {words}", "past_threshold", name
 
-    Args:
-        estimates: Pairs of name and errors; None for flights with the true state.
-        blasts: Names of the charges.
-        number: Function that prints a number by the name of its unit.
-    """
-    rows = []
-    for own, thrown in estimates:
-        if thrown is None:
-            continue
-        found = thrown._asdict()
-        for n, blast in enumerate(blasts):
-            cells = []
-            for part in PARTS.values():
-                unit = UNITS[part]
-                before = number(f"{part}{unit}", found[f"{part}_before{unit}"][..., n])
-                after = number(f"{part}{unit}", found[f"{part}{unit}"][..., n])
-                cells.append(f"{before} -> {after}")
-            name = blast or "the charge"
-            rows.append((f"{name}, {own}" if own else name, *cells))
+
+def _results_of(name: str, answer: FlightsAnswer) -> Column:
+    """Return the column of a position controller."""
+    outcome = answer.holds[name]
+
+    def cell(row: tuple[str, str, str]) -> str:
+        _, field_name, entry = row
+        value = getattr(outcome, field_name)
+        if value is None:
+            value = getattr(outcome, f"{field_name}_share")
+        return printed(field_name, value[entry] if entry else value)
+
+    own = " (the scene's)" if name == answer.scene_hold else ""
+    return Column(hold_words(name) + own, cell)
+
+
+def _column(head: str, name: str, part: int | None = None) -> Column:
+    """Return a column of a field of the rows, or of one part of each row."""
+
+    def cell(row: Any) -> str:
+        return printed(name, getattr(row if part is None else row[part], name))
+
+    return Column(head, cell)
+
+
+def _estimate_blocks(rows: Sequence[tuple[str, EstimateThrown]]) -> list[Table | Lines]:
+    """Return the errors of the estimate; none for flights with the true state."""
+
+    def column(part: str, unit: str) -> Column:
+        names = f"{part}_before{unit}", f"{part}{unit}"
+        return Column(
+            PARTS[part],
+            lambda row: " -> ".join(printed(n, getattr(row[1], n)) for n in names),
+        )
+
     if not rows:
         return []
-    head = ("error of the estimate", *PARTS)
-    return [
-        "",
-        *aligned([head, *rows]),
-        "Root mean square in the second before each blast -> largest until the next",
-        "blast, 10 s at most.",
-    ]
+    first = Column("error of the estimate", lambda row: row[0])
+    units = ("_m", "_m_s", "_rad")
+    columns = [first, *(column(*one) for one in zip(PARTS, units, strict=True))]
+    caption = "Root mean square in the second before each blast -> largest until the "
+    return [Table(columns, rows, caption=caption + "next blast, 10 s at most.")]
+
+
+def _drawn(answer: FlownAnswer, spread: str = "") -> Facts:
+    words = [(parameter_words(n), printed(n, x)) for n, x in answer.drawn.items()]
+    return Facts(words, f"Sampled, by --seed{spread}")
+
+
+def _warnings(answer: FlownAnswer) -> Lines:
+    return Lines("Warnings", [f"{capitalised(one)}." for one in answer.warnings])
+
+
+def _steps(answer: FlownAnswer) -> str:
+    return f"(rk4, steps of {printed_number('step_s', answer.step_s)})"
+
+
+def _charge(one: BlastMet | EstimateThrown) -> str:
+    return one.charge or "the charge"
+
+
+def printed(name: str, value: Numbers | Share | bool | None, digits: int = 4) -> str:
+    """Return a result as text: a flag, a share, a number or its quantiles."""
+    if value is None or isinstance(value, bool):
+        return {True: "yes", False: "no", None: "unknown"}[value]
+    if isinstance(value, Share):
+        low, high = 100 * value.q05, 100 * value.q95
+        return f"{100 * value.value:.4g} % [{low:.4g} to {high:.4g} %]"
+    if isinstance(value, Quantiles):
+        each = (value.q05, value.q50, value.q95)
+        return ", ".join(printed(name, one, 3) for one in each)
+    if name in FLAGS:
+        return f"{100 * value:.4g} %"
+    if not math.isfinite(value):
+        never = {"recovery_time_s": "not reached", "arrival_s": "never"}
+        return "-" if math.isnan(value) else never.get(name, "-")
+    # rounding of the integration: 1e-6 of any unit here is far below what matters
+    return printed_number(name, 0.0 if abs(value) < 1e-6 else value, digits)

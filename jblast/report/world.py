@@ -7,9 +7,14 @@ from typing import Any, Literal
 import numpy as np
 
 from jblast.observations import Observations
-from jblast.report.flights import EastNorthUpM, FlightsAnswer, flights_answer
+from jblast.report.flights import (
+    EastNorthUpM,
+    FlightsAnswer,
+    MissionAnswer,
+    flights_answer,
+    mission_answer,
+)
 from jblast.report.listen import Recordings
-from jblast.report.missions import MissionAnswer, mission_answer
 from jblast.report.provenance import Provenance
 from jblast.report.words import aligned, comma_separated, commented
 from jblast.results import AMONG, Document
@@ -20,7 +25,6 @@ from jblast.study.missions import MissionFlight
 from jblast.study.running import Run, RunDetection
 from jblast.world import DrawnWorld, Perceived
 from jblast.world.drawn import CAMERA
-from jblast.world.remote.serving import Options, Serving
 
 MAX_BLASTS, MAX_ENTITIES = 12, 12
 """Largest numbers of printed blasts and senses: both tables fit one screen, and the
@@ -33,82 +37,6 @@ DETECTED = (
 )
 SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
 """Kinds of sensors and senses that the detectors of a run search."""
-
-
-@dataclass(frozen=True)
-class DroppedClient:
-    """A disconnected client.
-
-    Attributes:
-        entity: Its registered name; "" if it had none.
-        peer: Its address.
-        why: Reason for the disconnection.
-    """
-
-    entity: str
-    peer: str
-    why: str
-
-
-@dataclass(frozen=True)
-class ServedAnswer(Document):
-    """The answer of `jblast serve` after the server was stopped.
-
-    Attributes:
-        scene: The scene's file.
-        seed: Seed of all random draws.
-        address: HOST:PORT of the server.
-        blasts: Number of blasts, including those announced by clients.
-        packets: Number of packets sent.
-        late: Number of packets in real time that were computed too late.
-        dropped: Disconnected clients, the latest 1,000.
-        dropped_count: Number of disconnected clients.
-    """
-
-    scene: str
-    seed: int
-    address: str
-    blasts: int
-    packets: int
-    late: int
-    dropped: tuple[DroppedClient, ...]
-    dropped_count: int
-
-
-def served_answer(server: Serving) -> ServedAnswer:
-    """Return the answer on a server."""
-    table = server.table
-    return ServedAnswer(
-        scene=table.world.drawn.source,
-        seed=table.world.drawn.seed,
-        address=server.address,
-        blasts=len(table.world.schedule.charges),
-        packets=table.sent,
-        late=table.late,
-        dropped=tuple(DroppedClient(*one) for one in table.registry.dropped),
-        dropped_count=table.registry.dropped_count,
-    )
-
-
-def serving_line(world: DrawnWorld, address: str, options: Options) -> str:
-    """Return the line printed when clients can connect."""
-    count = len(world.charges)
-    pace = "in lockstep"
-    if options.speed is not None:
-        pace = f"at {options.speed:g} times real time"
-    return (
-        f"{world.source} with {count} blast{'' if count == 1 else 's'} on {address}, "
-        f"{options.packets_hz:g} packets a second, {pace}"
-    )
-
-
-def served_text(answer: ServedAnswer) -> str:
-    """Return the answer on a server, for the terminal."""
-    lines = [f"{answer.packets:,} packets sent, {answer.late:,} of them late"]
-    lines += [
-        f"disconnected {one.entity or one.peer}: {one.why}" for one in answer.dropped
-    ]
-    return "\n".join(lines) + "\n"
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ from jblast.report.film_files import (
     write_contact_sheet,
 )
 from jblast.report.fit.files import check_directory
-from jblast.report.flight_files import flight_csv, mission_csv
 from jblast.report.listen import (
     Recordings,
     SensorRecord,
@@ -52,7 +51,7 @@ from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files.event_files import write_events
 from jblast.sensors.camera.files.images import write_values
 from jblast.sensors.camera.film import Film
-from jblast.study.missions import MissionFlight
+from jblast.study.flight_tables import flight_csv
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.running import (
     CameraEvents,
@@ -281,12 +280,7 @@ class FolderWriter:
             file.unlink(missing_ok=True)
         save_text(blasts_csv(run.world, head), directory / BLASTS)
         if run.flown is not None:
-            text = (
-                mission_csv(run.flown)
-                if isinstance(run.flown, MissionFlight)
-                else flight_csv(run.flown)
-            )
-            save_text(text, directory / FLIGHT)
+            save_text(flight_csv(run.flown), directory / FLIGHT)
         clock = "times are on the common clock, of the laws, without errors"
         table = perceived_csv(run.perceived, [*head, clock])
         save_text(table, directory / PERCEIVED)

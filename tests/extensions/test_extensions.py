@@ -23,7 +23,8 @@ from jblast.environments import environment_params
 from jblast.errors import InputError
 from jblast.kept_programs import keep_in
 from jblast.registry import LAWS
-from jblast.report.flights import flights_text
+from jblast.report.flights import fly_answer
+from jblast.report.view import terminal
 from jblast.scene import SENSOR_KINDS, Charge, Normal, Scene, Sensor, read_scene
 from jblast.sensors.listening import packets, plan
 from jblast.study.flight_results import trajectory_of
@@ -193,7 +194,7 @@ def test_a_controller_is_flown_by_its_name(extension):
     extension("brake")
     flights = fly(scene(), SHORT, controllers=("brake", "hold"))
     assert tuple(flights.holds) == ("brake", "with_integral")
-    assert "by a brake" in flights_text(flights)
+    assert "by a brake" in terminal(fly_answer(flights).view)
     peaks = [float(one.metrics.peak_deviation_m) for one in flights.holds.values()]
     assert peaks[0] != peaks[1]
     assert 0 < min(peaks) < max(peaks) < np.inf

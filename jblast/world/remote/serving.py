@@ -3,6 +3,8 @@
 import asyncio
 import contextlib
 import math
+import os
+import signal
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from dataclasses import dataclass
@@ -10,7 +12,9 @@ from typing import Any
 
 from jblast.addresses import host_and_port
 from jblast.errors import InputError, argument
-from jblast.world.drawn import DrawnWorld
+from jblast.results import Document
+from jblast.scene import read_scene_or_world
+from jblast.world.drawn import DrawnWorld, draw_world
 from jblast.world.remote.messages import MOST_BYTES, grpc
 from jblast.world.remote.service import ServedWorld, Table, handler
 from jblast.world.server import (
@@ -68,6 +72,103 @@ def checked_address(options: Options) -> tuple[str, int]:
     """
     host, port = host_and_port(options.address, argument("address"), "HOST:PORT")
     return f"[{host}]" if ":" in host else host, port
+
+
+@dataclass(frozen=True)
+class DroppedClient:
+    """A disconnected client.
+
+    Attributes:
+        entity: Its registered name; "" if it had none.
+        peer: Its address.
+        why: Reason for the disconnection.
+    """
+
+    entity: str
+    peer: str
+    why: str
+
+
+@dataclass(frozen=True)
+class ServedAnswer(Document):
+    """The answer of `jblast serve` after the server was stopped.
+
+    Attributes:
+        scene: The scene's file.
+        seed: Seed of all random draws.
+        address: HOST:PORT of the server.
+        blasts: Number of blasts, including those announced by clients.
+        packets: Number of packets sent.
+        late: Number of packets in real time that were computed too late.
+        dropped: Disconnected clients, the latest 1,000.
+        dropped_count: Number of disconnected clients.
+    """
+
+    scene: str
+    seed: int
+    address: str
+    blasts: int
+    packets: int
+    late: int
+    dropped: tuple[DroppedClient, ...]
+    dropped_count: int
+
+
+def serve_world(
+    scene: str | os.PathLike[str],
+    *,
+    seed: int = 0,
+    report: Callable[[str], object] = lambda line: None,
+    **options: Any,
+) -> ServedAnswer:
+    """Serve the world of a scene until SIGINT or SIGTERM, and return a summary.
+
+    Args:
+        scene: Scene file.
+        seed: Seed of all random draws.
+        report: Receives a line when clients can connect, and for each client that is
+            disconnected.
+        options: Options of the server, by field of `Options`.
+
+    Raises:
+        InputError: As in `read_scene_or_world`, `draw_world` and `listening`.
+    """
+    settings = Options(**options)
+    # an address beyond this machine is refused before any work
+    checked_address(settings)
+    uncertain, spec = read_scene_or_world(scene)
+    world = draw_world(uncertain, spec, seed, until_s=settings.ends_s)
+    return asyncio.run(_serve(world, settings, report))
+
+
+async def _serve(
+    world: DrawnWorld, options: Options, report_line: Callable[[str], object]
+) -> ServedAnswer:
+    over, loop = asyncio.Event(), asyncio.get_running_loop()
+    # An event instead of an exception: the server closes and the summary is returned.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # The event loops of Windows have no handlers of signals.
+        with contextlib.suppress(NotImplementedError, ValueError):
+            loop.add_signal_handler(number, over.set)
+    async with listening(world, options, report_line) as server:
+        count, speed = len(world.charges), options.speed
+        pace = f"at {speed:g} times real time" if speed else "in lockstep"
+        report_line(
+            f"{world.source} with {count} blast{'' if count == 1 else 's'} on "
+            f"{server.address}, {options.packets_hz:g} packets a second, {pace}"
+        )
+        await over.wait()
+    table = server.table
+    return ServedAnswer(
+        scene=world.source,
+        seed=world.seed,
+        address=server.address,
+        blasts=len(table.world.schedule.charges),
+        packets=table.sent,
+        late=table.late,
+        dropped=tuple(DroppedClient(*one) for one in table.registry.dropped),
+        dropped_count=table.registry.dropped_count,
+    )
 
 
 @contextlib.asynccontextmanager

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.report.flights import flights_text
+from jblast.report.flights import fly_answer
+from jblast.report.view import terminal
 from jblast.study.flight_results import Options
 from jblast.study.flights import fly, named_controllers
 from tests.study.flights.scenes import scene
@@ -47,5 +48,5 @@ def test_all_fly_through_the_same_blast():
     peaks = [float(f.metrics.peak_deviation_m) for f in held]
     assert all(0 < peak < math.inf for peak in peaks)
     assert len(set(peaks)) == 3
-    words = flights_text(flights)
+    words = terminal(fly_answer(flights).view)
     assert "by a cascade as PX4's" in words

@@ -9,7 +9,7 @@ import pytest
 import soundfile
 
 from jblast.report import world_page
-from jblast.report.flights import COLUMNS
+from jblast.study.flight_tables import COLUMNS
 from tests.report import example
 
 SCENE = """
