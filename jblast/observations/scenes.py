@@ -24,7 +24,7 @@ from jblast.observations.table import (
     rows_by,
     some_rows,
 )
-from jblast.parameters import ALTITUDES, CHARGE_POSITION, CLOCK_OFFSET
+from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET, PARAMETERS
 from jblast.quantities import (
     ADDITIVE,
     BY_CAMERA,
@@ -131,7 +131,11 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
         # its height counts from the sea, not from the ground
         charge = replace(scene.charge, burst="surface")
         uncertain = replace(uncertain, scene=replace(scene, charge=charge))
-    if frame is None or not frame.alt_m or not ALTITUDES.allows(frame.alt_m):
+    if (
+        frame is None
+        or not frame.alt_m
+        or not PARAMETERS["air_altitude_m"].bounds.allows(frame.alt_m)
+    ):
         return uncertain
     temperature, pressure = standard_atmosphere(frame.alt_m)
     air = {"air_temperature_k": temperature, "air_pressure_pa": pressure}
@@ -229,7 +233,7 @@ def starter_scene(observations: Observations) -> str:
         lat, lon, alt = map(repr, (frame.lat_deg, frame.lon_deg, frame.alt_m))
         place = {"mark": "", "lat": lat, "lon": lon, "alt": alt}
         # a height replaces temperature and pressure, which stay as an example
-        if frame.alt_m and ALTITUDES.allows(frame.alt_m):
+        if frame.alt_m and PARAMETERS["air_altitude_m"].bounds.allows(frame.alt_m):
             air = {"mark": "# ", "altitude": f"altitude_m = {alt}"}
     sensors = [
         _sensor(some_rows(log, np.array(rows)), is_sampled=name in sampled)

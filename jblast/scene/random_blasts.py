@@ -25,7 +25,6 @@ WORLD_NUMBERS: dict[str, Parameter] = {
     for row in (
         Parameter(
             name="world_mass_kg",
-            unit="kg",
             words="mass of a random charge",
             attribute="mass",
             key=Key("world", "mass_kg"),
@@ -35,7 +34,6 @@ WORLD_NUMBERS: dict[str, Parameter] = {
         ),
         Parameter(
             name="world_time_s",
-            unit="s",
             words="time of a random blast",
             attribute="time",
             key=Key("world", "time_s"),
@@ -45,7 +43,6 @@ WORLD_NUMBERS: dict[str, Parameter] = {
         ),
         Parameter(
             name="world_gap_s",
-            unit="s",
             words="minimum time between random blasts",
             attribute="gap",
             key=Key("world", "gap_s"),
@@ -55,7 +52,6 @@ WORLD_NUMBERS: dict[str, Parameter] = {
         ),
         Parameter(
             name="world_rate_hz",
-            unit="1/s",
             words="rate of random blasts",
             attribute="rate",
             key=Key("world", "rate_hz"),
