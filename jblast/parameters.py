@@ -2,9 +2,9 @@
 
 `parameters.csv` has a row for each: its position in a scene file, default (a number or
 the name of a constant) and bounds, and the spread of the starts of a search. The table
-is pure data without JAX. Its users are the reader of scene files, `--help`, fits (starting points)
-and reports (names). A number of one of several charges is named `NAME.CHARGE`; the
-offset of a sensor's or recorder's clock is `clock_offset_s.CLOCK`.
+is pure data without JAX. Its users are the reader of scene files, `--help`, fits
+(starting points) and reports (names). A number of one of several charges is named
+`NAME.CHARGE`; the offset of a sensor's or recorder's clock is `clock_offset_s.CLOCK`.
 """
 
 import math
