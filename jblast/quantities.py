@@ -34,7 +34,8 @@ UNITS = {
     "_px": "px",
     "_hz": "Hz",
     "_db": "dB",
-    "_lux": "lux",
+    "_db_octave": "dB/octave",
+    "_lux": "lx",
 }
 """Units by the end of a name."""
 Kind = Literal[

@@ -267,14 +267,13 @@ def _leaf(scene: Any, index: int, row: Parameter) -> Any:
 
 
 def _row(text: str) -> Parameter:
-    """Return a row of `_TABLES`: name, unit, field of the scene, key, start."""
-    name, unit, field, key, start = text.split()
+    """Return a row of `_TABLES`: name, field of the scene, key, start."""
+    name, field, key, start = text.split()
     table, *rest = key.split(".")
     holder = {"sensor": "sensor.instrument"}.get(table, table)
     is_slope = name == "ambient_slope_db_octave"
     return Parameter(
         name=name,
-        unit=unit,
         words=name.replace("_", " "),
         attribute=f"{holder}.{field}",
         key=Key(table, rest[0], *map(int, rest[1:])),
@@ -287,23 +286,23 @@ def _row(text: str) -> Parameter:
 FILTER = ("high_pass_hz", "low_pass_hz")
 _TABLES = {
     (SOUND,): """
-absorption_scale           1          absorption_scale  air.absorption_scale     1
-ambient_level_pa           Pa         level             ambient.level_pa         nan
-ambient_slope_db_octave    dB/octave  slope             ambient.slope_db_octave  0
-ambient_height_m           m          height            ambient.height_m         nan
-high_pass_hz               Hz         high_pass         sensor.filter_hz.0       20
-low_pass_hz                Hz         low_pass          sensor.filter_hz.1       nan
-noise_pa                   Pa         noise             sensor.noise_pa          nan
-full_scale_pa              Pa         full_scale        sensor.full_scale_pa     nan
+absorption_scale           absorption_scale  air.absorption_scale    1
+ambient_level_pa           level             ambient.level_pa        nan
+ambient_slope_db_octave    slope             ambient.slope_db_octave  0
+ambient_height_m           height            ambient.height_m        nan
+high_pass_hz               high_pass         sensor.filter_hz.0      20
+low_pass_hz                low_pass          sensor.filter_hz.1      nan
+noise_pa                   noise             sensor.noise_pa         nan
+full_scale_pa              full_scale        sensor.full_scale_pa    nan
 """,
     (EVENTS,): """
-camera_threshold_brighter  1          threshold         camera.threshold.0       0.2
-camera_threshold_darker    1          threshold         camera.threshold.1       0.2
+camera_threshold_brighter  threshold         camera.threshold.0      0.2
+camera_threshold_darker    threshold         camera.threshold.1      0.2
 """,
     SIGHT: """
-camera_daylight_lux        lx         daylight          camera.daylight_lux      94247.8
-camera_focal_x_px          px         focal             camera.focal_px.0        nan
-camera_focal_y_px          px         focal             camera.focal_px.1        nan
+camera_daylight_lux        daylight          camera.daylight_lux     94247.8
+camera_focal_x_px          focal             camera.focal_px.0       nan
+camera_focal_y_px          focal             camera.focal_px.1       nan
 """,
 }
 _ROWS = [
