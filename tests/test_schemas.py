@@ -178,7 +178,7 @@ def test_the_schema_of_a_study_takes_one(tmp_path):
 def test_the_schema_of_a_choice_takes_one():
     scene = jblast.read_scene(ROOT / "calibration/scenes/arrivals.toml")
     choice = jblast.choose(scene, "air_arrival_s", 0.01)
-    check(documents.schema("choose"), choice_answer(choice).to_dict())
+    check(documents.schema("choose"), choice_answer(choice).document.to_dict())
 
 
 def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
