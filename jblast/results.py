@@ -57,7 +57,7 @@ Words = Mapping[type, Callable[[Any], Any]]
 NO_WORDS: Words = MappingProxyType({})
 
 T = TypeVar("T")
-Level = Literal["problem", "warning", "assumption"]
+Level = Literal["problem", "warning", "assumption", "conversion"]
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Note:
     Attributes:
         kind: Name of its sentence.
         level: "problem" for an answer that must not be used as it is (exit code 4), a
-            "warning", or an "assumption".
+            "warning", an "assumption", or a "conversion" of the input.
         numbers: Numbers and names of the sentence, by name.
     """
 
@@ -92,6 +92,11 @@ def warning(kind: str, **numbers: Any) -> Note:
 def assumption(kind: str, **numbers: Any) -> Note:
     """Return a note on what an answer takes as given."""
     return Note(kind, "assumption", numbers)
+
+
+def conversion(kind: str, **numbers: Any) -> Note:
+    """Return a note on how an input was read."""
+    return Note(kind, "conversion", numbers)
 
 
 def among(*names: str) -> Mapping[str, tuple[str, ...]]:

@@ -32,7 +32,7 @@ from jblast.inference.identify import (
     ResolvingDatum,
 )
 from jblast.inference.posterior.parameters import Estimate, Spread
-from jblast.observations.check import Doubt
+from jblast.observations.check import doubt
 from jblast.report.check import check_answer
 from jblast.report.choice import choice_answer
 from jblast.report.design import BoundAnswer
@@ -225,7 +225,7 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
 
 def test_the_schema_of_a_check_takes_faults_and_warnings():
     log = jblast.read(LOG)
-    odd = [Doubt("clock_of_one_row", (0,), {}, ("phone",))]
+    odd = [doubt("clock_of_one_row", (0,), clock="phone")]
     for faults in ([], [InputError(f"{LOG}: line 3, column value: expected a number")]):
         answer = check_answer(log, faults, odd, ["2 values in kPa"])
         check(documents.schema("check"), answer.to_dict())

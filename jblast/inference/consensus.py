@@ -28,10 +28,11 @@ from jaxtyping import Bool, Float, Int, Shaped
 
 from jblast.constants import PSI, STANDARD_SOUND_SPEED, TNT_SPECIFIC_ENERGY
 from jblast.observations import Observations
-from jblast.observations.check import Doubt
+from jblast.observations.check import doubt
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES
 from jblast.registry import law_for
+from jblast.results import Note
 from jblast.scene import Charge, Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.calculator import evaluate
@@ -298,7 +299,7 @@ class Blast:
     checkable: int
     unknowns: int
     price: int
-    doubt: Doubt | None = None
+    doubt: Note | None = None
 
     @property
     def agree(self) -> int:
@@ -346,10 +347,10 @@ def blast_of(
         later = at_place(readings, laws, place, None)
         elsewhere = anywhere(readings, laws, place[2])
         east, north, _ = elsewhere.place.tolist()
-        numbers = {"east_m": east, "north_m": north}
+        there = doubt("not_at_the_origin", first, east_m=east, north_m=north)
         tried = [
-            replace(later, doubt=Doubt("not_at_time_0", first)),
-            replace(elsewhere, doubt=Doubt("not_at_the_origin", first, numbers)),
+            replace(later, doubt=doubt("not_at_time_0", first)),
+            replace(elsewhere, doubt=there),
         ]
         best = _cheapest(stated, tried)
     return best
@@ -375,9 +376,9 @@ def _in_other_units(stated: Blast, laws: ScaledLaws) -> list[Blast]:
         for name, factor in FACTORS[QUANTITIES[quantity].kind].items():
             changed = readings.rescaled(here, factor)
             blast = at_place(changed, laws, stated.place, stated.origin)
-            doubt = Doubt("units_of_a_quantity", rows, {"factor": factor}, (name,))
             if len(rows) > 1 and not blast.off.any():
-                tried.append(replace(blast, price=blast.price + PRICE, doubt=doubt))
+                note = doubt("units_of_a_quantity", rows, factor=factor, unit=name)
+                tried.append(replace(blast, price=blast.price + PRICE, doubt=note))
     return tried
 
 

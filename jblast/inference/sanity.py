@@ -48,14 +48,15 @@ from jblast.inference.consensus import (
 )
 from jblast.observations import Observations, some_rows
 from jblast.observations.check import (
-    Doubt,
     clocks_doubted,
     degrees_swapped,
+    doubt,
     places_doubted,
     sigmas_doubted,
 )
 from jblast.observations.scenes import far_from_origin, for_log
 from jblast.quantities import QUANTITIES
+from jblast.results import Note, warning
 from jblast.scene import Charge, UncertainScene
 from jblast.waves.fireball import LARGEST_RADIUS
 from jblast.waves.propagation import sound_speed_of
@@ -115,7 +116,7 @@ PLACES = {
 """Matrix that gives the true position of a sensor, by the mistake in its position."""
 
 
-def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
+def doubts(observations: Observations, uncertain: UncertainScene) -> list[Note]:
     """Return warnings about a log; none of them stops a fit.
 
     Rows are compared with blasts of any mass at the position of the scene; without a
@@ -139,32 +140,32 @@ def doubts(observations: Observations, uncertain: UncertainScene) -> list[Doubt]
             *sigmas_doubted(observations),
             *radii_doubted(observations),
         ]
-    return sorted(_once(found), key=lambda doubt: doubt.rows[0])
+    return sorted(_once(found), key=lambda one: one["rows"][0])
 
 
-def _once(found: list[Doubt]) -> list[Doubt]:
+def _once(found: list[Note]) -> list[Note]:
     """Return one warning per row, the first, which is the most specific.
 
     Warnings by comparison with a suspect row are dropped. The warning that no blast
     explains a shot is kept if it concerns a further row. A rise of peaks is kept if the
     warning about its larger peak does not explain it better (`BESIDE_A_RISE`).
     """
-    seen: dict[int, Doubt] = {}
+    seen: dict[int, Note] = {}
     kept = []
-    for doubt in found:
-        known = [seen.get(row) for row in doubt.rows]
-        if doubt.kind == "peak_rises" and known[0] and len(known[0].rows) == 1:
+    for note in found:
+        known = [seen.get(row) for row in note["rows"]]
+        if note.kind == "peak_rises" and known[0] and len(known[0]["rows"]) == 1:
             known = known[known[0].kind in BESIDE_A_RISE :]
-        is_new = None in known if doubt.kind == "of_no_one_blast" else not any(known)
-        if is_new or doubt.kind in OF_ALL:
-            kept.append(doubt)
-        if is_new and doubt.kind not in OF_ALL:
-            suspect = doubt.rows[:1] if doubt.kind in TWO_SIDED else doubt.rows
-            seen |= dict.fromkeys(suspect, doubt)
+        is_new = None in known if note.kind == "of_no_one_blast" else not any(known)
+        if is_new or note.kind in OF_ALL:
+            kept.append(note)
+        if is_new and note.kind not in OF_ALL:
+            suspect = note["rows"][: 1 if note.kind in TWO_SIDED else None]
+            seen |= dict.fromkeys(suspect, note)
     return kept
 
 
-def _physical(observations: Observations, uncertain: UncertainScene) -> list[Doubt]:
+def _physical(observations: Observations, uncertain: UncertainScene) -> list[Note]:
     """Return the warnings by comparison with blasts, shot by shot."""
     doubted = []
     laws, scene = scaled_laws(uncertain.scene), uncertain.scene
@@ -191,7 +192,7 @@ def _of_shot(
     laws: ScaledLaws,
     charge: Charge,
     uncertain: UncertainScene,
-) -> list[Doubt]:
+) -> list[Note]:
     """Return the warnings about the rows of one shot, the most specific first."""
     label = uncertain.scene.label(charge)
     blast = blast_of(readings, laws, charge, uncertain, label)
@@ -206,9 +207,9 @@ def _of_shot(
     if blast.holds():
         doubted += _mistakes(observations, blast, laws)
     elif blast.off.any() and blast.checkable > 1 and not doubted:
-        rows = tuple(blast.readings.row[blast.off].tolist())
-        counts = {"agree": float(blast.agree), "rows": float(blast.checkable)}
-        divided = [Doubt("of_no_one_blast", rows, counts)]
+        rows, counts = blast.readings.row[blast.off], (blast.agree, blast.checkable)
+        agree, of = map(int, counts)
+        divided = [doubt("of_no_one_blast", rows.tolist(), agree=agree, of=of)]
     return [
         *doubted,
         *speeds_doubted(blast, laws),
@@ -218,9 +219,7 @@ def _of_shot(
     ]
 
 
-def _mistakes(
-    observations: Observations, blast: Blast, laws: ScaledLaws
-) -> list[Doubt]:
+def _mistakes(observations: Observations, blast: Blast, laws: ScaledLaws) -> list[Note]:
     """Return the mistakes that explain most of the rows that disagree."""
     readings, doubted = blast.readings, []
     place, mass = blast.place[None], np.array([blast.mass])
@@ -231,11 +230,11 @@ def _mistakes(
     for its in map(np.array, by_sensor.values()):
         off = its[blast.off[its]]
         explained = []
-        for here, corrected, doubt in _corrections(blast, its, off):
+        for here, corrected, note in _corrections(blast, its, off):
             offset = blast.offset[here][None]
             residual, allowed, _ = corrected.compared(laws, place, mass, offset=offset)
             if (np.abs(residual) <= MISTAKE_MARGIN * allowed).all():
-                explained.append((here, doubt))
+                explained.append((here, note))
         # the mistake that explains most rows comes first
         explained.sort(key=lambda one: -blast.off[one[0]].sum())
         for i in off:
@@ -243,18 +242,18 @@ def _mistakes(
             if readings.timed[i]:
                 kind, numbers = "off_in_time", {"late_s": float(blast.residual[i])}
             numbers["mass_kg"] = blast.mass
-            explained.append((np.array([i]), Doubt(kind, (), numbers)))
-        for here, doubt in explained:
-            rows = tuple(readings.row[np.intersect1d(here, off)].tolist())
+            explained.append((np.array([i]), warning(kind, **numbers)))
+        for here, note in explained:
+            rows = readings.row[np.intersect1d(here, off)].tolist()
             if rows:
-                doubted.append(replace(doubt, rows=rows))
+                doubted.append(doubt(note.kind, rows, **note.numbers))
                 off = np.setdiff1d(off, here)
     return doubted
 
 
 def _corrections(
     blast: Blast, its: Int[np.ndarray, " _"], off: Int[np.ndarray, " _"]
-) -> Iterator[tuple[Int[np.ndarray, " _"], Readings, Doubt]]:
+) -> Iterator[tuple[Int[np.ndarray, " _"], Readings, Note]]:
     """Yield mistakes of a sensor: the readings concerned, the same corrected, warning.
 
     Args:
@@ -269,23 +268,22 @@ def _corrections(
     zones = HALF_HOUR * np.round(blast.residual[timed[:1]] / HALF_HOUR)
     for late in zones[np.abs(zones) <= LATEST].tolist():
         own = readings.only(timed)
-        doubt = Doubt("clock_of_another_zone", (), {"late_s": late})
-        yield timed, replace(own, value=own.value - late), doubt
+        corrected = replace(own, value=own.value - late)
+        yield timed, corrected, warning("clock_of_another_zone", late_s=late)
     own = readings.only(its)
     for kind, matrix in PLACES.items():
         place = own.position @ matrix
         numbers = {"east_m": float(place[0, 0]), "north_m": float(place[0, 1])}
-        yield its, replace(own, position=place), Doubt(kind, (), numbers)
+        yield its, replace(own, position=place), warning(kind, **numbers)
     for i in off:
         here = np.array([i])
         own = readings.only(here)
         for name, factor in FACTORS[QUANTITIES[own.quantity[0]].kind].items():
-            numbers = {"mass_kg": blast.mass, "factor": factor}
-            doubt = Doubt("unit_slip", (), numbers, (name,))
-            yield here, own.rescaled(np.array([True]), factor), doubt
+            note = warning("unit_slip", mass_kg=blast.mass, factor=factor, unit=name)
+            yield here, own.rescaled(np.array([True]), factor), note
 
 
-def speeds_doubted(blast: Blast, laws: ScaledLaws) -> list[Doubt]:
+def speeds_doubted(blast: Blast, laws: ScaledLaws) -> list[Note]:
     """Return arrivals that are too far from each other, or from the shot, in time.
 
     The arrival with the most contradictions is reported and removed, until none is
@@ -327,11 +325,11 @@ def speeds_doubted(blast: Blast, laws: ScaledLaws) -> list[Doubt]:
             numbers["mean_m_s"] = numbers["apart_m"] / numbers["late_s"]
             numbers["slowest_m_s"] = float(slowest[i, other])
         both = [i, other] if other < len(here) else [i]
-        doubts.append(Doubt(kind, tuple(readings.row[both].tolist()), numbers))
+        doubts.append(doubt(kind, readings.row[both].tolist(), **numbers))
     return doubts
 
 
-def slow_together(blast: Blast, slowest: float) -> list[Doubt]:
+def slow_together(blast: Blast, slowest: float) -> list[Note]:
     """Return the arrivals of a clock that together imply a speed below that of sound.
 
     The times are fitted by an origin time plus slowness times distance, and the
@@ -376,13 +374,13 @@ def slow_together(blast: Blast, slowest: float) -> list[Doubt]:
         left = np.abs(arrival(time, *best) - time) / sd
         if best[1] - SIGMAS * error > 1.0 / slowest and left.max() < SIGMAS:
             numbers = {"speed_m_s": float(1.0 / best[1]), "slowest_m_s": slowest}
-            return [Doubt("slow_together", tuple(arrivals.row.tolist()), numbers)]
+            return [doubt("slow_together", arrivals.row.tolist(), **numbers)]
     return []
 
 
 def magnitudes_doubted(
     readings: Readings, laws: ScaledLaws, distance: Float[np.ndarray, " n"]
-) -> list[Doubt]:
+) -> list[Note]:
     """Return readings that require an impossible charge, or a gauge inside it.
 
     Args:
@@ -400,7 +398,7 @@ def magnitudes_doubted(
         # that do not grow with its mass
         if not at > 0 and (quantity in WITH_MASS or is_possible):
             continue
-        kind, numbers = "", {"distance_m": at} if at > 0 else {}
+        kind, numbers = "", {"distance_m": at if at > 0 else None}
         if not is_possible:
             kind, numbers["largest"] = "no_mass_gives_it", float(np.exp(given[-1]))
         else:
@@ -413,11 +411,11 @@ def magnitudes_doubted(
             elif reach > at and least > FIREBALL_MASS:
                 kind = "in_the_fireball"
         if kind:
-            found.append(Doubt(kind, (int(readings.row[i]),), numbers))
+            found.append(doubt(kind, (int(readings.row[i]),), **numbers))
     return found
 
 
-def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Doubt]:
+def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[Note]:
     """Return peaks larger than one nearer to the charge, one for each quantity.
 
     A peak falls at least as 1/R, as sound does; a shock falls faster. So scatter has to
@@ -442,12 +440,12 @@ def rising_peaks(readings: Readings, distance: Float[np.ndarray, " n"]) -> list[
         j, i = np.unravel_index(np.argmax(rises), rises.shape)
         if rises[j, i] > quantile:
             numbers = {"distance_m": float(far[j]), "nearer_m": float(far[i])}
-            rows = tuple(readings.row[here[[j, i]]].tolist())
-            found.append(Doubt("peak_rises", rows, numbers))
+            rows = readings.row[here[[j, i]]].tolist()
+            found.append(doubt("peak_rises", rows, **numbers))
     return found
 
 
-def radii_doubted(observations: Observations) -> list[Doubt]:
+def radii_doubted(observations: Observations) -> list[Note]:
     """Return radii of one sensor that shrink with time."""
 
     def order(row: int) -> tuple[str, str, float]:
@@ -459,5 +457,5 @@ def radii_doubted(observations: Observations) -> list[Doubt]:
     for early, late in pairwise(sorted(rows, key=order)):
         before, value = observations.value[[early, late]].tolist()
         if order(early)[:2] == order(late)[:2] and SHRINKS * value < before:
-            found.append(Doubt("radius_shrinks", (late, early)))
+            found.append(doubt("radius_shrinks", (late, early)))
     return found

@@ -8,10 +8,12 @@ with the readings of another one, exchanged latitude and longitude, and errors s
 than those of pressure standards or larger than their value.
 """
 
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool
@@ -36,6 +38,7 @@ from jblast.quantities import (
     components,
 )
 from jblast.registry import names_for
+from jblast.results import Note, warning
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
@@ -104,30 +107,24 @@ def with_places(observations: Observations, uncertain: UncertainScene) -> Observ
     return replace(observations, position=position)
 
 
-@dataclass(frozen=True)
-class Doubt:
-    """A probable mistake in a log that a fit accepts; worded in `report.check`.
+def doubt(kind: str, rows: Iterable[int], **numbers: Any) -> Note:
+    """Return a note on a probable mistake in a log that a fit accepts.
 
-    Attributes:
-        kind: A key of `report.check.SENTENCES`.
+    Args:
+        kind: Name of its sentence.
         rows: Rows of the log that it concerns, the most relevant first.
-        numbers: Its evidence in SI units, by name.
-        names: Names for its sentence: a clock, a unit, two sensors.
+        **numbers: Its evidence in SI units, and names.
     """
-
-    kind: str
-    rows: tuple[int, ...]
-    numbers: dict[str, float] = field(default_factory=dict)
-    names: tuple[str, ...] = ()
+    return warning(kind, rows=tuple(rows), **numbers)
 
 
-def clocks_doubted(observations: Observations) -> list[Doubt]:
+def clocks_doubted(observations: Observations) -> list[Note]:
     """Return probable mistakes in the clocks and shots of a log."""
     searches = (_since_1970, _unheard, _lonely, _before_the_flash)
-    return [doubt for search in searches for doubt in search(observations)]
+    return [found for search in searches for found in search(observations)]
 
 
-def _since_1970(observations: Observations) -> list[Doubt]:
+def _since_1970(observations: Observations) -> list[Note]:
     """Find clock times that are times since 1970, not times of a recording."""
     # times with a date are converted to seconds after an epoch, never since 1970
     if observations.epoch is not None:
@@ -140,31 +137,31 @@ def _since_1970(observations: Observations) -> list[Doubt]:
         rows = np.flatnonzero(timed & (since > FROM_2000) & (since < TO_2100))
         if rows.size:
             when = datetime.fromtimestamp(float(since[rows[0]]), UTC)
-            names = unit, f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
-            found.append(Doubt("since_1970", tuple(rows.tolist()), {}, names))
+            date = f"{when:%Y-%m-%dT%H:%M:%S}.{when.microsecond // 1000:03d}Z"
+            found.append(doubt("since_1970", rows.tolist(), unit=unit, when=date))
     return found
 
 
-def _unheard(observations: Observations) -> list[Doubt]:
+def _unheard(observations: Observations) -> list[Note]:
     """Find shots with flash times only: they do not constrain a mass."""
     return [
-        Doubt("shot_unheard", tuple(rows), {}, (shot,))
+        doubt("shot_unheard", rows, shot=shot)
         for shot, rows in rows_by(observations.shot).items()
         if all(QUANTITIES[observations.quantity[row]].kind == "flash" for row in rows)
     ]
 
 
-def _lonely(observations: Observations) -> list[Doubt]:
+def _lonely(observations: Observations) -> list[Note]:
     """Find clocks with one reading, which a free offset would fit exactly."""
     by_clock = rows_by(observations.clock, np.isin(observations.quantity, CLOCK_TIMES))
     return [
-        Doubt("clock_of_one_row", tuple(rows), {}, (clock,))
+        doubt("clock_of_one_row", rows, clock=clock)
         for clock, rows in by_clock.items()
         if clock and len(rows) == 1 and len(by_clock) > 1
     ]
 
 
-def _before_the_flash(observations: Observations) -> list[Doubt]:
+def _before_the_flash(observations: Observations) -> list[Note]:
     """Find arrivals before the flash of their shot, on one clock."""
     found = []
     log, sigma = observations, np.nan_to_num(observations.sigma)
@@ -177,17 +174,17 @@ def _before_the_flash(observations: Observations) -> list[Doubt]:
             allowed = EARLY_SIGMAS * float(np.hypot(sigma[row], sigma[seen]))
             early = float(log.value[seen] - log.value[row])
             if early > allowed:
-                numbers = {"early_s": early}
-                found.append(Doubt("arrival_before_flash", (row, seen), numbers))
+                pair = row, seen
+                found.append(doubt("arrival_before_flash", pair, early_s=early))
     return found
 
 
-def places_doubted(observations: Observations) -> list[Doubt]:
+def places_doubted(observations: Observations) -> list[Note]:
     """Return probable mistakes in the positions of a log's sensors."""
     return [*_moved(observations), *_together(observations)]
 
 
-def degrees_swapped(observations: Observations) -> list[Doubt]:
+def degrees_swapped(observations: Observations) -> list[Note]:
     """Return sensors far from the others, but near them with exchanged coordinates.
 
     The log must be in degrees, since its frame gives the latitudes and longitudes.
@@ -212,11 +209,11 @@ def degrees_swapped(observations: Observations) -> list[Doubt]:
         swapped = frame.to_enu(lon, lat, alt)
         if np.linalg.norm(swapped - middle) <= away / FAR_RATIO:
             numbers = {"lat_deg": lat, "lon_deg": lon, "apart_m": away}
-            found.append(Doubt("lat_lon_swapped", tuple(rows), numbers))
+            found.append(doubt("lat_lon_swapped", rows, **numbers))
     return found
 
 
-def _moved(observations: Observations) -> list[Doubt]:
+def _moved(observations: Observations) -> list[Note]:
     """Find sensors with several positions within one shot."""
     found, log = [], observations
     sensors = rows_by(zip(log.sensor, log.shot, strict=True), _placed(log))
@@ -224,13 +221,12 @@ def _moved(observations: Observations) -> list[Doubt]:
         apart = np.linalg.norm(log.position[rows] - log.position[rows[0]], axis=1)
         if (apart > POSITION_TOLERANCE).any():
             other = int(np.argmax(apart))
-            numbers = {"apart_m": float(apart[other])}
-            pair = rows[other], rows[0]
-            found.append(Doubt("sensor_at_two_places", pair, numbers))
+            pair, away = (rows[other], rows[0]), float(apart[other])
+            found.append(doubt("sensor_at_two_places", pair, apart_m=away))
     return found
 
 
-def _together(observations: Observations) -> list[Doubt]:
+def _together(observations: Observations) -> list[Note]:
     """Find sensors at one position with identical or with inconsistent readings."""
     log, placed = observations, _placed(observations)
     # positions rounded to the tolerance are keys of a dictionary: no comparison of all
@@ -251,12 +247,12 @@ def _together(observations: Observations) -> list[Doubt]:
             # two sensors never read all values alike to the last digit: rows were
             # copied
             if pairs and all(log.value[i] == log.value[j] for i, j in pairs):
-                copied = tuple(row for pair in pairs for row in reversed(pair))
-                found.append(Doubt("sensor_copied", copied, {}, (one, other)))
+                copied = [row for pair in pairs for row in reversed(pair)]
+                found.append(doubt("sensor_copied", copied, one=one, other=other))
                 continue
             # two sensors at one range may be in different directions
             odd = [(j, i) for i, j in pairs if placed[i] and _disagree(log, i, j)]
-            found += [Doubt("two_sensors_at_one_place", pair) for pair in odd[:1]]
+            found += [doubt("two_sensors_at_one_place", pair) for pair in odd[:1]]
     return found
 
 
@@ -280,13 +276,13 @@ def _placed(observations: Observations) -> Bool[np.ndarray, " row"]:
     return np.asarray(~np.isnan(observations.position).any(axis=1))
 
 
-def sigmas_doubted(observations: Observations) -> list[Doubt]:
+def sigmas_doubted(observations: Observations) -> list[Note]:
     """Return rows with an implausible sigma."""
     # errors of times and angles have no relation to their size
     in_ln = ~np.isin(observations.quantity, ADDITIVE)
     share = np.where(in_ln, observations.error_scale(), np.nan)
     return [
-        Doubt(kind, (row,), {"share": float(share[row])})
+        doubt(kind, (row,), share=float(share[row]))
         for kind, odd in (
             ("sigma_too_fine", share < FINEST_SIGMA),
             ("sigma_large", share > 1),

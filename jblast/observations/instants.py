@@ -17,7 +17,7 @@ from jaxtyping import Float
 from jblast.errors import InputError, argument, nearest, shown
 from jblast.observations.rules import Rows, Rule
 from jblast.quantities import CLOCK_TIMES, QUANTITIES
-from jblast.results import Note, assumption
+from jblast.results import Note, conversion
 
 VALUE_UTC = "value_utc"
 HALF_DAY = timedelta(hours=12)
@@ -87,7 +87,7 @@ def clock_times(
         ]
     )
     notes = [
-        assumption(kind, rows=len(of), **numbers)
+        conversion(kind, rows=len(of), **numbers)
         for kind, of, numbers in (
             ("times_undated", undated, {"date": date}),
             ("times_unzoned", unzoned, {"zone": zone}),

@@ -15,7 +15,7 @@ from jblast.errors import InputError, argument, nearest, shown
 from jblast.observations.table import COLUMNS, NAME_COLUMNS, NEEDED, NUMBERS, rows_by
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
-from jblast.results import assumption
+from jblast.results import conversion
 from jblast.units import (
     ANY,
     SIMILAR_NAMES,
@@ -81,10 +81,10 @@ def read_header(table: Table, known: Sequence[str] = (*COLUMNS, UNIT)) -> Header
         header[name] = theirs, unit
         key = spelt(theirs)
         if key != name and name not in ANY and (unit is None or unit.factor == 1.0):
-            table.notes.append(assumption("renamed", theirs=theirs, ours=name))
+            table.notes.append(conversion("renamed", theirs=theirs, ours=name))
         table.header[index] = name
     if notes:
-        table.notes.append(assumption("columns_ignored", names=notes))
+        table.notes.append(conversion("columns_ignored", names=notes))
     kept = [index for index in range(len(table.header)) if index not in dropped]
     table.header = [table.header[index] for index in kept]
     table.units = [table.units[index] for index in kept]
@@ -145,7 +145,7 @@ def check_all_there(table: Table) -> None:
         table.header.append("up_m")
         east = table.columns[got.index("east_m")]
         table.columns.append(["0" if text else "" for text in east])
-        table.notes.append(assumption("height_taken"))
+        table.notes.append(conversion("height_taken"))
 
 
 def quantity_of(name: str) -> str:
@@ -239,9 +239,9 @@ def made_long(table: Table) -> None:
     table.units = [*(table.units[i] for i in others), "", "", ""]
     table.lines = [table.lines[row] for row, _ in picked]
     table.is_wide = True
-    table.notes.append(assumption("made_long", names=list(held.values())))
+    table.notes.append(conversion("made_long", names=list(held.values())))
     if missing := [name for i, name in held.items() if i not in errors]:
-        table.notes.append(assumption("no_errors", names=missing))
+        table.notes.append(conversion("no_errors", names=missing))
 
 
 def _error_columns(table: Table, held: dict[int, str]) -> dict[int, int]:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from jblast.observations.places import MAX_DISTANCE, Frame, mean_frame
 from jblast.observations.rules import Rows, Rule
 from jblast.parameters import PLACE_LIMITS
-from jblast.results import Note, assumption
+from jblast.results import Note, conversion
 
 METRES = ("east_m", "north_m", "up_m")
 DEGREES = ("lat_deg", "lon_deg")
@@ -104,5 +104,5 @@ def positions(rows: Rows) -> Positions:
 
     rows.refuse([Rule("lat_deg", away > MAX_DISTANCE, far)])
     west = int((numbers["lon_deg"] > 180.0).sum())
-    notes = (assumption("longitudes_wrapped", rows=west),) if west else ()
+    notes = (conversion("longitudes_wrapped", rows=west),) if west else ()
     return Positions(position, frame, notes)

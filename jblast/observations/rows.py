@@ -34,7 +34,7 @@ from jblast.observations.table import (
 )
 from jblast.observations.text_table import Table
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, TIMED
-from jblast.results import Note, assumption
+from jblast.results import Note, conversion
 from jblast.units import ANY, LEVEL, LN_PER_DB, SHARE, OurName, in_si, our_name
 
 AT_LEAST = ">"
@@ -70,7 +70,7 @@ def observations_of(
     if skipped:
         word = row_word(table.source) + ("" if len(skipped) == 1 else "s")
         lines = list(map(str, skipped.values()))
-        note = assumption("empty_skipped", rows=len(lines), words=word, lines=lines)
+        note = conversion("empty_skipped", rows=len(lines), words=word, lines=lines)
         table.notes.append(note)
         where = table.at(table.lines[0])
         table.drop_rows(skipped)
@@ -283,12 +283,12 @@ def _conversions(
     """Return a note on each column and quantity in another unit or name."""
     found = converted_columns(rows)
     if shares:
-        found.append(assumption("share", theirs="sigma in %", rows=shares))
+        found.append(conversion("share", theirs="sigma in %", rows=shares))
     for name, unit in dict(zip(theirs, units, strict=True)).items():
         if unit.name in ("", name):
             continue
         if unit.factor == 1.0:
-            found.append(assumption("renamed", theirs=name, ours=unit.name))
+            found.append(conversion("renamed", theirs=name, ours=unit.name))
         elif "value" not in rows.units or unit.dimension == LEVEL:
             found.append(_converted(name, unit.name, unit, theirs.count(name)))
     return found
@@ -314,6 +314,6 @@ def _converted(
 ) -> Note:
     kinds = {LEVEL: level, SHARE: "share"}
     if kind := kinds.get(unit.dimension):
-        return assumption(kind, theirs=theirs, rows=rows)
+        return conversion(kind, theirs=theirs, rows=rows)
     numbers = {"theirs": theirs, "ours": ours, "factor": unit.factor, "rows": rows}
-    return assumption("converted", **numbers)
+    return conversion("converted", **numbers)

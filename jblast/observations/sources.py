@@ -18,7 +18,7 @@ import numpy as np
 from jblast.errors import InputError, needed, read_bytes, reading, shown
 from jblast.observations.table import FORMATS, FRAME, PARQUET, TEXTS
 from jblast.observations.text_table import Row, Table, table_of_rows, text_table
-from jblast.results import Note, assumption
+from jblast.results import Note, conversion
 
 MAX_BYTES = 1_000_000_000
 """Largest size of a table: it has some twenty million rows and takes 10 GB of
@@ -105,7 +105,7 @@ def _binary_table(data: bytes, source: str, suffix: str) -> Table:
     with reading(source, f"a complete {kind}"):
         if extra == PARQUET:
             frame = pandas.read_parquet(io.BytesIO(data), engine="pyarrow")
-            return frame_table(frame, source, (assumption("format", format=kind),))
+            return frame_table(frame, source, (conversion("format", format=kind),))
         sheets = pandas.read_excel(
             io.BytesIO(data), sheet_name=None, header=None, dtype=object,
             na_filter=False,
@@ -117,7 +117,7 @@ def _binary_table(data: bytes, source: str, suffix: str) -> Table:
             f"{source}: expected one sheet with one table, got {names}; keep one sheet"
         )
     ((name, sheet),) = filled.items()
-    note = assumption("sheet", format=kind, sheet=name)
+    note = conversion("sheet", format=kind, sheet=name)
     rows = sheet.to_numpy(object).tolist()
     return table_of_rows(source, _text_rows(rows, 1), (note,))
 

@@ -36,7 +36,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, decoded, foreign_digits, shown
 from jblast.observations.table import row_word
-from jblast.results import Note, assumption
+from jblast.results import Note, conversion
 from jblast.units import spelt, unit_spelt, words_of
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
@@ -280,7 +280,7 @@ def text_table(
         )
     if separator != ",":
         by = SEPARATORS.get(separator, repr(separator))
-        notes.append(assumption("separator", separator=by))
+        notes.append(conversion("separator", separator=by))
     table = table_of_rows(name, rows, notes)
     table.separator, table.comments = separator, (*remarks, *table.comments)
     table.faults += faults
@@ -302,7 +302,7 @@ def decoded_text(data: bytes | str, name: str, expected: str) -> tuple[str, list
         # bytes without a meaning in any are refused as no UTF-8
         with suppress(UnicodeDecodeError):
             data = data.decode(encoding or "utf-8").encode()
-            notes = [assumption("encoding", encoding=encoding)] if encoding else []
+            notes = [conversion("encoding", encoding=encoding)] if encoding else []
             return decoded(data, name, expected), notes
     return decoded(data, name, expected), []
 
@@ -356,7 +356,7 @@ def table_of_rows(
         if not (blank and all(blank) and all(map(is_text, filter(None, below)))):
             break
         lines = {"first": table.header_line, "line": filled.pop(0).line}
-        table.notes.append(assumption("titles", word=word, **lines))
+        table.notes.append(conversion("titles", word=word, **lines))
         table.header = [n or t for n, t in zip(below, table.header, strict=True)]
         table.header_line = lines["line"]
     kept = [
@@ -374,7 +374,7 @@ def table_of_rows(
         if is_units_row(cells, only_known=True):
             table.units = [unit if unit_spelt(unit) else "" for unit in cells]
             table.units_line = table.lines[at]
-            note = assumption("units_row", word=word, line=table.units_line)
+            note = conversion("units_row", word=word, line=table.units_line)
             table.notes.append(note)
             table.drop_rows({at})
             break
@@ -610,4 +610,4 @@ def take_decimal_commas(table: Table, numbers: Collection[int]) -> None:
             ]
         where, text = seen[","]
         place = where.removeprefix(f"{table.source}: ")
-        table.notes.append(assumption("decimal_comma", text=text, place=place))
+        table.notes.append(conversion("decimal_comma", text=text, place=place))

@@ -3,7 +3,7 @@
 import re
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -12,23 +12,18 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.observations import CLOCK_TIMES, Observations
-from jblast.observations.check import Doubt
 from jblast.observations.scenes import for_log
 from jblast.observations.table import row_word
+from jblast.report.messages import sentence
 from jblast.report.words import (
     joined,
-    parameter_words,
     printed_number,
     quantity_words,
-    significant,
-    split_name,
 )
-from jblast.results import Document
+from jblast.results import Document, Note
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-MAX_NAMED = 8
-"""Largest number of parameters listed in a sentence."""
 WIDTH = 79
 MAX_LINES = 5
 """Largest number of line numbers listed for one fault or warning."""
@@ -49,26 +44,17 @@ def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
     """
     lines = []
     if log.frame is not None:
-        # imported here: it loads all of a report, which most checks do not need
-        from jblast.report.fit.place import degrees
-
-        frame = log.frame
         middle = uncertain.place is None
         whose = "the centre of the sensors" if middle else "from the scene"
-        lines.append(
-            "positions are degrees of WGS84; the origin of east, north and up is "
-            f"{degrees(frame.lat_deg, frame.lon_deg)}, {frame.alt_m:.6g} m, {whose}"
-        )
+        at = place(0.0, 0.0, log)
+        lines.append(sentence("degrees", alt_m=log.frame.alt_m, place=at, whose=whose))
     if log.epoch is not None:
-        start = log.epoch.astimezone(UTC)
-        lines.append(f"time zero is {start:%Y-%m-%d %H:%M:%S} UTC")
+        lines.append(sentence("time_zero", start=log.epoch.astimezone(UTC)))
     if not len(log) or len(set(log.shot)) > 1:
         return lines
-    free = [parameter_words(name) for name in for_log(uncertain, log).beliefs]
+    free = list(for_log(uncertain, log).beliefs)
     if uncertain.source == NO_SCENE and len(free) > 1:
-        more = [f"{len(free) - MAX_NAMED} more"] if len(free) > MAX_NAMED else []
-        names = joined(free[:MAX_NAMED] + more)
-        lines.append(f"free parameters of a fit without a scene: {names}")
+        lines.append(sentence("freed", names=free))
     return lines
 
 
@@ -249,7 +235,7 @@ def _number(count: int, word: str) -> str:
 def check_answer(
     observations: Observations,
     faults: Sequence[InputError],
-    doubts: Sequence[Doubt],
+    doubts: Sequence[Note],
     understood: Sequence[str] = (),
     readings: Observations | None = None,
 ) -> CheckAnswer:
@@ -278,12 +264,12 @@ def check_answer(
         faults=tuple(map(str, sorted(faults, key=_line))),
         warnings=tuple(
             Warned(
-                kind=doubt.kind,
-                lines=tuple(map(doubted.line_of, doubt.rows)),
-                sensors=tuple(dict.fromkeys(doubted.sensor[row] for row in doubt.rows)),
-                message=sentence(doubt, doubted),
+                kind=note.kind,
+                lines=tuple(map(doubted.line_of, note["rows"])),
+                sensors=tuple(dict.fromkeys(doubted.sensor[r] for r in note["rows"])),
+                message=row_sentence(note, doubted),
             )
-            for doubt in doubts
+            for note in doubts
         ),
     )
 
@@ -306,146 +292,27 @@ def _places(log: Observations) -> dict[str, int]:
     return {kind or "neither": counts[kind] for kind in ("position", "range", "")}
 
 
-SENTENCES = {
-    "sensor_copied": "{names[1]} and {names[0]} have the same position and the same "
-    "values to the last digit: is it one sensor with two names?",
-    "two_sensors_at_one_place": "{sensor} and {other_sensor} have the same position, "
-    "but {quantity} {value} and {other_value}",
-    "sensor_at_two_places": "{sensor} is {apart_m} from its position in an earlier row",
-    "since_1970": "{sensor}: {quantity} looks like {names[0]} since 1970, here "
-    "{names[1]}; without a date the value is read as seconds after an unknown time "
-    "zero; write dates in the column value_utc, like this one",
-    "shot_unheard": "{shot} has a flash but no reading of the blast: light "
-    "constrains no mass",
-    "clock_of_one_row": "clock {names[0]} has only this reading: with a free clock "
-    "offset the reading constrains nothing else",
-    "arrival_before_flash": "{reading} is {early_s} before the flash on the same clock",
-    "sigma_too_fine": "{reading} has a sigma of {share} of its value, smaller than "
-    "that of any gauge: sigma is in the unit of the value",
-    "sigma_large": "{reading} has a sigma of {share} times its value: sigma is in the "
-    "unit of the value",
-    "lat_lon_swapped": "{sensor} is {apart_m} from the other sensors, at latitude "
-    "{lat_deg:.6g}, longitude {lon_deg:.6g}; with the two swapped it would be among "
-    "them",
-    "no_mass_gives_it": "{reading}{at}: larger than any law gives{there}, {largest} at "
-    "most",
-    "mass_of_no_blast": "{reading}{at} corresponds to {mass_kg}, which is impossible",
-    "in_the_fireball": "{reading}{at} corresponds to {mass_kg}, with a fireball radius "
-    "of {fireball_m}: is the unit right?",
-    "peak_rises": "{reading}{at} is larger than {other_value} at {nearer_m}: peaks "
-    "decrease with distance; a factor of 2 to 8 suggests a reflected pressure",
-    "radius_shrinks": "{reading} follows one of {other_value}: shock radii never "
-    "decrease",
-    "too_slow_between": "{sensor} and {other_sensor} are {apart_m} apart, and their "
-    "arrivals {late_s}: {mean_m_s} m/s; no wave in air is slower than "
-    "{slowest_m_s:.0f} m/s: a clock, a position or a unit is wrong",
-    "slow_together": "the {n_rows} air arrivals together imply a speed of "
-    "{speed_m_s:.0f} m/s from one position, slower than sound ({slowest_m_s:.0f} m/s "
-    "or more): positions, a unit, or temperature and wind of the scene are wrong",
-    "too_slow": "{reading}: {apart_m} in {late_s} is {mean_m_s} m/s; no wave in air is "
-    "slower than {slowest_m_s:.0f} m/s",
-    "too_fast": "{reading}: {apart_m} in {late_s}; no blast wave is faster than "
-    "{fastest_m_s} m/s",
-    "unit_slip": "{reading} {looks}, compared with the other rows",
-    "units_of_a_quantity": "every {quantity} ({n_rows} rows) {looks}: with that "
-    "corrected all rows agree",
-    "clock_of_another_zone": "the clock of {sensor} looks {fast}: is it in another "
-    "time zone, or in summer time?",
-    "east_north_swapped": "{sensor} agrees with the position {place}: are east and "
-    "north swapped?",
-    "place_in_feet": "{sensor} agrees with the position {place}: is it in feet?",
-    "place_in_km": "{sensor} agrees with the position {place}: is it in km?",
-    "sign_of_east": "{sensor} agrees with the position {place}: is a sign wrong?",
-    "sign_of_north": "{sensor} agrees with the position {place}: is a sign wrong?",
-    "off_in_time": "{reading} is {too_late} for {mass_kg}, on which the other rows "
-    "agree",
-    "off_by_factor": "{reading} is {times} the prediction for {mass_kg}, on which the "
-    "other rows agree",
-    "of_no_one_blast": "one blast explains at most {agree:.0f} of {rows:.0f} rows, and "
-    "not those of {sensors}",
-    "not_at_the_origin": "the log does not agree with a charge at the origin at time "
-    "0, but with one near {place}: set or free position and time in a scene, or use "
-    "--free",
-    "not_at_time_0": "the log does not agree with a charge at time 0, but with one at "
-    "another time: set or free the origin time in a scene, or use --free origin_time_s",
-}
-"""Template of a warning, by its kind."""
-
-
-def sentence(doubt: Doubt, observations: Observations) -> str:
-    """Return a warning as a sentence, without its lines."""
-    log, numbers, rows = observations, doubt.numbers, doubt.rows
-    sensors = [log.sensor[row] for row in rows]
+def row_sentence(note: Note, observations: Observations) -> str:
+    """Return a warning about rows of a log as a sentence, without its lines."""
+    log, rows = observations, note["rows"]
+    sensors = tuple(dict.fromkeys(log.sensor[row] for row in rows))
     quantity = log.quantity[rows[0]]
     values = [printed_number(log.quantity[row], log.value[row], 4) for row in rows[:2]]
     facts: dict[str, Any] = {
-        "names": doubt.names,
         "n_rows": len(rows),
-        "sensor": sensors[0],
-        "sensors": joined(list(dict.fromkeys(sensors))[:5]),
-        "other_sensor": sensors[-1],
-        "shot": f"shot {log.shot[rows[0]]}" if log.shot[rows[0]] else "the shot",
+        "sensor": log.sensor[rows[0]],
+        "other_sensor": log.sensor[rows[-1]],
+        "sensors": sensors,
         "quantity": quantity_words(quantity),
         "value": values[0],
         "other_value": values[-1],
         "reading": reading(log, rows[0]),
-        "at": "",
-        "there": "",
     }
-    for key, number in numbers.items():
-        # speeds keep their number: their templates round them to whole m/s
-        suffix = split_name(key)[1]
-        show = PRINTED.get(key) or PRINTED.get(suffix) or (lambda value: value)
-        facts[key] = show(number)
-    if "distance_m" in numbers:
-        facts |= {"at": f" at {facts['distance_m']}", "there": " there"}
-    if "largest" in numbers:
-        facts["largest"] = printed_number(quantity, numbers["largest"], 3)
-    if "late_s" in numbers:
-        late, size = numbers["late_s"] > 0, seconds(abs(numbers["late_s"]))
-        facts["too_late"] = f"{size} too {'late' if late else 'early'}"
-        facts["fast"] = f"{size} {'fast' if late else 'slow'}"
-    if "ratio" in numbers:
-        ratio = numbers["ratio"]
-        times, part = significant(ratio), significant(1 / ratio)
-        facts["times"] = f"{times} times" if ratio > 1 else f"1/{part} of"
-    if "factor" in numbers:
-        unit = doubt.names[-1]
-        facts["looks"] = f"looks {unit} the true value"
-        if "written" in unit:
-            facts["looks"] = f"looks like {unit}"
-    if "east_m" in numbers:
-        facts["place"] = place(numbers["east_m"], numbers["north_m"], log)
-    return SENTENCES[doubt.kind].format_map(facts)
-
-
-def seconds(number: float) -> str:
-    """Return a time with its unit, from one hour on in hours."""
-    if abs(number) >= 3600:
-        return f"{number / 3600:.4g} h"
-    return printed_number("_s", number, 3)
-
-
-def metres(number: float) -> str:
-    """Return a length with its unit."""
-    return printed_number("_m", number, 3)
-
-
-def kilograms(number: float) -> str:
-    """Return a mass with its unit."""
-    # two digits: the scatter of the laws leaves no more to a mass from one reading
-    return printed_number("_kg", number, 2)
-
-
-PRINTED: dict[str, Callable[[float], str]] = {
-    "_s": seconds,
-    "_m": metres,
-    "_kg": kilograms,
-    "share": significant,
-    "mean_m_s": significant,
-    "fastest_m_s": significant,
-}
-"""Functions that print the numbers of a warning, by name or by suffix."""
+    if "largest" in note.numbers:
+        facts["largest"] = printed_number(quantity, note["largest"], 3)
+    if "east_m" in note.numbers:
+        facts["place"] = place(note["east_m"], note["north_m"], log)
+    return sentence(note.kind, note.numbers, **facts)
 
 
 def reading(log: Observations, row: int) -> str:
@@ -471,4 +338,6 @@ def place(east: float, north: float, log: Observations) -> str:
 
         lat, lon, _ = log.frame.to_geodetic(np.array([east, north, 0.0])).tolist()
         return degrees(lat, lon)
-    return f"east {east:.4g} m, north {north:.4g} m"
+    # coordinates of a map are millions of metres: printed in full
+    written = (f"{x:.0f}" if abs(x) >= 1e3 else f"{x:.4g}" for x in (east, north))
+    return "east {} m, north {} m".format(*written)

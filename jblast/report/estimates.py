@@ -1,7 +1,11 @@
 """Estimates in print: value and 90 % interval, to the digits that are significant."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.inference.posterior.parameters import Estimate
@@ -14,6 +18,11 @@ from jblast.report.words import (
     unit_for,
 )
 
+if TYPE_CHECKING:
+    from jblast.inference.fitting.fit import Fit
+
+Accepted = Mapping[str, tuple[float | int, str]]
+"""Parameter name -> (accepted value in SI, its source)."""
 WIDE_LOG_SD = 0.3
 """Standard deviation of ln above which numbers have two significant digits: the 90 %
 interval then spans a factor of three, and an absolute error means little."""
@@ -89,3 +98,23 @@ def _beside(name: str, value: float) -> str:
     if suffix == "_j" and value >= 1e6 * TNT_SPECIFIC_ENERGY:
         return f"{significant(value / TNT_SPECIFIC_ENERGY / 1e6, 3)} kt of TNT"
     return ""
+
+
+def outlier_rows(fit: "Fit") -> tuple[int, ...]:
+    """Return the rows of the suspected outliers.
+
+    Of several rows with one sensor and quantity the one with the nearest residual is
+    taken.
+    """
+    table, found = fit.observations, []
+    for outlier in fit.summary.suspected_outliers:
+        rows = [
+            i
+            for i in range(len(table))
+            if (table.sensor[i], table.quantity[i])
+            == (outlier.sensor, outlier.quantity)
+        ]
+        if rows:
+            gap = [abs(abs(fit.residual[i]) - abs(outlier.sds)) for i in rows]
+            found.append(rows[int(np.argmin(gap))])
+    return tuple(dict.fromkeys(found))

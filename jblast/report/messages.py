@@ -16,6 +16,7 @@ from jblast.report.words import (
     parameter_words,
     printed_number,
     quantity_words,
+    significant,
     split_name,
 )
 from jblast.results import Note
@@ -134,28 +135,151 @@ MESSAGES = {
     "decimal_comma": "decimal commas, as in {text} ({place})",
     "columns_ignored": "ignored columns: {names:names}",
     "height_taken": "no column up_m: sensors assumed at up = 0",
-    "longitudes_wrapped": "lon_deg above 180 was read as west: less 360 ({rows:rows})",
+    "longitudes_wrapped": "lon_deg above 180 was read as west: less 360 ({rows:row})",
     "renamed": "{theirs} was read as {ours}",
-    "converted": "{theirs} was converted to {ours}: times {factor:.9g} ({rows:rows})",
-    "share": "{theirs}: per cent of each value ({rows:rows})",
+    "converted": "{theirs} was converted to {ours}: times {factor:.9g} ({rows:row})",
+    "share": "{theirs}: per cent of each value ({rows:row})",
     "level": "{theirs} was converted to peak_overpressure_pa: 20 uPa times "
-    "10^(dB/20); a sigma of 1 dB is ln(10)/20 = 11.5 % ({rows:rows})",
-    "level_error": "{theirs}: 1 dB is ln(10)/20 = 11.5 % of each value ({rows:rows})",
-    "times_undated": "value_utc: times of day were read as of {date} ({rows:rows})",
-    "times_unzoned": "value_utc: times without a zone were read as {zone} "
-    "({rows:rows})",
-    "times_moved": "value_utc: times with an offset were converted to UTC "
-    "({rows:rows})",
-    "empty_skipped": "{rows:rows} without a value left out: {words} {lines:names}",
+    "10^(dB/20); a sigma of 1 dB is ln(10)/20 = 11.5 % ({rows:row})",
+    "level_error": "{theirs}: 1 dB is ln(10)/20 = 11.5 % of each value ({rows:row})",
+    "times_undated": "value_utc: times of day were read as of {date} ({rows:row})",
+    "times_unzoned": "value_utc: times without a zone were read as {zone} ({rows:row})",
+    "times_moved": "value_utc: times with an offset were converted to UTC ({rows:row})",
+    "empty_skipped": "{rows:row} without a value left out: {words} {lines:names}",
     "made_long": "a wide table, a column for each of {names:names}",
     "no_errors": "no column of errors for {names:names}: only the law's scatter is "
     "used",
+    # probable mistakes in a log
+    "sensor_copied": "{other} and {one} have the same position and the same values to "
+    "the last digit: is it one sensor with two names?",
+    "two_sensors_at_one_place": "{sensor} and {other_sensor} have the same position, "
+    "but {quantity} {value} and {other_value}",
+    "sensor_at_two_places": "{sensor} is {apart_m:3} from its position in an earlier "
+    "row",
+    "since_1970": "{sensor}: {quantity} looks like {unit} since 1970, here {when}; "
+    "without a date the value is read as seconds after an unknown time zero; write "
+    "dates in the column value_utc, like this one",
+    "shot_unheard": "{shot:shot} has a flash but no reading of the blast: light "
+    "constrains no mass",
+    "clock_of_one_row": "clock {clock} has only this reading: with a free clock offset "
+    "the reading constrains nothing else",
+    "arrival_before_flash": "{reading} is {early_s:time} before the flash on the same "
+    "clock",
+    "sigma_too_fine": "{reading} has a sigma of {share:short} of its value, smaller "
+    "than that of any gauge: sigma is in the unit of the value",
+    "sigma_large": "{reading} has a sigma of {share:short} times its value: sigma is "
+    "in the unit of the value",
+    "lat_lon_swapped": "{sensor} is {apart_m:3} from the other sensors, at latitude "
+    "{lat_deg:.6g}, longitude {lon_deg:.6g}; with the two swapped it would be among "
+    "them",
+    "no_mass_gives_it": "{reading}{distance_m:at}: larger than any law "
+    "gives{distance_m:there}, {largest} at most",
+    "mass_of_no_blast": "{reading}{distance_m:at} corresponds to {mass_kg}, which is "
+    "impossible",
+    "in_the_fireball": "{reading}{distance_m:at} corresponds to {mass_kg}, with a "
+    "fireball radius of {fireball_m:3}: is the unit right?",
+    "peak_rises": "{reading}{distance_m:at} is larger than {other_value} at "
+    "{nearer_m:3}: peaks decrease with distance; a factor of 2 to 8 suggests a "
+    "reflected pressure",
+    "radius_shrinks": "{reading} follows one of {other_value}: shock radii never "
+    "decrease",
+    "too_slow_between": "{sensor} and {other_sensor} are {apart_m:3} apart, and their "
+    "arrivals {late_s:time}: {mean_m_s:short} m/s; no wave in air is slower than "
+    "{slowest_m_s:.0f} m/s: a clock, a position or a unit is wrong",
+    "slow_together": "the {n_rows} air arrivals together imply a speed of "
+    "{speed_m_s:.0f} m/s from one position, slower than sound ({slowest_m_s:.0f} m/s "
+    "or more): positions, a unit, or temperature and wind of the scene are wrong",
+    "too_slow": "{reading}: {apart_m:3} in {late_s:time} is {mean_m_s:short} m/s; no "
+    "wave in air is slower than {slowest_m_s:.0f} m/s",
+    "too_fast": "{reading}: {apart_m:3} in {late_s:time}; no blast wave is faster than "
+    "{fastest_m_s:short} m/s",
+    "unit_slip": "{reading} {unit:looks}, compared with the other rows",
+    "units_of_a_quantity": "every {quantity} ({n_rows} rows) {unit:looks}: with that "
+    "corrected all rows agree",
+    "clock_of_another_zone": "the clock of {sensor} looks {late_s:fast}: is it in "
+    "another time zone, or in summer time?",
+    "east_north_swapped": "{sensor} agrees with the position {place}: are east and "
+    "north swapped?",
+    "place_in_feet": "{sensor} agrees with the position {place}: is it in feet?",
+    "place_in_km": "{sensor} agrees with the position {place}: is it in km?",
+    "sign_of_east": "{sensor} agrees with the position {place}: is a sign wrong?",
+    "sign_of_north": "{sensor} agrees with the position {place}: is a sign wrong?",
+    "off_in_time": "{reading} is {late_s:late} for {mass_kg}, on which the other rows "
+    "agree",
+    "off_by_factor": "{reading} is {ratio:ratio} the prediction for {mass_kg}, on "
+    "which the other rows agree",
+    "of_no_one_blast": "one blast explains at most {agree} of {of} rows, and not those "
+    "of {sensors:names}",
+    "not_at_the_origin": "the log does not agree with a charge at the origin at time "
+    "0, but with one near {place}: set or free position and time in a scene, or use "
+    "--free",
+    "not_at_time_0": "the log does not agree with a charge at time 0, but with one at "
+    "another time: set or free the origin time in a scene, or use --free origin_time_s",
+    # the contents of a log
+    "degrees": "positions are degrees of WGS84; the origin of east, north and up is "
+    "{place}, {alt_m:.6g} m, {whose}",
+    "time_zero": "time zero is {start:%Y-%m-%d %H:%M:%S} UTC",
+    "freed": "free parameters of a fit without a scene: {names:parameters}",
+    # picks
+    "nothing_found": "nothing found",
+    "onset_alone": "no blast pulse fits the samples; the arrival is the onset of the "
+    "signal",
+    "clipped": "clipped at {clipped_at_pa:3}",
+    "clipped_uncalibrated": "clipped at {clipped_at_pa:.3g} of full scale",
+    "hopeless": "the samples do not have the form of a blast pulse (misfit "
+    "{misfit:.3g}, expected 1)",
+    "misfit": "the samples do not have the form of a blast pulse (misfit {misfit:.3g}, "
+    "expected 1)",
+    "few_quiet_samples": "too few quiet samples before the front to estimate the noise",
+    "under_sampled": "fewer than eight samples in the positive phase",
+    "sharp_front": "the front rises within one sample",
+    "cut_short": "the record ends before the positive phase does",
+    "resonating": "the sensor rings at {resonance_hz:.3g} Hz",
+    "high_passed": "the record after the pulse looks high-passed, and no corner was "
+    "given; a Friedlander pulse that stays below zero looks the same",
+    "later_arrival": "further fronts at {later_arrival_s:.6g} s",
+    "zero_shift": "the zero of the gauge shifts at the front: duration and impulse "
+    "depend on the time of the shift",
+    "reversed_polarity": "reversed polarity: the samples were negated",
+    "front_alone": "the record after the front does not have the form of a blast "
+    "pulse: arrival and peak are from the front only",
+    "duration_unsure": "the duration is poorly constrained",
+    "duration_lost": "the pulse is too faint for a duration",
+    "faint": "the pulse is faint",
+    "continued_decay": "below zero the pressure follows Friedlander's formula, which "
+    "has no end; the negative duration is that of a phase of equal depth and impulse",
+    "independent": "errors of {names:names} are assumed independent: their covariance "
+    "is singular",
+    "bangs": "{bangs} bangs; the column shot of the log separates them",
+    # why a log has no row of a picked quantity
+    "no_row.poor": "quality is poor",
+    "no_row.onset_alone": "no pulse fits the samples",
+    "no_row.uncalibrated": "the samples have no known scale in pascals",
+    "no_row.high_passed": "distorted by a high-pass of unknown corner",
+    "no_row.cut_short": "the record ends too early",
+    "no_row.zero_shift": "the zero of the gauge shifts at the front",
+    "no_row.misfit": "no blast pulse fits the samples",
+    "no_row.front_alone": "the record after the front is not a blast pulse",
+    "no_row.duration_lost": "the pulse is too faint",
+    "no_row.weaker": "weaker than another pick of the same bang: possibly an echo",
 }
+
+
+def sentence(message: str, source: Any = None, /, **more: Any) -> str:
+    """Return a sentence.
+
+    Args:
+        message: Kind of a note, or a template.
+        source: Mapping, or object whose attributes are named.
+        **more: Further numbers, which come first.
+    """
+    template = MESSAGES.get(message, message)
+    return _Sentences().vformat(template, (), _Named(source, more))
 
 
 def sentence_of(note: Note) -> str:
     """Return the sentence of a note."""
-    return _Sentences().vformat(MESSAGES[note.kind], (), note.numbers)
+    return sentence(note.kind, note.numbers)
 
 
 def sentences_of(notes: Iterable[Note]) -> list[str]:
@@ -210,6 +334,17 @@ def _named(wrong: Any) -> str:
     return f"the {kind} {wrong.name}"
 
 
+def _hours_or_less(seconds: float) -> str:
+    """Return a time with its unit, from one hour on in hours."""
+    if abs(seconds) >= 3600:
+        return f"{seconds / 3600:.4g} h"
+    return printed_number("_s", seconds, 3)
+
+
+def _signed(seconds: float, more: str, less: str) -> str:
+    return f"{_hours_or_less(abs(seconds))} {more if seconds > 0 else less}"
+
+
 def _with_interval(name: str, estimate: Any) -> str:
     from jblast.report.estimates import printed_estimate
 
@@ -223,7 +358,6 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     "or": " or ".join,
     "option": ",".join,
     "ranges": "; ".join,
-    "rows": lambda count: f"{count:,} row" + "s" * (count != 1),
     "law": lambda laws: " ".join(f"--law {law}" for law in laws),
     "parameter": parameter_words,
     "parameters": lambda names: listed(map(parameter_words, names)),
@@ -238,13 +372,44 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
         f"{parameter_words(name)} {factor:.2g} times"
         for name, factor in factors.items()
     ),
+    "short": significant,
+    "time": _hours_or_less,
+    "late": lambda late: _signed(late, "too late", "too early"),
+    "fast": lambda late: _signed(late, "fast", "slow"),
+    "at": lambda distance: (
+        f" at {printed_number('_m', distance, 3)}" if distance else ""
+    ),
+    "there": lambda distance: " there" if distance else "",
+    "looks": lambda unit: (
+        f"looks like {unit}" if "written" in unit else f"looks {unit} the true value"
+    ),
+    "ratio": lambda ratio: (
+        f"{significant(ratio)} times" if ratio > 1 else f"1/{significant(1 / ratio)} of"
+    ),
+    "shot": lambda shot: f"shot {shot}" if shot else "the shot",
     "estimates": lambda found: listed(_with_interval(*pair) for pair in found.items()),
 }
 """Forms of numbers and names in a template, beside those of Python."""
 
 
+class _Named(dict):
+    """Fields of a template, of a mapping or an object."""
+
+    def __init__(self, source: Any, more: Mapping[str, Any]):
+        super().__init__(more)
+        self.source = source
+
+    def __missing__(self, name: str) -> Any:
+        is_mapping = isinstance(self.source, Mapping)
+        return self.source[name] if is_mapping else getattr(self.source, name)
+
+
 class _Sentences(Formatter):
-    """Formats fields by `FORMS`; a number without a form has the unit of its name."""
+    """Formats fields by `FORMS`; a number without a form has the unit of its name.
+
+    A form of digits, as in `{apart_m:3}`, is a number of significant digits with the
+    unit of the name. Another word is a noun that is counted: `{rows:row}`.
+    """
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, Any]:
         value, key = super().get_field(field_name, args, kwargs)
@@ -254,6 +419,10 @@ class _Sentences(Formatter):
         name, number = value
         if format_spec in FORMS:
             return FORMS[format_spec](number)
-        if not format_spec and isinstance(number, float) and split_name(name)[1]:
-            return printed_number(name, number, 2)
+        if format_spec.isidentifier():
+            return f"{number:,} {format_spec}" + "s" * (number != 1)
+        digits = int(format_spec) if format_spec.isdigit() else 2
+        has_unit = isinstance(number, float) and split_name(name)[1]
+        if has_unit and (not format_spec or format_spec.isdigit()):
+            return printed_number(name, number, digits)
         return format(number, format_spec)

@@ -5,11 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, timedelta
 
-from jblast.report.messages import sentences_of
+from jblast.report.messages import listed, sentence, sentences_of
 from jblast.report.words import (
     aligned,
-    joined,
-    printed_number,
     quantity_words,
     rounded,
     unit_for,
@@ -19,7 +17,6 @@ from jblast.signals.picks import (
     NAMES,
     Gathered,
     LeftOut,
-    NoteKind,
     PickedValue,
     PickLog,
     Quality,
@@ -35,50 +32,6 @@ COLUMNS = {
     "positive_impulse_pa_s": "impulse",
 }
 """Quantities of the table, with the titles of their columns."""
-MAX_NAMES = 6
-"""Largest number of records named in a sentence; the rest is a count."""
-NOTES: dict[NoteKind, str] = {
-    "nothing_found": "nothing found",
-    "onset_alone": "no blast pulse fits the samples; the arrival is the onset of the "
-    "signal",
-    "clipped": "clipped at {clipped_at}",
-    "hopeless": "the samples do not have the form of a blast pulse (misfit {misfit}, "
-    "expected 1)",
-    "misfit": "the samples do not have the form of a blast pulse (misfit {misfit}, "
-    "expected 1)",
-    "few_quiet_samples": "too few quiet samples before the front to estimate the noise",
-    "under_sampled": "fewer than eight samples in the positive phase",
-    "sharp_front": "the front rises within one sample",
-    "cut_short": "the record ends before the positive phase does",
-    "resonating": "the sensor rings at {rings}",
-    "high_passed": "the record after the pulse looks high-passed, and no corner was "
-    "given; a Friedlander pulse that stays below zero looks the same",
-    "later_arrival": "further fronts at {later}",
-    "zero_shift": "the zero of the gauge shifts at the front: duration and impulse "
-    "depend on the time of the shift",
-    "reversed_polarity": "reversed polarity: the samples were negated",
-    "front_alone": "the record after the front does not have the form of a blast "
-    "pulse: arrival and peak are from the front only",
-    "duration_unsure": "the duration is poorly constrained",
-    "duration_lost": "the pulse is too faint for a duration",
-    "faint": "the pulse is faint",
-    "continued_decay": "below zero the pressure follows Friedlander's formula, which "
-    "has no end; the negative duration is that of a phase of equal depth and impulse",
-}
-"""Text of each note on a pick."""
-REASONS: dict[Reason, str] = {
-    "poor": "quality is poor",
-    "onset_alone": "no pulse fits the samples",
-    "uncalibrated": "the samples have no known scale in pascals",
-    "high_passed": "distorted by a high-pass of unknown corner",
-    "cut_short": "the record ends too early",
-    "zero_shift": "the zero of the gauge shifts at the front",
-    "misfit": "no blast pulse fits the samples",
-    "front_alone": "the record after the front is not a blast pulse",
-    "duration_lost": "the pulse is too faint",
-    "weaker": "weaker than another pick of the same bang: possibly an echo",
-}
-"""Reason for quantities that the log does not contain."""
 RECORDS_ALT = "Records with their fitted pulses, and residuals."
 RECORDS_CAPTION = (
     "Grey: samples, or their range if several fall on one point. Blue: fitted pulse. "
@@ -109,7 +62,7 @@ def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) ->
     lines += _notes(found)
     lines += _of_log(log)
     if found.silent and count:
-        lines.append(f"nothing found in {_listed(found.silent)}")
+        lines.append(f"nothing found in {listed(found.silent)}")
     for name, quieter in found.quieter.items():
         lines.append(
             f"{name}: {quieter} quieter {'onset' if quieter == 1 else 'onsets'} ignored"
@@ -117,7 +70,7 @@ def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) ->
     read_as = sentences_of(log.observations.understood)
     lines += [f"table of stations: {line}" for line in read_as]
     if left_out:
-        lines.append(f"ignored, not a record: {_listed(left_out)}")
+        lines.append(f"ignored, not a record: {listed(left_out)}")
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -165,7 +118,7 @@ def _notes(found: Gathered) -> list[str]:
     for name, one in zip(found.named(), found.picks, strict=True):
         for note in (*note_words(one), *one.record.notes):
             notes.setdefault(note, []).append(name)
-    return [f"{_listed(names)}: {note}" for note, names in notes.items()]
+    return [f"{listed(names)}: {note}" for note, names in notes.items()]
 
 
 def _of_log(log: PickLog) -> list[str]:
@@ -173,27 +126,16 @@ def _of_log(log: PickLog) -> list[str]:
     same: dict[tuple[tuple[str, ...], Reason], list[str]] = {}
     for left in log.left_out:
         same.setdefault((left.quantities, left.reason), []).append(left.record)
-    lines = [
-        f"not in the log: "
-        f"{'all' if 'air_arrival_s' in of else joined(list(map(quantity_words, of)))} "
-        f"of {_listed(names)}: {REASONS[reason]}"
-        for (of, reason), names in same.items()
-    ]
+    lines = []
+    for (of, reason), names in same.items():
+        what = "all" if "air_arrival_s" in of else listed(map(quantity_words, of))
+        why = sentence(f"no_row.{reason}")
+        lines.append(f"not in the log: {what} of {listed(names)}: {why}")
     if log.independent:
-        lines.append(
-            f"errors of {_listed(log.independent)} are assumed independent: their "
-            "covariance is singular"
-        )
+        lines.append(sentence("independent", names=log.independent))
     if log.bangs > 1:
-        lines.append(f"{log.bangs} bangs; the column shot of the log separates them")
+        lines.append(sentence("bangs", bangs=log.bangs))
     return lines
-
-
-def _listed(names: list[str] | tuple[str, ...]) -> str:
-    """Return names for a sentence; of many the rest is a count."""
-    if len(names) <= MAX_NAMES:
-        return joined(list(names))
-    return f"{', '.join(names[: MAX_NAMES - 1])} and {len(names) - MAX_NAMES + 1} more"
 
 
 @dataclass(frozen=True)
@@ -305,14 +247,4 @@ def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
 
 def note_words(one: RecordPick) -> list[str]:
     """Return the notes on a pick, as sentences."""
-    scale = one.pick.clipped_at_pa
-    level = f"{scale:.3g} of full scale"
-    if one.record.calibrated and scale == scale:
-        level = printed_number("clipped_at_pa", scale, 3)
-    values = {
-        "clipped_at": level,
-        "rings": f"{one.pick.resonance_hz:.3g} Hz",
-        "misfit": f"{one.pick.misfit:.3g}",
-        "later": f"{one.pick.later_arrival_s:.6g} s",
-    }
-    return [NOTES[kind].format(**values) for kind in one.notes]
+    return sentences_of(one.findings)

@@ -27,7 +27,12 @@ from jblast.constants import LIGHT_SPEED
 from jblast.inference.fitting.fit import Band, Fit
 from jblast.inference.posterior.parameters import Estimate
 from jblast.quantities import ADDITIVE, TIMED
-from jblast.report.estimates import WIDE_LOG_SD, printed_estimate
+from jblast.report.estimates import (
+    WIDE_LOG_SD,
+    Accepted,
+    outlier_rows,
+    printed_estimate,
+)
 from jblast.report.figures import (
     BLUE,
     COLOURS,
@@ -41,7 +46,6 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.fit.rows import Accepted, outlier_rows
 from jblast.report.words import (
     Unit,
     capitalised,

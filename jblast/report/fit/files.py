@@ -11,9 +11,9 @@ from jblast.files import write_bytes, write_text
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.mcmc import Ensemble
 from jblast.observations import Observations
+from jblast.report.estimates import Accepted
 from jblast.report.fit.document import fit_answer
 from jblast.report.fit.geo_files import PLACE_FILES, write_place
-from jblast.report.fit.rows import Accepted
 from jblast.report.messages import sentences_of
 from jblast.report.provenance import Provenance, provenance_of
 

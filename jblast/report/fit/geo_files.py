@@ -15,8 +15,9 @@ from jblast.files import write_text
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.observations.places import Frame
+from jblast.report.estimates import Accepted
 from jblast.report.fit.place import ChargePlace, GroundMap, ground_map, residual_colour
-from jblast.report.fit.rows import Accepted, estimates_of, log_name
+from jblast.report.fit.rows import estimates_of, log_name
 from jblast.report.kml import add_text, coordinates, document_text, new_document
 from jblast.report.words import law_words, printed_number
 from jblast.results import plain

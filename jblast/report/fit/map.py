@@ -19,6 +19,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.place import ShockRing
+from jblast.report.estimates import Accepted
 from jblast.report.figures import (
     BLUE,
     INK,
@@ -43,7 +44,6 @@ from jblast.report.fit.place import (
     round_length,
     whole_view,
 )
-from jblast.report.fit.rows import Accepted
 from jblast.report.words import printed_number, unit_for
 
 MAP_WIDTH, CLOSE_WIDTH, KEY_WIDTH = 5.4, 4.4, 1.9

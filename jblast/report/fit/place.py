@@ -24,7 +24,7 @@ from jblast.inference.fitting.place import (
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.instants import written
 from jblast.observations.places import Frame
-from jblast.report.fit.rows import Accepted, outlier_rows
+from jblast.report.estimates import Accepted, outlier_rows
 from jblast.report.words import law_words, printed_number
 
 EDGES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)

@@ -1,6 +1,5 @@
 """Rows of a log with the answer of a fit, and accepted values."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 
@@ -11,7 +10,7 @@ from jblast.inference.fitting.summary import Summary
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.rows import AT_LEAST
 from jblast.quantities import ADDITIVE
-from jblast.report.estimates import printed_estimate
+from jblast.report.estimates import Accepted, outlier_rows, printed_estimate
 from jblast.report.words import (
     finite,
     joined,
@@ -23,8 +22,6 @@ from jblast.report.words import (
     unit_for,
 )
 
-Accepted = Mapping[str, tuple[float | int, str]]
-"""Parameter name -> (accepted value in SI, its source)."""
 MAX_ROWS = 200
 """Largest number of rows in a table of residuals: about four printed pages."""
 MAX_NAMED = 5
@@ -141,26 +138,6 @@ def log_name(fit: Fit) -> str:
     """Return the log's file name without its folder, or "" for one made in memory."""
     # a path from Windows has backslashes, which POSIX takes for letters
     return PurePosixPath(fit.observations.source.replace("\\", "/")).name
-
-
-def outlier_rows(fit: Fit) -> tuple[int, ...]:
-    """Return the rows of the suspected outliers.
-
-    Of several rows with one sensor and quantity the one with the nearest residual is
-    taken.
-    """
-    table, found = fit.observations, []
-    for outlier in fit.summary.suspected_outliers:
-        rows = [
-            i
-            for i in range(len(table))
-            if (table.sensor[i], table.quantity[i])
-            == (outlier.sensor, outlier.quantity)
-        ]
-        if rows:
-            gap = [abs(abs(fit.residual[i]) - abs(outlier.sds)) for i in rows]
-            found.append(rows[int(np.argmin(gap))])
-    return tuple(dict.fromkeys(found))
 
 
 def residual_rows(fit: Fit) -> list[Row]:

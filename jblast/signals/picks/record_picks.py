@@ -1,6 +1,6 @@
 r"""Picks of recordings of any length and rate, with quality and notes.
 
-Quality and notes are findings of the fit; their wording is in `report`.
+Quality and notes are findings of the fit; their sentences are in `report`.
 
 Walls, trees, or a microphone's own filter and gain control may distort a blast so that
 no pulse fits it, but its onset can be picked. The samples up to the largest are divided
@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.observations.records.recording import PressureRecord
+from jblast.results import Note, warning
 from jblast.signals.picks.pick import (
     NoteKind,
     Pick,
@@ -70,8 +71,21 @@ class RecordPick:
 
     @property
     def notes(self) -> tuple[NoteKind, ...]:
-        """Reasons of the quality and other findings."""
+        """Kinds of the reasons of the quality and of other findings."""
         return self.pick.notes
+
+    @property
+    def findings(self) -> tuple[Note, ...]:
+        """The same with their numbers, as warnings."""
+        pick, has_scale = self.pick, self.record.calibrated
+        numbers = {
+            "clipped_at_pa": pick.clipped_at_pa,
+            "resonance_hz": pick.resonance_hz,
+            "misfit": pick.misfit,
+            "later_arrival_s": pick.later_arrival_s,
+        }
+        without = {} if has_scale else {"clipped": "clipped_uncalibrated"}
+        return tuple(warning(without.get(k, k), **numbers) for k in self.notes)
 
 
 def pick_records(records: Sequence[PressureRecord]) -> list[RecordPick]:

@@ -15,7 +15,7 @@ from jblast.inference.consensus import (
 from jblast.inference.sanity import doubts, rising_peaks
 from jblast.observations import Observations, some_rows
 from jblast.observations.places import Frame
-from jblast.report.check import sentence
+from jblast.report.check import row_sentence
 from jblast.scene import default_scene, freed
 from tests.inference.sanity.made import (
     ARRIVAL,
@@ -33,7 +33,7 @@ BOTH = log_of(ARRIVAL, PEAK)
 
 def kinds(log: Observations, scene=SCENE) -> list[str]:
     found = doubts(log, scene)
-    assert all(sentence(doubt, log) for doubt in found)
+    assert all(row_sentence(doubt, log) for doubt in found)
     return [doubt.kind for doubt in found]
 
 
@@ -46,7 +46,7 @@ def test_an_honest_log_is_not_doubted(quantities):
 def test_a_peak_in_another_unit_is_named_with_its_factor(factor):
     """By laws that differ from those it is checked by, so only the unit is exact."""
     (doubt,) = doubts(with_value(BOTH, 7, factor), SCENE)
-    assert (doubt.kind, doubt.rows) == ("unit_slip", (7,))
+    assert (doubt.kind, doubt["rows"]) == ("unit_slip", (7,))
     assert doubt.numbers["factor"] == pytest.approx(factor, rel=0.01)
     # the mass that all others agree on: laws differ by a factor 2 in mass at most
     assert MASS / 3 < doubt.numbers["mass_kg"] < 3 * MASS
@@ -57,7 +57,7 @@ def test_a_whole_column_in_another_unit_is_named_once():
     for row in range(5, 10):
         log = with_value(log, row, 1e-3)
     (doubt,) = doubts(log, SCENE)
-    assert (doubt.kind, doubt.rows) == ("units_of_a_quantity", (5, 6, 7, 8, 9))
+    assert (doubt.kind, doubt["rows"]) == ("units_of_a_quantity", (5, 6, 7, 8, 9))
     assert doubt.numbers["factor"] == 1e-3
 
 
@@ -65,7 +65,7 @@ def test_a_whole_column_in_another_unit_is_named_once():
 def test_a_clock_of_another_zone_is_named(hours):
     log = replace(BOTH, value=BOTH.value + 3600 * hours * (np.arange(10) == 3))
     (doubt,) = doubts(log, SCENE)
-    assert (doubt.kind, doubt.rows) == ("clock_of_another_zone", (3,))
+    assert (doubt.kind, doubt["rows"]) == ("clock_of_another_zone", (3,))
     assert doubt.numbers["late_s"] == 3600 * hours
 
 
@@ -80,7 +80,7 @@ def test_east_and_north_swapped_are_named_where_that_moves_the_sensor():
     position[its] = position[its][:, [1, 0, 2]]
     (doubt,) = doubts(replace(log, position=position), uncertain)
     assert doubt.kind in ("east_north_swapped", "off_in_time")
-    assert log.sensor[doubt.rows[0]] == "s4"
+    assert log.sensor[doubt["rows"][0]] == "s4"
 
 
 def test_latitude_and_longitude_swapped_are_named():
@@ -90,7 +90,7 @@ def test_latitude_and_longitude_swapped_are_named():
     lat, lon, alt = np.moveaxis(frame.to_geodetic(position[its]), -1, 0)
     position[its] = frame.to_enu(lon, lat, alt)
     (doubt,) = doubts(replace(BOTH, position=position, frame=frame), SCENE)
-    assert (doubt.kind, doubt.rows) == ("lat_lon_swapped", (2, 7))
+    assert (doubt.kind, doubt["rows"]) == ("lat_lon_swapped", (2, 7))
 
 
 def test_a_log_of_another_place_and_time_is_no_doubt_where_a_fit_frees_them():
@@ -208,7 +208,9 @@ def test_a_peak_that_rises_beyond_scatter_is_doubted(factor, odd):
     its distance. Scatter of a record is 17 %, and sound would fall by a third."""
     distance = np.array([20.0, 30.0, 60.0])
     readings = peaks_at(distance, np.array([1e4, factor * 1e4, 2e3]))
-    assert [doubt.rows for doubt in rising_peaks(readings, distance)] == [(1, 0)] * odd
+    assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == [
+        (1, 0)
+    ] * odd
 
 
 @pytest.mark.parametrize(("ratio", "odd"), [(1.02, True), (1.2, True), (1.0, False)])
@@ -216,7 +218,9 @@ def test_a_rise_between_close_ranges_is_doubted(ratio, odd):
     """Three times the peak a little farther off, but not at the same distance."""
     distance = np.array([20.0, 20.0 * ratio, 60.0])
     readings = peaks_at(distance, np.array([1e4, 3e4, 2e3]))
-    assert [doubt.rows for doubt in rising_peaks(readings, distance)] == [(1, 0)] * odd
+    assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == [
+        (1, 0)
+    ] * odd
 
 
 def test_stated_errors_add_to_scatter_in_quadrature():
@@ -228,7 +232,7 @@ def test_stated_errors_add_to_scatter_in_quadrature():
     distance = np.array([20.0, 30.0, 60.0])
     readings = peaks_at(distance, np.array([1e4, 1.5e4, 2e3]))
     readings = replace(readings, error=np.full(3, 0.25))
-    assert [doubt.rows for doubt in rising_peaks(readings, distance)] == [(1, 0)]
+    assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == [(1, 0)]
 
 
 @pytest.mark.parametrize(("factor", "odd"), [(5.0, True), (8.0, True), (1.0, False)])
@@ -285,9 +289,9 @@ PLACE = ("charge_east_m", "charge_north_m", "origin_time_s")
 def test_slow_arrivals_from_an_unknown_place_accuse_no_sensor(speed, free):
     """Sensors were blamed one by one: too early, too late, a wrong sign of east."""
     (doubt,) = doubts(heard(speed), freed(SCENE, free))
-    assert (doubt.kind, len(doubt.rows)) == ("slow_together", 8)
+    assert (doubt.kind, len(doubt["rows"])) == ("slow_together", 8)
     assert doubt.numbers["speed_m_s"] == pytest.approx(speed, rel=0.001)
-    assert f"imply a speed of {speed:.0f} m/s" in sentence(doubt, heard(speed))
+    assert f"imply a speed of {speed:.0f} m/s" in row_sentence(doubt, heard(speed))
 
 
 @pytest.mark.slow

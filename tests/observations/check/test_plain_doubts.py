@@ -12,7 +12,7 @@ from jblast.observations.check import (
     refusals,
     sigmas_doubted,
 )
-from jblast.report.check import sentence
+from jblast.report.check import row_sentence
 from jblast.scene import Scene, Sensor, default_scene
 from tests.observations.rows import HEADER
 
@@ -38,12 +38,12 @@ PLACES = {
 @pytest.mark.parametrize("kind", PLACES)
 def test_places_are_doubted(log, kind):
     (doubt,) = places_doubted(log(*PLACES[kind]))
-    assert (doubt.kind, doubt.rows) == (kind, (1, 0))
+    assert (doubt.kind, doubt["rows"]) == (kind, (1, 0))
 
 
 def test_angles_at_one_place_are_compared_in_radians(log):
     rows = "a,bearing_rad,0.1,0.01,20,0,1", "b,bearing_rad,0.2,0.01,20,0,1"
-    assert [doubt.rows for doubt in places_doubted(log(*rows))] == [(1, 0)]
+    assert [doubt["rows"] for doubt in places_doubted(log(*rows))] == [(1, 0)]
 
 
 @pytest.mark.parametrize(
@@ -69,9 +69,9 @@ def test_clocks_and_shots_are_doubted(log):
         header=header,
     )
     found = {doubt.kind: doubt for doubt in clocks_doubted(table)}
-    assert found["shot_unheard"].names == ("two",)
-    assert found["clock_of_one_row"].rows == (2,)
-    assert found["arrival_before_flash"].rows == (1, 0)
+    assert found["shot_unheard"]["shot"] == "two"
+    assert found["clock_of_one_row"]["rows"] == (2,)
+    assert found["arrival_before_flash"]["rows"] == (1, 0)
     assert found["arrival_before_flash"].numbers["early_s"] == pytest.approx(0.1)
     assert len(found) == 3
     # a flash by another sensor's own clock tells nothing of this one's
@@ -90,10 +90,12 @@ def test_seconds_since_1970_are_told_and_never_taken_for_a_date(log, unit, facto
     ]
     table = log(*rows)
     (doubt,) = clocks_doubted(table)
-    assert (doubt.kind, doubt.rows) == ("since_1970", (0, 1))
-    assert doubt.names == (unit, "2023-11-14T22:13:20.000Z")
+    assert (doubt.kind, doubt["rows"]) == ("since_1970", (0, 1))
+    assert (doubt["unit"], doubt["when"]) == (unit, "2023-11-14T22:13:20.000Z")
     assert table.epoch is None
-    assert f"{unit} since 1970, here 2023-11-14T22:13:20.000Z" in sentence(doubt, table)
+    assert f"{unit} since 1970, here 2023-11-14T22:13:20.000Z" in row_sentence(
+        doubt, table
+    )
     # a clock that counts from its start, or from a day's, is no date
     assert clocks_doubted(replace(table, value=table.value / factor / 2e4)) == []
     known = replace(table, epoch=datetime(2020, 8, 4, tzinfo=UTC))
@@ -107,7 +109,7 @@ def test_errors_are_doubted(log):
         "c,peak_overpressure_pa,5000,250,40,0,1",
         "d,air_arrival_s,0.1,0.2,40,0,2",
     )
-    found = [(doubt.kind, doubt.rows) for doubt in sigmas_doubted(table)]
+    found = [(doubt.kind, doubt["rows"]) for doubt in sigmas_doubted(table)]
     assert found == [("sigma_too_fine", (1,)), ("sigma_large", (0,))]
 
 

@@ -2,16 +2,15 @@
 
 import json
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.report.pick_figures import BINS, curve_of, records_figure, write_picks
-from jblast.report.picks import NOTES, picks_answer
+from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
-from jblast.signals.picks import Gathered, NoteKind, log_of
+from jblast.signals.picks import Gathered, log_of
 from jblast.signals.picks.pick import FittedPulse
 from jblast.signals.picks.pulse import CONTINUED, CUBIC, SMOOTH
 from tests.signals.records.made import record_pick
@@ -119,10 +118,6 @@ def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_
     # by `printf RIFF | sha256sum`
     assert f"File: g0.wav, SHA-256 {RIFF}" in page
     assert page.count('<th scope="row"') == 3
-
-
-def test_every_note_of_a_pick_has_words():
-    assert set(NOTES) == set(get_args(NoteKind))
 
 
 def test_a_high_pass_takes_the_mean_of_a_long_pulse():
