@@ -17,8 +17,12 @@ from jblast.report.flights import FlightsAnswer, MissionAnswer
 from jblast.report.gains import GainsAnswer
 from jblast.report.listen import ListenAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer
-from jblast.report.study_results import StudyReportAnswer
-from jblast.report.study_run import StudyAnswer
+from jblast.report.study import (
+    MergeAnswer,
+    OutcomesAnswer,
+    StudyAnswer,
+    StudyReportAnswer,
+)
 from jblast.report.tune import TuneAnswer
 from jblast.report.world import WorldAnswer
 from jblast.results import DIALECT, schema_of
@@ -48,6 +52,8 @@ DOCUMENTS: dict[str, tuple[type, str]] = {
     "tune_gains": (GainsAnswer, "Gains tuned by jblast tune"),
     "world": (WorldAnswer, "An answer of jblast world"),
     "study_report": (StudyReportAnswer, "A report on a study"),
+    "study_list": (OutcomesAnswer, "The outcomes of jblast study"),
+    "study_merge": (MergeAnswer, "Merged stores of a study"),
     "serve": (ServedAnswer, "What came of jblast serve"),
     "serve_mavlink": (LockstepAnswer, "What came of jblast serve --mavlink"),
     "serve_ground_station": (

@@ -18,7 +18,9 @@ An elasticity is the change of an outcome in per cent for 1 % of an input.
 """
 
 import itertools
+import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -29,6 +31,8 @@ from numpy.polynomial import hermite_e, legendre
 from scipy.linalg import solve_triangular
 from scipy.special import factorial, ndtri
 
+from jblast.quantities import QUANTITIES
+from jblast.study.columns import Lane, StudyColumns
 from jblast.study.statistics import LEVEL
 
 RESAMPLES = 200
@@ -62,6 +66,11 @@ PATIENCE = 3
 """Degrees without improvement after which the search ends; an even outcome skips
 one."""
 FAMILIES = ("hermite", "legendre")
+MAX_LANES = 12
+"""Largest number of analysed lanes: each takes seconds."""
+NO_EFFECT = 0.02
+"""Total index below which an input has no effect, by declaration. Chance alone gives
+terms over samples, at most 200/4000 of the unexplained variance for all inputs."""
 
 
 def elasticities(
@@ -434,3 +443,69 @@ def shares_of(
     # a constant resample has no shares: zeros instead of a division by zero
     scale = variance if variance > 0 else 1.0
     return squares @ alone / scale, squares @ entered / scale
+
+
+@dataclass(frozen=True)
+class LaneShares:
+    """Sources of the scatter of one lane.
+
+    Attributes:
+        lane: The lane.
+        indices: Sobol' indices.
+        elasticity: Elasticity by parameter, from a plane through the middle samples.
+        reasons: Reason by parameter for a difference of slope and index.
+        rest: Share of the variance that no parameter explains.
+        rest_name: Source of this share.
+        without_effect: Parameters without an effect on the outcome.
+    """
+
+    lane: Lane
+    indices: SobolIndices
+    elasticity: dict[str, float]
+    reasons: dict[str, str]
+    rest: float
+    rest_name: str
+    without_effect: tuple[str, ...]
+
+
+def lane_shares(columns: StudyColumns) -> list[LaneShares]:
+    """Return the sources of scatter of the first lanes, if their samples identify them.
+
+    Axes over numbers count as sampled evenly from their values.
+    """
+    columns = columns.rows or columns
+    inputs = dict(columns.inputs)
+    inputs |= {axis.name: axis.values[axis.at] for axis in columns.numeric_axes}
+    found = []
+    for lane in columns.lanes[:MAX_LANES]:
+        indices = indices_from_samples(inputs, lane.values)
+        if indices is None:
+            continue
+        elastic, by_slope = fitted_slopes(inputs, lane.values)
+        small = indices.total_interval[1] < NO_EFFECT
+        effect = {n for n, no in zip(indices.names, small, strict=True) if not no}
+        found.append(
+            LaneShares(
+                lane,
+                indices,
+                elastic,
+                disagreement(indices, by_slope),
+                min(1.0, max(0.0, 1.0 - indices.explained)),
+                rest_name(columns, lane),
+                tuple(name for name in inputs if name not in effect),
+            )
+        )
+    return found
+
+
+def rest_name(columns: StudyColumns, lane: Lane) -> str:
+    """Return the source of the share of variance that no parameter explains."""
+    scenes = columns.attributes.get("scene", "")
+    texts = [scenes] if isinstance(scenes, str) else scenes.values()
+    laws = [tomllib.loads(text).get("law", {}) for text in texts]
+    if lane.kind == "yes_no":
+        return "scatter and steps"
+    at_sensor = lane.name in QUANTITIES
+    if at_sensor and any(law.get("scatter", True) for law in laws):
+        return "scatter of the law"
+    return "noise"

@@ -127,7 +127,7 @@ probability of damage."""
 
 def prepare(setting: Setting) -> Prepared:
     """Return the prepared quantities at the sensors of a scene (`planned`)."""
-    limits = {n: _limit(n, setting.options) for n in setting.names if n in LIMITS}
+    limits = {n: limit_of(n, setting.options) for n in setting.names if n in LIMITS}
     requested = [LIMITS[n].quantity if n in limits else n for n in setting.names]
     quantities = tuple(dict.fromkeys(requested))
     like, layout, laws = planned(setting.uncertain, quantities)
@@ -165,8 +165,8 @@ def prepare(setting: Setting) -> Prepared:
     return Prepared(jax.vmap(one), notes=used + limit_notes)
 
 
-def _limit(name: str, options: Mapping[str, Any]) -> float:
-    """Return the threshold of an outcome."""
+def limit_of(name: str, options: Mapping[str, Any]) -> float:
+    """Return the threshold of an outcome, in the unit of its quantity."""
     value = LIMITS[name].value
     if value is not None:
         return value

@@ -1,0 +1,536 @@
+"""Answers of `jblast study`: a run, its list of outcomes, and a report on a store."""
+
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from jblast.report import study_figures as figures
+from jblast.report.output import Answer
+from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, Text, View
+from jblast.results import Document, filled
+from jblast.study.columns import Lane, StudyColumns
+from jblast.study.engine.store import Store, Variable
+from jblast.study.engine.tiles import Moments
+from jblast.study.outcome.family import Outcome
+from jblast.study.outcome.quantities import LIMITS, limit_of
+from jblast.study.sampling.run import Ran
+from jblast.study.sensitivity import LaneShares, lane_shares
+
+MAX_ROWS = 200
+"""Largest number of rows of a table on the page; the JSON has all of them."""
+MAX_LINES = 30
+"""Largest number of rows on a terminal: with its heading a table fits one screen."""
+REASONS = {
+    "interaction": "acts together with others",
+    "range": "has a larger effect over its whole range than its slope at the middle",
+    "nonlinearity": "is steep at the middle, and levels off",
+}
+CAPTIONS = {
+    "response": "Medians with the band of 90 % of the samples; shares with Wilson's "
+    "90 % interval.",
+    "contours": "Solid: half of the samples. Between the dashed lines the 90 % "
+    "interval of the share contains a half. Shares are interpolated between the values "
+    "of the axes.",
+    "exceedance": "Share of samples above a value, with Wilson's 90 % interval.",
+    "sensitivity": "Sobol' indices with bootstrapped 90 % intervals, and the share of "
+    "the variance that no parameter explains.",
+    "convergence": "Estimates against the number of samples, with 90 % intervals.",
+}
+HOW_SHARES = (
+    "First order: share of the variance that a parameter explains alone. Total: share "
+    "with its interactions. Elasticity: change of the outcome in per cent for one per "
+    "cent of the parameter, by a plane through the samples nearest to the middle. Axes "
+    "count as sampled evenly from their values."
+)
+FOOTER = (
+    "SIMULATED, not measured. No clearance, and no safety distance, follows from it."
+)
+
+
+@dataclass(frozen=True)
+class OutcomeKnown:
+    """Statistics of an outcome over all samples, at one sensor if it has any.
+
+    Attributes:
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; "" for none.
+        units: Unit of mean and sd.
+        kind: "number", or "yes_no", whose mean is a share.
+        mean: Mean of the successful samples.
+        sd: Their standard deviation; null for fewer than two.
+        standard_error: Standard error of the mean; null for fewer than two.
+        samples: Number of successful samples.
+        failed: Number of failed samples.
+    """
+
+    outcome: str
+    sensor: str
+    units: str
+    kind: str
+    mean: float
+    sd: float
+    standard_error: float
+    samples: int
+    failed: int
+
+
+@dataclass(frozen=True)
+class StudyAnswer(Document):
+    """The answer of `jblast study`: a complete or partial study.
+
+    Attributes:
+        store: Folder of the store.
+        complete: Whether all samples are stored.
+        reached: Whether it ended at the requested standard errors.
+        samples: Number of stored samples.
+        calculated: Number of samples computed in this run.
+        seconds: Time of this run.
+        outcomes: Statistics of each outcome, over all cells of the axes together.
+        notes: Notes on the computation.
+    """
+
+    store: str
+    complete: bool
+    reached: bool
+    samples: int
+    calculated: int
+    seconds: float
+    outcomes: tuple[OutcomeKnown, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class OutcomesAnswer(Document):
+    """The answer of `jblast study --list`.
+
+    Attributes:
+        outcomes: The available outcomes.
+    """
+
+    outcomes: tuple[Outcome, ...]
+
+
+@dataclass(frozen=True)
+class MergeAnswer(Document):
+    """The answer of `jblast study merge`.
+
+    Attributes:
+        store: Folder of the merged store.
+        complete: Whether no sample is missing.
+        tiles: Number of its stored tiles.
+        tiles_of_study: Number of tiles of the complete study.
+        stores: Number of merged stores.
+    """
+
+    store: str
+    complete: bool
+    tiles: int
+    tiles_of_study: int
+    stores: int
+
+
+@dataclass(frozen=True)
+class OutcomeAnswer:
+    """Statistics of an outcome.
+
+    Attributes:
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; null for none.
+        axes: Value of each axis, as text; empty for all samples.
+        units: Unit of a number; "1" for none.
+        kind: "number" or "yes_no".
+        found: For a number `count`, `infinite`, `lost`, `mean`, `standard_error`,
+            `variance`, `sd`, `minimum`, `maximum`, `q05`, `q50`, `q95`; for yes or no
+            `count`, `yes`, `lost`, `share`, `standard_error`, `low`, `high` (Wilson, 90
+            %).
+    """
+
+    outcome: str
+    sensor: str | None
+    axes: Mapping[str, str]
+    units: str
+    kind: str
+    found: Mapping[str, float | int]
+
+    @property
+    def title(self) -> str:
+        """Name of outcome and sensor."""
+        return ", ".join(filter(None, (self.outcome, self.sensor)))
+
+
+@dataclass(frozen=True)
+class InputShare:
+    """Contribution of a parameter to the scatter of an outcome.
+
+    Attributes:
+        name: Name of the parameter.
+        first: First-order Sobol' index: share of the variance that it explains alone.
+        first_interval: 90 % interval of it.
+        total: Total Sobol' index: share of the variance with its interactions.
+        total_interval: 90 % interval of it.
+        elasticity: Change of the outcome in per cent for one per cent of the parameter,
+            at the middle of the samples.
+        differs: Reason for a disagreement of slope and index; null if they agree.
+    """
+
+    name: str
+    first: float
+    first_interval: tuple[float, float]
+    total: float
+    total_interval: tuple[float, float]
+    elasticity: float
+    differs: str | None
+
+
+@dataclass(frozen=True)
+class SharesAnswer:
+    """Sources of the scatter of an outcome.
+
+    Attributes:
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; null for none.
+        explained: Share of the variance that the method explains.
+        method: Description of the method.
+        rows: Number of samples of the analysis.
+        numbers: Contribution of each sampled parameter.
+    """
+
+    outcome: str
+    sensor: str | None
+    explained: float
+    method: str
+    rows: int
+    numbers: tuple[InputShare, ...]
+
+
+@dataclass(frozen=True)
+class StudyReportAnswer(Document):
+    """A report on a study.
+
+    Attributes:
+        samples: Number of samples in the store.
+        complete: Whether the study is complete.
+        seed: Seed of the study.
+        design: Design of the sampling.
+        study_sha256: SHA-256 of the study's file.
+        scene_sha256: SHA-256 of the scene's file.
+        axes: Values of each axis, as text.
+        outcomes: Statistics of each outcome over all samples.
+        cells: Statistics of each outcome in each combination of the axes' values.
+        sensitivity: Sources of the scatter of each outcome, if samples identify them.
+        notes: Notes, as sentences.
+    """
+
+    samples: int
+    complete: bool
+    seed: int | None
+    design: str | None
+    study_sha256: str | None
+    scene_sha256: str | None
+    axes: Mapping[str, tuple[str, ...]]
+    outcomes: tuple[OutcomeAnswer, ...]
+    cells: tuple[OutcomeAnswer, ...]
+    sensitivity: tuple[SharesAnswer, ...]
+    notes: tuple[str, ...]
+
+
+RUN = [
+    Column("outcome", lambda one: f"{one.outcome}{unit_of(one.units)}"),
+    Column("sensor", lambda one: one.sensor),
+    Column("mean", lambda one: f"{one.mean:.6g}", right=True),
+    Column("error", lambda one: f"{one.standard_error:.2g}", right=True),
+    Column("sd", lambda one: f"{one.sd:.4g}", right=True),
+    Column("samples", lambda one: f"{one.samples:,}", right=True),
+    Column("failed", lambda one: f"{one.failed:,}", right=True),
+]
+LISTED = [
+    Column("outcome", lambda one: one.name),
+    Column("unit", lambda one: "yes or no" if one.kind == "yes_no" else one.units),
+    Column("description", lambda one: one.long_name),
+    Column("needs", lambda one: one.needs),
+]
+
+
+def unit_of(units: str) -> str:
+    """Return a unit in brackets; "" for none."""
+    return "" if units in ("", "1") else f" [{units}]"
+
+
+def run_answer(ran: Ran) -> Answer:
+    """Return the answer of a run: number of samples and mean of each outcome."""
+    outcomes = [v for v in ran.store.variables if v.role == "outcome"]
+    moments = ran.estimates.moments
+    known = tuple(one for v in outcomes for one in _known(v, moments[v.name]))
+    found = filled(
+        StudyAnswer, ran, store=str(ran.store.path), calculated=ran.new, outcomes=known
+    )
+    added = ""
+    if found.calculated:
+        rate = found.calculated / found.seconds if found.seconds > 0 else math.inf
+        added = f", {found.calculated:,} of them new, in {found.seconds:.3g} s "
+        added += f"({rate:.3g} a second)"
+    state = "complete" if found.complete else "not complete: --resume continues it"
+    if found.reached:
+        state = "complete: the requested standard errors are reached"
+    title = f"{found.store}: {found.samples:,} samples{added}; {state}"
+    blocks = [Table(RUN, known, most=MAX_LINES), Lines("", found.notes)]
+    return Answer(found, View(title, blocks))
+
+
+def _known(variable: Variable, moments: Moments) -> Iterable[OutcomeKnown]:
+    whole = moments.whole()
+    error = whole.standard_error()
+    for n, sensor in enumerate(variable.sensors or ("",)):
+        at = (0, n) if variable.sensors else (0,)
+        samples = int(whole.answers[at])
+        yield filled(
+            OutcomeKnown,
+            variable,
+            outcome=variable.name,
+            sensor=sensor,
+            mean=float(whole.mean[at]) if samples else math.nan,
+            sd=float(error[at] * np.sqrt(samples)),
+            standard_error=float(error[at]),
+            samples=samples,
+            failed=int(whole.failed[at]),
+        )
+
+
+def list_answer(outcomes: Iterable[Outcome]) -> Answer:
+    """Return all outcomes with units and requirements."""
+    found = OutcomesAnswer(tuple(outcomes))
+    return Answer(found, View("Available outcomes", [Table(LISTED, found.outcomes)]))
+
+
+def merge_answer(store: Store, tiles: int, of: int, stores: int) -> Answer:
+    """Return the answer of a merge, with stored and requested number of tiles."""
+    complete = bool(store.attributes["complete"])
+    state = "complete" if complete else "not complete"
+    found = MergeAnswer(str(store.path), complete, tiles, of, stores)
+    title = f"{store.path}: {tiles:,} of {of:,} tiles from {stores} stores; {state}"
+    return Answer(found, View(title))
+
+
+def printed(value: float, digits: int = 4) -> str:
+    """Return a number as text, a dash for NaN."""
+    return "-" if math.isnan(value) else f"{value:.{digits}g}"
+
+
+def printed_share(share: float, digits: int = 3) -> str:
+    """Return a share as text; near one with two digits of its difference from one."""
+    # 0.99987 and 0.9991 differ by a factor of seven in what a reader looks for
+    difference = 1.0 - float(share)
+    if 0.0 < difference < 0.01:
+        digits = max(digits, 2 + math.ceil(-math.log10(difference)))
+    return printed(share, digits)
+
+
+def _found(name: str, head: str, digits: int = 4) -> Column:
+    """Return the column of a statistic; a whole number is a count."""
+
+    def cell(one: OutcomeAnswer) -> str:
+        value = one.found[name]
+        if isinstance(value, int):
+            return f"{value:,}" if value or name in ("count", "yes") else ""
+        shown = printed_share if name == "share" else printed
+        return shown(value, digits)
+
+    return Column(head, cell, lambda one: one.found[name], right=True)
+
+
+def _tables(found: Sequence[OutcomeAnswer], title: str, **shown: Any) -> list[Block]:
+    """Return the tables of numbers and of shares."""
+    axes = list(found[0].axes) if found else []
+    start = [
+        Column("outcome", lambda one: one.title),
+        *(Column(name, lambda one, name=name: one.axes[name]) for name in axes),
+    ]
+    end = [_found("count", "samples"), _found("lost", "failed")]
+    numbers = [
+        Column("unit", lambda one: one.units if one.units != "1" else ""),
+        _found("mean", "mean"),
+        _found("standard_error", "± s.e.", 2),
+        *(_found("q05", "5 %"), _found("q50", "median"), _found("q95", "95 %")),
+        _found("infinite", "infinite"),
+    ]
+    interval = Column(
+        "90 % interval",
+        lambda one: (
+            f"{printed_share(one.found['low'])} to {printed_share(one.found['high'])}"
+        ),
+    )
+    shares = [
+        *(_found("share", "share"), _found("standard_error", "± s.e.", 2), interval),
+        _found("yes", "yes"),
+    ]
+    parts = {
+        kind: [one for one in found if one.kind == kind]
+        for kind in ("number", "yes_no")
+    }
+    return [
+        Table([*start, *numbers, *end], parts["number"], f"{title}: numbers", **shown),
+        Table([*start, *shares, *end], parts["yes_no"], f"{title}: shares", **shown),
+    ]
+
+
+SHARES = [
+    Column("outcome", lambda row: row[0].lane.title),
+    Column("parameter", lambda row: row[1].name),
+    Column("first order", lambda row: _index(row[1].first, row[1].first_interval)),
+    Column("total", lambda row: _index(row[1].total, row[1].total_interval)),
+    Column("elasticity", lambda row: printed(row[1].elasticity, 3), right=True),
+    Column("remark: the parameter", lambda row: row[1].differs or ""),
+]
+
+
+def _index(value: float, interval: tuple[float, float]) -> str:
+    return f"{value:.2f} ({interval[0]:.2f} to {interval[1]:.2f})"
+
+
+def report_answer(columns: StudyColumns, name: str = "") -> Answer:
+    """Return the report on a store: tables, figures and sensitivities."""
+    lanes, shares = columns.lanes, lane_shares(columns)
+    attributes = columns.attributes
+    found = filled(
+        StudyReportAnswer,
+        {"seed": None, "design": None, "study_sha256": None, "scene_sha256": None}
+        | dict(attributes),
+        samples=columns.samples,
+        complete=bool(attributes.get("complete", False)),
+        axes={
+            axis.name: tuple(axis.shown(n) for n in range(axis.values.size))
+            for axis in columns.axes
+        },
+        outcomes=tuple(_outcome(lane) for lane in lanes),
+        cells=tuple(
+            _outcome(lane, *cell) for lane in lanes for cell in columns.cells()
+        ),
+        sensitivity=tuple(_sources(one) for one in shares),
+        notes=tuple(columns.notes),
+    )
+    rows = [
+        (one, number)
+        for one, answer in zip(shares, found.sensitivity, strict=True)
+        for number in answer.numbers
+    ]
+    blocks = [
+        Lines("", found.notes),
+        *_tables(found.outcomes, "All samples"),
+        *_pictures(columns, shares),
+        Table(
+            SHARES,
+            rows,
+            "Sensitivity",
+            "page",
+            MAX_ROWS,
+            caption=HOW_SHARES if rows else "",
+        ),
+        Lines("Not explained", map(_rest, shares), "page"),
+        Lines("Without effect", map(_without_effect, shares), "page"),
+        *_tables(found.cells, "Cells of the axes", where="page", most=MAX_ROWS),
+        Text("The study", str(attributes.get("study", ""))),
+        Text("Its scene", str(attributes.get("scene", ""))),
+        Facts(
+            [
+                ("Study", f"SHA-256 {found.study_sha256}"),
+                ("Scene", f"SHA-256 {found.scene_sha256}"),
+                ("Run by", f"jblast {attributes.get('jblast')}"),
+            ],
+            "Provenance",
+            "page",
+        ),
+    ]
+    conditions = f"{found.samples:,} samples, seed {found.seed}, design {found.design}"
+    title = f"Study {name}".strip()
+    return Answer(found, View(title, blocks, conditions, footer=FOOTER))
+
+
+def _outcome(
+    lane: Lane, axes: Mapping[str, str] | None = None, which: Any = slice(None)
+) -> OutcomeAnswer:
+    return filled(
+        OutcomeAnswer,
+        lane,
+        outcome=lane.name,
+        sensor=lane.sensor or None,
+        axes=axes or {},
+        found=lane.statistics(which),
+    )
+
+
+def _sources(one: LaneShares) -> SharesAnswer:
+    of = one.indices
+    numbers = tuple(
+        InputShare(
+            name,
+            float(of.first[n]),
+            (float(of.first_interval[0, n]), float(of.first_interval[1, n])),
+            float(of.total[n]),
+            (float(of.total_interval[0, n]), float(of.total_interval[1, n])),
+            one.elasticity[name],
+            REASONS.get(one.reasons.get(name, "")),
+        )
+        for n, name in enumerate(of.names)
+    )
+    sensor = one.lane.sensor or None
+    return filled(
+        SharesAnswer, of, outcome=one.lane.name, sensor=sensor, numbers=numbers
+    )
+
+
+def _rest(one: LaneShares) -> str:
+    return f"{one.lane.title}: {100 * one.rest:.0f} % of the variance ({one.rest_name})"
+
+
+def _without_effect(one: LaneShares) -> str:
+    names = ", ".join(one.without_effect)
+    return f"{one.lane.title} does not depend on {names}" if names else ""
+
+
+def _pictures(columns: StudyColumns, shares: list[LaneShares]) -> list[Picture]:
+    """Return the figures that have content."""
+    known = [one for one in columns.lanes if one.statistics()["count"] > 1]
+    columns = replace(columns, lanes=tuple(known))
+    kinds, grid = {one.kind for one in known}, len(columns.numeric_axes) > 1
+    limits = thresholds(columns.attributes)
+    response = bool(columns.numeric_axes and known)
+    drawn = [
+        (response, "response", partial(figures.response_figure, columns, limits)),
+        (
+            grid and "yes_no" in kinds,
+            "contours",
+            partial(figures.contour_figure, columns),
+        ),
+        (
+            "number" in kinds,
+            "exceedance",
+            partial(figures.exceedance_figure, columns, limits),
+        ),
+        (bool(shares), "sensitivity", partial(figures.sensitivity_figure, shares)),
+        (bool(known), "convergence", partial(figures.convergence_figure, columns)),
+    ]
+    return [
+        Picture(f"{name}.png", draw, name.capitalize(), CAPTIONS[name], CAPTIONS[name])
+        for there, name, draw in drawn
+        if there
+    ]
+
+
+def thresholds(attributes: Mapping[str, Any]) -> list[tuple[str, float, str]]:
+    """Return quantity, value and name of the thresholds that a study compares with."""
+    study = tomllib.loads(str(attributes.get("study", "")))
+    options = study.get("options", {})
+    return [
+        (
+            LIMITS[n].quantity,
+            limit_of(n, options),
+            n.removeprefix("above_").replace("_", " "),
+        )
+        for n in study.get("outcomes", ())
+        if n in LIMITS
+    ]
