@@ -35,11 +35,9 @@ from jblast.report.figures import (
     quiet,
     write_figure,
 )
-from jblast.report.study_columns import StudyColumns
-from jblast.report.study_page import contour_figure
-from jblast.report.study_results import summary_of
-from jblast.report.study_stores import read_columns
+from jblast.report.study_figures import contour_figure
 from jblast.report.words import aligned
+from jblast.study.columns import StudyColumns, read_columns
 
 STUDIES = Path(__file__).parent / "studies"
 RESULTS = Path(__file__).parent / "results"
@@ -116,7 +114,7 @@ def weighing(columns: StudyColumns) -> tuple[list[str], Figure]:
                 np.nanmedian(lane(columns, name).values[mask]) / (2 * Q95)
                 for name in ("fit_interval_width", "fit_bound_width")
             )
-            inside = summary_of(columns, lane(columns, "fit_truth_inside"), mask).found
+            inside = lane(columns, "fit_truth_inside").statistics(mask)
             rms = float(np.sqrt(np.mean(known**2)))
             curves.append((rms, width, bound))
             rows.append(
@@ -158,7 +156,7 @@ def contours(
     for words, mask in labels:
         shares = []
         for n in range(away.values.size):
-            found = summary_of(columns, of, mask & (away.at == n)).found
+            found = of.statistics(mask & (away.at == n))
             shares.append([found[key] for key in ("share", "low", "high")])
         ends = [where(away.values, share) for share in np.array(shares).T]
         least, most = sorted(ends[1:]) if np.isfinite(ends[1:]).all() else ends[1:]
@@ -185,7 +183,6 @@ def survival(columns: StudyColumns) -> tuple[list[str], Figure]:
         lines += ["", name, *aligned(rows, right=(1, 2, 3, 4))]
     kept = tuple(one for one in columns.lanes if one.name == "flies_on")
     figure = contour_figure(replace(columns, lanes=kept))
-    assert figure is not None
     return lines, figure
 
 
@@ -202,10 +199,7 @@ def hearing(columns: StudyColumns) -> tuple[list[str], Figure]:
     quiet(axes)
     of = lane(columns, "detected")
     for n, (words, mask) in enumerate(labels):
-        found = [
-            summary_of(columns, of, mask & (away.at == m)).found
-            for m in range(away.values.size)
-        ]
+        found = [of.statistics(mask & (away.at == m)) for m in range(away.values.size)]
         share, low, high = ([f[k] for f in found] for k in ("share", "low", "high"))
         axes.plot(
             away.values, share, color=COLOURS[n], marker=MARKERS[n], markersize=4,

@@ -48,7 +48,7 @@ from jblast.report.discovery import (
 from jblast.report.fit.document import fit_answer, fit_document
 from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
-from jblast.report.study_run import study_answer
+from jblast.report.study import run_answer
 from jblast.results import warning
 from jblast.scene.reader.scene import scene_from_document
 from jblast.signals.picks import log_of
@@ -172,7 +172,7 @@ def test_the_schema_of_a_bound_takes_every_answer():
 
 def test_the_schema_of_a_study_takes_one(tmp_path):
     ran = run_into(study_in(tmp_path), tmp_path / "store")
-    check(documents.schema("study"), study_answer(ran).to_dict())
+    check(documents.schema("study"), run_answer(ran).document.to_dict())
 
 
 def test_the_schema_of_a_choice_takes_one():

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,13 @@ from jblast.report import study_figures as figures
 from jblast.report.output import Answer
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, Text, View
 from jblast.results import Document, filled
-from jblast.study.columns import Lane, StudyColumns
-from jblast.study.engine.store import Store, Variable
+from jblast.study.columns import Lane, StudyColumns, read_columns
+from jblast.study.engine.merge import merged, summary_of
+from jblast.study.engine.store import Variable
 from jblast.study.engine.tiles import Moments
 from jblast.study.outcome.family import Outcome
 from jblast.study.outcome.quantities import LIMITS, limit_of
+from jblast.study.outcome.registry import OUTCOMES
 from jblast.study.sampling.run import Ran
 from jblast.study.sensitivity import LaneShares, lane_shares
 
@@ -41,6 +44,8 @@ CAPTIONS = {
     "the variance that no parameter explains.",
     "convergence": "Estimates against the number of samples, with 90 % intervals.",
 }
+NAMES = ("study.json", "report.html", *(f"{name}.png" for name in CAPTIONS))
+"""Files of a report."""
 HOW_SHARES = (
     "First order: share of the variance that a parameter explains alone. Total: share "
     "with its interactions. Elasticity: change of the outcome in per cent for one per "
@@ -156,11 +161,6 @@ class OutcomeAnswer:
     units: str
     kind: str
     found: Mapping[str, float | int]
-
-    @property
-    def title(self) -> str:
-        """Name of outcome and sensor."""
-        return ", ".join(filter(None, (self.outcome, self.sensor)))
 
 
 @dataclass(frozen=True)
@@ -301,19 +301,36 @@ def _known(variable: Variable, moments: Moments) -> Iterable[OutcomeKnown]:
         )
 
 
-def list_answer(outcomes: Iterable[Outcome]) -> Answer:
-    """Return all outcomes with units and requirements."""
-    found = OutcomesAnswer(tuple(outcomes))
+def list_answer() -> Answer:
+    """Return the available outcomes with units and requirements."""
+    found = OutcomesAnswer(tuple(OUTCOMES.values()))
     return Answer(found, View("Available outcomes", [Table(LISTED, found.outcomes)]))
 
 
-def merge_answer(store: Store, tiles: int, of: int, stores: int) -> Answer:
-    """Return the answer of a merge, with stored and requested number of tiles."""
+def merge_answer(stores: Sequence[str], out: str | None = None) -> Answer:
+    """Merge stores, into the first one by default, and return the answer.
+
+    Raises:
+        InputError: There are fewer than two stores, they belong to different studies,
+            or the output exists.
+    """
+    store = merged(stores, out or stores[0])
+    parts = [store] if store.attributes["keep"] == "all" else [store, summary_of(store)]
+    tiles, of = sum(len(x.done()) for x in parts), sum(x.tiles for x in parts)
     complete = bool(store.attributes["complete"])
     state = "complete" if complete else "not complete"
-    found = MergeAnswer(str(store.path), complete, tiles, of, stores)
-    title = f"{store.path}: {tiles:,} of {of:,} tiles from {stores} stores; {state}"
-    return Answer(found, View(title))
+    found = MergeAnswer(str(store.path), complete, tiles, of, len(stores))
+    title = f"{store.path}: {tiles:,} of {of:,} tiles from {len(stores)} stores"
+    return Answer(found, View(f"{title}; {state}"))
+
+
+def store_answer(path: str) -> Answer:
+    """Return the report on the store at a path.
+
+    Raises:
+        InputError: There is no store, it has another format, or no samples.
+    """
+    return report_answer(read_columns(path), Path(path).name)
 
 
 def printed(value: float, digits: int = 4) -> str:
@@ -347,7 +364,8 @@ def _tables(found: Sequence[OutcomeAnswer], title: str, **shown: Any) -> list[Bl
     """Return the tables of numbers and of shares."""
     axes = list(found[0].axes) if found else []
     start = [
-        Column("outcome", lambda one: one.title),
+        Column("outcome", lambda one: one.outcome),
+        Column("sensor", lambda one: one.sensor or ""),
         *(Column(name, lambda one, name=name: one.axes[name]) for name in axes),
     ]
     end = [_found("count", "samples"), _found("lost", "failed")]
@@ -379,7 +397,8 @@ def _tables(found: Sequence[OutcomeAnswer], title: str, **shown: Any) -> list[Bl
 
 
 SHARES = [
-    Column("outcome", lambda row: row[0].lane.title),
+    Column("outcome", lambda row: row[0].outcome),
+    Column("sensor", lambda row: row[0].sensor or ""),
     Column("parameter", lambda row: row[1].name),
     Column("first order", lambda row: _index(row[1].first, row[1].first_interval)),
     Column("total", lambda row: _index(row[1].total, row[1].total_interval)),
@@ -413,25 +432,15 @@ def report_answer(columns: StudyColumns, name: str = "") -> Answer:
         sensitivity=tuple(_sources(one) for one in shares),
         notes=tuple(columns.notes),
     )
-    rows = [
-        (one, number)
-        for one, answer in zip(shares, found.sensitivity, strict=True)
-        for number in answer.numbers
-    ]
+    rows = [(one, number) for one in found.sensitivity for number in one.numbers]
+    how = HOW_SHARES if rows else ""
     blocks = [
         Lines("", found.notes),
         *_tables(found.outcomes, "All samples"),
         *_pictures(columns, shares),
-        Table(
-            SHARES,
-            rows,
-            "Sensitivity",
-            "page",
-            MAX_ROWS,
-            caption=HOW_SHARES if rows else "",
-        ),
-        Lines("Not explained", map(_rest, shares), "page"),
-        Lines("Without effect", map(_without_effect, shares), "page"),
+        Table(SHARES, rows, "Sources of scatter", "page", MAX_ROWS, caption=how),
+        Lines("Scatter without a parameter", [*map(_rest, shares)], "page"),
+        Lines("Inputs without effect", [*map(_without_effect, shares)], "page"),
         *_tables(found.cells, "Cells of the axes", where="page", most=MAX_ROWS),
         Text("The study", str(attributes.get("study", ""))),
         Text("Its scene", str(attributes.get("scene", ""))),

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from jblast.report.figure_style import (
+from jblast.report.figures import (
     BLUE,
     COLOURS,
     INK,
@@ -40,13 +40,13 @@ Limits = Sequence[tuple[str, float, str]]
 
 
 def panels(
-    parts: Iterable[Part], draw: Callable[[Axes, Part], object], *, width: float = 5.2
+    parts: Iterable[Part], draw: Callable[[Axes, Part], object], height: float = 3.3
 ) -> Figure:
     """Return a figure with a panel for each of the first parts, two in a row."""
     parts = list(parts)[:MAX_PANELS]
     across = min(2, len(parts))
     rows = -(-len(parts) // across)
-    figure = new_figure(width * across if across > 1 else 7.0, 3.3 * rows)
+    figure = new_figure(5.2 * across if across > 1 else 7.0, height * rows)
     grid = figure.subplots(rows, across, squeeze=False)
     for n, axes in enumerate(grid.flat):
         axes.set_visible(n < len(parts))
@@ -175,7 +175,7 @@ def contour_figure(columns: StudyColumns) -> Figure:
         scaled(axes, across)
         scaled(axes, up, "y")
 
-    figure = panels(parts, draw)
+    figure = panels(parts, draw, 4.2)
     bar = figure.colorbar(drawn[0], ax=figure.axes, shrink=0.85)
     of = f": {lanes[0].long_name or lanes[0].name}" if len(lanes) == 1 else " of yes"
     # a long name would be cut off, as labels of colour bars are not wrapped

@@ -18,7 +18,7 @@ import numpy as np
 from jax.sharding import AxisType, Mesh
 from jaxtyping import Array, Int, PyTree
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument, shown, whole_number
 from jblast.kept_programs import WIDE
 
 LANES = "lanes"
@@ -30,19 +30,24 @@ Launched = tuple[PyTree[Array], int, PyTree[Array]]
 """Result of a device: outcomes of blocks or groups, their number, and counts."""
 
 
-def mesh_of(devices: int | None = None) -> Mesh:
-    """Return a mesh of the local devices, or of the first `devices` of them.
+def mesh_of(devices: int | str | None = None) -> Mesh:
+    """Return a mesh of all local devices, or of the first `devices` of them.
+
+    Args:
+        devices: Their number, which may be text; None or "all" for all.
 
     Raises:
-        InputError: The machine has fewer devices.
+        InputError: It is no number, or the machine has fewer devices.
     """
     there = jax.local_devices()
-    if devices is not None and not 1 <= devices <= len(there):
+    every = devices in (None, "all")
+    count = len(there) if every else whole_number(str(devices))
+    if count is None or not 1 <= count <= len(there):
         raise InputError(
-            f"devices: expected a whole number from 1 to {len(there)}, the devices of "
-            f"this machine, got {devices}"
+            f"{argument('devices')}: expected all, or a whole number from 1 to "
+            f"{len(there)}, the devices of this machine, got {shown(str(devices))}"
         )
-    return Mesh(np.array(there[:devices]), (LANES,), axis_types=(AxisType.Auto,))
+    return Mesh(np.array(there[:count]), (LANES,), axis_types=(AxisType.Auto,))
 
 
 class Reduce(NamedTuple):

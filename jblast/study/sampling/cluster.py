@@ -10,6 +10,7 @@ tile is returned. All workers must see the store under the same path.
 import contextlib
 import functools
 import itertools
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from jblast.errors import InputError, needed
 from jblast.study.engine.store import Store, open_store
 from jblast.study.engine.summary import SummaryStore
 from jblast.study.file import sha256_of, study_from_text
-from jblast.study.sampling.run import opened_summary, scenes_of
+from jblast.study.sampling.run import Tiles, opened_summary, scenes_of
 from jblast.study.sampling.work import Reduced, Work
 
 EXTRA, WHAT = "cluster", "work is shared among processes"
@@ -114,6 +115,37 @@ def client_of(address: str) -> Iterator[Any]:
         ) from None
     with client:
         yield client
+
+
+@contextlib.contextmanager
+def tiles_on(
+    scheduler: str | None, store: str | os.PathLike[str]
+) -> Iterator[Tiles | None]:
+    """Yield the function that computes tiles on workers; None for this process.
+
+    Args:
+        scheduler: Address of a scheduler; None for this process.
+        store: Folder of the store.
+
+    Raises:
+        InputError: No scheduler answers.
+    """
+    if scheduler is None:
+        yield None
+        return
+    # workers may have another current folder
+    path = str(Path(store).resolve())
+    with client_of(scheduler) as client:
+
+        def tiles(
+            missing: list[int], *, summary: bool = False
+        ) -> Iterator[tuple[int, None]]:
+            task = write_summary if summary else write_tile
+            # workers with another version would compute other samples and are refused
+            for tile in shared(client, task, path, missing, jblast.__version__):
+                yield tile, None
+
+        yield tiles
 
 
 def shared(

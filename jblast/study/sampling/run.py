@@ -171,7 +171,14 @@ def run_into(
         # under the lock no other process writes partial files
         store.sweep()
         calculates = _run if study.keep == "all" else summarised
-        return calculates(work, store, limit, tiles)
+        try:
+            return calculates(work, store, limit, tiles)
+        except OSError as error:  # the error of a full disk does not name the folder
+            raise OSError(
+                error.errno,
+                f"{path}: {error.strerror or error}; what is computed is kept, and a "
+                "resumed study adds to it",
+            ) from error
 
 
 def _run(work: Work, store: Store, limit: int | None, tiles: Tiles | None) -> Ran:

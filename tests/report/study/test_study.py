@@ -126,9 +126,9 @@ def test_the_document_satisfies_its_schema(answer):
 def test_scatter_of_the_law_thresholds_and_inputs_without_effect_are_shown():
     found = report_answer(columns_of(per_sensor(4000)))
     lines = {x.title: x.shown for x in found.view.blocks if isinstance(x, Lines)}
-    assert lines["Not explained"][0].endswith("(scatter of the law)")
+    assert lines["Scatter without a parameter"][0].endswith("(scatter of the law)")
     without = "peak_overpressure_pa, a does not depend on wind_m_s"
-    assert lines["Without effect"][0] == without
+    assert lines["Inputs without effect"][0] == without
     pictures = {one.name: one for one in found.view.blocks if isinstance(one, Picture)}
     axes = pictures["sensitivity.png"].draw().axes[0]
     names = [label.get_text() for label in axes.get_yticklabels()]

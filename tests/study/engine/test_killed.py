@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.report.study_stores import read_columns
 from jblast.study import run_into
+from jblast.study.columns import read_columns
 from jblast.study.engine import store as store_module
 from jblast.study.engine.merge import merged
 from jblast.study.engine.store import locked, open_store
