@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from jblast.errors import InputError
 from jblast.report import study_figures as figures
 from jblast.report.output import Answer
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, Text, View
@@ -314,6 +315,8 @@ def merge_answer(stores: Sequence[str], out: str | None = None) -> Answer:
         InputError: There are fewer than two stores, they belong to different studies,
             or the output exists.
     """
+    if len(stores) < 2:
+        raise InputError(f"merge: expected at least two stores, got {len(stores)}")
     store = merged(stores, out or stores[0])
     parts = [store] if store.attributes["keep"] == "all" else [store, summary_of(store)]
     tiles, of = sum(len(x.done()) for x in parts), sum(x.tiles for x in parts)

@@ -33,12 +33,10 @@ def merged(
         Merged store, complete if no sample is missing.
 
     Raises:
-        InputError: There are fewer than two stores, a folder is no store, a store is
-            damaged or belongs to another study, or the output is another study.
+        InputError: A folder is no store, a store is damaged or belongs to another
+            study, or the output is another study.
         OSError: The output cannot be written.
     """
-    if len(stores) < 2:
-        raise InputError(f"merge: expected at least two stores, got {len(stores)}")
     paths = [Path(path).resolve() for path in stores]
     for n, path in enumerate(paths):
         if path in paths[:n]:
