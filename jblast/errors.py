@@ -14,7 +14,14 @@ from typing import Any
 
 MARK = "\0"
 """Delimiter of argument names in messages; `decoded` rejects it in input text."""
-_CONTROLS = {chr(code) for code in (*range(32), 127)} - {"\t", "\n", "\r"}
+CONTROLS = r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]"
+"""Characters that no text has: all controls but tabs and line ends."""
+MARKS = {
+    b"\xff\xfe": "UTF-16; save it as UTF-8",
+    b"\xfe\xff": "UTF-16; save it as UTF-8",
+    b"PK\x03\x04": "a zip archive (a spreadsheet's workbook?); export it as plain text",
+}
+"""First bytes of files that are no text, and what they are."""
 
 
 class InputError(ValueError):
@@ -266,16 +273,9 @@ def decoded(
     Raises:
         InputError: The bytes are not text in this encoding.
     """
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError(
-            f"{path}: line 1: expected UTF-8 text, got UTF-16; save it as UTF-8"
-        )
-    # An .xlsx with the suffix .csv; its bytes would fail as text without a hint.
-    if data.startswith(b"PK\x03\x04"):
-        raise InputError(
-            f"{path}: line 1: expected {expected}, got a zip archive "
-            "(a spreadsheet's workbook?); export it as plain text"
-        )
+    for mark, found in MARKS.items():
+        if data.startswith(mark):
+            raise InputError(f"{path}: line 1: expected {expected}, got {found}")
     try:
         # With or without the mark, which spreadsheets write.
         text = data.decode("utf-8-sig")
@@ -288,18 +288,10 @@ def decoded(
         ) from None
     # Line numbers of messages must be those of an editor.
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    controls = sorted(set(text) & _CONTROLS)
-    if controls:
-        at = min(text.index(control) for control in controls)
-        # Every second byte of ASCII text in UTF-16 is zero, a third leaves a margin.
-        wide = text[at] == "\0" and text.count("\0") * 3 > len(text)
+    if at := re.search(CONTROLS, text):
         raise InputError(
-            f"{path}: line {text.count(chr(10), 0, at) + 1}: expected {expected}, "
-            f"got the control character 0x{ord(text[at]):02x}; is this "
-            + (
-                "UTF-16 without its mark? Save it as UTF-8"
-                if wide
-                else "a binary file?"
-            )
+            f"{path}: line {text.count(chr(10), 0, at.start()) + 1}: expected "
+            f"{expected}, got the control character 0x{ord(at[0]):02x}; is it a binary "
+            "file, or UTF-16? Save it as UTF-8"
         )
     return text

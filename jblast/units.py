@@ -1,11 +1,12 @@
 r"""Units at the end of names, and the conversion of values to SI.
 
 A name of a column or quantity from another tool ("Peak Overpressure (kPa)") is split
-into words and a unit, and matched with jblast's names. `CALLED` lists foreign words
-with one meaning, which are converted. `SIMILAR_NAMES` lists words with several meanings
-(an impulse may be reflected, a radius may be that of a fireball). These are rejected,
-and the message names jblast's quantity. Unit suffixes are matched in lower case,
-because column names are typed by hand, except MPa and mPa, which differ in case only.
+into words and a unit, and matched with jblast's names. Foreign names with one meaning
+are in the tables of quantities and columns, and are converted. `SIMILAR_NAMES` lists
+words with several meanings (an impulse may be reflected, a radius may be that of a
+fireball). These are rejected, and the message names a quantity of jblast. Unit suffixes
+are matched in lower case, because column names are typed by hand, except MPa and mPa,
+which differ in case only.
 Factors of units that are not SI come from pint, in fractions.
 
 A value is multiplied by the numerator of its factor and divided by the denominator:
@@ -38,8 +39,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, nearest, shown
-from jblast.quantities import QUANTITIES
+from jblast.errors import InputError, closest, nearest, shown
+from jblast.quantities import QUANTITIES, unit_suffix
 
 ANY = ("value", "sigma")
 """Columns with the unit of the row's quantity."""
@@ -54,90 +55,23 @@ REFERENCE = re.compile(r"(?<=db)[^a-z0-9]*re[^a-z0-9]*20[^a-z0-9]*upa", re.IGNOR
 """The only reference of levels that is accepted: "dB re 20 uPa" is dB."""
 MAX_ENDING_WORDS = 5
 """Number of words of the longest suffix: lbf_per_in_2_s."""
-CALLED: dict[str, dict[str, str]] = {
-    "pressure": {
-        "overpressure": "peak_overpressure_pa",
-        "incident_overpressure": "peak_overpressure_pa",
-        "side_on_overpressure": "peak_overpressure_pa",
-        "peak_incident_overpressure": "peak_overpressure_pa",
-        "peak_side_on_overpressure": "peak_overpressure_pa",
-        "reflected_overpressure": "reflected_pressure_pa",
-        "peak_reflected_pressure": "reflected_pressure_pa",
-        "peak_reflected_overpressure": "reflected_pressure_pa",
-    },
-    "impulse": {
-        "incident_impulse": "positive_impulse_pa_s",
-        "side_on_impulse": "positive_impulse_pa_s",
-        "positive_phase_impulse": "positive_impulse_pa_s",
-    },
-    "time": {
-        "arrival": "air_arrival_s",
-        "arrival_time": "air_arrival_s",
-        "time_of_arrival": "air_arrival_s",
-        "toa": "air_arrival_s",
-        "positive_phase_duration": "positive_duration_s",
-        "flash": "flash_time_s",
-    },
-    "length": {
-        "slant_range": "range_m",
-        "shock_front_radius": "shock_radius_m",
-        "height": "up_m",
-    },
-    "speed": {
-        "peak_ground_velocity": "ground_peak_velocity_m_s",
-        "pgv": "ground_peak_velocity_m_s",
-        "ppv": "ground_peak_velocity_m_s",
-        "peak_particle_velocity": "ground_peak_velocity_m_s",
-    },
-    "level": {
-        "peak_level": "peak_overpressure_pa",
-        "peak_spl": "peak_overpressure_pa",
-        "pspl": "peak_overpressure_pa",
-        "peak_sound_pressure_level": "peak_overpressure_pa",
-    },
+LEVELS = ("peak_level", "peak_spl", "pspl", "peak_sound_pressure_level")
+"""Names of the overpressure as a level in decibels."""
+COLUMNS = {
+    **dict.fromkeys(("east_m", "north_m", "alt_m", "time_s"), ()),
+    "up_m": ("height",),
+    "range_m": ("slant range",),
 }
-SIMILAR_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
-    "pressure": (("refl", "reflected_pressure_pa"), ("", "peak_overpressure_pa")),
-    "impulse": (("refl", "reflected_impulse_pa_s"), ("", "positive_impulse_pa_s")),
-    "time": (
-        ("duration", "positive_duration_s"),
-        ("diff", "arrival_difference_s"),
-        ("flash", "flash_time_s"),
-        ("ground", "ground_arrival_s"),
-        ("seismic", "ground_arrival_s"),
-        ("arriv", "air_arrival_s"),
-        ("toa", "air_arrival_s"),
-        ("time", "time_s"),
-    ),
-    "length": (
-        ("fireball", "fireball_radius_m"),
-        ("radius", "shock_radius_m"),
-        ("displ", "ground_displacement_m"),
-        ("range", "range_m"),
-        ("dist", "range_m"),
-        ("slant", "range_m"),
-        ("east", "east_m"),
-        ("north", "north_m"),
-        ("alt", "alt_m"),
-        ("height", "up_m"),
-        ("up", "up_m"),
-    ),
-    "speed": (("", "ground_peak_velocity_m_s"),),
-    "angle": (
-        ("bearing", "bearing_rad"),
-        ("azimuth", "bearing_rad"),
-        ("elev", "elevation_rad"),
-        ("lat", "lat_deg"),
-        ("lon", "lon_deg"),
-    ),
-    "level": (("", "peak_level_db"),),
-}
-"""By dimension: parts of foreign names, and the jblast names that may be meant."""
-COLUMNS: dict[str, tuple[str, ...]] = {
-    "length": ("east_m", "north_m", "up_m", "range_m", "alt_m"),
-    "time": ("time_s",),
-}
-"""Columns of logs with a unit, by dimension; latitudes have one unit only."""
+"""Columns of logs with a unit and their other names; latitudes have one unit only."""
+SIMILAR_NAMES = {
+    "pressure": "peak_overpressure_pa",
+    "impulse": "positive_impulse_pa_s", "duration": "positive_duration_s",
+    "radius": "shock_radius_m", "displacement": "ground_displacement_m",
+    "velocity": "ground_peak_velocity_m_s", "level": "peak_level_db",
+    "distance": "range_m", "altitude": "alt_m", "latitude": "lat_deg",
+    "longitude": "lon_deg", "azimuth": "bearing_rad",
+}  # fmt: skip
+"""Words of several meanings, and the names of jblast that may be meant."""
 PRESSURES = {
     "pa": "Pa", "upa": "uPa", "hpa": "hPa", "kpa": "kPa", "gpa": "GPa",
     "bar": "bar", "mbar": "mbar", "atm": "atm", "torr": "torr", "mmhg": "mmHg",
@@ -283,10 +217,9 @@ def our_name(foreign: str) -> OurName | None:
 
 
 def what_to_write(foreign: str) -> str:
-    """Return "; ..." with a replacement for a name that is not identified.
+    """Return "; ..." with the nearest name and unit for a name that is not identified.
 
-    The replacement is a unit in the right case, the nearest unit, or jblast's name and
-    the factor.
+    Names are proposed in the unit of the foreign name.
     """
     whole = spelt(foreign)
     for form, advice in REFUSED.items():
@@ -299,16 +232,28 @@ def what_to_write(foreign: str) -> str:
                 "; its unit may be MPa or mPa, which differ in case only: write "
                 f"{either}"
             )
-        ours = any(word in _names(of) for of in SUFFIXES)
-        if meant and not ours and (near := _near(word, meant[0])):
-            return near
+        if meant and not any(word in _names(of) for of in SUFFIXES):
+            dimension, suffix, _ = meant[0]
+            ours = _names(dimension)
+            same = {name: name for name in ours} | SIMILAR_NAMES
+            if near := closest(word, same):
+                stem = same[near].removesuffix(f"_{SI.get(dimension)}")
+                name = f"{stem}_{suffix}" if stem in ours else stem
+                return f"; did you mean {name}?"
+            own = (x for x, name in ours.items() if name.startswith(f"{x}_"))
+            return f"; expected one of {', '.join(f'{x}_{suffix}' for x in own)}"
     for dimension, suffixes in SUFFIXES.items():
         for word, ours in _names(dimension).items():
             if whole == word and ours not in ANY:
-                some = ", ".join(list(suffixes)[:6])
-                return f"; it has no unit: expected {ours}, or another ending ({some})"
+                return f"; it has no unit: expected {ours}"
             if whole.startswith(f"{word}_"):
-                return _no_unit(whole.removeprefix(f"{word}_"), ours, dimension)
+                unit, of, known = whole.removeprefix(f"{word}_"), "", [*suffixes]
+                if ours in ANY:
+                    known = [*chain(*SUFFIXES.values())]
+                else:
+                    of = f" of {dimension}"
+                some = f"; expected one of {', '.join(known[:MAX_LISTED])}"
+                return f"; {unit!r} is no unit{of}{nearest(unit, known) or some}"
     return ""
 
 
@@ -467,31 +412,6 @@ def unit_spelt(suffix: str) -> tuple[Unit, ...]:
     )
 
 
-def _no_unit(ending: str, ours: str, dimension: str) -> str:
-    """Return advice for a known name with an unknown unit: the nearest ones."""
-    if ours in ANY:
-        known = [suffix for of in SUFFIXES.values() for suffix in of]
-        return f"; {ending!r} is no unit{nearest(ending, known)}"
-    suffixes = SUFFIXES[dimension]
-    some = f"; expected one of {', '.join(list(suffixes)[:MAX_LISTED])}"
-    return f"; {ending!r} is no unit of {dimension}{nearest(ending, suffixes) or some}"
-
-
-def _near(word: str, unit: Unit) -> str:
-    """Return advice for the words before a unit: a similar name."""
-    for contained, ours in SIMILAR_NAMES.get(unit.dimension, ()):
-        if contained in word:
-            if unit.dimension == LEVEL:
-                return f"; ours is {ours}, of the unweighted peak, re 20 uPa"
-            if not ours.endswith(SI[unit.dimension]):
-                return f"; did you mean {ours}?"
-            factor = si_factor(unit.suffix)
-            stem = ours.removesuffix(f"_{SI[unit.dimension]}")
-            times = f" (times {factor:.9g})"
-            return f"; if {ours} is meant, write {stem}_{unit.suffix}{times}"
-    return ""
-
-
 def _taken_apart(foreign: str) -> Iterator[tuple[str, tuple[Unit, ...]]]:
     """Yield all splits of a name into words and its possible units, longest first."""
     words = words_of(foreign)
@@ -503,20 +423,16 @@ def _taken_apart(foreign: str) -> Iterator[tuple[str, tuple[Unit, ...]]]:
 @cache
 def _names(dimension: str) -> dict[str, str]:
     """Return the names of a dimension by the words before the unit."""
+    if dimension == LEVEL:
+        return dict.fromkeys(LEVELS, "peak_overpressure_pa") | {x: x for x in ANY}
     names = {name: name for name in ANY}
-    suffix = SI.get(dimension)
-    if suffix is not None:
-        for name in (*QUANTITIES, *COLUMNS.get(dimension, ())):
-            if name.endswith(f"_{suffix}") and _dimension(name) == dimension:
-                names[name.removesuffix(f"_{suffix}")] = name
-    return names | CALLED.get(dimension, {})
-
-
-def _dimension(name: str) -> str:
-    """Return the dimension of a name's suffix; the longest suffix wins."""
-    # Longest first: "pa_s" ends in "s", too.
-    endings = sorted(SI.items(), key=lambda item: -len(item[1]))
-    return next(of for of, suffix in endings if name.endswith(f"_{suffix}"))
+    known = {name: one.other_names for name, one in QUANTITIES.items()} | COLUMNS
+    for name, others in known.items():
+        end = unit_suffix(name)
+        if end == f"_{SI.get(dimension)}":
+            words = name.removesuffix(end), *others
+            names |= {spelt(word): name for word in words}
+    return names
 
 
 @cache

@@ -11,7 +11,7 @@ errors are in columns `sigma_NAME`, in the unit of the column NAME, or in
 
 from collections.abc import Sequence
 
-from jblast.errors import InputError, argument, nearest, shown
+from jblast.errors import InputError, argument, closest, shown
 from jblast.observations.table import COLUMNS, NAME_COLUMNS, NEEDED, NUMBERS, rows_by
 from jblast.observations.text_table import NA_WORDS, Table, take_decimal_commas
 from jblast.quantities import ADDITIVE, QUANTITIES, TIMED
@@ -119,15 +119,10 @@ def _column(
 
 def advised(name: str, known: Sequence[str]) -> str:
     """Return advice for an unknown name: by its unit, its meaning, or its spelling."""
-    words = spelt(name).split("_")
-    meant = (
-        ours
-        for names in SIMILAR_NAMES.values()
-        for start, ours in names
-        if start and ours in known and any(word.startswith(start) for word in words)
-    )
-    ours = next(meant, "")
-    near = f"; did you mean {ours}?" if ours else nearest(name, known)
+    ours = {x: x for x in known}
+    ours |= {word: x for word, x in SIMILAR_NAMES.items() if x in known}
+    similar = closest(name, ours)
+    near = f"; did you mean {ours[similar]}?" if similar else ""
     return what_to_write(name) or f"{near}; expected some of {', '.join(known)}"
 
 

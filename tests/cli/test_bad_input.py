@@ -19,8 +19,8 @@ a,air_arrival_s,1,0.1,-inf,0,1 => east_m | -inf
  => nothing after the header
 a,air_arrival_s,1 => line 2 | 7 fields | got 3
 a,air_arrival_s,1,0.1,30,0,1,9 => line 2 | got 8
-a,impulse_kPa_ms,1,0.1,30,0,1 => impulse_kPa_ms | positive_impulse_pa_s
-/sensor,impulse_kPa_ms,range_m / a,1,2 => impulse_kPa_ms | positive_impulse_pa_s
+a,impulse_kPa_ms,1,0.1,30,0,1 => impulse_kPa_ms | positive_impulse_kpa_ms
+/sensor,impulse_kPa_ms,range_m / a,1,2 => impulse_kPa_ms | positive_impulse_kpa_ms
 a,air_arival_s,abc,-1,30 / b,impulse_kPa_ms,nan,0,1,2,3 => line 2
 /sensor,quantity,value,sigma / a,air_arrival_s,1,.1 => range_m
 """)

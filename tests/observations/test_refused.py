@@ -15,7 +15,7 @@ from tests.observations.rows import HEADER, ROW
 # lines of a file between slashes, H and R for a header and a row, W for a wide table
 # of E, an arrival with its east; then parts of the message
 BAD = table("""
-sensor,range_m,impulse_kPa_ms / a,1,2 => line 1 | write positive_impulse_kpa_ms
+sensor,range_m,impulse_kPa_ms / a,1,2 => line 1 | did you mean positive_impulse_kpa_ms
  => line 1 | empty | sensor,quantity,value,sigma
 # c / H => line 2 | nothing after the header
 sensor,quantity,value / a,air_arrival_s,1 => line 1 | missing column sigma
@@ -54,7 +54,7 @@ sensor,air_arrival / ,ms / a,1 => 'air_arrival' | air_arrival_ms in column quant
 L,lat_deg,lon_deg / a,air_arrival_s,1,1,33°54'10",35.5 => lat_deg | decimal degrees
 wide: sensor,value,air_arrival_s / a,1,2 => expected column value once
 wide: sensor,range_m / a,1 => a column for each quantity; got
-wide: sensor;\u00dcberdruck [kPa] / a;5 => write peak_overpressure_kpa
+wide: sensor;\u00dcberdruck [kPa] / a;5 => expected one of peak_overpressure_kpa
 wide: W,peak_overpressure_kpa,peak_overpressure_psi / E,1,2 => two units for one column
 wide: W,sigma_air_arrival_ms / E,2 => sigma_ and the name of a quantity's column
 wide: W,sigma_percent / E,3 => quantities whose errors are relative; got 'sigma_percent'
@@ -90,7 +90,7 @@ def test_bad_input_is_told_by_file_line_column_expectation_and_find(log, content
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ((HEADER + ROW).encode("utf-16-le"), "0x00 | UTF-16 without its mark"),
+        ((HEADER + ROW).encode("utf-16-le"), "0x00 | or UTF-16"),
         (HEADER.encode() + b"\x7fELF\x00\x01", "line 2 | a CSV file | 0x7f | binary"),
     ],
 )
