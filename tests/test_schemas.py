@@ -234,9 +234,16 @@ def test_the_schema_of_a_check_takes_faults_and_warnings():
 @pytest.mark.parametrize(
     "name",
     [
-        *("fit", "pick", "one_pick", "bound", "calc", "check", "choose", "fly"),
+        *("fit", "pick", "pick.picks", "bound", "calc", "check", "choose", "fly"),
         *("discover", "render", "events", "world", "serve"),
-        *("tune", "one_tuned", "detect", "one_arrival", "one_array", "listen"),
+        *(
+            "tune",
+            "tune.estimates",
+            "detect",
+            "detect.arrivals",
+            "detect.arrays",
+            "listen",
+        ),
     ],
 )
 def test_every_key_of_an_answer_is_told(name):

@@ -1,16 +1,17 @@
-"""The API, a page a room: the exported names with their docstrings."""
+"""The API, a page for each package: the exported names with their docstrings."""
 
 import ast
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
+
+FRONT = "jblast"
 
 
-@dataclass(frozen=True)
-class Room:
-    """A package of ours that offers names.
+class Room(NamedTuple):
+    """A package that exports names.
 
     Attributes:
-        name: As it is imported.
+        name: Its name in imports.
         source: Its `__init__.py` in the repository.
         about: Its docstring.
         offers: By name, the module that defines it.
@@ -23,17 +24,28 @@ class Room:
 
 
 def rooms(root: Path) -> list[Room]:
-    """Return the packages that offer anything, in the order in which they are read."""
-    found = [
-        _room(path, root) for path in sorted((root / "jblast").rglob("__init__.py"))
-    ]
-    return sorted((room for room in found if room.offers), key=lambda room: room.name)
+    """Return the packages that export names, in alphabetical order."""
+    return sorted(room for room in _packages(root) if room.offers)
 
 
-def page(room: Room) -> str:
-    """Return the page of a package, module by module, with formulas and sources."""
+def page(root: Path, room: Room) -> str:
+    """Return the page of a package, module by module, with formulas and sources.
+
+    The page of the package itself lists names of other packages in a table.
+    """
+    own, rows = dict(room.offers), []
+    if room.name == FRONT:
+        others = (one for one in rooms(root) if one.name != FRONT)
+        homes = {pair: o.name for o in others for pair in o.offers.items()}
+        for name, module in sorted(room.offers.items()):
+            home = homes.get((name, module), "")
+            target = f"{home}.md" if home else ""
+            if home:
+                del own[name]
+            link = f"[`{name}`]({target}#{module}.{name})"
+            rows.append(f"| {link} | {_summary(root, module, name)} |")
     modules: dict[str, list[str]] = {}
-    for name, module in room.offers.items():
+    for name, module in sorted(own.items()) if rows else own.items():
         modules.setdefault(module, []).append(name)
     entries = [
         f"::: {module}\n    options:\n      members: [{', '.join(names)}]\n"
@@ -41,20 +53,17 @@ def page(room: Room) -> str:
         for module, names in modules.items()
         for title in [module.removeprefix(f"{room.name}.")]
     ]
-    return "\n\n".join([f"# {room.name}", room.about, *entries]) + "\n"
+    table = ["\n".join(["| name | |", "|---|---|", *rows])] if rows else []
+    return "\n\n".join([f"# {room.name}", room.about, *table, *entries]) + "\n"
 
 
 def tree(root: Path) -> str:
     """Return the list of all packages, each with the first line of its docstring."""
     lines = []
-    offering = {room.name for room in rooms(root)}
-    for path in sorted((root / "jblast").rglob("__init__.py")):
-        parts = path.parent.relative_to(root).parts
-        name = ".".join(parts)
-        about = ast.get_docstring(ast.parse(path.read_text("utf-8"))) or ""
-        shown = f"[`{name}`]({name}.md)" if name in offering else f"`{name}`"
-        indent = "    " * (len(parts) - 1)
-        lines.append(f"{indent}- {shown}: {about.partition(chr(10))[0]}")
+    for room in _packages(root):
+        shown = f"[`{room.name}`]({room.name}.md)" if room.offers else f"`{room.name}`"
+        indent = "    " * room.name.count(".")
+        lines.append(f"{indent}- {shown}: {room.about.partition(chr(10))[0]}")
     head = (
         "# API\n\nImport a name from the package of its page: "
         "`from jblast.waves import scaled_distance`.\n\n## Packages\n\n"
@@ -62,22 +71,25 @@ def tree(root: Path) -> str:
     return head + "\n".join(lines) + "\n"
 
 
-def _room(path: Path, root: Path) -> Room:
-    name = ".".join(path.parent.relative_to(root).parts)
-    tree = ast.parse(path.read_text("utf-8"))
-    offers = {
-        offer: _home(root, offer, module)
-        for offer, module in _re_exported(tree).items()
-        if module != name  # a module of the room's own
-    }
-    about = ast.get_docstring(tree) or ""
-    return Room(name, path.relative_to(root).as_posix(), about, offers)
+def _packages(root: Path) -> list[Room]:
+    found = []
+    for path in sorted((root / FRONT).rglob("__init__.py")):
+        source = path.relative_to(root)
+        name, tree = ".".join(source.parent.parts), ast.parse(path.read_text("utf-8"))
+        offers = {
+            offer: _home(root, offer, module)
+            for offer, module in _re_exported(tree).items()
+            if module != name  # a module of the package's own
+        }
+        about = ast.get_docstring(tree) or ""
+        found.append(Room(name, source.as_posix(), about, offers))
+    return found
 
 
 def _home(root: Path, name: str, module: str) -> str:
-    """Return the module that defines a name, where its room has it from another room.
+    """Return the module that defines a name, also if a package re-exports it.
 
-    A face may offer a function that is called as its module is.
+    A package may export a function that has the name of its module.
     """
     face = root.joinpath(*module.split("."), "__init__.py")
     if not face.exists():
@@ -87,7 +99,7 @@ def _home(root: Path, name: str, module: str) -> str:
 
 
 def _re_exported(tree: ast.Module) -> dict[str, str]:
-    """Return names that are imported as themselves: those that a face offers."""
+    """Return the names that a package exports: imported as themselves."""
     return {
         name.name: node.module
         for node in ast.walk(tree)
@@ -95,3 +107,12 @@ def _re_exported(tree: ast.Module) -> dict[str, str]:
         for name in node.names
         if name.asname == name.name
     }
+
+
+def _summary(root: Path, module: str, name: str) -> str:
+    """Return the first line of the docstring of a function or a class."""
+    source = root.joinpath(*module.split(".")).with_suffix(".py")
+    for node in ast.parse(source.read_text("utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:
+            return (ast.get_docstring(node) or "").partition("\n")[0]
+    return ""

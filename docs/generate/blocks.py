@@ -1,16 +1,16 @@
-"""Blocks: what hand-written pages take from parsers and tables, by a marker.
+"""Generated blocks of hand-written pages, from parsers and tables.
 
-A line `<!-- jblast: NAME -->` of a page is replaced by what the function of that name
-writes, so that no fact of a table is written twice.
+A line `<!-- jblast: NAME -->` of a page is replaced by the block of that name, so that
+no fact of a table is written twice. `answer_of_study.outcomes` is the table of keys of
+a document, or of a part of it.
 """
 
 import re
 from collections.abc import Callable
-from functools import partial
 
 from docs.generate import command_line, documents, scene_tables
 
-MARKER = re.compile(r"^<!-- jblast: (\w+) -->$", re.MULTILINE)
+MARKER = re.compile(r"^<!-- jblast: ([\w.]+) -->$", re.MULTILINE)
 BLOCKS: dict[str, Callable[[], str]] = {
     "command_line": command_line.verbs,
     "quantities": scene_tables.quantities,
@@ -23,13 +23,18 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "scene_words": scene_tables.words,
     "sensor_kinds": scene_tables.sensor_kinds,
     "explosives": scene_tables.explosives,
-    **{
-        f"answer_of_{name}": partial(documents.table, name)
-        for name in (*documents.DOCUMENTS, *documents.PARTS)
-    },
 }
+ANSWER = "answer_of_"
+"""Start of the name of a table of the keys of a document."""
 
 
 def filled(markdown: str) -> str:
     """Return a page with each marker replaced by its block."""
-    return MARKER.sub(lambda match: BLOCKS[match[1]]().strip(), markdown)
+    return MARKER.sub(lambda match: block(match[1]).strip(), markdown)
+
+
+def block(name: str) -> str:
+    """Return a block by its name."""
+    if name.startswith(ANSWER):
+        return documents.table(name.removeprefix(ANSWER))
+    return BLOCKS[name]()

@@ -3,7 +3,6 @@
 import argparse
 from html import escape
 
-from jblast.cli.arguments.verb_parser import VerbParser
 from jblast.cli.parsers import GROUPS, VERBS, verb_parser
 
 
@@ -14,61 +13,28 @@ def verbs() -> str:
         + ", ".join(f"[{v.name}](#jblast-{v.name})" for v in VERBS if v.group == group)
         for group, subject in GROUPS.items()
     ]
-    sections = (_verb(verb.name, verb_parser(verb)) for verb in VERBS)
-    return "\n\n".join(["\n".join(groups), *sections])
+    return "\n\n".join(["\n".join(groups), *(_verb(verb) for verb in VERBS)])
 
 
-def _verb(name: str, verb: VerbParser) -> str:
-    formatter = verb._get_formatter()
-    tables = []
-    for group in verb._action_groups:
+def _verb(verb) -> str:
+    parser = verb_parser(verb)
+    formatter = parser._get_formatter()
+    usage = parser.format_usage().removeprefix("usage: ").rstrip()
+    text = escape(f"{parser.summary}\n\n{parser.details}".strip(), quote=False)
+    example = f"Example: `{parser.example}`"
+    parts = [f"## jblast {verb.name}", text, f"```text\n{usage}\n```", example]
+    for group in parser._action_groups:
         rows = [
-            f"| {_named(action)} | {_cell(formatter._expand_help(action))} |"
+            f"| <code>{_cell(formatter._format_action_invocation(action))}</code> "
+            f"| {_cell(formatter._expand_help(action))} |"
             for action in group._group_actions
-            if action.help is not argparse.SUPPRESS
+            if action.help != argparse.SUPPRESS
         ]
         if rows:
-            tables += ["", "\n".join([f"| {group.title} | |", "|---|---|", *rows])]
-    usage = verb.format_usage().removeprefix("usage: ").rstrip()
-    return "\n".join(
-        [
-            f"## jblast {name}",
-            "",
-            _prose(f"{verb.summary}\n\n{verb.details}"),
-            "",
-            f"```text\n{usage}\n```",
-            "",
-            f"Example: `{verb.example}`",
-            *tables,
-        ]
-    )
-
-
-def _named(action: argparse.Action) -> str:
-    """Return an argument as it is typed: `--law NAME`, `SCENE.toml`."""
-    value = action.metavar or ""
-    if action.choices is not None and not value:
-        value = "{" + ",".join(map(str, action.choices)) + "}"
-    if isinstance(value, tuple):
-        value = " ".join(value)
-    if not action.option_strings:
-        return _code(value or action.dest)
-    if action.nargs == 0:
-        value = ""
-    elif not value:
-        value = action.dest.upper()
-    return ", ".join(_code(f"{option} {value}") for option in action.option_strings)
-
-
-def _code(text: str) -> str:
-    """Return text as code in a table, where backticks would show an escaped bar."""
-    return f"<code>{escape(text.strip()).replace('|', '&#124;')}</code>"
+            parts.append("\n".join([f"| {group.title} | |", "|---|---|", *rows]))
+    return "\n\n".join(parts)
 
 
 def _cell(text: str) -> str:
+    """Return text for a table, where a bar would start the next cell."""
     return escape(" ".join(text.split()), quote=False).replace("|", "&#124;")
-
-
-def _prose(text: str) -> str:
-    """Return the paragraphs of a docstring."""
-    return escape(text.strip(), quote=False)

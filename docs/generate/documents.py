@@ -29,67 +29,50 @@ from jblast.results import DIALECT, schema_of
 from jblast.study.mavlink_servers import LockstepAnswer, WatchedAnswer
 from jblast.world.remote.serving import ServedAnswer
 
-DOCUMENTS: dict[str, tuple[type, str]] = {
-    "fit": (FitAnswer, "An answer of jblast fit"),
-    "fits": (FitsAnswer, "Answers of jblast fit"),
-    "pick": (PicksAnswer, "An answer of jblast pick"),
-    "bound": (BoundAnswer, "An answer of jblast bound"),
-    "check": (CheckAnswer, "An answer of jblast check"),
-    "calc": (CalculatorAnswer, "An answer of jblast calc"),
-    "calc_inverse": (InverseAnswer, "A range or a mass by jblast calc"),
-    "detect": (DetectionAnswer, "Sound searched by jblast detect"),
-    "detect_film": (FlashAnswer, "Film seen by jblast detect"),
-    "detect_clips": (ClipsAnswer, "Several videos seen by jblast detect"),
-    "render": (FilmAnswer, "An answer of jblast render"),
-    "events": (EventsAnswer, "An answer of jblast events"),
-    "listen": (ListenAnswer, "An answer of jblast listen"),
-    "study": (StudyAnswer, "An answer of jblast study"),
-    "choose": (ChoiceAnswer, "An answer of jblast choose"),
-    "fly": (FlightsAnswer, "An answer of jblast fly"),
-    "fly_mission": (MissionAnswer, "A mission of jblast fly"),
-    "discover": (DiscoveryAnswer, "An answer of jblast discover"),
-    "tune": (TuneAnswer, "An answer of jblast tune"),
-    "tune_gains": (GainsAnswer, "Gains tuned by jblast tune"),
-    "world": (WorldAnswer, "An answer of jblast world"),
-    "study_report": (StudyReportAnswer, "A report on a study"),
-    "study_list": (OutcomesAnswer, "The outcomes of jblast study"),
-    "study_merge": (MergeAnswer, "Merged stores of a study"),
-    "serve": (ServedAnswer, "What came of jblast serve"),
-    "serve_mavlink": (LockstepAnswer, "What came of jblast serve --mavlink"),
-    "serve_ground_station": (
-        WatchedAnswer,
-        "What came of jblast serve --ground-station",
-    ),
+DOCUMENTS: dict[str, type] = {
+    "fit": FitAnswer,
+    "fits": FitsAnswer,
+    "pick": PicksAnswer,
+    "bound": BoundAnswer,
+    "check": CheckAnswer,
+    "calc": CalculatorAnswer,
+    "calc_inverse": InverseAnswer,
+    "detect": DetectionAnswer,
+    "detect_film": FlashAnswer,
+    "detect_clips": ClipsAnswer,
+    "render": FilmAnswer,
+    "events": EventsAnswer,
+    "listen": ListenAnswer,
+    "study": StudyAnswer,
+    "choose": ChoiceAnswer,
+    "fly": FlightsAnswer,
+    "fly_mission": MissionAnswer,
+    "discover": DiscoveryAnswer,
+    "tune": TuneAnswer,
+    "tune_gains": GainsAnswer,
+    "world": WorldAnswer,
+    "study_report": StudyReportAnswer,
+    "study_list": OutcomesAnswer,
+    "study_merge": MergeAnswer,
+    "serve": ServedAnswer,
+    "serve_mavlink": LockstepAnswer,
+    "serve_ground_station": WatchedAnswer,
 }
-"""Types and titles of documents."""
-PARTS = {
-    "one_pick": ("pick", "picks"),
-    "calc_inputs": ("calc", "inputs"),
-    "one_arrival": ("detect", "arrivals"),
-    "one_array": ("detect", "arrays"),
-    "one_flash": ("detect_film", "flashes"),
-    "one_record": ("listen", "sensors"),
-    "one_outcome": ("study", "outcomes"),
-    "one_tuned": ("tune", "estimates"),
-    "tried_gains": ("tune_gains", "after"),
-    "study_report_outcome": ("study_report", "outcomes"),
-    "study_report_shares": ("study_report", "sensitivity"),
-    "study_report_input": ("study_report", "sensitivity", "numbers"),
-}
-"""Parts of documents that have a table of their own: the keys that lead to them."""
+"""Types of documents, by name."""
 TYPES = {"Choice": Choice, "PickAnswer": PickAnswer}
 """Types that classes import for type checkers alone."""
 
 
 def schema(name: str) -> dict[str, Any]:
     """Return the JSON Schema of a document."""
-    cls, title = DOCUMENTS[name]
+    cls = DOCUMENTS[name]
+    title = (cls.__doc__ or "").partition("\n")[0].rstrip(".").replace("`", "")
     return {"$schema": DIALECT, "title": title} | schema_of(cls, names=TYPES)
 
 
 def table(name: str) -> str:
-    """Write a row for each key of a document, or of a part of one."""
-    document, *keys = PARTS.get(name, (name,))
+    """Return a row for each key of a document, or of a part: `study.outcomes`."""
+    document, *keys = name.split(".")
     of = schema(document)
     for key in keys:
         of = of["properties"][key]

@@ -1,13 +1,12 @@
 """Generated pages: tutorials, API, results, schemas, pages of the root."""
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from docs.generate import api, documents, notebooks, results, scene_schema
-from docs.generate.front_door import front_door
 
 ROOT = Path(__file__).parents[2]
 ALSO = {
@@ -23,61 +22,50 @@ SCHEMAS = {
 """JSON Schemas, by name."""
 
 
-@dataclass(frozen=True)
-class Generated:
+class Generated(NamedTuple):
     """A page, or another text, that no file under docs/ holds.
 
     Attributes:
-        uri: Where it stands on the site.
-        source: The file of the repository it is made from: its links start there.
-        title: What the navigation calls it.
-        section: Of the navigation; "" where mkdocs.yml names the page itself.
-        text: Writes it.
+        uri: Position on the site.
+        source: File of the repository from which it is made: its links start there.
+        text: Function that returns its content.
+        title: Name in the navigation.
+        section: Section of the navigation; "" if mkdocs.yml names the page itself.
     """
 
     uri: str
     source: str
-    title: str
-    section: str
     text: Callable[[], str]
+    title: str = ""
+    section: str = ""
 
 
 def generated() -> list[Generated]:
     """Return all generated pages, in the order of the navigation."""
-    return [
-        *(
-            Generated(f"tutorials/{path.stem}.md", f"notebooks/{path.name}",
-                      notebooks.title(path), "Tutorials",
-                      lambda path=path: notebooks.page(path))
-            for path in notebooks.all_of_them(ROOT)
-        ),
-        Generated("reference/api/index.md", "docs/reference/api/index.md", "API", "API",
-                  lambda: api.tree(ROOT)),
-        *(
-            Generated(uri, room.source, room.name, "API",
-                      lambda room=room: api.page(room) if "." in room.name
-                      else front_door(ROOT, room))
-            for room in api.rooms(ROOT)
-            for uri in [f"reference/api/{room.name}.md"]
-        ),
-        Generated("results/index.md", "calibration/results/index.md", "Results",
-                  "Results", lambda: results.index(ROOT)),
-        *(
-            Generated(result.uri, result.source, result.title, "Results",
-                      lambda result=result: results.page(result))
-            for result in results.all_of_them(ROOT)
-        ),
-        *(
-            Generated(uri, source, "", "",
-                      lambda source=source: (ROOT / source).read_text("utf-8"))
-            for uri, source in ALSO.items()
-        ),
-        *(
-            Generated(f"reference/schemas/{name}.json", "", "", "",
-                      lambda schema=schema: json.dumps(schema(), indent=1) + "\n")
-            for name, schema in SCHEMAS.items()
-        ),
-    ]  # fmt: skip
+    return list(_generated())
+
+
+def _generated() -> Iterator[Generated]:
+    for path in notebooks.all_of_them(ROOT):
+        uri, text = f"tutorials/{path.stem}.md", partial(notebooks.page, path)
+        title = notebooks.title(path)
+        yield Generated(uri, f"notebooks/{path.name}", text, title, "Tutorials")
+    uri, tree = "reference/api/index.md", partial(api.tree, ROOT)
+    yield Generated(uri, f"docs/{uri}", tree, "API", "API")
+    for room in api.rooms(ROOT):
+        uri, text = f"reference/api/{room.name}.md", partial(api.page, ROOT, room)
+        yield Generated(uri, room.source, text, room.name, "API")
+    uri, index = "results/index.md", partial(results.index, ROOT)
+    yield Generated(uri, f"{results.KEPT}/index.md", index, "Results", "Results")
+    for path in results.all_of_them(ROOT):
+        uri, text = f"results/{path.stem}.md", partial(results.page, ROOT, path)
+        source, title = path.relative_to(ROOT).as_posix(), results.title(path)
+        yield Generated(uri, source, text, title, "Results")
+    for uri, source in ALSO.items():
+        yield Generated(uri, source, partial((ROOT / source).read_text, "utf-8"))
+    for name, schema in SCHEMAS.items():
+        text = partial(lambda schema: json.dumps(schema(), indent=1) + "\n", schema)
+        yield Generated(f"reference/schemas/{name}.json", "", text)
 
 
 def navigation(pages: list[Generated]) -> dict[str, list[dict[str, str] | str]]:
@@ -85,21 +73,16 @@ def navigation(pages: list[Generated]) -> dict[str, list[dict[str, str] | str]]:
     sections: dict[str, list[dict[str, str] | str]] = {}
     for page in pages:
         if page.section:
-            entry = (
-                page.uri if page.uri.endswith("index.md") else {page.title: page.uri}
-            )
+            # the index of a section has its title
+            entry = page.uri if page.title == page.section else {page.title: page.uri}
             sections.setdefault(page.section, []).append(entry)
     return sections
 
 
 def shown() -> dict[str, Path]:
-    """Return every other file that the site holds: pictures, notebooks, schemas."""
-    kept = ROOT / "calibration" / "results"
-    files = {
-        f"results/{path.relative_to(kept).as_posix()}": path
-        for pattern in ("*.png", "*.csv")
-        for path in sorted(kept.rglob(pattern))
-    }
-    return files | {
+    """Return every other file of the site: pictures, tables, notebooks."""
+    kept = ROOT / results.KEPT
+    files = [*sorted(kept.rglob("*.png")), *sorted(kept.rglob("*.csv"))]
+    return {f"results/{path.relative_to(kept).as_posix()}": path for path in files} | {
         f"tutorials/{path.name}": path for path in notebooks.all_of_them(ROOT)
     }

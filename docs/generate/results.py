@@ -1,8 +1,6 @@
 """Results: a page for each file that a script of calibration/ wrote and kept."""
 
-import posixpath
 import re
-from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -10,49 +8,17 @@ KEPT = "calibration/results"
 INDEX = "calibration/INDEX.md"
 BENCHMARK = "benchmark_"
 WIDE = "---\nhide: [toc]\n---\n\n"
-"""Front matter of a page whose tables need all the width there is."""
+"""Front matter of a page whose tables need the whole width."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """A kept file that becomes a page.
-
-    Attributes:
-        uri: Where the page stands on the site.
-        source: The file in the repository.
-        title: What the navigation calls it.
-        script: The script that writes it, "" if the page names it.
-        question: That of the index; without a script, the first sentence of the
-            file.
-        text: What the file holds.
-        pictures: Those of the same name, beside it.
-    """
-
-    uri: str
-    source: str
-    title: str
-    script: str
-    question: str
-    text: str
-    pictures: tuple[str, ...]
-
-
-def all_of_them(root: Path) -> list[Result]:
+def all_of_them(root: Path) -> list[Path]:
     """Return every kept page and table, pages first."""
     kept = root / KEPT
-    files = [
-        *sorted(kept.glob("*.md")),
-        *sorted(kept.glob("*.txt")),
-    ]
-    return [_result(root, path) for path in files]
+    return [*sorted(kept.glob("*.md")), *sorted(kept.glob("*.txt"))]
 
 
 def index_rows(root: Path) -> list[tuple[str, str, list[str], list[str], list[str]]]:
-    """Return the rows of the index that keep results.
-
-    Returns:
-        For each: command, question, data, results and pages.
-    """
+    """Return command, question, data, results and pages of the index's rows."""
     rows = []
     for line in (root / INDEX).read_text("utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
@@ -65,78 +31,58 @@ def index_rows(root: Path) -> list[tuple[str, str, list[str], list[str], list[st
     return rows
 
 
-def page(result: Result) -> str:
-    """Write the page of a result: unchanged, or its question and its table."""
-    if result.source.endswith(".md"):
-        return result.text
-    question = f"{result.question}\n\n" if result.question else ""
-    written = f"Written by `{result.script}`.\n\n" if result.script else ""
-    pictures = "".join(f"![{result.title}]({name})\n\n" for name in result.pictures)
-    body = f"```text\n{result.text.rstrip()}\n```\n"
-    return f"{WIDE}# {result.title}\n\n{question}{written}{pictures}{body}"
+def title(path: Path) -> str:
+    """Return the heading of a page, or the name of a table as words."""
+    if path.suffix == ".md":
+        return re.findall(r"^#+ (.*)", path.read_text("utf-8"), re.M)[0]
+    return path.stem.replace("_", " ").capitalize()
+
+
+def page(root: Path, path: Path) -> str:
+    """Return the page of a result: unchanged, or its question and its table."""
+    text = path.read_text("utf-8")
+    if path.suffix == ".md":
+        return text
+    command, question = _source(root, path)
+    picture = path.with_suffix(".png")
+    parts = [
+        f"{WIDE}# {title(path)}",
+        question,
+        f"Written by `{command}`." if command else "",
+        f"![{title(path)}]({picture.name})" if picture.exists() else "",
+        f"```text\n{text.rstrip()}\n```\n",
+    ]
+    return "\n\n".join(filter(None, parts))
 
 
 def index(root: Path) -> str:
-    """Write the list of all results."""
-    rows = [
-        f"| [{result.title}]({_beside(result.source)}) | {result.question} |"
-        for result in all_of_them(root)
-    ]
-    return "\n".join(
-        [
-            "# Results",
-            "",
-            "Output of the scripts in `calibration/`, from `calibration/results`. "
-            "Each script can be run again. `make check` compares the figures quoted "
-            "in this manual with these files (`calibration/figures.csv`).",
-            "",
-            "| result | question |",
-            "|---|---|",
-            *rows,
-            "",
-        ]
+    """Return the list of all results."""
+    head = (
+        "# Results\n\nOutput of the scripts in `calibration/`, from "
+        "`calibration/results`. Each script can be run again. `make check` compares "
+        "the figures quoted in this manual with these files "
+        "(`calibration/figures.csv`).\n\n| result | question |\n|---|---|\n"
     )
-
-
-def _result(root: Path, path: Path) -> Result:
-    name = path.relative_to(root / KEPT).as_posix()
-    uri = f"results/{name.rpartition('.')[0]}.md"
-    text = path.read_text("utf-8")
-    pictures = path.with_suffix(".png")
-    beside = (pictures.name,) if pictures.exists() else ()
-    module, question = _script(root, name) if name.endswith(".txt") else ("", "")
-    question = question or _first_sentence(text)
-    return Result(
-        uri, f"{KEPT}/{name}", _title(name, text), module, question, text, beside
+    rows = (
+        f"| [{title(path)}]({path.name}) | {_source(root, path)[1]} |\n"
+        for path in all_of_them(root)
     )
+    return head + "".join(rows)
 
 
-def _first_sentence(text: str) -> str:
-    """Return how a file begins beneath its title, without links and pictures."""
-    paragraphs = [" ".join(one.split()) for one in text.split("\n\n")]
+def _source(root: Path, path: Path) -> tuple[str, str]:
+    """Return the command that writes a file and its question, by the index.
+
+    Without a row in the index, the question is the first sentence of the file.
+    """
+    for command, question, _, kept, _ in index_rows(root):
+        if path.suffix == ".txt" and any(fnmatch(path.name, one) for one in kept):
+            if path.name.startswith(BENCHMARK) and command.startswith(BENCHMARK):
+                subject = path.stem.removeprefix(BENCHMARK).removesuffix("_gpu")
+                command = f"benchmarks {subject}"
+            return f"python -m calibration.{command}", question
+    paragraphs = [" ".join(x.split()) for x in path.read_text("utf-8").split("\n\n")]
     prose = (one for one in paragraphs if one and one[0] not in "#!|<`")
     sentence = re.split(r"(?<=[.])\s", next(prose, ""))[0]
-    return re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", sentence).rstrip(":.") + "."
-
-
-def _title(name: str, text: str) -> str:
-    if name.endswith(".md"):
-        heading = next(line for line in text.splitlines() if line.startswith("#"))
-        return heading.lstrip("# ")
-    return name.removesuffix(".txt").replace("_", " ").capitalize()
-
-
-def _script(root: Path, name: str) -> tuple[str, str]:
-    """Return the command that writes a file, and its question, by the index."""
-    for command, question, _, kept, _ in index_rows(root):
-        if any(fnmatch(name, pattern) for pattern in kept):
-            if name.startswith(BENCHMARK) and command.startswith(BENCHMARK):
-                subject = name.removeprefix(BENCHMARK).partition(".")[0]
-                subject = subject.removesuffix("_gpu")
-                return f"python -m calibration.benchmarks {subject}", question
-            return f"python -m calibration.{command}", question
-    return "", ""
-
-
-def _beside(source: str) -> str:
-    return posixpath.relpath(source, KEPT)
+    # links as text
+    return "", re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", sentence).rstrip(":.") + "."

@@ -1,7 +1,9 @@
-"""Tables of the log and of the scene file, from those that their readers go by."""
+"""Tables of the log and of the scene file, from those of their readers."""
+
+from collections.abc import Iterable
 
 from jblast.observations.table import COLUMNS, NEEDED
-from jblast.parameters import PARAMETERS, UNBOUNDED
+from jblast.parameters import PARAMETERS, UNBOUNDED, Bounds
 from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
 from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import EXPLOSIVES
@@ -9,7 +11,6 @@ from jblast.scene.random_blasts import ABOUT, WORLD_NUMBERS
 from jblast.scene.reader.tables import (
     GROUND_PATHS,
     KEYS,
-    LATER,
     LISTS,
     SATURATIONS,
     VEHICLE_MODELS,
@@ -19,116 +20,122 @@ from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.units import SUFFIXES
 
 
+def table(head: str, rows: Iterable[Iterable[object]]) -> str:
+    """Return a Markdown table; columns of `head` are separated by |."""
+    rule = "|".join("---" for _ in head.split("|"))
+    lines = [" | ".join(map(str, row)) for row in rows]
+    return "\n".join([f"| {head} |", f"|{rule}|", *(f"| {line} |" for line in lines)])
+
+
+def code(words: Iterable[str]) -> str:
+    """Return words as code, with commas."""
+    return ", ".join(f"`{word}`" for word in words)
+
+
+def required(bounds: Bounds) -> str:
+    """Return bounds as text; "" for none."""
+    return "" if bounds == UNBOUNDED else bounds.words()
+
+
 def quantities() -> str:
-    """Write what a row of a log may hold, and what laws give besides."""
-    rows = []
-    for name, one in QUANTITIES.items():
-        error = "in its unit" if name in ADDITIVE else "in ln, as a share"
-        needs = "`time_s`" if name in TIMED else ""
-        rows.append(f"| `{name}` | {one.meaning} | {error} | {needs} |")
-    derived = ", ".join(f"`{name}`" for name in DERIVED_QUANTITIES)
-    head = ["| quantity | what it is | its error counts | needs |", "|---|---|---|---|"]
-    return "\n".join(
-        [*head, *rows, "", f"Laws also give {derived}: no row holds them."]
+    """Return the quantities of a log, and the derived quantities of laws."""
+    rows = (
+        (
+            code([name]),
+            one.meaning,
+            "in its unit" if name in ADDITIVE else "in ln, as a share",
+            "`time_s`" if name in TIMED else "",
+        )
+        for name, one in QUANTITIES.items()
     )
+    derived = f"Laws also give {code(DERIVED_QUANTITIES)}: no row holds them."
+    head = "quantity | what it is | its error counts | needs"
+    return f"{table(head, rows)}\n\n{derived}"
 
 
 def columns() -> str:
-    """Write the columns of a log."""
-    needed = ", ".join(f"`{name}`" for name in NEEDED)
-    further = ", ".join(f"`{name}`" for name in COLUMNS if name not in NEEDED)
-    return f"Needed: {needed}. Known besides: {further}."
+    """Return the columns of a log."""
+    further = code(name for name in COLUMNS if name not in NEEDED)
+    return f"Needed: {code(NEEDED)}. Known besides: {further}."
 
 
 def units() -> str:
-    """Write the units that names of columns and quantities may end in."""
+    """Return the units at the end of names of columns and quantities."""
     made = {
         "impulse": "one of pressure, `_`, one of time: `psi_ms`",
         "speed": "one of length, `_`, one of time: `mm_s`, `mph`, `kmh`, `kn`",
     }
-    rows = [
-        f"| {of} | {made.get(of) or ', '.join(f'`{unit}`' for unit in endings)} |"
-        for of, endings in SUFFIXES.items()
-    ]
-    return "\n".join(["| of | endings |", "|---|---|", *rows])
+    rows = ((of, made.get(of) or code(endings)) for of, endings in SUFFIXES.items())
+    return table("of | endings", rows)
 
 
 def numbers() -> str:
-    """Write every number that may be fixed, free or uncertain."""
+    """Return every number that may be fixed, free or uncertain."""
     rows = []
     for name, one in PARAMETERS.items():
-        key, bounds = one.key, one.bounds
-        at = key.name if key.index is None else f"{key.name}[{key.index}]"
-        rows.append(
-            f"| `{name}` | {one.words} | `[{key.table}] {at}` | "
-            f"{'' if bounds == UNBOUNDED else bounds.words()} | "
-            f"{one.default:g} | {'ln' if one.positive else 'itself'} |"
-        )
-    head = ["| number | is the | key | has to be | a fit starts at | fitted in |"]
-    return "\n".join([*head, "|---|---|---|---|---:|---|", *rows])
+        index = "" if one.key.index is None else f"[{one.key.index}]"
+        key = code([f"[{one.key.table}] {one.key.name}{index}"])
+        scale = "ln" if one.positive else "itself"
+        bounds = required(one.bounds)
+        rows.append((code([name]), one.words, key, bounds, f"{one.default:g}", scale))
+    return table(
+        "number | is the | key | has to be | a fit starts at | fitted in", rows
+    )
 
 
 def world_numbers() -> str:
-    """Write the numbers of random blasts."""
-    rows = []
-    for key, one in WORLD_NUMBERS.items():
-        bounds = "" if one.bounds == UNBOUNDED else one.bounds.words()
-        rows.append(f"| `{key}` | {one.words} | {one.unit} | {bounds} |")
-    head = ["| key | is the | unit | has to be |", "|---|---|---|---|"]
-    return "\n".join([*head, *rows])
+    """Return the numbers of random blasts."""
+    rows = (
+        (code([key]), one.words, one.unit, required(one.bounds))
+        for key, one in WORLD_NUMBERS.items()
+    )
+    return table("key | is the | unit | has to be", rows)
 
 
 def keys_of_tables() -> str:
-    """Write the keys of every table."""
-    rows = []
-    for table in KEYS:
-        names = keys_of(table)
-        title = f"`[{table}]`" if table else "the file"
-        later = ", ".join(f"`{name}`" for name in LATER.get(table, ()))
-        rows.append(f"| {title} | {', '.join(f'`{n}`' for n in names)} | {later} |")
-    return "\n".join(["| table | keys | not supported yet |", "|---|---|---|", *rows])
+    """Return the keys of every table."""
+    rows = (
+        (code([f"[{name}]"]) if name else "the file", code(keys_of(name)))
+        for name in KEYS
+    )
+    return table("table | keys", rows)
 
 
 def lists() -> str:
-    """Write the keys that hold lists."""
-    rows = [f"| `{key}` | `{form}` |" for key, form in LISTS.items()]
-    return "\n".join(["| key | is written |", "|---|---|", *rows])
+    """Return the keys with lists."""
+    return table("key | is written", ((code([k]), code([f])) for k, f in LISTS.items()))
 
 
 def words() -> str:
-    """Write the keys that take one of a few words."""
+    """Return the keys that take one of a few words."""
     rows = {
-        "`[[sensor]] kind`": tuple(SENSOR_KINDS),
+        "`[[sensor]] kind`": SENSOR_KINDS,
         "`[[sensor]] saturation`": SATURATIONS,
         "`[ground] path`": GROUND_PATHS,
         "`[vehicle] model`": VEHICLE_MODELS,
         "`mount` of a sensor, of the camera": MOUNTS,
         "`[world] about`": ABOUT,
     }
-    lines = [
-        f"| {key} | {', '.join(f'`{w}`' for w in ws)} |" for key, ws in rows.items()
-    ]
-    return "\n".join(["| key | one of |", "|---|---|", *lines])
+    return table("key | one of", ((key, code(of)) for key, of in rows.items()))
 
 
 def sensor_kinds() -> str:
-    """Write what each kind of sensor records, perceives and needs."""
+    """Return records, perceived quantities and requirements of each kind of sensor."""
     rows = []
     for name, kind in SENSOR_KINDS.items():
-        columns = ", ".join(f"`{column}`" for column in kind.columns)
-        file = f"{kind.file[1:].upper()}: {columns}" if columns else ""
+        file = f"{kind.file[1:].upper()}: {code(kind.columns)}" if kind.columns else ""
         senses = ", ".join(sense for _, sense in kind.senses)
         carried = "no" if kind.unmounted else "yes"
-        rows.append(f"| `{name}` | {kind.words} | {file} | {senses} | {carried} |")
-    head = "| kind | is | samples: file and columns | perceives | on a vehicle |"
-    return "\n".join([head, "|---|---|---|---|---|", *rows])
+        rows.append((code([name]), kind.words, file, senses, carried))
+    head = "kind | is | samples: file and columns | perceives | on a vehicle"
+    return table(head, rows)
 
 
 def explosives() -> str:
-    """Write what explosives are worth in TNT."""
-    rows = [
-        f"| `{name}` | {x.pressure:g} | {x.impulse:g} | {x.energy:g} | {x.source} |"
+    """Return the TNT equivalents of explosives."""
+    rows = (
+        (code([name]), *(f"{v:g}" for v in (x.pressure, x.impulse, x.energy)), x.source)
         for name, x in EXPLOSIVES.items()
-    ]
-    head = "| explosive | by pressure | by impulse | by energy of the front | source |"
-    return "\n".join([head, "|---|---:|---:|---:|---|", *rows])
+    )
+    head = "explosive | by pressure | by impulse | by energy of the front | source"
+    return table(head, rows)
