@@ -334,7 +334,7 @@ def utc(epoch: datetime, seconds_since: float) -> str:
 def place(east: float, north: float, log: Observations) -> str:
     """Return a position, in degrees if the log is in degrees."""
     if log.frame is not None:
-        from jblast.report.fit.place import degrees
+        from jblast.report.maps import degrees
 
         lat, lon, _ = log.frame.to_geodetic(np.array([east, north, 0.0])).tolist()
         return degrees(lat, lon)

@@ -276,19 +276,24 @@ def place_names(
         )
         for name, (x, y), colour in zip(names, points, each, strict=True)
     ]  # fmt: skip
-    further: dict[str, Any] = {}
-    if avoid is not None and len(avoid):
-        further = {"x": avoid[:, 0], "y": avoid[:, 1]}
+    for text in texts:
+        text.set_in_layout(False)
+    marks = points if avoid is None else np.concatenate([points, avoid])
+    # corners of a box about each marker, which has a diameter of up to 14 points
+    corners = DPI / 72 * 7.0 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
+    corners = axes.transData.transform(marks)[:, None] + corners
+    x, y = axes.transData.inverted().transform(corners.reshape(-1, 2)).T
     # a number of steps, not a time: the same figure each time it is drawn
     line = {"arrowstyle": "-", "color": MUTED, "linewidth": 0.6}
     adjust_text(
         texts,
         ax=axes,
         iter_lim=MOVES,
-        expand=(1.25, 1.6),
+        x=x,
+        y=y,
+        expand=(1.2, 1.35),
         arrowprops=line,
-        min_arrow_len=12,
-        **further,
+        min_arrow_len=20,
     )
 
 
@@ -305,10 +310,10 @@ def figure_bytes(figure: Figure, kind: str = "png") -> bytes:
             figure.set_layout_engine(None)
         # a date would make files of equal figures differ
         dates = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
-        packed = {"pil_kwargs": {"compress_level": PACKED}} if kind == "png" else {}
-        figure.savefig(
-            buffer, format=kind, facecolor="white", metadata=dates.get(kind), **packed
-        )
+        packed: dict[str, Any] = {"metadata": dates.get(kind)}
+        if kind == "png":
+            packed["pil_kwargs"] = {"compress_level": PACKED}
+        figure.savefig(buffer, format=kind, facecolor="white", **packed)
     return buffer.getvalue()
 
 

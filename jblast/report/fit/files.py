@@ -13,7 +13,6 @@ from jblast.inference.mcmc import Ensemble
 from jblast.observations import Observations
 from jblast.report.estimates import Accepted
 from jblast.report.fit.document import fit_answer
-from jblast.report.fit.geo_files import PLACE_FILES, write_place
 from jblast.report.messages import sentences_of
 from jblast.report.provenance import Provenance, provenance_of
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 
 DRAWS = "posterior.nc"
 NAMES = ("fit.json", "recordings.png", "residuals.png", "corner.png", "report.html")
-NAMES += ("map.png", "records.png", *PLACE_FILES, DRAWS)
+NAMES += ("map.png", "records.png", "place.geojson", "place.kml", DRAWS)
 """Files that a report may contain."""
 
 
@@ -64,8 +63,9 @@ def write_report(
         recordings_figure,
         residuals_figure,
     )
-    from jblast.report.fit.map import map_figure
     from jblast.report.fit.page import report_page
+    from jblast.report.fit.place import fit_map, place_files
+    from jblast.report.maps import map_figure
 
     directory = Path(directory)
     check_directory(directory, force)
@@ -83,13 +83,15 @@ def write_report(
         except Exception as error:
             failures.append(f"{DRAWS} was not written: {error!r}")
     try:
-        written += write_place(fit, directory, accepted)
+        for name, text in place_files(fit, accepted).items():
+            write_text(directory / name, text)
+            written.append(directory / name)
     except Exception as error:
-        failures.append(f"{' and '.join(PLACE_FILES)} were not written: {error!r}")
+        failures.append(f"place.geojson was not written: {error!r}")
     pictures: dict[str, Picture] = {}
     # functions, so that each figure is drawn inside the try below
     drawings: dict[str, Callable[[], Figure | None]] = {
-        "map": lambda: map_figure(fit, accepted),
+        "map": lambda: map_figure(shown) if (shown := fit_map(fit, accepted)) else None,
         "records": lambda: records() if records else None,
         "recordings": lambda: recordings_figure(fit),
         "residuals": lambda: residuals_figure(fit),

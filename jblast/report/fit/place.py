@@ -1,18 +1,13 @@
 """Positions of the charge and the sensors, for the map and as text."""
 
 import math
-import textwrap
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.place import (
-    ConfidenceEllipse,
-    CredibleRegion,
     PlaceOnEarth,
-    ShockRing,
     charge_ellipse,
     confidence_ellipse,
     credible_regions,
@@ -23,33 +18,28 @@ from jblast.inference.fitting.place import (
 )
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.instants import written
-from jblast.observations.places import Frame
 from jblast.report.estimates import Accepted, outlier_rows
+from jblast.report.fit.rows import estimates_of, log_name
+from jblast.report.maps import Feature, Map, degrees, map_files, point
 from jblast.report.words import law_words, printed_number
 
 EDGES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 """Residuals at which the colour changes [sd]: 2 and 3 sd are what readers look for."""
-COLOURS = (
-    *("#2166ac", "#67a9cf", "#d1e5f0"),
-    "#f7f7f7",
-    *("#fddbc7", "#ef8a62", "#b2182b"),
-)
+SHADES = ("#2166ac", "#67a9cf", "#d1e5f0", "#f7f7f7", "#fddbc7", "#ef8a62", "#b2182b")
 """ColorBrewer's RdBu with seven classes, which is safe for colour-blind readers."""
 NO_RESIDUAL = "#b0b0b0"
 """Colour of a sensor without a residual."""
-MARGIN = 0.12
-"""Margin of a map as a share of its positions' extent: room for names."""
-MIN_ASPECT = 0.5
-"""Least height over width, and width over height, of a map: sensors in a line would
-otherwise make a strip without room for names."""
-INSET_BELOW = 0.1
-"""An ellipse below this share of the map's side gets an enlarged map: on a map of 5
-inches it is half an inch, about two star markers."""
 MARK_SHARE = 0.01
 """Share of the map's extent within which positions of one sensor are one mark: the
 width of its symbol on a map of 5 inches."""
-SHARES = (0.5, 0.9)
-"""Shares of the posterior, one ellipse each."""
+SHARES = (0.9, 0.5)
+"""Shares of the posterior; the largest first, so that smaller areas lie above."""
+CORNERS = 120
+"""Corners of a circle: the polygon's area is 0.05 % too small."""
+MAX_DRAWS = 600
+"""Draws in an enlarged map: more of them merge into one spot."""
+CALM_M_S = 0.05
+"""Wind below this is not written [m/s]: it would be printed as 0.0."""
 
 
 def residual_colour(residual_sd: float) -> str:
@@ -57,7 +47,7 @@ def residual_colour(residual_sd: float) -> str:
     if math.isnan(residual_sd):
         return NO_RESIDUAL
     steps = sum(abs(residual_sd) > edge for edge in EDGES if edge > 0.0)
-    return COLOURS[len(COLOURS) // 2 + (steps if residual_sd > 0.0 else -steps)]
+    return SHADES[len(SHADES) // 2 + (steps if residual_sd > 0.0 else -steps)]
 
 
 def earth_lines(fit: Fit) -> list[str]:
@@ -111,176 +101,67 @@ def _time(fit: Fit, name: str) -> str:
     return f"{text} UTC ± {half:.{decimals}f} s (90 %)"
 
 
-@dataclass(frozen=True)
-class ChargePlace:
-    """A charge on the map.
-
-    Attributes:
-        name: Name of the charge; "" if there is only one.
-        shot: Index of the charge in the scene.
-        position: East, north, up at the answer [m].
-        is_fitted: Whether its position was fitted, not fixed.
-        draws: Draws of its position (east, north) [m]; None if it was fixed.
-        ellipses: One ellipse for each of `SHARES`; none if it was fixed.
-        regions: One credible region for each of `SHARES`, if an ellipse would mislead.
-        rings: Ranges at which its peak overpressure falls to some values.
-        elsewhere: Other optima, (east, north) [m].
-        accepted: Published position (east, north) [m], if known.
-        rests_on_clocks: Whether the position is identified only if clocks agree that
-            were assumed to; then it has neither ellipses nor regions.
-    """
-
-    name: str
-    shot: int
-    position: Float[np.ndarray, "3"]
-    is_fitted: bool
-    draws: Float[np.ndarray, "draw 2"] | None
-    ellipses: tuple[ConfidenceEllipse, ...]
-    regions: tuple[CredibleRegion, ...]
-    rings: tuple[ShockRing, ...]
-    elsewhere: tuple[tuple[float, float], ...] = ()
-    accepted: tuple[float, float] | None = None
-    rests_on_clocks: bool = False
-
-
-@dataclass(frozen=True)
-class Station:
-    """A sensor on the map.
-
-    Attributes:
-        name: Name in the log.
-        position: East, north, up [m].
-        residuals: Pairs of quantity and residual [sd], one per row of the log.
-        suspected: Whether one of them is a suspected outlier.
-    """
-
-    name: str
-    position: Float[np.ndarray, "3"]
-    residuals: tuple[tuple[str, float], ...]
-    suspected: bool = False
-
-    @property
-    def worst(self) -> float:
-        """The residual that is furthest from 0 [sd]; NaN if there is none."""
-        finite = [r for _, r in self.residuals if np.isfinite(r)]
-        return max(finite, key=abs, default=float("nan"))
-
-
-@dataclass(frozen=True)
-class GroundMap:
-    """Contents of a map.
-
-    Attributes:
-        stations: Sensors with known positions.
-        charges: Charges with known or fitted positions.
-        wind: Wind towards east and north [m/s].
-        frame: Origin of east, north, up on the Earth; None if unknown.
-    """
-
-    stations: tuple[Station, ...]
-    charges: tuple[ChargePlace, ...]
-    wind: tuple[float, float]
-    frame: Frame | None
-
-
-@dataclass(frozen=True)
-class View:
-    """A rectangle of ground [m]."""
-
-    west: float
-    east: float
-    south: float
-    north: float
-
-    @property
-    def width(self) -> float:
-        """From west to east [m]."""
-        return self.east - self.west
-
-    @property
-    def height(self) -> float:
-        """From south to north [m]."""
-        return self.north - self.south
-
-    def holds(self, east: float, north: float) -> bool:
-        """Return whether a position lies in the view."""
-        inside = self.west <= east <= self.east
-        return bool(inside and self.south <= north <= self.north)
-
-
-def map_notes(shown: GroundMap, view: View, width: int) -> list[str]:
-    """Return the lines below a map: its key, rings, corners in degrees.
+def fit_map(fit: Fit, accepted: Accepted | None = None) -> Map | None:
+    """Return the map of a fit; None if no sensor's position is known.
 
     Args:
-        shown: Contents of the map.
-        view: Rectangle of ground that is shown.
-        width: Width of a line [characters].
+        fit: The fit.
+        accepted: Published values by parameter name, each with its source.
     """
-    key = ["circles: sensors"]
-    if any(charge.rests_on_clocks for charge in shown.charges):
-        key += ["star: charge, if the clocks agree; no ellipse without that"]
-    elif any(charge.is_fitted for charge in shown.charges):
-        regions = any(charge.regions for charge in shown.charges)
-        key += ["star: charge"]
-        key += ["blue: 50 and 90 % of the posterior" + ", dashed as ellipses" * regions]
-    elif shown.charges:
-        key += ["star: charge, position fixed"]
-    else:
-        key += ["the position of the charge is not identified"]
-    if any(charge.accepted for charge in shown.charges):
-        key += ["cross: accepted position, if in view"]
-    if any(charge.elsewhere for charge in shown.charges):
-        key += ["orange crosses: other optima"]
-    if any(station.suspected for station in shown.stations):
-        key += ["ringed: suspected outlier"]
-    lines = _broken(key, "   ·   ", width)
-    for charge in shown.charges:
-        for line in ring_lines(charge):
-            lines += textwrap.wrap(line, width)
-    if shown.frame is not None:
-        corners = np.array([[view.west, view.south, 0.0], [view.east, view.north, 0.0]])
-        (south, west, _), (north, east, _) = shown.frame.to_geodetic(corners)
-        ends = [
-            f"lower left {degrees(south, west)}",
-            f"upper right {degrees(north, east)} (WGS84)",
-        ]
-        lines += _broken(ends, "   ·   ", width)
-    return lines
+    sensors = _sensors(fit)
+    if not sensors:
+        return None
+    charges = [_charge(fit, shot, accepted) for shot in range(len(fit.scene.charges))]
+    near, notes = None, ["north up"]
+    for features in charges:
+        areas = [f.places for f in features if f.kind in ("region", "ellipse")]
+        if areas and near is None:
+            near = np.concatenate(areas)
+            # further away a published position would shrink the areas to a dot
+            size = np.ptp(near, axis=0).max()
+            for other in (f.places for f in features if f.kind == "accepted"):
+                if np.abs(other - near.mean(axis=0)).max() < 2 * size:
+                    near = np.vstack([near, other])
+    air = fit.scene.air
+    east, north = float(air.wind_east), float(air.wind_north)
+    if (speed := math.hypot(east, north)) >= CALM_M_S:
+        towards = math.degrees(math.atan2(east, north)) % 360.0
+        notes += [f"wind {printed_number('_m_s', speed, 2)} towards {towards:.0f}°"]
+    lines = [line for shot in range(len(charges)) for line in ring_lines(fit, shot)]
+    if any(rests_on_clocks(fit, shot) for shot in range(len(charges))):
+        lines.append("The charge is there if the clocks agree; no area without that.")
+    return Map(
+        features=[f for features in (*charges, sensors) for f in features],
+        frame=fit.observations.frame,
+        note=", ".join(notes),
+        lines=lines,
+        near=near,
+        scale=("largest residual of the sensor (sd)", EDGES, SHADES),
+    )
 
 
-def _broken(parts: list[str], between: str, width: int) -> list[str]:
-    """Join parts into lines of at most a width."""
-    lines = [parts[0]]
-    for part in parts[1:]:
-        longer = lines[-1] + between + part
-        lines[-1:] = [longer] if len(longer) <= width else [lines[-1], part]
-    return lines
+def place_files(fit: Fit, accepted: Accepted | None = None) -> dict[str, str]:
+    """Return the map in WGS84 as files, if the log has positions on the Earth."""
+    shown, name = fit_map(fit, accepted), log_name(fit)
+    if shown is None or shown.frame is None:
+        return {}
+    title = f"Blast fit: {name}" if name else "Blast fit"
+    return map_files("place", shown.features, shown.frame, title)
 
 
-def ring_lines(charge: ChargePlace) -> list[str]:
+def ring_lines(fit: Fit, shot: int) -> list[str]:
     """Return a line with the ranges of some peak overpressures; none without rings."""
-    if not charge.rings:
+    if not (rings := shock_rings(fit, shot)):
         return []
-    of = f" of {charge.name}" if charge.name else ""
-    reaches = [
+    reaches = ", ".join(
         f"{printed_number('_pa', ring.peak_overpressure_pa)} to "
         f"{printed_number('_m', ring.range_m, 3)}" + "*" * (not ring.valid)
-        for ring in charge.rings
-    ]
-    # no-break spaces keep a number and its unit on one line, and the footnote
-    reach = ", ".join(reaches).replace(" kPa", "\u00a0kPa").replace(" m", "\u00a0m")
-    starred = "* outside the law's range".replace(" ", "\u00a0")
-    outside = f"; {starred}" * any(not r.valid for r in charge.rings)
-    law = law_words(charge.rings[0].law)
-    wide = any(ring.range_q05_m < ring.range_q95_m for ring in charge.rings)
-    band = ", with its 90 % band" if wide else ""
-    return [f"grey: peak overpressure{of} by {law}{band}: {reach}{outside}"]
-
-
-def degrees(lat: float, lon: float) -> str:
-    """Return a position as 47.12345° N, 8.54321° E."""
-    ns, ew = "N" if lat >= 0 else "S", "E" if lon >= 0 else "W"
-    return f"{abs(lat):.5f}° {ns}, {abs(lon):.5f}° {ew}"
+        for ring in rings
+    )
+    name, law = fit.scene.charges[shot].name, law_words(rings[0].law)
+    outside = " (* outside the law's range)" * any(not ring.valid for ring in rings)
+    of = f" of {name}" if name else ""
+    return [f"Peak overpressure{of} by {law}, with its 90 % band: {reaches}{outside}."]
 
 
 def absent_map_note(fit: Fit) -> str:
@@ -292,7 +173,7 @@ def absent_map_note(fit: Fit) -> str:
 
 def map_alt(fit: Fit) -> str:
     """Return the alternative text of a map, for screen readers."""
-    parts = []
+    parts = ["Map of sensors, coloured by residual, and charge"]
     for shot, charge in enumerate(fit.scene.charges):
         if (ellipse := charge_ellipse(fit, shot=shot)) is not None:
             of = f" of {charge.name}" if charge.name else ""
@@ -304,7 +185,7 @@ def map_alt(fit: Fit) -> str:
                 f"{100 * ellipse.share:.0f} % ellipse{of} with axes {long} by {wide}, "
                 f"longer one at {ellipse.azimuth_deg:.0f}° from north"
             )
-    return "; ".join(["Map of sensors, coloured by residual, and charge", *parts]) + "."
+    return "; ".join(parts) + "."
 
 
 def map_caption(fit: Fit) -> str:
@@ -315,182 +196,153 @@ def map_caption(fit: Fit) -> str:
         "of the mass, for still air and level ground and without model error."
     )
     if fit.observations.frame is not None:
-        words += " place.geojson and place.kml contain the same map in degrees."
+        files = place_files(fit)
+        words += f" The same map in degrees: {' and '.join(files)}."
+        if "place.kml" not in files:
+            words += " (place.kml needs simplekml, of the extra geo.)"
     return words
 
 
-def view_of(places: Float[np.ndarray, "place 2"]) -> View:
-    """Return the view that shows all positions (east, north) [m] with a margin."""
-    low, high = places.min(axis=0), places.max(axis=0)
-    span = np.maximum(high - low, 1e-12)
-    # a single position has no extent, and an axis needs one: ten metres
-    if span.max() < 1e-9:
-        span[:] = 10.0
-    size = np.maximum(
-        span * (1 + 2 * MARGIN), MIN_ASPECT * span.max() * (1 + 2 * MARGIN)
-    )
-    middle = 0.5 * (low + high)
-    (west, south), (east, north) = middle - size / 2, middle + size / 2
-    return View(float(west), float(east), float(south), float(north))
-
-
-def whole_view(shown: GroundMap) -> View:
-    """Return the view of all sensors, charges, ellipses and other optima."""
-    # without published positions: a wrong one far off would shrink the rest of the map
-    # to a spot
-    places = [station.position[:2] for station in shown.stations]
-    for charge in shown.charges:
-        places += _places_of(charge)
-        places += [np.array(there) for there in charge.elsewhere]
-    return view_of(np.array(places))
-
-
-def close_view(charge: ChargePlace, whole: View) -> View | None:
-    """Return the view of a charge's ellipses; None if the map is large enough."""
-    if not charge.ellipses:
-        return None
-    size = 2 * max(ellipse.major for ellipse in charge.ellipses)
-    if size > INSET_BELOW * max(whole.width, whole.height) or not size > 0.0:
-        return None
-    places = _places_of(charge)
-    # a published position near the ellipse is worth its place on the map
-    if charge.accepted is not None and charge.draws is not None:
-        away = np.hypot(*(np.array(charge.accepted) - charge.position[:2]))
-        # further away it would shrink the ellipses to a dot again
-        if away < 3 * size:
-            places.append(np.array(charge.accepted))
-    view = view_of(np.array(places))
-    half = max(view.width, view.height) / 2  # a square
-    east, north = (view.east + view.west) / 2, (view.north + view.south) / 2
-    return View(east - half, east + half, north - half, north + half)
-
-
-def _places_of(charge: ChargePlace) -> list[Float[np.ndarray, "2"]]:
-    places = [charge.position[:2]]
-    for ellipse in charge.ellipses:
-        places += list(ellipse.outline(24))
-    for region in charge.regions:
-        places += [place for outer, _ in region.parts for place in outer]
-    return places
-
-
-def round_length(longest: float) -> float:
-    """Return 1, 2 or 5 times a power of ten, no longer than a length [m]."""
-    power = 10.0 ** math.floor(math.log10(longest))
-    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= longest)
-
-
-def free_corners(
-    view: View, places: Float[np.ndarray, "place 2"]
-) -> list[tuple[float, float]]:
-    """Return the corners as shares of width and height, the emptiest first.
-
-    Args:
-        view: The view.
-        places: Positions in it, (east, north) [m].
-    """
-    size = np.array([view.width, view.height])
-    shares = (places - np.array([view.west, view.south])) / size
-    corners = [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0), (1.0, 0.0)]
-    # the corner whose nearest name is furthest away has most space
-    nearest = [np.hypot(*(shares - np.array(c)).T).min() for c in corners]
-    return [corners[k] for k in np.argsort(nearest)[::-1]]
-
-
-def ground_map(fit: Fit, accepted: Accepted | None = None) -> GroundMap | None:
-    """Return the contents of a map; None if no sensor's position is known.
-
-    Args:
-        fit: The fit.
-        accepted: Published values by parameter name, each with its source.
-    """
-    stations = _stations(fit)
-    if not stations:
-        return None
-    found = (_charge(fit, shot, accepted) for shot in range(len(fit.scene.charges)))
-    air = fit.scene.air
-    return GroundMap(
-        stations=stations,
-        charges=tuple(charge for charge in found if charge is not None),
-        wind=(float(air.wind_east), float(air.wind_north)),
-        frame=fit.observations.frame,
-    )
-
-
-def _stations(fit: Fit) -> tuple[Station, ...]:
+def _sensors(fit: Fit) -> list[Feature]:
     table, suspected = fit.observations, set(outlier_rows(fit))
     # a row with a range has a placeholder position, on a line from the charge
     ranged = np.isfinite(table.slant_range)
     placed = np.flatnonzero(np.isfinite(table.position).all(axis=1) & ~ranged)
     if not len(placed):
-        return ()
+        return []
     # positions of a sensor that differ by rounding are one mark with one label
     mark = MARK_SHARE * float(np.max(np.ptp(table.position[placed, :2], axis=0)))
     marks: list[list[int]] = []
-    by_sensor: dict[str, list[list[int]]] = {}
     for row in placed.tolist():
-        own = by_sensor.setdefault(table.sensor[row], [])
-        at = table.position[row, :2]
-        for rows in own:
-            if math.dist(table.position[rows[0], :2], at) <= mark:
+        for rows in marks:
+            apart = math.dist(table.position[rows[0], :2], table.position[row, :2])
+            if table.sensor[rows[0]] == table.sensor[row] and apart <= mark:
                 rows.append(row)
                 break
         else:
-            own.append([row])
-            marks.append(own[-1])
-    return tuple(
-        Station(
-            name=table.sensor[of[0]],
-            position=table.position[of[0]],
-            residuals=tuple((table.quantity[i], float(fit.residual[i])) for i in of),
-            suspected=not suspected.isdisjoint(of),
-        )
-        for of in marks
-    )
+            marks.append([row])
+    features = []
+    for rows in marks:
+        name, place = table.sensor[rows[0]], table.position[rows[0]]
+        residuals = {table.quantity[i]: float(fit.residual[i]) for i in rows}
+        finite = [r for i in rows if np.isfinite(r := float(fit.residual[i]))]
+        worst = max(finite, key=abs, default=math.nan)
+        doubtful = not suspected.isdisjoint(rows)
+        numbers = {f"residual_sd.{quantity}": r for quantity, r in residuals.items()}
+        numbers = {"residual_sd": worst, **numbers, "up_m": float(place[2])}
+        sensor = point(
+            "sensor", name, place, label="" if doubtful else name,
+            properties={**numbers, "suspected_outlier": doubtful},
+            colour=residual_colour(worst),
+        )  # fmt: skip
+        ring = [point("suspected", "", place, label=name)] if doubtful else []
+        features += [sensor, *ring]
+    return features
 
 
-def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> ChargePlace | None:
-    """Return one charge; None if its position is not identified or it did not fire."""
+def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> list[Feature]:
+    """Return a charge; nothing if its position is not identified or it did not fire."""
     charge = fit.scene.charges[shot]
     position = np.asarray(charge.position_m, float)
-    names = [f"charge_{axis}_m{fit.scene.label(charge)}" for axis in ("east", "north")]
+    label = fit.scene.label(charge)
+    names = [f"charge_{axis}_m{label}" for axis in ("east", "north")]
     is_fitted = not set(names).isdisjoint(fit.summary.free)
     pair = place_draws(fit, shot)
     unknown = is_fitted and pair is None
     if unknown or charge.range_m is not None or bool(np.isinf(charge.time_s)):
-        return None
+        return []
+    of, name = f" of {charge.name}" if charge.name else "", charge.name or "charge"
+    features = _rings(fit, shot, position, of)
     # without agreeing clocks the draws would claim a position
-    rests = rests_on_clocks(fit, shot)
-    pair = None if rests else pair
-    draws = None if pair is None else np.stack(pair, axis=-1)
-    ellipses, regions = (), ()
-    if pair is not None:
-        ellipses = tuple(confidence_ellipse(*pair, share) for share in SHARES)
-        regions = credible_regions(*pair, SHARES)
-    known = [accepted[name][0] for name in names if accepted and name in accepted]
-    return ChargePlace(
-        name=charge.name,
-        shot=shot,
-        position=position,
-        is_fitted=is_fitted,
-        rests_on_clocks=rests,
-        draws=draws,
-        ellipses=ellipses,
-        regions=regions,
-        rings=shock_rings(fit, shot),
-        elsewhere=_elsewhere(fit, names, position),
-        accepted=(float(known[0]), float(known[1])) if len(known) == 2 else None,
+    if pair is not None and not rests_on_clocks(fit, shot):
+        draws = np.stack(pair, axis=-1)
+        # every n-th draw: in MCMC neighbours are correlated
+        features.append(point("draw", "", draws[:: max(len(draws) // MAX_DRAWS, 1)]))
+        features += _areas(pair, of)
+    estimates = {}
+    for key, estimate in estimates_of(fit.summary).items():
+        stem, _, owner = key.partition(".")
+        if owner == charge.name and (stem.startswith("charge_") or not owner):
+            estimates |= {
+                stem: estimate.value,
+                f"{stem}.q05": estimate.q05,
+                f"{stem}.q95": estimate.q95,
+            }
+    place = {"place": "fitted" if is_fitted else "given"}
+    features.append(
+        point("charge", name, position, label=name, properties=place | estimates)
     )
+    for other in fit.summary.ambiguities:
+        there = [
+            float(other.parameters.get(axis, here))
+            for axis, here in zip(names, position, strict=False)
+        ]
+        if there != position[:2].tolist():
+            there = [*there, position[2]]
+            features.append(point("other optimum", f"{name}, another optimum", there))
+    known = [accepted[axis][0] for axis in names if accepted and axis in accepted]
+    if len(known) == 2:
+        features.append(point("accepted", "", known))
+    return features
 
 
-def _elsewhere(
-    fit: Fit, names: list[str], position: Float[np.ndarray, "3"]
-) -> tuple[tuple[float, float], ...]:
-    """Return the positions of a charge at other optima, if they differ."""
-    east, north = names
-    places = [
-        (float(of.parameters.get(east, here)), float(of.parameters.get(north, there)))
-        for of in fit.summary.ambiguities
-        for here, there in [position[:2]]
-    ]
-    return tuple(place for place in places if place != tuple(position[:2]))
+def _areas(pair: tuple[np.ndarray, np.ndarray], of: str) -> list[Feature]:
+    """Return ellipses, and where they would mislead regions of the position."""
+    regions = credible_regions(*pair, SHARES)
+    features = [
+        Feature(
+            "region", f"{100 * region.share:.0f} % region{of}",
+            [(outer, *holes) for outer, holes in region.parts],
+            properties={"share": region.share},
+        )
+        for region in regions
+    ]  # fmt: skip
+    for share in SHARES:
+        ellipse = confidence_ellipse(*pair, share)
+        numbers = {
+            "share": share,
+            "semi_major_m": ellipse.major,
+            "semi_minor_m": ellipse.minor,
+            "azimuth_deg": ellipse.azimuth_deg,
+            "misleads": bool(regions),
+        }
+        # with one free coordinate the ellipse is a line, and has no area for files
+        name = f"{100 * share:.0f} % ellipse{of}" if ellipse.minor > 0.0 else ""
+        outline = [[ellipse.outline(CORNERS)]]
+        features.append(
+            Feature(
+                "ellipse", name, outline, properties=numbers, dashed=bool(regions)
+            )
+        )  # fmt: skip
+    return features
+
+
+def _rings(
+    fit: Fit, shot: int, position: Float[np.ndarray, "3"], of: str
+) -> list[Feature]:
+    """Return circles of some peak overpressures, with their 90 % bands."""
+    turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    unit = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    features = []
+    for ring in shock_rings(fit, shot):
+        peak = printed_number("_pa", ring.peak_overpressure_pa)
+        numbers = {
+            "peak_overpressure_pa": ring.peak_overpressure_pa,
+            "range_m": ring.range_m,
+            "range_m.q05": ring.range_q05_m,
+            "range_m.q95": ring.range_q95_m,
+            "law": law_words(ring.law),
+            "law_holds": ring.valid,
+        }
+        low, middle, high = (
+            position[:2] + reach * unit
+            for reach in (ring.range_q05_m, ring.range_m, ring.range_q95_m)
+        )
+        features += [
+            Feature("band", "", [[high, low[::-1]]]),
+            Feature(
+                "shock ring", peak + of, [[middle]], peak, numbers,
+                dashed=not ring.valid,
+            ),
+        ]  # fmt: skip
+    return features
