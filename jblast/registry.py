@@ -97,6 +97,7 @@ class Law:
         far_scatter: Additional scatter at large distances, in ln: standard deviations
             of an effect common to the far rows of a shot, independent of the shot's
             own, and of each record. None: no addition.
+        title: Name in sentences; "" for `name` without underscores.
     """
 
     quantity: str
@@ -109,6 +110,7 @@ class Law:
     scatter_source: str
     joins: tuple[float, ...] = ()
     far_scatter: Callable[..., tuple[Any, Any]] | None = None
+    title: str = ""
 
     def arguments(self) -> tuple[str, ...]:
         """Return the names of its arguments, attributes of `waves.paths.Path`."""
@@ -183,6 +185,12 @@ def is_law(quantity: str, name: str) -> bool:
 def names_for(quantity: str) -> tuple[str, ...]:
     """Return the names of all laws of a quantity."""
     return tuple(name for q, name in LAWS if q == quantity)
+
+
+def law_words(name: str) -> str:
+    """Return the name of a law in sentences."""
+    titles = (law.title for law in LAWS.values() if law.name == name and law.title)
+    return next(titles, name.replace("_", " "))
 
 
 def names() -> tuple[str, ...]:

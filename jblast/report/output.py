@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jblast.files import replacing, write_bytes, writing
+from jblast.progress import clear
 from jblast.report.view import Picture, View, terminal
 from jblast.results import Document
 
@@ -80,6 +81,7 @@ def deliver(
         if folder:
             written = write_answer(answer, Path(folder), options.verb, names=names)
     finally:
+        clear()
         # also after an error of writing: nothing computed is lost
         if options.json:
             sys.stdout.write(text)

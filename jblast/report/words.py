@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from jblast.parameters import described
 from jblast.quantities import UNITS, quantity_named, unit_suffix
+from jblast.registry import law_words as law_words
 from jblast.units import si_factor
 
 GAP = 2
@@ -28,21 +29,6 @@ CUSTOMARY = {
 SYMBOLS: dict[str, str] = {"in_s": "in/s", "ft_s": "ft/s", "psi_ms": "psi ms"}
 WIDTH = 96
 """Width of printed text [characters]: the range of validity of most laws fits."""
-LAW_WORDS = {
-    "wu_hao": "Wu-Hao",
-    "kingery_bulmash": "Kingery-Bulmash",
-    "kinney_graham": "Kinney-Graham",
-    "swisdak": "Swisdak",
-    "sadovsky": "Sadovsky",
-    "dna_1kt": "DNA 1 kt standard",
-    "point_source": "point-source",
-    "sedov_taylor": "Sedov-Taylor",
-    "shock_kinematics": "shock kinematics",
-    "weak_shock_iso": "weak shock with ISO 9613-1",
-    "acoustic": "acoustic",
-    "ford_2021": "Ford 2021",
-    "ground_motion": "ground motion",
-}
 
 
 def aligned(
@@ -250,11 +236,6 @@ def quantity_words(quantity: str) -> str:
     """Return a quantity's name as words."""
     known = quantity_named(quantity)
     return known.words if known else split_name(quantity)[0].replace("_", " ")
-
-
-def law_words(law: str) -> str:
-    """Return a law's name for a sentence."""
-    return LAW_WORDS.get(law, law.replace("_", " "))
 
 
 def joined(parts: Sequence[str]) -> str:

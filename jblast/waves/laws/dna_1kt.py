@@ -111,6 +111,7 @@ for _quantity, _function, _sd in (
         Law(
             quantity=_quantity,
             name="dna_1kt",
+            title="DNA 1 kt standard",
             function=_function,
             range=RANGE,
             source=SOURCE,

@@ -256,6 +256,7 @@ def ford_2021_laws(calibration: Ford2021 | None, name: str) -> list[Law]:
         Law(
             quantity=quantity,
             name=name,
+            title=name.replace("_", " ").capitalize(),
             function=function,
             range=RANGE,
             source=SOURCE,

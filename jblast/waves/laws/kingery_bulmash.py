@@ -417,6 +417,7 @@ for _quantity, _function in {
         Law(
             quantity=_quantity,
             name="kingery_bulmash",
+            title="Kingery-Bulmash",
             function=_function,
             range=DURATION_RANGE if _is_duration else RANGE,
             source=SOURCE,
@@ -439,6 +440,7 @@ for _wind_quantity, _wind_function in {
         Law(
             quantity=_wind_quantity,
             name="kingery_bulmash",
+            title="Kingery-Bulmash",
             function=_wind_function,
             range=f"{RANGE}; ideal gas",
             source=f"{SOURCE}; Rankine-Hugoniot",

@@ -414,6 +414,7 @@ for _quantity, _function, _valid, _range, _sd, _joins in (
         Law(
             quantity=_quantity,
             name="kinney_graham",
+            title="Kinney-Graham",
             function=_function,
             range=_range,
             source=SOURCE,

@@ -313,6 +313,7 @@ for _quantity, _function, _valid, _last, _sd, _far in (
         Law(
             quantity=_quantity,
             name="point_source",
+            title="point-source",
             function=_function,
             range=f"free air, Z = 0.346 to {_last}; source small and light",
             source="jblast.waves.euler to Z = 346, weak-shock tail; 1/U integrated",

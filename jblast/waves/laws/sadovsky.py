@@ -100,6 +100,7 @@ register(
     Law(
         quantity="peak_overpressure_pa",
         name="sadovsky",
+        title="Sadovsky",
         function=sadovsky_pressure,
         range="surface, Z = 1 to 15 m/kg^(1/3)",
         source="Sadovsky 1952, second-hand",
@@ -113,6 +114,7 @@ register(
     Law(
         quantity="positive_duration_s",
         name="sadovsky",
+        title="Sadovsky",
         function=sadovsky_duration,
         range="surface, Z = 1 to 15 m/kg^(1/3)",
         source="Sadovsky 1952, second-hand",

@@ -222,6 +222,7 @@ register(
     Law(
         quantity="shock_radius_m",
         name="sedov_taylor",
+        title="Sedov-Taylor",
         function=sedov_taylor_shock_radius,
         range="overpressure >= 25 ambient pressures; source small and light against "
         "the air swept up (nuclear)",

@@ -225,6 +225,7 @@ for _quantity, _function, _curve in (
         Law(
             quantity=_quantity,
             name="swisdak",
+            title="Swisdak",
             function=_function,
             range=f"surface, Z = {_joins[0]:g} to {END.get(_curve, _joins[-1]):g} "
             "m/kg^(1/3)",

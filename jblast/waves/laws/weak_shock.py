@@ -179,6 +179,7 @@ register(
     Law(
         quantity="peak_overpressure_pa",
         name="weak_shock_iso",
+        title="weak shock with ISO 9613-1",
         function=weak_shock_iso_pressure,
         range="Z = 20 to 300 m/kg^(1/3), up to 5 km; loss estimated by humidity",
         source="weak shock from Kingery & Bulmash at Z = 20, ISO 9613-1:1993",

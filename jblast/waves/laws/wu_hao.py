@@ -180,6 +180,7 @@ register(
     Law(
         quantity="air_arrival_s",
         name="wu_hao",
+        title="Wu-Hao",
         function=wu_hao_air_arrival_time,
         range="charge on rock, R <= 14.8 sqrt(Q) m (faster than sound)",
         source=SOURCE,
@@ -192,6 +193,7 @@ register(
     Law(
         quantity="ground_arrival_s",
         name="wu_hao",
+        title="Wu-Hao",
         function=wu_hao_ground_path_arrival_time,
         range="charge on rock; no limit of R known (thesis path: as in air)",
         source=SOURCE,
