@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -26,6 +26,8 @@ from jblast.report.words import (
     capitalised,
     parameter_words,
     printed_number,
+    significant,
+    unit_for,
 )
 from jblast.results import ABSENT, Document, among, filled
 from jblast.study.flight_results import (
@@ -71,6 +73,8 @@ PARTS = {"place": "position", "moves": "velocity", "turn": "attitude"}
 """Words of the parts of a state, by the beginning of their names in `Thrown`."""
 FLAGS = ("recovered", "settled", "crashed", "past_threshold", "in_range_share")
 """Flags, which are shares over several vehicles."""
+NEGLIGIBLE = 1e-6
+"""Rounding of the integration: far below what matters in any unit here."""
 MAX_NAMED = 100
 """Largest number of lost vehicles listed in the JSON: the table has all of them."""
 FILES = ("flight.csv", "flights.csv", "flight.png", "distribution.png", "map.png")
@@ -525,7 +529,6 @@ def flights_view(answer: FlightsAnswer, flights: Flights) -> View:
     several = answer.vehicles > 1
     place = ", ".join(f"{x:g}" for x in answer.target_m)
     tolerance = printed_number("tolerance_m", answer.tolerance_m)
-    within = "in range of its laws" if answer.load == "laws" else "in its cases"
     spread = "5 %, 50 %, 95 %" if several else ""
     drawn = (
         ("distribution", distribution_figure) if several else ("flight", time_figure)
@@ -549,16 +552,15 @@ def flights_view(answer: FlightsAnswer, flights: Flights) -> View:
     )
     blasts = Table(
         [
-            Column("blast", _charge),
+            Column("blast", lambda one: one.charge),
             _column("arrives", "arrival_s"),
             _column("distance", "distance_m"),
             _column("scaled [m/kg^(1/3)]", "scaled_distance"),
             _column("peak", "overpressure_pa"),
-            _column(within, "in_range_share")
-            if several
-            else _column("in range", "in_range"),
+            _column("in range", "in_range_share" if several else "in_range"),
         ],
         answer.blasts,
+        f"Blasts{f': {spread}' if several else ''}",
     )
     errors = [
         (f"{_charge(one)}, {hold_words(name)}", one)
@@ -762,12 +764,15 @@ def printed(name: str, value: Numbers | Share | bool | None, digits: int = 4) ->
         low, high = 100 * value.q05, 100 * value.q95
         return f"{100 * value.value:.4g} % [{low:.4g} to {high:.4g} %]"
     if isinstance(value, Quantiles):
-        each = (value.q05, value.q50, value.q95)
-        return ", ".join(printed(name, one, 3) for one in each)
+        each = [0.0 if abs(x) < NEGLIGIBLE else x for x in astuple(value)]
+        if not all(map(math.isfinite, each)):
+            return ", ".join(printed(name, one, 3) for one in each)
+        unit = unit_for(name, *each)
+        words = ", ".join(significant(one / unit.size, 3) for one in each)
+        return f"{words} {unit.symbol}".rstrip()
     if name in FLAGS:
         return f"{100 * value:.4g} %"
     if not math.isfinite(value):
         never = {"recovery_time_s": "not reached", "arrival_s": "never"}
         return "-" if math.isnan(value) else never.get(name, "-")
-    # rounding of the integration: 1e-6 of any unit here is far below what matters
-    return printed_number(name, 0.0 if abs(value) < 1e-6 else value, digits)
+    return printed_number(name, 0.0 if abs(value) < NEGLIGIBLE else value, digits)
