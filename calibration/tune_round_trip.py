@@ -45,9 +45,9 @@ from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tun
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
 from jblast.report.figures import new_figure, titled, write_figure
-from jblast.report.gain_files import cut_words, draw_each, draw_middle
-from jblast.report.gains import gains_answer, gains_text
-from jblast.report.tune_files import tune_figure, tuned_document
+from jblast.report.tune import gains_answer, put_values
+from jblast.report.tune_figures import cut_words, draw_each, draw_middle, tune_figure
+from jblast.report.view import terminal
 from jblast.report.words import aligned
 from jblast.scene import Scene
 from jblast.scene.reader.scene import scene_from_document
@@ -146,7 +146,7 @@ def heard(case: Case, seed: int) -> tuple[Tuned, Scene]:
     if instrument.bits is not None:
         assert instrument.full_scale is not None
         samples, pascals = samples / float(instrument.full_scale), None
-    wrong = tuned_document(case.document, case.wrong, "mic")
+    wrong = put_values(copy.deepcopy(case.document), case.wrong, "mic")
     recorded = RecordedSound("mic.wav", np.asarray(samples), 0, pascals, ())
     uncertain = scene_from_document(wrong, "wrong")
     return tune_sound(uncertain, recorded, [*case.wrong]), listening.scene
@@ -167,7 +167,7 @@ def drawn(case: Case, seed: int) -> dict[str, Any]:
         name: held_by(truth, -1, name) * float(np.exp(0.3 * draw.normal()))
         for name in case.wrong
     }
-    return tuned_document(case.document, values, None)
+    return put_values(copy.deepcopy(case.document), values, None)
 
 
 def filmed(case: Case, seed: int) -> tuple[Tuned, Scene]:
@@ -179,7 +179,9 @@ def filmed(case: Case, seed: int) -> tuple[Tuned, Scene]:
     frames = np.asarray(render(truth, truth.camera, times, appearance=look))
     light = luminance(srgb_to_linear(srgb_bytes(frames) / 255.0))
     values = 255.0 * linear_to_srgb(np.asarray(light))
-    wrong = scene_from_document(tuned_document(case.document, case.wrong, None), "w")
+    wrong = scene_from_document(
+        put_values(copy.deepcopy(case.document), case.wrong, None), "w"
+    )
     return tune_frames(wrong, values, times, [*case.wrong]), truth
 
 
@@ -207,7 +209,9 @@ def seen(case: Case, seed: int, noise: NoiseModel | None = None) -> tuple[Tuned,
             held.append(np.asarray(one)[:count])
     x, y, time_s, sign = (np.concatenate(held) for held in fields)
     pairs = paired(x, y, np.round(time_s, 6), sign, 0.0)
-    wrong = scene_from_document(tuned_document(case.document, case.wrong, None), "w")
+    wrong = scene_from_document(
+        put_values(copy.deepcopy(case.document), case.wrong, None), "w"
+    )
     return tune_events(wrong, pairs, [*case.wrong]), truth
 
 
@@ -389,7 +393,7 @@ def gains() -> None:
     for name, found, (each, over_time) in zip(cases, answers, axes.T, strict=True):
         answer = gains_answer(found, "")
         print(f"# {name}: {cut_words(found)}")
-        print(gains_text(answer), flush=True)
+        print(terminal(answer.view), flush=True)
         draw_each(each, found)
         draw_middle(over_time, found)
         titled(each, name.capitalize(), cut_words(found))

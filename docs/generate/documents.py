@@ -14,7 +14,6 @@ from jblast.report.film import EventsAnswer, FilmAnswer
 from jblast.report.fit.document import FitAnswer, FitsAnswer
 from jblast.report.flash import ClipsAnswer, FlashAnswer
 from jblast.report.flights import FlightsAnswer, MissionAnswer
-from jblast.report.gains import GainsAnswer
 from jblast.report.listen import ListenAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer
 from jblast.report.study import (
@@ -23,7 +22,7 @@ from jblast.report.study import (
     StudyAnswer,
     StudyReportAnswer,
 )
-from jblast.report.tune import TuneAnswer
+from jblast.report.tune import GainsAnswer, TuneAnswer
 from jblast.report.world import WorldAnswer
 from jblast.results import DIALECT, schema_of
 from jblast.study.mavlink_servers import LockstepAnswer, WatchedAnswer

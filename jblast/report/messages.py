@@ -262,6 +262,32 @@ MESSAGES = {
     "no_row.front_alone": "the record after the front is not a blast pulse",
     "no_row.duration_lost": "the pulse is too faint",
     "no_row.weaker": "weaker than another pick of the same bang: possibly an echo",
+    # tuned parameters and gains
+    "tune_reading": "{text}",
+    "noise_added": "the scene has no noise: noise_pa is tuned as well",
+    "blast_outside": "the record of {seconds:g} s contains no blast: it constrains the "
+    "noise only",
+    "law_invalid": "{quantities:names} are extrapolated: the sensor lies outside the "
+    "range of their laws",
+    "thinned": "{used:,} of {count:,} {what} were used, evenly spaced",
+    "not_constrained": "the record does not constrain {names:names}",
+    "not_separated": "the record does not separate {names:names}: a joint change "
+    "leaves it unchanged; fix one of them",
+    "interval_of_prior": "{name}: its interval is nearly that of the prior",
+    "at_bound": "{name} is at its bound, {value}: the best value lies outside the "
+    "permitted range",
+    "poor_residuals": "poor fit ({tests:ranges}): the intervals include noise, but no "
+    "model error, and are too narrow",
+    "search_not_converged": "the search did not converge",
+    "gains_not_converged": "the search did not converge: other gains may be better",
+    "margins_short": "the scene's gains have margins of {margins:names}, below the "
+    "required ones",
+    "fewer_fly_on": "{percent:.3g} % fewer flights fly on than with the scene's gains",
+    "largest_peak_grew": "the largest peak deviation is larger than before",
+    "median_peak_not_less": "the median peak deviation is not less than with the "
+    "scene's gains",
+    "slower_recovery": "the path error after the blast is larger than with the scene's "
+    "gains: recovery is slower",
 }
 
 

@@ -1,32 +1,38 @@
-"""The answer of `jblast tune`."""
+"""Answers of `jblast tune`: sensors and media by a record, or gains by blasts."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import tomlkit
 
+import jblast
 from jblast.inference.posterior.parameters import Estimate
-from jblast.inference.tuning.result import (
-    POOR,
-    Explained,
-    Note,
-    NotIdentified,
-    Tuned,
-)
+from jblast.inference.tuning.result import POOR, Explained, NotIdentified, Tuned
 from jblast.inference.tuning.unknowns import (
     IDENTIFIED_BY,
     TUNABLES,
     row_named,
     tuned_value,
 )
-from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS
-from jblast.report.words import aligned, hanging, joined, rounded
-from jblast.results import AMONG, Document, among
+from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
+from jblast.report.estimates import printed_estimate
+from jblast.report.messages import sentence_of
+from jblast.report.output import Answer
+from jblast.report.tune_figures import cut_words, gains_figure, tune_figure
+from jblast.report.view import Column, Facts, Lines, Picture, Table, Text, View
+from jblast.report.words import capitalised, printed_number
+from jblast.results import AMONG, Document, Note, among, filled, problem, warning
+from jblast.scene.reader.tables import LISTS
+from jblast.study.gains import EvaluatedGains, TunedGains, known_peaks
+from jblast.vehicle import STEP_S, Gains, vehicle_of
+from jblast.vehicle.control.stability import LOOPS
 
-NOT_IDENTIFIED = "not identified"
 TESTS = {
     "spectrum": "noise in frequency bands",
     "whiteness": "serial correlation of the residuals",
@@ -39,6 +45,17 @@ LEVELS = {
     "noise_pa": "noise of the sensor",
 }
 """Levels that are also printed in decibels."""
+FILES = ("scene.toml", "tune.png")
+"""Files besides document and page."""
+NEUTRAL = {"filter_hz": "none", "threshold": 0.2}
+"""Other entries of a list in the scene file, if only one of them is tuned."""
+GAINS = {
+    "kp_pos": "position [1/s2]",
+    "kd_pos": "velocity [1/s]",
+    "ki_pos": "integral [1/s3]",
+    "kp_att": "attitude [1/s2]",
+    "kd_att": "body rate [1/s]",
+}
 
 
 @dataclass(frozen=True)
@@ -97,88 +114,119 @@ class TuneAnswer(Document):
     files: tuple[str, ...]
 
 
-def tune_text(answer: TuneAnswer) -> str:
-    """Return parameters with intervals, tests of the residuals and warnings."""
-    rows = [["", "value", "90 % interval", "unit", "before", ""]]
-    for name, one in answer.estimates.items():
-        value, interval, found = NOT_IDENTIFIED, "", one.found
-        if found.identified:
-            # digits past the twelfth are rounding errors of the search
-            sd = max(found.sd, 1e-12 * abs(found.value))
-            value = rounded(found.value, sd)
-            interval = f"{rounded(found.q05, sd)} to {rounded(found.q95, sd)}"
-        unit = "" if one.unit == "1" else one.unit
-        rows.append([name, value, interval, unit, f"{one.before:.4g}", one.key])
-    by = "the camera" if answer.sensor is None else f"sensor {answer.sensor!r}"
-    title = f"{answer.recorded}: {answer.kind} of {by} of {answer.scene}"
-    lines = [title, *aligned(rows, right=(1, 4))]
-    if decibels := _decibels(answer):
-        lines.append(decibels)
-    fixed = [f"{n} {x:.4g}" for n, x in answer.fixed.items() if x is not None]
-    lines += [f"fixed by the scene: {', '.join(fixed)}"] if fixed else []
-    left = answer.explained
-    worst = min(left.tests.items(), key=lambda item: item[1], default=None)
-    if left.error is not None and left.error_allowed is not None:
-        unit = "steps of 8 bits" if answer.kind == "frames" else "thresholds"
-        lines.append(
-            f"residuals: {left.error:.2g} {unit} (good fit: up to "
-            f"{left.error_allowed:.2g})"
-        )
-    explained = f"chi2 {left.chi2:.6g}, expected {left.dof:,}"
-    if worst is not None:
-        explained += f"; smallest p = {worst[1]:.2g} ({TESTS[worst[0]]})"
-    lines.append(explained)
-    for warning in answer.warnings:
-        lines += hanging(f"Warning: {warning}")
-    return "\n".join(line for line in lines if line) + "\n"
+@dataclass(frozen=True)
+class LoopMargins:
+    """Stability margins of one loop; null is an infinite margin.
+
+    Attributes:
+        gain_up_db: Largest increase of the rotors' gain.
+        gain_down_db: Largest decrease of the rotors' gain.
+        phase_deg: Largest additional phase lag.
+        distance: Least distance of the loop's frequency response from -1.
+    """
+
+    gain_up_db: float
+    gain_down_db: float
+    phase_deg: float
+    distance: float
 
 
-def list_text() -> str:
-    """Return every tunable parameter, with unit, default and key in a scene file."""
-    rows = [["name", "unit", "default", "identified by", "in the scene file"]]
-    for name, row in TUNABLES.items():
-        default = "from the record" if math.isnan(row.default) else f"{row.default:g}"
-        kinds = ", ".join(IDENTIFIED_BY[name])
-        rows.append([name, row.unit, default, kinds, _place(row.key)])
-    for name, one in {**PARAMETERS, f"{CLOCK.name}.NAME": CLOCK}.items():
-        rows.append([name, one.unit, f"{one.default:g}", "priors", _place(one.key)])
-    return "\n".join(aligned(rows)) + "\n"
+@dataclass(frozen=True)
+class Peaks:
+    """Peak deviations from the target over the unseen blasts [m]; null is infinite.
+
+    Attributes:
+        q50: Median.
+        q90: 90 % quantile.
+        worst: The largest.
+    """
+
+    q50: float
+    q90: float
+    worst: float
 
 
-def _place(key) -> str:
-    table = f"[[{key.table}]]" if key.table == "sensor" else f"[{key.table}]"
-    return f"{table} {key.name}" + ("" if key.index is None else f"[{key.index}]")
+@dataclass(frozen=True)
+class TriedGains:
+    """A position controller with some gains.
+
+    Attributes:
+        gains: Gains by the names of `[vehicle] control`.
+        gain_margin_db: Least gain margin of all loops, upwards and downwards.
+        phase_margin_deg: Least phase margin of all loops.
+        margins: Margins by loop.
+        peak_deviation_m: Peak deviations over the unseen blasts.
+        error_after_m: Root mean square of the path error from the first blast to the
+            end of the flight; median over the unseen blasts.
+        flies_on_share: Share of the unseen blasts after which the vehicle flies on.
+    """
+
+    gains: Mapping[str, float | tuple[float, ...]]
+    gain_margin_db: float
+    phase_margin_deg: float
+    margins: Mapping[str, LoopMargins]
+    peak_deviation_m: Peaks
+    error_after_m: float
+    flies_on_share: float
 
 
-def _decibels(answer: TuneAnswer) -> str:
-    """Return sound levels in decibels, as they are usually given."""
-    levels = []
-    for name, words in LEVELS.items():
-        one = answer.estimates.get(name)
-        # silence has no decibels
-        if one is not None and one.found.value > 0:
-            # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
-            level = 20.0 * math.log10(one.found.value / 20e-6)
-            levels.append(f"{words} {level:.1f} dB")
-    return f"{', '.join(levels)} re 20 µPa" if levels else ""
+@dataclass(frozen=True)
+class GainsAnswer(Document):
+    """The answer of `jblast tune --gains`.
+
+    Attributes:
+        scene: The scene's file.
+        vehicle: Model of the vehicle.
+        seed: Seed of the blasts.
+        vehicles: Number of blasts for tuning.
+        unseen: Number of blasts for validation.
+        margin_db: Required gain margin.
+        margin_deg: Required phase margin.
+        motor_lag_s: Time constant of the motors.
+        dead_time_s: Dead time of the loops, included in the margins.
+        before: Gains of the scene.
+        after: Tuned gains.
+        cut: Relative reduction of the median peak deviation.
+        flights_of_the_search: Number of times all blasts were flown, with derivatives.
+        converged: Whether the search converged.
+        warnings: Warnings, as sentences.
+        files: Files that were written.
+    """
+
+    scene: str
+    vehicle: str
+    seed: int
+    vehicles: int
+    unseen: int
+    margin_db: float
+    margin_deg: float
+    motor_lag_s: float
+    dead_time_s: float
+    before: TriedGains
+    after: TriedGains
+    cut: float
+    flights_of_the_search: int
+    converged: bool
+    warnings: tuple[str, ...]
+    files: tuple[str, ...]
 
 
 def tune_answer(
-    tuned: Tuned, scene: str, recorded: str, files: tuple[str, ...] = ()
-) -> TuneAnswer:
+    tuned: Tuned, scene: str, recorded: str, out: str | None = None
+) -> Answer:
     """Return the answer on tuned parameters.
 
     Args:
         tuned: The tuned parameters.
         scene: The scene's file.
         recorded: The record.
-        files: Files that were written.
+        out: Output folder; None: no files.
     """
     index = tuned.problem.evidence.index
     sensor = tuned.scene.sensors[index].name if index >= 0 else None
     estimates = {
         name: TunedEstimate(
-            found=one,
+            one,
             before=float(np.asarray(tuned_value(tuned.before, index, name))),
             fitted=float(np.asarray(tuned_value(tuned.scene, index, name))),
             unit=row_named(name).unit,
@@ -186,94 +234,384 @@ def tune_answer(
         )
         for name, one in tuned.numbers.items()
     }
-    fixed = {}
-    for name, kinds in IDENTIFIED_BY.items():
-        if tuned.kind in kinds and name not in tuned.numbers:
-            value = tuned_value(tuned.before, index, name)
-            fixed[name] = None if value is None else float(value)
-    return TuneAnswer(
+    fixed = {
+        name: tuned_value(tuned.before, index, name)
+        for name, kinds in IDENTIFIED_BY.items()
+        if tuned.kind in kinds and name not in tuned.numbers
+    }
+    notes, record = notes_of(tuned), Path(recorded).name
+    document = filled(
+        TuneAnswer,
+        tuned,
         scene=scene,
-        recorded=Path(recorded).name,
-        kind=tuned.kind,
+        recorded=record,
         sensor=sensor,
         estimates=estimates,
         free=tuple(tuned.numbers),
-        fixed=fixed,
+        fixed={n: None if x is None else float(x) for n, x in fixed.items()},
         identifiable=tuned.is_identifiable,
-        null_directions=tuned.null_directions,
-        explained=tuned.explained,
-        converged=tuned.converged,
-        warnings=tuple(warnings_of(tuned)),
-        files=files,
+        warnings=tuple(map(sentence_of, notes)),
+        files=_files(out),
     )
+    of = "the camera" if sensor is None else f"sensor {sensor!r}"
+    view = View(
+        f"{record}: {tuned.kind} of {of} of {scene}",
+        [
+            Table(ESTIMATES, [*estimates.items()]),
+            Facts([*_facts(document)]),
+            Picture("tune.png", partial(tune_figure, tuned)),
+            *_warnings(notes),
+        ],
+        problems=_problems(notes),
+    )
+    if not out:
+        return Answer(document, view)
+    unknown = [name for name, one in tuned.numbers.items() if not one.identified]
+    comments = [f"{', '.join(estimates)} of {Path(scene).name} to {record}"]
+    if unknown:
+        comments.append(f"not identified by the record: {', '.join(unknown)}")
+    values = {name: one.fitted for name, one in estimates.items()}
+    change = partial(put_values, values=values, sensor=sensor)
+    return Answer(
+        document, view, {"scene.toml": tuned_scene(scene, out, change, comments)}
+    )
+
+
+def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answer:
+    """Return the answer on tuned gains; arguments as of `tune_answer`."""
+    settings, notes = tuned.settings, gain_notes(tuned)
+    document = filled(
+        GainsAnswer,
+        settings,
+        tuned,
+        scene=scene,
+        vehicle=tuned.vehicle.model,
+        motor_lag_s=float(vehicle_of(tuned.vehicle).motor_lag_s),
+        # a command is held for a whole step: it is half a step late on average
+        dead_time_s=STEP_S / 2 + settings.delay_s,
+        before=_tried(tuned.before),
+        after=_tried(tuned.after),
+        cut=tuned.cut(),
+        flights_of_the_search=len(tuned.ln_peaks),
+        warnings=(*tuned.notes, *map(sentence_of, notes)),
+        files=_files(out),
+    )
+    entries = control_of(document.after.gains)
+    line = ", ".join(
+        f"{key} = {tomlkit.item(value).as_string()}" for key, value in entries.items()
+    )
+    required = (
+        f"Required margins: {settings.margin_db:g} dB and {settings.margin_deg:g} "
+        f"degrees, each loop opened at the rotors. Motor lag {document.motor_lag_s:g} "
+        f"s, dead time {document.dead_time_s:.3g} s."
+    )
+    view = View(
+        f"{document.vehicle}: gains tuned by gradient over {document.vehicles} blasts, "
+        f"validated with {document.unseen} unseen blasts: {cut_words(tuned)}",
+        [
+            Table(CHANGES, [*_changes(document.before, document.after)]),
+            Picture("tune.png", partial(gains_figure, tuned)),
+            Lines("", [required]),
+            *_warnings(notes, tuned.notes),
+            Text(
+                "Line for the scene's [vehicle]",
+                f"control = {{ {line} }}",
+                "everywhere",
+            ),
+        ],
+        problems=_problems(notes),
+    )
+    if not out:
+        return Answer(document, view)
+
+    def change(tables: Any) -> None:
+        control = tables["vehicle"].setdefault("control", {})
+        control.update(entries)
+
+    text = tuned_scene(scene, out, change, ["gains to the blasts of this scene"])
+    return Answer(document, view, {"scene.toml": text})
+
+
+def parameters_view() -> View:
+    """Return every tunable parameter, with unit, default and key in a scene file."""
+    rows = [
+        (name, row, ", ".join(IDENTIFIED_BY[name])) for name, row in TUNABLES.items()
+    ]
+    known = {**PARAMETERS, f"{CLOCK.name}.NAME": CLOCK}
+    rows += [(name, row, "priors") for name, row in known.items()]
+    columns = [
+        Column("name", lambda row: row[0]),
+        Column("unit", lambda row: row[1].unit),
+        Column(
+            "default",
+            lambda row: (
+                "from the record"
+                if math.isnan(row[1].default)
+                else f"{row[1].default:g}"
+            ),
+        ),
+        Column("identified by", lambda row: row[2]),
+        Column("in the scene file", lambda row: _place(row[1].key)),
+    ]
+    return View("Parameters that can be tuned", [Table(columns, rows)])
+
+
+ESTIMATES = [
+    Column("", lambda row: row[0]),
+    Column(
+        "value", lambda row: printed_estimate(row[0], row[1].found).value, right=True
+    ),
+    Column(
+        "90 % interval", lambda row: printed_estimate(row[0], row[1].found).interval
+    ),
+    Column("before", lambda row: printed_number(row[0], row[1].before), right=True),
+    Column("", lambda row: row[1].key),
+]
+CHANGES = [
+    Column("", lambda row: row[0]),
+    Column("before", lambda row: f"{row[1]:.4g}", right=True),
+    Column("after", lambda row: f"{row[2]:.4g}", right=True),
+    Column(
+        "change",
+        lambda row: change_words(*row[1:]) if row[0] in MEASURED else "",
+        right=True,
+    ),
+]
+MEASURED = (
+    *(f"peak deviation, {words} [m]" for words in ("median", "90 %", "worst")),
+    "path error after, median [m]",
+)
+"""Results that are printed with their change."""
+
+
+def change_words(before: float, after: float) -> str:
+    """Return a relative change in per cent; "" where it is not a number."""
+    if not (math.isfinite(before) and math.isfinite(after) and before > 0):
+        return ""
+    return f"{100 * (after / before - 1):+.1f} %"
+
+
+def _changes(before: TriedGains, after: TriedGains) -> Any:
+    """Yield words and numbers before and after."""
+    for key, words in GAINS.items():
+        if key not in after.gains:
+            continue
+        old, new = (np.atleast_1d(x.gains[key]) for x in (before, after))
+        parts = {", sideways": 0, ", upwards": 2} if new.size > 1 else {"": 0}
+        yield from ((words + part, old[n], new[n]) for part, n in parts.items())
+    yield "gain margin [dB]", before.gain_margin_db, after.gain_margin_db
+    yield "phase margin [deg]", before.phase_margin_deg, after.phase_margin_deg
+    peaks = (astuple(x.peak_deviation_m) for x in (before, after))
+    yield from zip(MEASURED[:3], *peaks, strict=True)
+    yield MEASURED[-1], before.error_after_m, after.error_after_m
+    yield "fly on [%]", 100 * before.flies_on_share, 100 * after.flies_on_share
+
+
+def _facts(answer: TuneAnswer) -> Any:
+    """Yield levels in decibels, fixed parameters and the fit."""
+    for name, words in LEVELS.items():
+        one = answer.estimates.get(name)
+        # silence has no decibels
+        if one is not None and one.found.value > 0:
+            # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
+            level = 20.0 * math.log10(one.found.value / 20e-6)
+            yield words, f"{level:.1f} dB re 20 µPa"
+    fixed = [f"{name} {x:.4g}" for name, x in answer.fixed.items() if x is not None]
+    yield "fixed by the scene", ", ".join(fixed)
+    left = answer.explained
+    if left.error is not None and left.error_allowed is not None:
+        unit = "steps of 8 bits" if answer.kind == "frames" else "thresholds"
+        limit = f"(good fit: up to {left.error_allowed:.2g})"
+        yield "residuals", f"{left.error:.2g} {unit} {limit}"
+    worst = min(left.tests.items(), key=lambda one: one[1], default=None)
+    p = "" if worst is None else f"; smallest p = {worst[1]:.2g} ({TESTS[worst[0]]})"
+    yield "chi2", f"{left.chi2:.6g}, expected {left.dof:,}{p}"
+
+
+def notes_of(tuned: Tuned) -> list[Note]:
+    """Return notes on tuned parameters."""
+    found = list(tuned.notes)
+    for direction in tuned.null_directions:
+        names = list(direction.parameters)
+        kind = "not_constrained" if len(names) == 1 else "not_separated"
+        found.append(problem(kind, names=names))
+    found += [warning("interval_of_prior", name=name) for name in tuned.by_prior]
+    for name in tuned.at_bound:
+        value = tuned_value(tuned.scene, tuned.problem.evidence.index, name)
+        printed = printed_number(name, float(np.asarray(value)))
+        found.append(warning("at_bound", name=name, value=printed))
+    explained = tuned.explained
+    if explained.is_poor:
+        poor = [TESTS[name] for name, p in explained.tests.items() if p < POOR]
+        # residuals can be too large while every test of their pattern passes
+        found.append(problem("poor_residuals", tests=poor or [TESTS["error"]]))
+    if not tuned.converged:
+        found.append(problem("search_not_converged"))
+    return found
+
+
+def gain_notes(tuned: TunedGains) -> list[Note]:
+    """Return notes on tuned gains."""
+    before, after, settings = tuned.before, tuned.after, tuned.settings
+    margins = (
+        (before.gain_margin_db, settings.margin_db, "dB"),
+        (before.phase_margin_deg, settings.margin_deg, "degrees"),
+    )
+    short = [
+        f"{margin:.3g} {unit}" for margin, least, unit in margins if margin < least
+    ]
+    fewer = float(np.mean(before.outcomes.flies_on) - np.mean(after.outcomes.flies_on))
+    old, new = (
+        np.nanmedian(one.outcomes.metrics.error_after_m) for one in (before, after)
+    )
+    found = [
+        (bool(short), warning("margins_short", margins=short)),
+        (fewer > 0, warning("fewer_fly_on", percent=100 * fewer)),
+        (tuned.cut(1.0) < 0 < tuned.cut(), warning("largest_peak_grew")),
+        (not tuned.cut() > 0, warning("median_peak_not_less")),
+        (new > old, warning("slower_recovery")),
+        (not tuned.converged, problem("gains_not_converged")),
+    ]
+    return [note for holds, note in found if holds]
+
+
+def _problems(notes: Sequence[Note]) -> list[str]:
+    found = (sentence_of(note) for note in notes if note.level == "problem")
+    return [f"{capitalised(one)}." for one in found]
+
+
+def _warnings(notes: Sequence[Note], more: Sequence[str] = ()) -> list[Lines]:
+    found = [sentence_of(note) for note in notes if note.level != "problem"]
+    return [Lines("Warnings", [f"{capitalised(one)}." for one in (*more, *found)])]
+
+
+def _files(out: str | None) -> tuple[str, ...]:
+    return ("scene.toml", "tune.json", "tune.png", "report.html") if out else ()
 
 
 def key_words(name: str, sensor: str | None) -> str:
     """Return the key of a parameter in a scene file, as text."""
     key, label = row_named(name).key, name.partition(".")[2]
-    index = "" if key.index is None else f"[{key.index}]"
-    if key.table == "sensor" and not label:
-        label = sensor or ""
-    table = f"[[{key.table}]]" if label or key.table == "sensor" else f"[{key.table}]"
-    of = f" {label!r}" if label else ""
     if name.startswith(CLOCK_OFFSET):
-        return f"[[sensor]]{of} clock_offset_s"
-    return f"{table}{of} {key.name}{index}"
+        key = Key("sensor", "clock_offset_s")
+    elif key.table == "sensor":
+        label = label or sensor or ""
+    return _place(key, label)
 
 
-def warnings_of(tuned: Tuned) -> list[str]:
-    """Return warnings on tuned parameters, as sentences."""
-    found = [_note(note) for note in tuned.notes]
-    for direction in tuned.null_directions:
-        names = list(direction.parameters)
-        if len(names) == 1:
-            found.append(f"the record does not constrain {names[0]}")
-            continue
-        found.append(
-            f"the record does not separate {joined(names)}: a joint change leaves it "
-            "unchanged; fix one of them"
-        )
-    for name in tuned.by_prior:
-        found.append(f"{name}: its interval is nearly that of the prior")
-    for name in tuned.at_bound:
-        value = tuned_value(tuned.scene, tuned.problem.evidence.index, name)
-        found.append(
-            f"{name} is at its bound, {float(np.asarray(value)):.4g} "
-            f"{row_named(name).unit}: the best value lies outside the permitted range"
-        )
-    poor = [TESTS[name] for name, p in tuned.explained.tests.items() if p < POOR]
-    if tuned.explained.is_poor and not poor:
-        # residuals can be too large while every test of their pattern passes
-        poor = [TESTS["error"]]
-    if poor:
-        found.append(
-            f"poor fit ({'; '.join(poor)}): the intervals include noise, but no model "
-            "error, and are too narrow"
-        )
-    if not tuned.converged:
-        found.append("the search did not converge")
-    return found
+def _place(key: Key, label: str = "") -> str:
+    is_list = label or key.table == "sensor"
+    table = f"[[{key.table}]]" if is_list else f"[{key.table}]"
+    of = f" {label!r}" if label else ""
+    return f"{table}{of} {key.name}" + ("" if key.index is None else f"[{key.index}]")
 
 
-def _note(note: Note) -> str:
-    about = note.about
-    match note.kind:
-        case "reading":
-            return str(about["text"])
-        case "noise_added":
-            return "the scene has no noise: noise_pa is tuned as well"
-        case "blast_outside":
-            return (
-                f"the record of {about['seconds']:g} s contains no blast: it "
-                "constrains the noise only"
-            )
-        case "law_invalid":
-            return (
-                f"{joined(about['quantities'])} are extrapolated: the sensor lies "
-                "outside the range of their laws"
-            )
-        case "thinned":
-            return (
-                f"{about['used']:,} of {about['count']:,} {about['what']} were used, "
-                "evenly spaced"
-            )
+def _tried(tried: EvaluatedGains) -> TriedGains:
+    each = zip(LOOPS, *(np.asarray(x).tolist() for x in tried.margins), strict=True)
+    peaks = known_peaks(tried)
+    return filled(
+        TriedGains,
+        tried,
+        gains=keys_of_gains(tried.gains),
+        margins={name: LoopMargins(*values) for name, *values in each},
+        peak_deviation_m=Peaks(
+            *(float(np.quantile(peaks, q)) for q in (0.5, 0.9, 1.0))
+        ),
+        error_after_m=float(np.nanmedian(tried.outcomes.metrics.error_after_m)),
+        flies_on_share=float(np.mean(tried.outcomes.flies_on)),
+    )
+
+
+def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
+    """Return gains by the names of `[vehicle] control`, rounded to four digits."""
+
+    # far finer than any effect on the margins, and short in a scene file
+    def few(value: Any) -> float:
+        return float(f"{float(value):.4g}")
+
+    keys: dict[str, float | tuple[float, ...]] = {
+        "kp_pos": tuple(map(few, gains.position)),
+        "kd_pos": tuple(map(few, gains.velocity)),
+    }
+    if np.any(np.asarray(gains.integral) > 0):
+        keys["ki_pos"] = tuple(map(few, gains.integral))
+    keys |= {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
+    if gains.motor_lead is not None:
+        keys["motor_lead"] = few(gains.motor_lead)
+    return keys
+
+
+def control_of(gains: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
+    """Return the entries of `[vehicle] control` with gains."""
+    values = {k: list(x) if isinstance(x, tuple) else x for k, x in gains.items()}
+    return {"integral": "ki_pos" in gains, **values}
+
+
+def tuned_scene(
+    scene: str, out: str, change: Callable[[Any], None], comments: Sequence[str]
+) -> str:
+    """Return a scene file with changed numbers, which retains the user's comments.
+
+    Args:
+        scene: The scene's file, which is read again.
+        out: Folder of the new file, from which other files are named.
+        change: Function that changes the tables.
+        comments: Comments at the beginning; the first names what was tuned.
+    """
+    tables = tomlkit.parse(Path(scene).read_text("utf-8"))
+    change(tables)
+    ambient = tables.get("ambient", {})
+    if "file" in ambient:
+        file = Path(scene).parent / ambient["file"]
+        ambient["file"] = Path(os.path.relpath(file, out)).as_posix()
+    comments = [f"tuned by jblast {jblast.__version__}: {comments[0]}", *comments[1:]]
+    return "".join(f"# {line}\n" for line in comments) + tomlkit.dumps(tables)
+
+
+def put_values(tables: Any, values: Mapping[str, float], sensor: str | None) -> Any:
+    """Replace numbers in the tables of a scene, and return the tables.
+
+    Args:
+        tables: The tables, of `tomllib` or of `tomlkit`.
+        values: New values, by names as in `--free`.
+        sensor: Name of the recording sensor.
+    """
+    for name, value in values.items():
+        key, label = row_named(name).key, name.partition(".")[2]
+        written = key.name
+        if name.startswith(CLOCK_OFFSET):
+            is_sensor = any(one["name"] == label for one in tables.get("sensor", []))
+            # the clock of a single sensor is an entry of the sensor; a clock that
+            # several share has a table of its own
+            entry = _named(tables, "sensor" if is_sensor else "clock", label)
+            written = "clock_offset_s" if is_sensor else "offset_s"
+        elif key.table == "sensor":
+            entry = _named(tables, "sensor", sensor or "")
+        elif isinstance(tables.get(key.table), list):
+            # several [[charge]]; without a name the first is meant
+            entry = _named(tables, key.table, label) if label else tables[key.table][0]
+        else:
+            tables.setdefault(key.table, {})
+            entry = tables[key.table]
+        if key.index is not None:
+            old = entry.get(written, NEUTRAL.get(written, 0.0))
+            # a scene may have one number for both entries of a list
+            count = LISTS[written].count(",") + 1
+            parts = list(old) if isinstance(old, list) else [old] * count
+            entry[written] = [*parts[: key.index], value, *parts[key.index + 1 :]]
+        else:
+            entry[written] = value
+    return tables
+
+
+def _named(tables: Any, table: str, name: str) -> Any:
+    """Return the entry of a list of tables with a name, which is added if missing."""
+    entries = tables.get(table, [])
+    for entry in entries:
+        if entry["name"].strip() == name:
+            return entry
+    if entries:
+        entries.append({"name": name})
+    else:
+        tables[table] = [{"name": name}]
+    return tables[table][-1]

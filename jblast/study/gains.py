@@ -206,12 +206,15 @@ class TunedGains:
     notes: tuple[str, ...] = ()
 
     def cut(self, share: float = 0.5) -> float:
-        """Return the relative reduction of a quantile of the peak deviation."""
+        """Return the relative reduction of a quantile of the peak deviation.
+
+        It is NaN where the quantile with the scene's gains is 0 or infinite.
+        """
         before, after = (
             float(np.quantile(known_peaks(one), share))
             for one in (self.before, self.after)
         )
-        return 1.0 - after / before
+        return 1.0 - after / before if 0 < before < np.inf else np.nan
 
 
 def tune_gains(

@@ -8,7 +8,7 @@ marked as decided by the prior.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +18,7 @@ from jblast.inference.identify import UNLEARNED
 from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate
 from jblast.inference.tuning.search import Problem, Solution, identified_and_null
 from jblast.inference.tuning.unknowns import Between, Unknown
+from jblast.results import Note
 from jblast.scene import Scene
 
 Kind = Literal["sound", "frames", "events"]
@@ -33,13 +34,6 @@ square."""
 AT_BOUND = 6.0
 """Logistic coordinate beyond which a number is at its bound: within 0.25 % of the
 interval."""
-NoteKind = Literal[
-    "reading",
-    "noise_added",
-    "blast_outside",
-    "law_invalid",
-    "thinned",
-]
 
 
 class NothingHeardError(Exception):
@@ -86,18 +80,6 @@ class NotIdentified:
     """
 
     parameters: Mapping[str, float]
-
-
-class Note(NamedTuple):
-    """A remark on the result.
-
-    Attributes:
-        kind: Subject of the remark.
-        about: Its numbers and names.
-    """
-
-    kind: NoteKind
-    about: Mapping[str, Any]
 
 
 @dataclass(frozen=True)

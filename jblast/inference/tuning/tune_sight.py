@@ -38,7 +38,6 @@ from jblast.inference.tuning.result import (
     TO_MEDIAN,
     Explained,
     Kind,
-    Note,
     Tuned,
     answer,
 )
@@ -50,6 +49,7 @@ from jblast.inference.tuning.search import (
     solve,
 )
 from jblast.inference.tuning.unknowns import Unknown, filled, unknowns_of
+from jblast.results import Note, warning
 from jblast.scene import Camera, Scene, UncertainScene
 from jblast.scene.uncertain import with_values
 from jblast.sensors.camera.events.scene import pixel_light
@@ -332,7 +332,7 @@ def _round_number(count: int, of: int) -> int:
 def _thinned(used: int, count: int, what: str) -> list[Note]:
     if used == count:
         return []
-    return [Note("thinned", {"used": used, "count": count, "what": what})]
+    return [warning("thinned", used=used, count=count, what=what)]
 
 
 class FramesEvidence(eqx.Module):

@@ -25,7 +25,6 @@ from jblast.errors import InputError, argument, nearest
 from jblast.inference.tuning.result import (
     TO_MEDIAN,
     Explained,
-    Note,
     NothingHeardError,
     Tuned,
     answer,
@@ -40,6 +39,7 @@ from jblast.inference.tuning.unknowns import (
 )
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.parameters import CLOCK_OFFSET
+from jblast.results import warning
 from jblast.scene import Instrument, Scene, UncertainScene
 from jblast.scene.sensor_kinds import SENSOR_KINDS, hears_ambient
 from jblast.sensors.listening import Truth, truth_of
@@ -98,14 +98,14 @@ def tune_sound(
     index = recorded.sensor
     own = uncertain.scene.sensors[index]
     rate = (own.instrument or Instrument()).rate
-    notes = [Note("reading", {"text": text}) for text in recorded.notes]
+    notes = [warning("tune_reading", text=text) for text in recorded.notes]
     # Whittle's likelihood divides by the spectrum of the noise: a scene without any
     # noise has no likelihood, so the noise of the sensor is tuned as well
     has_noise = not {"noise_pa", "ambient_level_pa"}.isdisjoint(names)
     is_silent = not has_noise and _is_silent(uncertain.scene, index)
     if is_silent and (names or uncertain.beliefs):
         names = [*names, "noise_pa"]
-        notes.append(Note("noise_added", {}))
+        notes.append(warning("noise_added"))
     scene, unknowns = unknowns_of(uncertain, names, "sound", rate)
     scene = filled(scene, index, names, _loudness(scene, recorded))
     scene, truth = truth_of(scene, (scene.sensors[index],))
@@ -127,10 +127,10 @@ def tune_sound(
     _, truth = truth_of(tuned, (tuned.sensors[index],))
     blast = _blast(truth, rate, recorded.samples.size)
     if blast is None:
-        notes.append(Note("blast_outside", {"seconds": recorded.samples.size / rate}))
+        notes.append(warning("blast_outside", seconds=recorded.samples.size / rate))
     wrong = [name for name, held in truth.valid.items() if not held.all()]
     if invalid := [name for name in wrong if name in PULSE_QUANTITIES]:
-        notes.append(Note("law_invalid", {"quantities": invalid}))
+        notes.append(warning("law_invalid", quantities=invalid))
     explained = explained_sound(evidence, tuned, len(unknowns), blast)
     return answer(problem, found, "sound", explained, notes)
 

@@ -10,7 +10,7 @@ from jblast.inference.tuning.tune_sight import (
     tune_events,
     tune_frames,
 )
-from jblast.report.tune_files import tune_figure
+from jblast.report.tune_figures import tune_figure
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.files.images import srgb_bytes
@@ -70,7 +70,7 @@ def test_frames_tell_growth_and_exposure():
     assert within(tuned, "fireball_growth_s", 0.004)
     assert within(tuned, "camera_daylight_lux", 5e4)
     assert tuned.numbers["fireball_growth_s"].sd < 1e-5
-    assert len(tune_figure(tuned).axes) == 15
+    assert len(tune_figure(tuned).axes) == 4
 
 
 @pytest.mark.slow

@@ -15,7 +15,8 @@ from jblast.inference.tuning.tune_sight import paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import Between
 from jblast.observations.records.sound import write_sound
-from jblast.report.tune import tune_answer, tune_text
+from jblast.report.tune import tune_answer
+from jblast.report.view import terminal
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.listening import packets, plan
 
@@ -171,10 +172,10 @@ def test_air_and_noise_come_back_and_what_one_microphone_cannot_tell_is_named():
     (direction,) = tuned.null_directions
     assert set(direction.parameters) == {"ambient_level_pa", "ambient_height_m"}
     answer = tune_answer(tuned, "scene.toml", "mic.wav")
-    assert not answer.identifiable
-    assert "does not separate ambient_level_pa and ambient_height_m" in tune_text(
-        answer
-    )
+    assert not answer.document.identifiable
+    assert answer.exit_code == 4
+    said = terminal(answer.view)
+    assert "does not separate ambient_level_pa and ambient_height_m" in said
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ mass_kg = 15
 position_m = [0, 0, 1]
 
 [law]
-fireball_growth_s = 0.0025
+fireball_growth_s = 0.0025  # grows slowly
 
 [camera]
 position_m = [0, -40, 2]
@@ -25,6 +25,7 @@ height = 12
 focal_px = 25
 frames_hz = 1000
 """
+FILES = ["scene.toml", "tune.json", "tune.png", "report.html"]
 GROWTH = ("--free", "fireball_growth_s")
 
 
@@ -66,8 +67,9 @@ def test_frames_that_were_rendered_are_tuned_back(jblast, scene):
     assert answer == json.loads(jblast.text("tuned/tune.json"))
     one = answer["estimates"]["fireball_growth_s"]
     assert one["q05"] - 4 * one["sd"] < 0.004 < one["q95"] + 4 * one["sd"]
-    assert answer["files"] == ["scene.toml", "tune.json", "tune.png"]
+    assert answer["files"] == FILES
     written = tomllib.loads(jblast.text("tuned/scene.toml"))
+    assert "# grows slowly" in jblast.text("tuned/scene.toml")
     assert written["law"]["fireball_growth_s"] == pytest.approx(one["value"])
 
 
@@ -93,7 +95,7 @@ time_s = { uniform = [1, 5] }
 BLAST = CHARGE + VEHICLE
 GAINS = table("""
 mic.wav --gains => RECORDED: expected no recording with
---free noise_pa --gains => --free: expected it with a rec
+--free noise_pa --gains => --free: expected no recording with
 --fps 9 --gains => --fps: expected no recording with
 mic.wav --margin-db 6 => --margin-db: expected it with --g
 --vehicles 1 --gains => vehicles: expected two blasts
@@ -133,7 +135,7 @@ def test_gains_are_tuned_printed_and_written(jblast):
     assert answer["after"]["gain_margin_db"] >= 6.0
     assert answer["after"]["phase_margin_deg"] >= 35.0
     assert answer["cut"] > 0.1
-    assert answer["files"] == ["scene.toml", "tune.json", "tune.png"]
+    assert answer["files"] == FILES
     held = jblast.directory / "tuned"
     assert json.loads((held / "tune.json").read_text()) == answer
     control = tomllib.loads((held / "scene.toml").read_text())["vehicle"]["control"]
