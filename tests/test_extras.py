@@ -74,14 +74,14 @@ def mavlink(folder):
 
 
 def ros(folder):
-    from jblast.report.ros_bag import RosBag
+    from jblast.report.exports.ros_bag import RosBag
     from jblast.scene import Scene
 
     RosBag(path=folder / "x.mcap", scene=Scene(), seconds=1.0)
 
 
 def viewer(folder):
-    from jblast.report.world_viewer import Viewer
+    from jblast.report.exports.rerun import Viewer
     from jblast.scene import Scene
 
     file = folder / "x.rrd"

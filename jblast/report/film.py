@@ -3,47 +3,12 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from jblast.results import ABSENT, AMONG, Document
+from jblast.report.view import Facts, Lines, View
+from jblast.results import ABSENT, AMONG, Document, filled
 from jblast.sensors.camera.files.event_files import Written
-
-Switch = Literal["on", "off"]
-
-
-@dataclass(frozen=True)
-class FilmEvents:
-    """The events of a film.
-
-    Attributes:
-        threshold: Contrast thresholds of events, brighter and darker (change of the
-            logarithm of light).
-        noise: Whether the camera's noise is included.
-        written: Numbers of events.
-        stamps: Computation of their times.
-        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
-    """
-
-    threshold: tuple[float, float]
-    noise: Switch
-    written: Written = field(metadata=AMONG)
-    stamps: Literal["solved for", "interpolated"]
-    stamp_error_s: float
-
-
-@dataclass(frozen=True)
-class FilmFiles:
-    """Paths of a film's files.
-
-    Attributes:
-        frames: Directory of the frames; absent with `--mode events`.
-        events: File of the events; absent with `--mode rgb`.
-        video: The video; absent without `--video`.
-        contact_sheet: Some of the frames on one page.
-    """
-
-    frames: str | None = field(metadata=ABSENT)
-    events: str | None = field(metadata=ABSENT)
-    video: str | None = field(metadata=ABSENT)
-    contact_sheet: str
+from jblast.sensors.camera.film import ConvertedFilm, Film
+from jblast.sensors.camera.film_writer import FilmEvents, FilmFiles, Mode, WrittenFilm
+from jblast.study.filming import lifted
 
 
 @dataclass(frozen=True)
@@ -68,7 +33,7 @@ class FilmAnswer(Document):
     """
 
     scene: str
-    mode: Literal["rgb", "events", "both"]
+    mode: Mode
     frames: int
     width: int
     height: int
@@ -80,60 +45,6 @@ class FilmAnswer(Document):
     found: FilmEvents | None = field(metadata=AMONG)
     lifted_m: float | None = field(metadata=ABSENT)
     files: FilmFiles
-
-
-def film_text(answer: FilmAnswer) -> str:
-    """Return size, accuracy and paths of a film, for the terminal."""
-    summary = (
-        f"{answer.frames:,} frames of {answer.width} x {answer.height} "
-        f"pixels at {answer.fps:g} Hz from {answer.start_s:g} s"
-    )
-    if found := answer.found:
-        summary += (
-            f": {_counts(found.written)}; times {found.stamps}, "
-            f"error below {1e6 * found.stamp_error_s:g} us"
-        )
-        if found.stamps != "solved for":
-            summary += " for 99 % of them"
-    if answer.lifted_m is not None:
-        summary += (
-            ".\nWarning: the pictures show a burst on the ground, but this burst is "
-            "higher than half its fireball's radius;\nthey are drawn at a height of "
-            f"{answer.lifted_m:.3g} m"
-        )
-    files = answer.files
-    where = (files.frames, files.events, _video(answer), files.contact_sheet)
-    return "\n".join([summary, *filter(None, where), ""])
-
-
-def _counts(written: Written) -> str:
-    return (
-        f"{written.events:,} events, {written.brighter:,} brighter and "
-        f"{written.darker:,} darker"
-    )
-
-
-def _video(answer: FilmAnswer) -> str | None:
-    """Return the path of the video, and its speed relative to the blast."""
-    if answer.video_fps is None:
-        return None
-    slower = answer.fps / answer.video_fps
-    # below half a per cent the ratio prints as 1, to three digits
-    if abs(slower - 1) < 5e-3:
-        pace = "in real time"
-    elif slower > 1:
-        pace = f"{slower:.3g} times slower than real time"
-    else:
-        pace = f"{1 / slower:.3g} times faster than real time"
-    return f"{answer.files.video} ({answer.video_fps:g} Hz, {pace})"
-
-
-def dark_film(share: float, darkest: float) -> str:
-    """Return the warning on pixels below the least light that gives events."""
-    return (
-        f"{100 * share:.2g} % of the pixel values are darker than {darkest:.3g} of "
-        "full scale; changes below that level give no events (--darkest sets it)"
-    )
 
 
 @dataclass(frozen=True)
@@ -167,7 +78,7 @@ class EventsAnswer(Document):
     duration_s: float
     threshold: tuple[float, float]
     srgb: bool
-    noise: Switch
+    noise: Literal["on", "off"]
     seed: int | None
     written: Written = field(metadata=AMONG)
     bits: int | None
@@ -177,10 +88,105 @@ class EventsAnswer(Document):
     out: str
 
 
-def events_text(answer: EventsAnswer) -> str:
-    """Return the number of events and their file, for the terminal."""
+def film_answer(
+    film: Film, made: WrittenFilm, *, scene: str, mode: Mode, seed: int
+) -> FilmAnswer:
+    """Return the answer on a film that was written."""
+    return filled(
+        FilmAnswer,
+        made,
+        film.camera,
+        scene=scene,
+        mode=mode,
+        frames=len(film.times),
+        fps=float(film.camera.frames_hz),
+        start_s=float(film.times[0]),
+        duration_s=float(film.times[-1] - film.times[0]),
+        seed=seed,
+        lifted_m=lifted(film),
+    )
+
+
+def film_view(answer: FilmAnswer) -> View:
+    """Return size, accuracy and paths of a film."""
+    times, lifted_by, video = "", "", answer.files.video or ""
+    if found := answer.found:
+        share = " for 99 % of them" if found.stamps != "solved for" else ""
+        times = f"{found.stamps}, error below {1e6 * found.stamp_error_s:g} us{share}"
+    if answer.lifted_m is not None:
+        lifted_by = (
+            "The pictures show a burst on the ground, but this burst is higher than "
+            "half its fireball's radius; they are drawn at a height of "
+            f"{answer.lifted_m:.3g} m."
+        )
+    if answer.video_fps is not None:
+        video += f" ({answer.video_fps:g} Hz, {_pace(answer.fps / answer.video_fps)})"
+    return View(
+        f"{_frames(answer)} at {answer.fps:g} Hz from {answer.start_s:g} s",
+        [
+            Facts(
+                [
+                    ("events", _counts(found.written) if found else ""),
+                    ("event times", times),
+                    ("frames", answer.files.frames or ""),
+                    ("file of events", answer.files.events or ""),
+                    ("video", video),
+                    ("contact sheet", answer.files.contact_sheet),
+                ]
+            ),
+            Lines("Warnings", [lifted_by]),
+        ],
+    )
+
+
+def _pace(slower: float) -> str:
+    """Return the speed of a video relative to the blast."""
+    # below half a per cent the ratio prints as 1, to three digits
+    if abs(slower - 1) < 5e-3:
+        return "in real time"
+    if slower > 1:
+        return f"{slower:.3g} times slower than real time"
+    return f"{1 / slower:.3g} times faster than real time"
+
+
+def events_answer(
+    made: ConvertedFilm, *, srgb: bool, noise: bool, seed: int, out: str
+) -> EventsAnswer:
+    """Return the answer on the events of a converted film."""
+    dark = (
+        f"{100 * made.below_darkest:.2g} % of the pixel values are darker than "
+        f"{made.darkest:.3g} of full scale; changes below that level give no events "
+        "(--darkest sets it)"
+    )
+    return filled(
+        EventsAnswer,
+        made,
+        fps=made.frames_hz,
+        duration_s=made.seconds,
+        srgb=srgb,
+        noise="on" if noise else "off",
+        # the ideal camera has no random numbers: a seed would suggest otherwise
+        seed=seed if noise else None,
+        warnings=(dark,) if made.below_darkest else (),
+        out=out,
+    )
+
+
+def events_view(answer: EventsAnswer) -> View:
+    """Return the number of events and their file."""
+    counts = f"{_counts(answer.written)}, in {answer.out}"
+    return View(
+        f"{_frames(answer)} over {answer.duration_s:g} s: {counts}",
+        [Lines("Warnings", answer.warnings)],
+    )
+
+
+def _frames(answer: FilmAnswer | EventsAnswer) -> str:
+    return f"{answer.frames:,} frames of {answer.width} x {answer.height} pixels"
+
+
+def _counts(written: Written) -> str:
     return (
-        f"{answer.frames:,} frames of {answer.width} x {answer.height} pixels "
-        f"over {answer.duration_s:g} s: {_counts(answer.written)}\n"
-        f"{answer.out}\n"
+        f"{written.events:,} events, {written.brighter:,} brighter and "
+        f"{written.darker:,} darker"
     )

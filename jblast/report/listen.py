@@ -1,178 +1,41 @@
-"""The records of a scene's sensors: text, JSON and tables of `jblast listen`.
+"""The answer of `jblast listen`: the records of a scene's sensors.
 
-Samples arrive in chunks of any size and are read once. The data stored for a figure
-take constant memory and do not depend on the size of the chunks.
+Figures read the finished files, so that writing needs no memory for them.
 """
 
-import math
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from jblast.files import replacing
-from jblast.observations.records.sound import Bits, write_sound
-from jblast.report.words import (
-    aligned,
-    comma_separated,
-    commented,
-    law_words,
-    printed_number,
-)
-from jblast.results import ABSENT, AMONG, Document
-from jblast.scene import Sensor
+from jblast.errors import InputError
+from jblast.report.view import Column, Lines, Picture, Table, View
+from jblast.report.words import law_words, printed_number, split_name, unit_for
+from jblast.results import ABSENT, AMONG, Document, filled
 from jblast.scene.sensor_kinds import SENSOR_KINDS
-from jblast.sensors.instrument import clipping
-from jblast.sensors.listening import Listening, Truth, instrument_of, samples_of
+from jblast.sensors.listening import Listening
+from jblast.sensors.record_writer import RecordWriter
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MAX_LINES = 20
 """Largest number of printed sensors, half a screen; truth.csv has all of them."""
-PRINTED = ("ground_arrival_s", "air_arrival_s", "peak_overpressure_pa")
-CLOCK = "times are on each sensor's own clock; its file begins at 0 of that clock"
-BITS = (8, 16, 24, 32)
-"""Bit depths of a sound file; the least one that is not below the sensor's is used."""
+MAX_DRAWN, ROW_INCHES = 8, 2.2
+"""Largest number of sensors in a figure, and the height of each: 18 inches in all."""
 BEFORE, AFTER = 0.25, 6.0
-"""Extent of the enlarged figure: before the first arrival, as a share of the time to
+"""Extent of the enlarged waveform: before the first arrival, as a share of the time to
 the end of the positive phase; after that end, in positive durations."""
-DRAWN_COLUMNS = 1600
-"""Columns of a drawn waveform: about one a pixel."""
-MAX_INSTANTS = 400
-"""Largest number of columns of a spectrogram: about two pixels each."""
-WINDOW_S = 0.04
-"""Length of a window of the spectrogram, about [s]: it resolves 25 Hz, and a front to
-0.04 s."""
-OVERLAPS = (2, 16)
-"""Number of windows that contain a sample: for a long record, and at most."""
-CHUNK = 2**16
-"""Samples per Fourier transform: it bounds the memory for packets of any size."""
-
-
-class SensorRecord:
-    """One sensor's record: where it is written, and its summary.
-
-    Attributes:
-        sensor: The sensor.
-        kind: Its kind.
-        is_sound: Whether its file is a sound file.
-        file: Name of its file.
-        rate_hz: Sampling rate [1/s].
-        samples: Number of samples.
-        column: Component that is printed and drawn, with its unit.
-        full_scale: Pressure of a sample of 1 in a sound file [Pa].
-        largest: Largest magnitude written, in its unit.
-        clipped: By charge, whether a sample clipped between its first arrival and the
-            next charge's.
-        clipped_samples: Number of clipped samples.
-        whole: Its waveform.
-        near: Its waveform around the arrivals; None without a blast.
-        spectrogram: Its spectrogram.
-    """
-
-    def __init__(self, listening: Listening, sensor: Sensor, file: str):
-        instrument = instrument_of(sensor)
-        self.sensor, self.file = sensor, file
-        self.kind = SENSOR_KINDS[sensor.kind]
-        self.is_sound = self.kind.file == ".wav"
-        self.rate_hz, self.samples = instrument.rate, 0
-        self.column = self.kind.column
-        self.bits = instrument.bits
-        self.full_scale = 1.0
-        if self.bits is not None and instrument.full_scale is not None:
-            self.full_scale = float(instrument.full_scale)
-        # rounding to 32 bits may leave a clipped sample 1e-7 below the limit
-        self._limit = float(clipping(jnp.zeros(1), instrument).level) * (1 - 1e-6)
-        self.largest, self.clipped_samples = 0.0, 0
-        number = [other.name for other in listening.sensors].index(sensor.name)
-        values = {name: rows[number] for name, rows in listening.truth.values.items()}
-        self._first = np.fmin(values["air_arrival_s"], values["ground_arrival_s"])
-        self.clipped: Bool[np.ndarray, " shot"] = np.zeros(self._first.shape, bool)
-        planned = samples_of(listening, sensor)
-        self.whole = Envelope(0, planned, self.rate_hz)
-        self.near = _near(self._first, values, planned, self.rate_hz)
-        self.spectrogram = Spectrogram(planned, self.rate_hz)
-
-    def write(
-        self,
-        path: Path,
-        packets: Iterable[Float[np.ndarray, "sample component"]],
-        comments: Iterable[str],
-    ) -> None:
-        """Write the samples as they arrive; if the stream breaks, the rest is kept."""
-        seen = self._seen(packets)
-        if not self.is_sound:
-            write_samples(path, seen, self.rate_hz, self.kind.columns, [*comments])
-            return
-        bits: Bits = "float"
-        if self.bits is not None:
-            bits = next(most for most in BITS if most >= self.bits)
-        scaled = (samples[:, 0] / self.full_scale for samples in seen)
-        write_sound(path, scaled, self.rate_hz, bits)
-
-    def _seen(
-        self, packets: Iterable[Float[np.ndarray, "sample component"]]
-    ) -> Iterator[Float[np.ndarray, "sample component"]]:
-        """Yield the packets, and update envelopes, spectrogram and clipping."""
-        for packet in packets:
-            magnitude = np.linalg.norm(packet, axis=1)
-            # one curve a sensor: of a vector its magnitude
-            signal = packet[:, 0] if packet.shape[1] == 1 else magnitude
-            self.whole.push(signal, self.samples)
-            if self.near is not None:
-                self.near.push(signal, self.samples)
-            self.spectrogram.push(signal)
-            self.largest = max(self.largest, float(magnitude.max(initial=0.0)))
-            at = np.flatnonzero((np.abs(packet) >= self._limit).any(axis=1))
-            self._clip((self.samples + at) / self.rate_hz)
-            self.samples += len(packet)
-            yield packet
-
-    def _clip(self, times: Float[np.ndarray, " n"]) -> None:
-        """Count clipped samples, and assign them to the last blast that arrived."""
-        self.clipped_samples += times.size
-        # charges may be in any order; a sample belongs to the last arrival before it
-        order = np.argsort(self._first)
-        # a sample is the mean over its interval, so its front may lie inside it
-        came = np.searchsorted(self._first[order], times + 1.0 / self.rate_hz)
-        self.clipped[order[np.unique(came[came > 0]) - 1]] = True
-
-
-def listening_text(
-    listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
-) -> str:
-    """Return the records as a table with notes, for the terminal.
-
-    Args:
-        listening: The simulated recording.
-        records: The records.
-        notes: Further notes.
-    """
-    rows = [["sensor", "kind", "file", "ground", "air", "peak"]]
-    for number, record in enumerate(records[:MAX_LINES]):
-        shot = _first_shot(listening.truth, number)
-        values = [listening.truth.values[name][number, shot] for name in PRINTED]
-        numbers = [
-            printed_number(name, value) if np.isfinite(value) else "never"
-            for name, value in zip(PRINTED, values, strict=True)
-        ]
-        rows.append([record.sensor.name, record.sensor.kind, record.file, *numbers])
-    sensors = "1 sensor" if len(records) == 1 else f"{len(records)} sensors"
-    shots = len(listening.truth.shots)
-    blasts = "1 blast" if shots == 1 else f"{shots} blasts"
-    span = f"{listening.seconds:g} s each, from 0 on the sensor's own clock"
-    lines = [f"Records of {sensors}, {blasts}: {span}", ""]
-    lines += aligned(rows, right=(3, 4, 5))
-    if len(records) > MAX_LINES:
-        lines.append(f"and {len(records) - MAX_LINES} more, in truth.csv")
-    if shots > 1:
-        lines.append("arrivals and peak of the first blast at each sensor")
-    notes = (*notes, *listening.notes, *warnings_of(listening, records))
-    lines += [f"Note: {note.removeprefix('note: ')}" for note in notes]
-    return "\n".join(lines) + "\n"
+BLOCK = 2**16
+"""Samples of a file that are read together."""
+ARRIVALS = {"ground_arrival_s": (0, (1, 1.5)), "air_arrival_s": (0, (4, 3))}
+"""Line of each arrival."""
 
 
 @dataclass(frozen=True)
@@ -256,280 +119,295 @@ class ListenAnswer(Document):
 
 
 def recordings_answer(
-    listening: Listening, records: Sequence[SensorRecord], notes: Sequence[str] = ()
+    listening: Listening, records: Sequence[RecordWriter], notes: Sequence[str] = ()
 ) -> Recordings:
     """Return the records as a part of a document.
-
-    With several blasts, the arrivals and peak of a sensor are those of its first one.
 
     Args:
         listening: The simulated recording.
         records: The records.
         notes: Further notes.
     """
-    return Recordings(
-        listening.seconds,
-        listening.truth.laws,
-        {
-            record.sensor.name: _record(listening.truth, number, record)
-            for number, record in enumerate(records)
-        },
-        listening.skipped,
-        (*notes, *listening.notes, *warnings_of(listening, records)),
-    )
-
-
-def _record(truth: Truth, number: int, record: SensorRecord) -> RecordAnswer:
-    blasts = {
-        name: BlastAtSensor(
-            {
-                quantity: float(rows[number, n])
-                for quantity, rows in truth.values.items()
-            },
-            bool(record.clipped[n]),
-        )
-        for n, name in enumerate(truth.shots)
-    }
-    first = _first_shot(truth, number)
-    return RecordAnswer(
-        kind=record.sensor.kind,
-        file=record.file,
-        rate_hz=record.rate_hz,
-        samples=record.samples,
-        values={
-            name: float(rows[number, first]) for name, rows in truth.values.items()
-        },
-        clipped=record.clipped_samples > 0,
-        clipped_samples=record.clipped_samples,
-        largest={f"largest_{record.column}": record.largest},
-        full_scale_pa=record.full_scale if record.is_sound else None,
-        blasts=blasts if len(blasts) > 1 else None,
-    )
-
-
-def _first_shot(truth: Truth, number: int) -> int:
-    """Return the number of the blast that arrives first at a sensor."""
-    # argmin would select a NaN
-    times = truth.values["air_arrival_s"][number]
-    return int(np.nan_to_num(times, nan=np.inf).argmin())
-
-
-def warnings_of(listening: Listening, records: Sequence[SensorRecord]) -> list[str]:
-    """Return warnings on the use of the records."""
     truth = listening.truth
-    notes = [f"sensor {name!r}: {why}" for name, why in listening.skipped.items()]
+    sensors = {}
+    for number, record in enumerate(records):
+        values = [
+            {quantity: float(rows[number, n]) for quantity, rows in truth.values.items()}
+            for n in range(len(truth.shots))
+        ]
+        blasts = {
+            name: BlastAtSensor(of, bool(clipped))
+            for name, of, clipped in zip(
+                truth.shots, values, record.clipped, strict=True
+            )
+        }
+        # argmin would select a NaN
+        arrivals = truth.values["air_arrival_s"][number]
+        first = int(np.nan_to_num(arrivals, nan=np.inf).argmin())
+        sensors[record.sensor.name] = filled(
+            RecordAnswer,
+            record,
+            values=values[first],
+            clipped=record.clipped_samples > 0,
+            largest={f"largest_{SENSOR_KINDS[record.kind].column}": record.largest},
+            blasts=blasts if len(blasts) > 1 else None,
+        )
+    warnings = (*notes, *listening.notes, *_warnings(listening, records))
+    return filled(
+        Recordings, listening, laws=truth.laws, sensors=sensors, warnings=warnings
+    )
+
+
+def _warnings(listening: Listening, records: Sequence[RecordWriter]) -> Iterator[str]:
+    """Yield warnings on the use of the records."""
+    truth = listening.truth
+    for name, why in listening.skipped.items():
+        yield f"sensor {name!r}: {why}"
     for name, valid in truth.valid.items():
         rows = zip(records, valid, strict=True)
-        wrong = [record.sensor.name for record, row in rows if not row.all()]
-        if wrong:
-            notes.append(
-                f"{name} by {law_words(truth.laws[name])} is extrapolated at "
-                f"{', '.join(wrong)}"
-            )
+        if wrong := [record.sensor.name for record, row in rows if not row.all()]:
+            law = law_words(truth.laws[name])
+            yield f"{name} by {law} is extrapolated at {', '.join(wrong)}"
     for record, arrivals in zip(records, truth.values["air_arrival_s"], strict=True):
         who = f"sensor {record.sensor.name!r}"
         if record.clipped_samples:
-            notes.append(
+            yield (
                 f"{who}: {record.clipped_samples:,} of {record.samples:,} samples are "
                 "clipped; a peak read from them is a lower bound"
             )
         end = record.samples / record.rate_hz
-        notes += [
-            f"{who}: the blast{f' {shot!r}' if shot else ''} arrives at "
-            f"{arrival:.6g} s, outside the record of {end:g} s"
-            for shot, arrival in zip(truth.shots, arrivals, strict=True)
-            if np.isfinite(arrival) and not 0.0 <= arrival < end
-        ]
-    return notes
+        for shot, arrival in zip(truth.shots, arrivals, strict=True):
+            if np.isfinite(arrival) and not 0.0 <= arrival < end:
+                yield (
+                    f"{who}: the blast{f' {shot!r}' if shot else ''} arrives at "
+                    f"{arrival:.6g} s, outside the record of {end:g} s"
+                )
 
 
-def truth_csv(
-    listening: Listening, records: Sequence[SensorRecord], comments: Sequence[str]
-) -> str:
-    """Return a row for each sensor and blast: predictions of the laws, and clipping."""
-    truth = listening.truth
-    head = ["sensor", "kind", "shot", "east_m", "north_m", "up_m", *truth.values]
-    head += ["law_valid", "clipped", "file", "rate_hz", "samples", "full_scale_pa"]
-    rows: list[list[str]] = [head]
-    for number, record in enumerate(records):
-        for n, shot in enumerate(truth.shots):
-            values = [f"{column[number, n]:.12g}" for column in truth.values.values()]
-            valid = all(held[number, n] for held in truth.valid.values())
-            place = [
-                f"{x:.12g}" for x in truth.places["air_arrival_s"][number, n].tolist()
-            ]
-            row = [record.sensor.name, record.sensor.kind, shot, *place, *values]
-            row += [_word(valid), _word(record.clipped[n]), record.file]
-            row += [f"{record.rate_hz:g}", str(record.samples)]
-            rows.append([*row, f"{record.full_scale:.12g}" if record.is_sound else ""])
-    return commented(comments) + comma_separated(rows)
+def listen_view(recordings: Recordings, directory: Path) -> View:
+    """Return the records as a table, with their figures."""
+    sensors = recordings.sensors
+    several = max((len(one.blasts or ()) for one in sensors.values()), default=0)
+    count = "1 sensor" if len(sensors) == 1 else f"{len(sensors)} sensors"
+    span = f"{recordings.seconds:g} s each, from 0 on the sensor's own clock"
+    title = f"Records of {count}, {several or 1} blast{'s' if several else ''}: {span}"
+    notes = [note.removeprefix("note: ") for note in recordings.warnings]
+    return View(
+        title,
+        [sensors_table(recordings), Lines("Notes", notes), *pictures(recordings, directory)],
+        footer="SIMULATED, not measured.",
+    )
 
 
-def _word(flag: Any) -> str:
-    return "true" if flag else "false"
+def sensors_table(recordings: Recordings) -> Table:
+    """Return a row for each record."""
+
+    def number(name: str, head: str) -> Column:
+        def raw(row: tuple[str, RecordAnswer]) -> float:
+            return row[1].values.get(name, np.nan)
+
+        def cell(row: tuple[str, RecordAnswer]) -> str:
+            value = raw(row)
+            return printed_number(name, value) if np.isfinite(value) else "never"
+
+        return Column(head, cell, raw, right=True)
+
+    several = any(one.blasts for one in recordings.sensors.values())
+    return Table(
+        [
+            Column("sensor", lambda row: row[0]),
+            Column("kind", lambda row: row[1].kind),
+            Column("file", lambda row: row[1].file),
+            number("ground_arrival_s", "ground"),
+            number("air_arrival_s", "air"),
+            number("peak_overpressure_pa", "peak"),
+        ],
+        [*recordings.sensors.items()],
+        title="Records",
+        most=MAX_LINES,
+        caption="Arrivals and peak of the first blast at each sensor." if several else "",
+    )
 
 
-class Envelope:
-    """Smallest and largest sample of every column of a segment of a record.
+def pictures(recordings: Recordings, directory: Path) -> list[Picture]:
+    """Return the figures of records, which are read from their files."""
+    if not recordings.sensors:
+        return []
+    drawn = partial(_drawn, recordings, directory)
+    return [
+        Picture(
+            "waveforms.png",
+            lambda: waveform_figure(drawn()),
+            "Waveforms",
+            "Whole, and around the first blast. Dashed: arrival of the wave in air; "
+            "dotted: in the ground.",
+            "Samples of each sensor against time.",
+        ),
+        Picture(
+            "spectrograms.png",
+            lambda: spectrogram_figure(drawn()),
+            "Spectrograms",
+            "Power density by time and frequency.",
+            "Power density of each record against time and frequency.",
+        ),
+    ]
+
+
+class Drawn(NamedTuple):
+    """A record to draw.
 
     Attributes:
-        low: Smallest sample of each column; NaN before the first sample.
-        high: Largest sample.
+        name: Name of its sensor.
+        answer: Its numbers.
+        samples: Its samples; of a vector its magnitude.
     """
 
-    def __init__(
-        self, start: int, stop: int, rate_hz: float, columns: int = DRAWN_COLUMNS
-    ):
-        self.start, self.stop, self.rate_hz = start, stop, rate_hz
-        columns = max(1, min(columns, stop - start))
-        # integers: each sample is in one column, for packets of any size
-        self.edges = start + (stop - start) * np.arange(columns + 1) // columns
-        self.low = np.full(columns, np.nan)
-        self.high = np.full(columns, np.nan)
-
-    def push(self, samples: Float[np.ndarray, " n"], at: int) -> None:
-        """Add samples, of which the first is number `at` of the record."""
-        begin, end = max(at, self.start), min(at + samples.size, self.stop)
-        if end <= begin:
-            return
-        inside = samples[begin - at : end - at]
-        first = int(np.searchsorted(self.edges, begin, side="right")) - 1
-        last = int(np.searchsorted(self.edges, end, side="left"))
-        # the first column may have begun in an earlier packet
-        cuts = np.maximum(self.edges[first:last], begin) - begin
-        low, high = self.low[first:last], self.high[first:last]
-        # fmin and fmax ignore the NaN of a column without samples so far
-        np.fmin(low, np.minimum.reduceat(inside, cuts), out=low)
-        np.fmax(high, np.maximum.reduceat(inside, cuts), out=high)
+    name: str
+    answer: RecordAnswer
+    samples: Float[np.ndarray, " sample"]
 
     @property
-    def time_s(self) -> Float[np.ndarray, " column"]:
-        """Middle of each column [s]."""
-        return (self.edges[:-1] + self.edges[1:] - 1) / (2.0 * self.rate_hz)
+    def column(self) -> str:
+        """The drawn quantity with its unit."""
+        return SENSOR_KINDS[self.answer.kind].column
+
+    @property
+    def note(self) -> str:
+        """Kind, and number of clipped samples."""
+        clipped = self.answer.clipped_samples
+        return self.answer.kind + (f"; {clipped:,} samples clipped" if clipped else "")
+
+    def arrivals(self, name: str) -> list[float]:
+        """Return the arrivals of a wave of all blasts."""
+        blasts = self.answer.blasts
+        of = [one.values for one in blasts.values()] if blasts else [self.answer.values]
+        return [values[name] for values in of if name in values]
 
 
-def _near(
-    first: Float[np.ndarray, " shot"],
-    values: dict[str, Float[np.ndarray, " shot"]],
-    samples: int,
-    rate_hz: float,
-) -> Envelope | None:
-    """Return the envelope around the arrivals of the first blast; None without one."""
-    first = np.where(first >= 0, first, np.inf)
-    shot = int(first.argmin())
-    duration = values["positive_duration_s"][shot]
-    begin, end = first[shot], values["air_arrival_s"][shot] + duration
-    if not (np.isfinite(begin) and np.isfinite(end)):
-        return None
-    begin -= BEFORE * (end - begin)
-    end += AFTER * duration
-    start, stop = (int(np.clip(t * rate_hz, 0, samples)) for t in (begin, end))
-    return Envelope(start, stop, rate_hz) if stop > start + 1 else None
+def _drawn(recordings: Recordings, directory: Path) -> list[Drawn]:
+    first = list(recordings.sensors.items())[:MAX_DRAWN]
+    return [Drawn(name, of, read_samples(directory, of)) for name, of in first]
 
 
-def write_samples(
-    path: str | os.PathLike[str],
-    packets: Iterable[Float[np.ndarray, "sample component"]],
-    rate_hz: float,
-    columns: Sequence[str],
-    comments: Sequence[str],
-) -> int:
-    """Write samples against time as CSV, in constant memory.
+def read_samples(directory: Path, record: Any) -> Float[np.ndarray, " sample"]:
+    """Return the samples of a record's file; of a vector its magnitude.
 
-    If the packets end with an error or an interrupt, the file with the samples so far
-    is kept, and the error is raised.
+    They are mapped from a temporary file: a record of any length needs little memory.
 
     Args:
-        path: Output file; an existing one is replaced.
-        packets: Packets of consecutive samples.
-        rate_hz: Sampling rate [1/s]; the first sample is at 0.
-        columns: Names of the components, with units.
-        comments: Comment lines, such as the provenance.
+        directory: Folder of the file.
+        record: Numbers of the record, as `RecordAnswer`.
 
-    Returns:
-        Number of samples.
+    Raises:
+        InputError: The file is missing or broken.
     """
-    written = 0
-    broken: BaseException | None = None
-    with (
-        replacing(path) as temporary,
-        temporary.open("w", encoding="utf-8", newline="") as file,
-    ):
-        file.write(commented(comments))
-        file.write(comma_separated([["time_s", *columns]]))
+    path, kind = directory / record.file, SENSOR_KINDS.named(record.kind)
+    with tempfile.TemporaryFile() as file:
+        for block in _blocks(path, kind.file == ".wav", list(kind.columns)):
+            magnitude = block[:, 0]
+            if block.shape[1] > 1:
+                magnitude = np.linalg.norm(block, axis=1)
+            scaled = magnitude * (record.full_scale_pa or 1.0)
+            file.write(scaled.astype(np.float32).tobytes())
+        file.flush()
+        size = file.tell() // 4
+        return np.memmap(file, np.float32, "r", shape=(size,)) if size else np.zeros(0)
+
+
+def _blocks(
+    path: Path, is_sound: bool, columns: list[str]
+) -> Iterator[Float[np.ndarray, "sample component"]]:
+    if is_sound:
+        import soundfile
+
         try:
-            for packet in packets:
-                times = (written + np.arange(len(packet))) / rate_hz
-                rows = np.column_stack([times, packet]).tolist()
-                # a time to the nanosecond, and samples with the digits of 32 bits
-                cells = (
-                    [f"{time:.9f}", *(f"{sample:.9g}" for sample in samples)]
-                    for time, *samples in rows
-                )
-                file.write(comma_separated(cells))
-                written += len(packet)
-        except BaseException as error:
-            # without a sample the error leaves `replacing`, and an old file stays
-            if not written:
-                raise
-            broken = error
-    if broken is not None:
-        raise broken
-    return written
+            yield from soundfile.blocks(path, BLOCK, dtype="float32", always_2d=True)
+        except (OSError, soundfile.LibsndfileError) as error:
+            raise InputError(f"{path}: expected sound ({error})") from None
+        return
+    for table in read_table(path, chunksize=BLOCK):
+        yield table[columns].to_numpy(np.float32)
 
 
-class Spectrogram:
-    """Power density of a record against time, by overlapping Hann windows.
+def read_table(path: Path, **options: Any) -> Any:
+    """Return a CSV table without its leading comments, as pandas does.
 
-    Attributes:
-        frequency_hz: Frequency of each row, without 0.
-        time_s: Edges of the columns.
+    Raises:
+        InputError: It is missing or broken.
     """
+    import pandas as pd
 
-    def __init__(self, samples: int, rate_hz: float):
-        self.rate_hz, self.samples = rate_hz, samples
-        # a power of two, for which the Fourier transform is fastest
-        size = 2 ** round(math.log2(max(WINDOW_S * rate_hz, 16.0)))
-        while size > max(samples, 16):
-            size //= 2
-        least, most = (size // overlap for overlap in reversed(OVERLAPS))
-        self.size, self.step = size, max(1, least, min(most, samples // MAX_INSTANTS))
-        # the periodic window: overlapping copies have a constant sum
-        self.window = np.hanning(size + 1)[:-1]
-        frames = max(1, (samples - size) // self.step + 1)
-        self.frames, columns = frames, min(frames, MAX_INSTANTS)
-        self.power = np.zeros((columns, size // 2))
-        self.count = np.zeros(columns)
-        self.frequency_hz = np.arange(1, size // 2 + 1) * rate_hz / size
-        first = np.arange(columns + 1) * frames / columns * self.step
-        self.time_s = (first + self.size / 2 - self.step / 2) / rate_hz
-        self._left = np.zeros(0)
-        self._done = 0
+    try:
+        with path.open(encoding="utf-8") as lines:
+            # `comment="#"` of pandas would also cut cells that contain the character
+            comments = next(n for n, line in enumerate(lines) if line[:1] != "#")
+        return pd.read_csv(path, skiprows=comments, **options)
+    except (OSError, ValueError, StopIteration) as error:
+        raise InputError(f"{path}: expected a table ({error})") from None
 
-    def push(self, samples: Float[np.ndarray, " n"]) -> None:
-        """Add the next samples."""
-        for start in range(0, samples.size, CHUNK):
-            self._take(samples[start : start + CHUNK])
 
-    def _take(self, samples: Float[np.ndarray, " n"]) -> None:
-        waiting = np.concatenate([self._left, samples])
-        frames = max(0, (waiting.size - self.size) // self.step + 1)
-        frames = min(frames, self.frames - self._done)
-        if frames > 0:
-            windows = np.lib.stride_tricks.sliding_window_view(waiting, self.size)
-            spectra = np.fft.rfft(windows[:: self.step][:frames] * self.window)[:, 1:]
-            # one-sided: twice the power, but for the Nyquist row, which occurs once
-            power = 2.0 * np.abs(spectra) ** 2
-            power[:, -1] /= 2.0
-            columns = (self._done + np.arange(frames)) * len(self.count) // self.frames
-            np.add.at(self.power, columns, power)
-            np.add.at(self.count, columns, 1.0)
-            self._done += frames
-        # the next window starts here, and may need samples of the next packet
-        self._left = waiting[frames * self.step :]
+def waveform_figure(records: Sequence[Drawn]) -> "Figure":
+    """Draw each record whole, and around its first blast."""
+    from jblast.report.figures import envelope, new_figure, quiet, titled
 
-    def density(self) -> Float[np.ndarray, "instant frequency"]:
-        """Return mean power by frequency [unit^2/Hz]; NaN without samples."""
-        scale = self.rate_hz * np.sum(self.window**2)
-        with np.errstate(invalid="ignore"):
-            return self.power / (scale * self.count[:, None])
+    figure = new_figure(11.0, 0.8 + ROW_INCHES * len(records))
+    grid = figure.subplots(len(records), 2, squeeze=False)
+    for record, (left, right) in zip(records, grid, strict=True):
+        unit = unit_for(record.column, *record.answer.largest.values())
+        rate = record.answer.rate_hz
+        for axes, (start, stop) in (
+            (left, (0, record.samples.size)),
+            (right, _near(record)),
+        ):
+            quiet(axes)
+            if stop <= start:
+                axes.set_axis_off()
+                continue
+            some = record.samples[start:stop] / unit.size
+            envelope(axes, some, rate, start_s=start / rate)
+            _mark_arrivals(axes, record)
+        words = split_name(record.column)[0].replace("_", " ")
+        left.set_ylabel(f"{words} [{unit.symbol}]")
+        titled(left, record.name, record.note)
+    titled(grid[0][1], "Around the arrivals")
+    for axes in grid[-1]:
+        axes.set_xlabel("time by the sensor's clock [s]")
+    return figure
+
+
+def _near(record: Drawn) -> tuple[int, int]:
+    """Return the range of samples around the first blast; empty without one."""
+    duration, rate = record.answer.values["positive_duration_s"], record.answer.rate_hz
+    arrivals = [record.answer.values.get(name, np.nan) for name in ARRIVALS]
+    begin, end = np.fmin(*arrivals), arrivals[-1] + duration
+    if not (np.isfinite(begin) and np.isfinite(end)):
+        return 0, 0
+    span = begin - BEFORE * (end - begin), end + AFTER * duration
+    start, stop = (int(np.clip(t * rate, 0, record.samples.size)) for t in span)
+    return start, stop
+
+
+def spectrogram_figure(records: Sequence[Drawn]) -> "Figure":
+    """Draw the power density of each record against time and frequency."""
+    from jblast.report.figures import new_figure, spectrogram, titled
+
+    figure = new_figure(11.0, 0.8 + ROW_INCHES * len(records))
+    grid = figure.subplots(len(records), 1, squeeze=False)[:, 0]
+    for record, axes in zip(records, grid, strict=True):
+        options = {"unit": unit_for(record.column, 1.0).symbol}
+        if record.column.endswith("_pa"):  # levels of sound in air: ISO 1683
+            options = {"unit": "20 µPa", "reference": 20e-6}
+        titled(axes, record.name, record.note)
+        spectrogram(axes, record.samples, record.answer.rate_hz, **options)
+        _mark_arrivals(axes, record, colour="white")
+    grid[-1].set_xlabel("time by the sensor's clock [s]")
+    return figure
+
+
+def _mark_arrivals(axes: "Axes", record: Drawn, colour: str = "#222222") -> None:
+    """Mark the arrivals of the waves of every blast within the axes."""
+    low, high = axes.get_xlim()
+    for name, style in ARRIVALS.items():
+        for arrival in record.arrivals(name):
+            if low <= arrival <= high:
+                axes.axvline(arrival, color=colour, linewidth=1.0, linestyle=style)

@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from jblast.errors import InputError
 from jblast.observations.places import Frame
-from jblast.report.ros_bag import DEFINITIONS, FULL_SCALE_PA, RosBag
+from jblast.report.exports.ros_bag import DEFINITIONS, FULL_SCALE_PA, RosBag
 from jblast.scene import (
     Air,
     Camera,

@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 from jblast.errors import InputError
-from jblast.report.world_viewer import Viewer, extremes, spectrogram
+from jblast.report.exports.rerun import Viewer
+from jblast.report.exports.thinning import extremes
 from jblast.scene import Camera, Charge, Scene, Sensor, VehicleSpec, look_at
 from jblast.study.running import (
     CameraEvents,
@@ -234,13 +235,3 @@ def test_extremes_are_those_of_every_column(count):
         inside = rows[(rows >= start) & (rows < start + size)]
         part = values[start : start + size]
         assert set(values[inside]) == {part.min(), part.max()}
-
-
-def test_a_tone_is_brightest_in_the_row_of_its_frequency():
-    rate, frequency = 8000.0, 1000.0
-    time = np.arange(round(5.0 * rate)) / rate
-    picture = spectrogram(np.sin(2.0 * np.pi * frequency * time), rate)
-    brightness = picture.astype(int).sum(axis=2)
-    share = brightness[:, -5].argmax() / (len(picture) - 1)
-    # equal steps of log frequency, from 4 kHz at the top to 20 Hz
-    assert 4000.0 * (20.0 / 4000.0) ** share == pytest.approx(frequency, rel=0.05)

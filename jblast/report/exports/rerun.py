@@ -9,20 +9,19 @@ recording has no clock but that of the run.
 """
 
 import io
-import math
 import os
 import socket
 import sys
 import threading
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float
 
 from jblast.errors import InputError, needed
+from jblast.report.exports.thinning import extremes, first_of_each
 from jblast.scene import SENSOR_KINDS, Camera, Charge, Scene
 from jblast.study.running import CameraEvents, Motion, Packet, RunDetection
 from jblast.waves.fireball import LARGEST_RADIUS
@@ -36,27 +35,18 @@ COLUMNS_HZ = 200.0
 SHOWN_HZ, POSES_HZ = 20.0, 50.0
 """Pictures and shock fronts in a second, which appear continuous; poses of the vehicle,
 which no viewer interpolates."""
-SPECTRA_S, WINDOWED_S = 5.0, 0.04
-"""Length of a spectrogram, and about that of its windows [s], which resolve 25 Hz."""
-BANDS, LOWEST_HZ = 160, 20.0
-"""Rows of a spectrogram: equal steps of log frequency up to half the sample rate."""
-REFERENCE_PA, LEVELS_DB = 20e-6, (20.0, 120.0)
-"""Reference of sound levels [Pa], and those of the darkest and brightest colours: from
-quiet air to a blast's shock."""
 QUALITY = 80
 """Quality of JPEG pictures: about half the size of 90."""
 NEAR_M = 50.0
 """Radius to which all shock fronts are drawn [m]; beyond, to the farthest entity."""
 BLUE, ORANGE, GREEN = (86, 180, 233), (230, 159, 0), (0, 158, 115)
 RED, GREY = (213, 94, 0), (150, 150, 150)
-FLIGHT = ("force/east", "force/north", "force/up", "torque/x", "torque/y", "torque/z")
-"""Plots of the vehicle with three components."""
 COLOURS = (ORANGE, GREEN, BLUE)
 """Colours of components."""
+FLIGHT = {"force [N]": "east north up", "torque [N m]": "x y z", "path_error [m]": ""}
+"""Plots of the vehicle with their components."""
 EVENT_COLUMNS = 320
 """Largest width of pictures of camera events [px]."""
-EVENT_COLOURS = (*GREY, *BLUE, *RED)
-"""Palette of pictures of camera events: none, darker, brighter."""
 
 
 class Viewer:
@@ -91,15 +81,11 @@ class Viewer:
         self._rr = needed("rerun", "viewer", "viewer", "a run is shown")
         self._scene, self._sound_speed = scene, sound_speed_m_s
         self._places = _places(scene)
-        low, high = self._places.min(axis=0), self._places.max(axis=0)
-        self._centre = 0.5 * (low + high)
-        self._size = max(20.0, float(np.linalg.norm(high - low)))
+        extent = np.linalg.norm(np.ptp(self._places, axis=0))
+        self._size = max(20.0, float(extent))
         self._kinds = {s.name: SENSOR_KINDS[s.kind] for s in scene.sensors if s.kind}
         mounted = scene.camera is not None and scene.camera.mount
         self._camera = "world/vehicle/camera" if mounted else "world/camera"
-        # the last seconds of the first two microphones
-        sounds = [name for name, kind in self._kinds.items() if kind.file == ".wav"]
-        self._sounds = {name: np.zeros(0) for name in sounds[:2]}
         self._fronts: list[tuple[float, np.ndarray, float]] = []
         self._trail, self.address = np.zeros((0, 3)), ""
         self._stream = self._rr.RecordingStream(
@@ -132,17 +118,12 @@ class Viewer:
             time = start + np.arange(len(values)) / rate
             # an IMU has no columns: its motion is that of the vehicle
             for column, part in zip(self._kinds[name].columns, values.T, strict=False):
-                path = f"waveforms/{self._part(name)}/{column}"
-                self._plot(path, time, part, columns)
-            if name in self._sounds:
-                sound = np.append(self._sounds[name], values[:, 0])
-                self._sounds[name] = sound = sound[-round(SPECTRA_S * rate) :]
-                picture = self._jpeg(spectrogram(sound, rate))
-                self._log(f"spectrograms/{self._part(name)}", packet.end_s, picture)
+                self._plot(f"{self._plots(name)}/{column}", time, part, columns)
         if (frames := packet.frames) is not None:
-            for row in thinned(frames.time_s, SHOWN_HZ):
-                picture = self._jpeg(frames.images[row])
-                self._log(f"{self._camera}/image", float(frames.time_s[row]), picture)
+            for row in first_of_each(frames.time_s, SHOWN_HZ):
+                time, image = float(frames.time_s[row]), frames.images[row]
+                shown = self._rr.Image(image).compress(jpeg_quality=QUALITY)
+                self._log(f"{self._camera}/image", time, shown)
         if packet.events is not None and self._scene.camera is not None:
             self._events(packet.events, self._scene.camera, ticks)
         for detection in packet.detections:
@@ -186,6 +167,9 @@ class Viewer:
     def _part(self, name: str) -> str:
         return self._rr.escape_entity_path_part(name)
 
+    def _plots(self, sensor: str) -> str:
+        return f"waveforms/{self._part(sensor)}"
+
     def _log(self, path: str, time: float | None, *values: Any) -> None:
         """Add one row, or without a time a value for all times."""
         if time is not None:
@@ -201,21 +185,19 @@ class Viewer:
             index = self._rr.TimeColumn(CLOCK, duration=time)
             self._stream.send_columns(path, [index], columns)
 
-    def _plot(self, path: str, time: np.ndarray, values: np.ndarray, columns: int):
+    def _plot(
+        self, path: str, time: np.ndarray, values: np.ndarray, columns: int
+    ) -> None:
         """Add the least and the greatest value of each column to a plot."""
         rows = extremes(values, columns)
         self._rows(path, time[rows], self._rr.Scalars.columns(scalars=values[rows]))
 
-    def _jpeg(self, image: UInt8[np.ndarray, "height width 3"]) -> Any:
-        return self._rr.Image(image).compress(jpeg_quality=QUALITY)
-
     def _motion(self, motion: Motion, columns: int) -> None:
         """Show rows of the vehicle's motion."""
-        rr, kept = self._rr, thinned(motion.time_s, POSES_HZ)
+        rr, kept = self._rr, first_of_each(motion.time_s, POSES_HZ)
         time, position = motion.time_s[kept], motion.position_m[kept]
-        pose = rr.Transform3D.columns(
-            translation=position, quaternion=motion.quaternion[kept]
-        )
+        turned = motion.quaternion[kept]
+        pose = rr.Transform3D.columns(translation=position, quaternion=turned)
         self._rows("world/vehicle", time, pose)
         points = rr.Points3D.columns(positions=motion.set_point_m[kept])
         self._rows("world/set_point", time, points)
@@ -224,8 +206,8 @@ class Viewer:
         self._log("world/path", motion.time_s[-1], rr.LineStrips3D([strip]))
         self._trail = strip[-1:]
         values = (*motion.force_n.T, *motion.moment_n_m.T, motion.path_error_m)
-        for path, part in zip((*FLIGHT, "path_error"), values, strict=True):
-            self._plot(f"flight/{path}", motion.time_s, part, columns)
+        for path, part in zip(_flight_paths(), values, strict=True):
+            self._plot(path, motion.time_s, part, columns)
 
     def _events(
         self, events: CameraEvents, camera: Camera, ticks: Float[np.ndarray, " tick"]
@@ -236,15 +218,14 @@ class Viewer:
         # coarse pixels: single ones would be invisible in a small view
         step = -(-camera.width // EVENT_COLUMNS)
         size = (-(-camera.height // step), -(-camera.width // step))
-        codes = np.where(events.polarity > 0, 2, 1)
-        cuts = np.searchsorted(events.time_s, ticks[:-1])
-        for part, tick in zip(
-            np.split(np.arange(codes.size), cuts), ticks, strict=True
-        ):
+        tick_of = np.searchsorted(ticks[:-1], events.time_s, side="right")
+        for number, tick in enumerate(ticks):
+            part = tick_of == number
             changes = np.zeros(size, np.uint8)
-            changes[events.y[part] // step, events.x[part] // step] = codes[part]
+            place = events.y[part] // step, events.x[part] // step
+            changes[place] = np.where(events.polarity[part] > 0, 2, 1)
             image, file = Image.fromarray(changes), io.BytesIO()
-            image.putpalette(EVENT_COLOURS)
+            image.putpalette((*GREY, *BLUE, *RED))  # none, darker, brighter
             image.save(file, format="PNG")  # JPEG would blur single pixels
             data = {"contents": file.getvalue(), "media_type": "image/png"}
             self._log("events", tick, self._rr.EncodedImage(**data))
@@ -267,11 +248,8 @@ class Viewer:
         for tick in ticks:
             grown = [(self._sound_speed * (tick - t), c, m) for t, c, m in self._fronts]
             drawn = [(centre, r) for r, centre, most in grown if 0.0 < r < most]
-            spheres = self._rr.Ellipsoids3D(
-                centers=[centre for centre, _ in drawn],
-                radii=[radius for _, radius in drawn],
-                colors=BLUE,
-            )
+            centres, radii = zip(*drawn, strict=True) if drawn else ([], [])
+            spheres = self._rr.Ellipsoids3D(centers=centres, radii=radii, colors=BLUE)
             self._log("world/shocks", tick, spheres)
 
     def _detection(self, found: RunDetection) -> None:
@@ -283,35 +261,35 @@ class Viewer:
         text = f"{found.sensor}: {found.kind} at {found.time_s:.4f} s, {what}"
         self._text("detections", found.reported_s, text, level)
         if found.sensor in self._kinds:
-            path = f"waveforms/{self._part(found.sensor)}/{mark}"
+            path = f"{self._plots(found.sensor)}/{mark}"
             self._log(path, found.time_s, self._rr.Scalars(0.0))
 
     def _show_scene(self) -> None:
         """Show all that does not move, and the styles of the rest."""
         rr, scene, points = self._rr, self._scene, self._rr.Radius.ui_points
-        styles: dict[str, Any] = {"world": rr.ViewCoordinates.RIGHT_HAND_Z_UP}
+        self._log("world", None, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         for sensor in scene.sensors:
             place = sensor.offset_m if sensor.mount else sensor.position_m
             path = "world/vehicle" if sensor.mount else "world/sensors"
             if np.isfinite(place).all():
                 shown = {"labels": sensor.name, "colors": GREEN, "radii": points(4)}
                 dot = rr.Points3D([np.asarray(place)], **shown)
-                styles[f"{path}/{self._part(sensor.name)}"] = dot
+                self._log(f"{path}/{self._part(sensor.name)}", None, dot)
+        lines = list(zip(_flight_paths()[:-1], COLOURS * 2, strict=True))
         for name, kind in self._kinds.items():
-            path = f"waveforms/{self._part(name)}"
-            for column, colour in zip(kind.columns, COLOURS, strict=False):
-                styles[f"{path}/{column}"] = rr.SeriesLines(colors=colour)
+            path = self._plots(name)
+            columns = [f"{path}/{column}" for column in kind.columns]
+            lines += zip(columns, COLOURS, strict=False)
             for mark, colour in (("detections", GREEN), ("false_alarms", RED)):
-                styles[f"{path}/{mark}"] = rr.SeriesPoints(colors=colour)
+                self._log(f"{path}/{mark}", None, rr.SeriesPoints(colors=colour))
+        for path, colour in lines:
+            self._log(path, None, rr.SeriesLines(colors=colour))
         if scene.vehicle is not None:
-            styles["world/vehicle"] = rr.TransformAxes3D(0.04 * self._size)
-            for path, colour in zip(FLIGHT, COLOURS * 2, strict=True):
-                styles[f"flight/{path}"] = rr.SeriesLines(colors=colour)
+            self._log("world/vehicle", None, rr.TransformAxes3D(0.04 * self._size))
             dot = rr.Points3D.from_fields(colors=RED, radii=points(3))
-            styles["world/set_point"] = dot
+            self._log("world/set_point", None, dot)
         if (camera := scene.camera) is not None:
             place, turned = np.asarray(camera.position), np.asarray(camera.quaternion)
-            pose = rr.Transform3D(translation=place, quaternion=turned)
             lens = rr.Pinhole(
                 focal_length=np.asarray(camera.focal),
                 principal_point=np.asarray(camera.center),
@@ -319,49 +297,45 @@ class Viewer:
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=0.1 * self._size,
             )
-            styles[self._camera] = (pose, lens)
-        for path, style in styles.items():
-            self._log(path, None, *(style if isinstance(style, tuple) else (style,)))
+            pose = rr.Transform3D(translation=place, quaternion=turned)
+            self._log(self._camera, None, pose, lens)
 
     def _blueprint(self, live: bool) -> Any:
         """Return the arrangement of the views."""
         rr, b, bound = self._rr, self._rr.blueprint, self._rr.TimeRangeBoundary
         now = bound.cursor_relative(seconds=0.0)
         begin = bound.cursor_relative(seconds=-WINDOW_S)
-        last = rr.VisibleTimeRange(CLOCK, start=begin, end=now)
         past = rr.VisibleTimeRange(CLOCK, start=bound.infinite(), end=now)
 
-        legend = b.PlotLegend(b.Corner2D.LeftTop)
-        plot = partial(b.TimeSeriesView, time_ranges=last, plot_legend=legend)
-        eye = self._centre + self._size * np.array([-0.35, -0.7, 0.45])
+        def plot(origin: str, name: str) -> Any:
+            last = rr.VisibleTimeRange(CLOCK, start=begin, end=now)
+            legend = b.PlotLegend(b.Corner2D.LeftTop)
+            options = {"time_ranges": last, "plot_legend": legend}
+            return b.TimeSeriesView(origin=origin, name=name, **options)
+
+        centre = 0.5 * (self._places.min(axis=0) + self._places.max(axis=0))
+        eye = centre + self._size * np.array([-0.35, -0.7, 0.45])
         space = b.Spatial3DView(
             origin="world",
             name="scene",
-            eye_controls=b.EyeControls3D(position=eye, look_target=self._centre),
+            eye_controls=b.EyeControls3D(position=eye, look_target=centre),
             overrides={"world/path": b.VisibleTimeRanges([past])},
         )
         words = b.TextLogColumns(text_log_columns=["LogLevel", "Body"])
-        log = b.TextLogView(origin="log", name="log", columns=words)
-        pictures, plots, flight = [], [], []
+        side = [b.TextLogView(origin="log", name="log", columns=words)]
         if self._scene.camera is not None:
             image = f"{self._camera}/image"
-            pictures = [
+            side = [
                 b.Spatial2DView(origin=self._camera, contents=image, name="camera"),
                 b.Spatial2DView(origin="events", name="events (red: brighter)"),
+                *side,
             ]
-        for name, kind in self._kinds.items():
-            if kind.columns:
-                plots.append(plot(origin=f"waveforms/{self._part(name)}", name=name))
-        for name in self._sounds:
-            path = f"spectrograms/{self._part(name)}"
-            plots.append(b.Spatial2DView(origin=path, name=f"{name}, spectrogram"))
+        sampled = [name for name, kind in self._kinds.items() if kind.columns]
+        plots = [plot(self._plots(name), name) for name in sampled]
+        flight = []
         if self._scene.vehicle is not None:
-            flight = [
-                plot(origin="flight/force", name="force [N]"),
-                plot(origin="flight/torque", name="torque [N m]"),
-                plot(origin="flight/path_error", name="path error [m]"),
-            ]
-        top = b.Horizontal(space, b.Vertical(*pictures, log), column_shares=[2, 1])
+            flight = [plot(f"flight/{name.split()[0]}", name) for name in FLIGHT]
+        top = b.Horizontal(space, b.Vertical(*side), column_shares=[2, 1])
         rows = [b.Horizontal(*views) for views in (plots, flight) if views]
         play = "following" if live else "playing"
         return b.Blueprint(
@@ -371,59 +345,13 @@ class Viewer:
         )
 
 
-def spectrogram(
-    samples: Float[np.ndarray, " sample"], rate_hz: float
-) -> UInt8[np.ndarray, "band window 3"]:
-    """Return the sound levels of bands of frequency over time, as a picture.
-
-    Args:
-        samples: The last samples [Pa]; silence before them, up to `SPECTRA_S`.
-        rate_hz: Samples per second.
-
-    Returns:
-        Colours; low frequencies at the bottom, the latest window at the right.
-    """
-    from matplotlib import colormaps
-
-    samples = np.pad(samples, (round(SPECTRA_S * rate_hz) - samples.size, 0))
-    size = 2 ** max(4, round(math.log2(WINDOWED_S * rate_hz)))
-    window = np.hanning(size + 1)[:-1]
-    bands = np.geomspace(min(LOWEST_HZ, 0.1 * rate_hz), 0.5 * rate_hz, BANDS)[::-1]
-    parts = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
-    spectra = np.fft.rfft(parts * window)[
-        :, np.rint(bands * size / rate_hz).astype(int)
+def _flight_paths() -> list[str]:
+    """Return the entities of the plots of the vehicle."""
+    return [
+        f"flight/{name.split()[0]}" + (f"/{axis}" if axis else "")
+        for name, axes in FLIGHT.items()
+        for axis in axes.split() or [""]
     ]
-    rms = math.sqrt(2.0) * np.abs(spectra).T / window.sum()  # exact for a sine
-    levels = 20.0 * np.log10(np.maximum(rms / REFERENCE_PA, 1e-9))
-    shares = (levels - LEVELS_DB[0]) / (LEVELS_DB[1] - LEVELS_DB[0])
-    return colormaps["magma"](shares, bytes=True)[..., :3]
-
-
-def thinned(
-    time: Float[np.ndarray, " row"], rate_hz: float
-) -> Int[np.ndarray, " kept"]:
-    """Return the first row of each interval of a rate."""
-    # 1 us, so that a time is in the interval that it begins
-    slots = np.floor((time + 1e-6) * rate_hz)
-    return np.flatnonzero(np.diff(slots, prepend=-np.inf) > 0)
-
-
-def extremes(
-    values: Float[np.ndarray, " row"], columns: int
-) -> Int[np.ndarray, " kept"]:
-    """Return the rows of the least and the greatest value of each column, in order.
-
-    Args:
-        values: Values in order of time.
-        columns: Number of columns; at most twice as many rows are returned.
-    """
-    if not values.size:
-        return np.zeros(0, int)
-    size = -(-values.size // columns)
-    # padding repeats the last value, which therefore comes first
-    table = np.pad(values, (0, -values.size % size), mode="edge").reshape(-1, size)
-    first = size * np.arange(len(table))
-    return np.unique([first + table.argmin(axis=1), first + table.argmax(axis=1)])
 
 
 def _places(scene: Scene) -> Float[np.ndarray, "place 3"]:

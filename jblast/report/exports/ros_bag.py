@@ -28,6 +28,7 @@ from jblast import __version__
 from jblast.errors import InputError, needed
 from jblast.files import replacing
 from jblast.observations.places import Frame
+from jblast.report.exports.thinning import first_of_each, largest
 from jblast.scene import Camera, Charge, Place, Scene, Sensor
 from jblast.sensors.camera.files.evt3 import MAX_SIDE, Encoder
 from jblast.sensors.camera.files.images import COMPRESSION
@@ -189,10 +190,9 @@ class RosBag:
         rows = Motion(*(column[known] for column in motion))
         if not known.any():
             return
-        group = np.floor(rows.time_s * MOTION_HZ + 1e-6)
         inverse = Rotation.from_quat(rows.quaternion).inv()
         velocity, force = inverse.apply(rows.velocity_m_s), inverse.apply(rows.force_n)
-        for n in np.unique(group, return_index=True)[1]:
+        for n in first_of_each(rows.time_s, MOTION_HZ):
             time, place = float(rows.time_s[n]), rows.position_m[n]
             self._pose(time, place, rows.quaternion[n])
             twist = {"linear": velocity[n], "angular": rows.body_rate_rad_s[n]}
@@ -201,7 +201,8 @@ class RosBag:
             self._add(time, "/vehicle/set_point", WORLD, pose=target)
             self._add(time, "/vehicle/estimate", WORLD, point=rows.estimate_m[n])
             self._add(time, "/vehicle/path_error", data=rows.path_error_m[n])
-        for n in _largest(force, group):
+        group = np.floor((rows.time_s + 1e-6) * MOTION_HZ)
+        for n in largest(np.linalg.norm(force, axis=1), group):
             wrench = {"force": force[n], "torque": rows.moment_n_m[n]}
             self._add(float(rows.time_s[n]), "/vehicle/wrench", BODY, wrench=wrench)
 
@@ -244,7 +245,7 @@ class RosBag:
         else:  # kinds that others register
             return
         group = np.arange(len(values)) // math.ceil(samples.rate_hz / SAMPLES_HZ - 1e-9)
-        for n in _largest(values[:, :3], group):
+        for n in largest(np.linalg.norm(values[:, :3], axis=1), group):
             time = samples.start_s + float(n) / samples.rate_hz
             row = {field: column[n] for field, column in columns.items()}
             self._add(time, f"/{name}/{topic}", frame, **row, **fixed)
@@ -333,12 +334,6 @@ def _frame_names(names: Iterable[str]) -> dict[str, str]:
             plain += "_"
         found[name] = plain
     return found
-
-
-def _largest(vectors: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Return the row of the longest vector in each group, in order of the groups."""
-    order = np.lexsort((-np.linalg.norm(vectors, axis=1), group))
-    return order[np.unique(group[order], return_index=True)[1]]
 
 
 def _full_scale(sensor: Sensor) -> float:

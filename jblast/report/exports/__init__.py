@@ -1,0 +1,1 @@
+"""Runs of a world in the formats of viewers and robots."""

@@ -1,0 +1,501 @@
+"""Files of a run: blasts, perceptions, readings, records of sensors, and film.
+
+`record_files` passes the packets of a run to a writer and to further subscribers.
+Sensors with sampling options have their readings picked from their finished files
+(`world.picked`).
+"""
+
+import contextlib
+import math
+import os
+import queue
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Generic, Literal, TypeVar
+
+import numpy as np
+
+from jblast.files import save_text, table_text, write_text, writing
+from jblast.observations import Observations, write
+from jblast.observations.records.formats import Scaling, open_record
+from jblast.results import AMONG
+from jblast.scene import Charge
+from jblast.sensors.camera.events.ideal import Events
+from jblast.sensors.camera.files.event_files import Written, write_events
+from jblast.sensors.camera.files.images import write_values
+from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.film_writer import (
+    clear_film,
+    film_files,
+    frame_name,
+    sheet_frames,
+    write_contact_sheet,
+)
+from jblast.sensors.record_writer import (
+    TRUTH,
+    RecordWriter,
+    record_comments,
+    record_writers,
+    truth_csv,
+)
+from jblast.study.run_detectors import RunDetectors
+from jblast.study.running import (
+    CameraEvents,
+    Frames,
+    Packet,
+    Run,
+    RunDetection,
+    Subscriber,
+    record_run,
+)
+from jblast.waves.fireball import fireball_duration
+from jblast.world import DrawnWorld, ImuRecord, Perceived, picked_jolts, readings_of
+from jblast.world.drawn import CAMERA
+from jblast.world.picked import joined, picked_readings, sampled_sensors
+
+Item = TypeVar("Item")
+BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
+DETECTIONS, SOUND, FILM = "detections.csv", "sound", "camera"
+BEFORE = 2
+"""Frames stored before each flash: the detector takes a difference of two."""
+SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
+"""Kinds of sensors and senses that the detectors of a run search."""
+
+
+@dataclass(frozen=True)
+class ImuWritten:
+    """Record of an inertial measurement unit.
+
+    Attributes:
+        file: Its table, in the folder of the run.
+        rate_hz: Sampling rate [1/s].
+        samples: Number of samples.
+        clipped: Whether a sample is clipped.
+    """
+
+    file: str
+    rate_hz: float
+    samples: int
+    clipped: bool
+
+
+@dataclass(frozen=True)
+class FilmMade:
+    """Film of a world's camera.
+
+    Attributes:
+        frames: Number of frames.
+        width: Width of a frame [px].
+        height: Height of a frame [px].
+        written: Numbers of events.
+        stamps: Computation of the events' times.
+        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
+    """
+
+    frames: int
+    width: int
+    height: int
+    written: Written = field(metadata=AMONG)
+    stamps: Literal["interpolated"]
+    stamp_error_s: float
+
+
+@dataclass(frozen=True)
+class Detections:
+    """Blasts that the detectors of a run reported while it was recorded.
+
+    Attributes:
+        detected: Number of detected waves and flashes.
+        false_alarms: Number of detections without a wave or flash.
+        missed: Number of perceived flashes and air shocks at searched sensors without a
+            detection.
+        median_latency_s: Median delay after the wave reached the sensor; null without a
+            detection.
+        max_latency_s: Longest such delay.
+    """
+
+    detected: int
+    false_alarms: int
+    missed: int
+    median_latency_s: float | None
+    max_latency_s: float | None
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A run with what was written of it.
+
+    Attributes:
+        run: The run.
+        readings: Readings of the sensors; None without any.
+        records: Records of the sampling sensors.
+        imu: Record of each inertial measurement unit; None without one.
+        camera: Film of the camera; None without one.
+        detections: Summary of the detections; None without detectors.
+        warnings: Warnings on the use of the run, as sentences.
+    """
+
+    run: Run
+    readings: Observations | None
+    records: tuple[RecordWriter, ...]
+    imu: Mapping[str, ImuWritten] | None
+    camera: FilmMade | None
+    detections: Detections | None
+    warnings: tuple[str, ...]
+
+    @property
+    def world(self) -> DrawnWorld:
+        """The sampled world."""
+        return self.run.world
+
+
+def record_files(
+    run: Run,
+    directory: Path,
+    *,
+    detect: bool = False,
+    watched: Sequence[Subscriber] = (),
+) -> RecordedRun:
+    """Record a run, and write its files; on an error the written ones stay.
+
+    Args:
+        run: The run.
+        directory: Folder of the files; tables of an earlier run are removed.
+        detect: Whether detectors search sound and frames while they are recorded.
+        watched: Further subscribers of the packets.
+
+    Raises:
+        InputError: A record cannot be made, or a file cannot be written.
+    """
+    world, head = run.world, run_comments(run.world)
+    with writing(directory):
+        writer = RunWriter(run, directory)
+        detectors = None
+        if detect:
+            names = [charge.name for charge in world.scene.charges]
+            detectors = RunDetectors(world.scene, run.arrivals, names)
+        record_run(run, [writer, *watched], detectors)
+        imu, notes = _write_imus(run.imus, directory, head)
+        readings, more = _readings(run, writer.records, directory / SOUND)
+        if readings is not None:
+            write(directory / READINGS, readings, comments=head)
+    return RecordedRun(
+        run=run,
+        readings=readings,
+        records=tuple(writer.records),
+        imu=imu,
+        camera=writer.film,
+        detections=summary_of(run, writer.detections) if detect else None,
+        warnings=(*run.notes, *notes, *more),
+    )
+
+
+def run_comments(world: DrawnWorld) -> list[str]:
+    """Return the provenance of a world, for the comments of every table."""
+    return [f"SIMULATED, not measured: {world.source}, seed {world.seed}"]
+
+
+def _readings(
+    run: Run, records: Sequence[RecordWriter], directory: Path
+) -> tuple[Observations | None, list[str]]:
+    """Return the readings, picked ones among them, and warnings."""
+    world = run.world
+    sampled = sampled_sensors(world) if records else ()
+    names = [sensor.name for sensor in sampled]
+    names += [one.sensor.name for one in run.imus if one.sensor.imu is not None]
+    readings, late = readings_of(world, run.arrivals, run.seconds, names)
+    jolts, missed = picked_jolts(world, run.arrivals, run.imus)
+    readings = joined(readings, jolts)
+    if run.listening is not None and sampled:
+        of = {record.sensor.name: record for record in records}
+        recordings = {}
+        for name in [sensor.name for sensor in sampled]:
+            scaling = Scaling(of[name].full_scale_pa, None)
+            (recordings[name],) = open_record(directory / of[name].file, scaling)
+        seconds = run.listening.seconds
+        found = picked_readings(world, run.arrivals, recordings, seconds)
+        readings, missed = joined(readings, found.readings), missed + found.missed
+    return readings, [*_warnings(run, readings is None, late, missed)]
+
+
+def _warnings(run: Run, no_readings: bool, late: int, missed: int) -> Iterator[str]:
+    """Yield warnings on the use of a run and of its readings."""
+    if missed:
+        yield (
+            f"{missed} air shocks at sampling sensors have no readings: no pick, or a "
+            "poor one"
+            if missed > 1
+            else "one air shock at a sampling sensor has no reading: no pick, or a "
+            "poor one"
+        )
+    for sensor in run.world.scene.sensors:
+        if sensor.instrument is not None and not sensor.kind:
+            yield f"{sensor.name}: no kind is specified, so it writes no samples"
+    shots = len(run.world.shots)
+    if run.unseen:
+        yield (
+            f"{len(run.unseen)} of {shots} blasts are outside the camera's image: it "
+            "does not perceive them"
+        )
+    if not shots:
+        flown = "" if run.flown else " and no flight"
+        yield f"no blast was sampled: no perceptions{flown}"
+    if run.late:
+        yield (
+            f"{run.late} perceptions after the end, {run.seconds:g} s, are not included"
+        )
+    if late:
+        yield f"{late} waves at sensors after the end have no readings"
+    if no_readings and shots:
+        yield "no sensor has records, so there is no observations.csv"
+
+
+class Fed(Generic[Item]):
+    """A function of an iterator that runs in a thread of its own, fed item by item.
+
+    The writers of files pull their input; here it is pushed. At most two items wait.
+    """
+
+    def __init__(self, consume: Callable[[Iterator[Item]], Any]):
+        """Start the function."""
+        self._items: queue.Queue[tuple[Item, ...]] = queue.Queue(2)
+        self._pool = ThreadPoolExecutor(1)
+        self._result = self._pool.submit(consume, self._pulled())
+
+    def _pulled(self) -> Iterator[Item]:
+        while one := self._items.get():
+            yield one[0]
+
+    def put(self, item: Item) -> None:
+        """Pass an item; an error of the function is raised here."""
+        self._give((item,))
+
+    def _give(self, one: tuple[Item, ...]) -> None:
+        # a function that has ended takes no more: waiting for it would last for ever
+        while not self._result.done():
+            with contextlib.suppress(queue.Full):
+                return self._items.put(one, timeout=0.1)
+        return self._result.result() if one else None
+
+    def end(self) -> Any:
+        """End the input, and return the result of the function."""
+        self._give(())
+        self._pool.shutdown()
+        return self._result.result()
+
+
+class RunWriter:
+    """Writer of a run's files: a subscriber of its packets.
+
+    Attributes:
+        records: Records of the sampling sensors.
+        film: The film, after the end; None without a camera.
+        detections: Detections so far.
+    """
+
+    def __init__(self, run: Run, directory: Path):
+        """Write all tables that are known before the first packet."""
+        self.directory, self._run, head = directory, run, run_comments(run.world)
+        self.detections: list[RunDetection] = []
+        directory.mkdir(parents=True, exist_ok=True)
+        # tables of an earlier run next to new ones would mislead
+        stale = [directory / name for name in (READINGS, DETECTIONS)]
+        for file in (*stale, *directory.glob("imu*.csv")):
+            file.unlink(missing_ok=True)
+        save_text(blasts_csv(run.world, head), directory / BLASTS)
+        save_text(_perceived_csv(run.perceived, head), directory / PERCEIVED)
+        self.records: list[RecordWriter] = []
+        if run.listening is not None:
+            self._comments = record_comments(
+                run.listening, run.world.source, run.world.seed
+            )
+            self.records = record_writers(
+                run.listening, directory / SOUND, self._comments
+            )
+        self._fed = {one.sensor.name: Fed(one.write) for one in self.records}
+        self._film = None
+        if run.film is not None:
+            self._film = _FilmOfRun(run.world, run.film, directory / FILM)
+        self.film: FilmMade | None = None
+
+    def take(self, packet: Packet) -> None:
+        """Write the samples and images of a packet."""
+        for name, fed in self._fed.items():
+            if name in packet.samples:
+                fed.put(packet.samples[name].values)
+        if self._film is not None and packet.frames and packet.events:
+            self._film.take(packet.frames, packet.events)
+        self.detections += packet.detections
+
+    def finish(self) -> None:
+        """Complete the files."""
+        for fed in self._fed.values():
+            fed.end()
+        if self._run.listening is not None:
+            table = truth_csv(self._run.listening, self.records, self._comments)
+            write_text(self.directory / SOUND / TRUTH, table)
+        if self.detections:
+            table = _detections_csv(self.detections, run_comments(self._run.world))
+            save_text(table, self.directory / DETECTIONS)
+        if self._film is not None:
+            self.film = self._film.finish()
+
+
+class _FilmOfRun:
+    """Writer of the frames and camera events of a run.
+
+    Of the frames only those with a fireball, and the two before, are stored.
+    """
+
+    def __init__(self, world: DrawnWorld, film: Film, directory: Path):
+        """Create the folder, and remove files of an earlier run."""
+        self._camera, self._hz = film.camera, float(film.camera.frames_hz)
+        self._files = film_files(directory)
+        clear_film(self._files, force=True)
+        numbers = _frames(world, len(film.times), self._hz).tolist()
+        self._places = {number: place for place, number in enumerate(numbers)}
+        self._times = film.times[numbers]
+        bursts = [float(charge.time_s) for charge in film.scene.charges]
+        self._first, self._wanted = min(bursts), {*sheet_frames(self._times, bursts)}
+        self._shown: dict[float, np.ndarray] = {}
+        self._pool = ThreadPoolExecutor(os.cpu_count())
+        self._written: list[Future[None]] = []
+        path, lasts = directory / "events.h5", float(film.times[-1])
+        size = film.camera.width, film.camera.height
+        self._events: Fed[Events] = Fed(
+            lambda blocks: write_events(path, blocks, *size, duration_s=lasts)
+        )
+
+    def take(self, frames: Frames, events: CameraEvents) -> None:
+        """Write the frames and events of a packet."""
+        for future in self._written:
+            future.result()
+        self._written = []
+        for time, image in zip(frames.time_s.tolist(), frames.images, strict=True):
+            place = self._places.get(round(time * self._hz))
+            if place is None:
+                continue
+            path = Path(self._files.frames or "") / self._name(place)
+            self._written.append(self._pool.submit(write_values, path, image))
+            if place in self._wanted:
+                self._shown[time - self._first] = image
+        count, lost = np.asarray(events.time_s.size), np.asarray(0)
+        columns = events.x, events.y, events.time_s, events.polarity
+        self._events.put(Events(*columns, count, lost))
+
+    def _name(self, place: int) -> str:
+        return frame_name(place, len(self._times))
+
+    def finish(self) -> FilmMade:
+        """Complete the files."""
+        self._pool.shutdown()
+        written = self._events.end()
+        write_contact_sheet(self._files.contact_sheet, self._shown)
+        rows = [["file", "time_s"]]
+        rows += [[self._name(n), f"{t:.12g}"] for n, t in enumerate(self._times)]
+        table = Path(self._files.contact_sheet).with_name("frames.csv")
+        write_text(table, table_text(rows))
+        return FilmMade(
+            frames=len(self._times),
+            width=self._camera.width,
+            height=self._camera.height,
+            written=written,
+            stamps="interpolated",
+            stamp_error_s=1.0 / self._hz,
+        )
+
+
+def _frames(world: DrawnWorld, count: int, hz: float) -> np.ndarray:
+    """Return the numbers of the stored frames, counted from 0 at 0 s."""
+    kept = {0, 1}
+    for charge in world.charges:
+        begin = float(charge.time_s)
+        life = float(fireball_duration(charge.tnt_mass("fireball_radius_m")))
+        first = max(math.floor(begin * hz) - BEFORE, 0)
+        kept |= set(range(first, math.ceil((begin + life) * hz) + 1))
+    return np.array(sorted(number for number in kept if number < count))
+
+
+def _write_imus(
+    records: Sequence[ImuRecord], directory: Path, head: Sequence[str]
+) -> tuple[dict[str, ImuWritten] | None, list[str]]:
+    """Write the samples of every unit; return their entries and warnings."""
+    entries: dict[str, ImuWritten] = {}
+    notes = []
+    columns = [f"a{axis}_m_s2" for axis in "xyz"] + [f"g{axis}_rad_s" for axis in "xyz"]
+    for record in records:
+        name, rate = record.sensor.name, record.imu.rate
+        file = "imu.csv" if len(records) == 1 else f"imu_{name}.csv"
+        rows = np.column_stack(
+            [record.stamps_s, record.samples.force, record.samples.rate]
+        )
+        comments = [
+            *head,
+            f"{name}: {rate:g} Hz, each row the mean from its time stamp on, on its "
+            "own clock; specific force and body rates along its own axes",
+        ]
+        cells = ([f"{x:.9g}" for x in row] for row in rows.tolist())
+        table = table_text([["time_s", *columns], *cells], comments)
+        save_text(table, directory / file)
+        entries[name] = ImuWritten(file, rate, len(rows), record.clipped)
+        if record.row_s > 1.5 / rate:
+            notes.append(
+                f"{name}: its samples are interpolated linearly between the rows of "
+                f"the flight, {record.row_s:g} s apart"
+            )
+    return entries or None, notes
+
+
+def summary_of(run: Run, found: Sequence[RunDetection]) -> Detections:
+    """Return the summary of the detections of a run."""
+    real = [one for one in found if one.shot]
+    known = {(one.sensor, one.shot) for one in real}
+    # sensors that are searched: those of the microphones, and the camera
+    kinds = {s.name: s.kind for s in run.world.scene.sensors} | {CAMERA: CAMERA}
+    sought = {
+        (one.entity, one.shot)
+        for one in run.perceived
+        if (kinds.get(one.entity), one.sense) in SEARCHED
+    }
+    delays = sorted(one.latency_s for one in real)
+    return Detections(
+        detected=len(known),
+        false_alarms=len(found) - len(real),
+        missed=len(sought - known),
+        median_latency_s=float(np.median(delays)) if delays else None,
+        max_latency_s=delays[-1] if delays else None,
+    )
+
+
+def blast_numbers(charge: Charge) -> list[float]:
+    """Return time, east, north, up and mass of a charge."""
+    numbers = (charge.time_s, *charge.position_m, charge.mass_kg)
+    return [float(np.asarray(number)) for number in numbers]
+
+
+def blasts_csv(world: DrawnWorld, comments: Sequence[str]) -> str:
+    """Return a row for each blast, in order of time, with 12 digits."""
+    rows = [["shot", "time_s", "east_m", "north_m", "up_m", "mass_kg"]]
+    for charge in world.charges:
+        rows.append([charge.name, *(f"{x:.12g}" for x in blast_numbers(charge))])
+    return table_text(rows, comments)
+
+
+def _perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> str:
+    """Return a row for each sense and blast, in order of time, with 12 digits."""
+    rows = [["shot", "entity", "sense", "time_s"]]
+    rows += [[p.shot, p.entity, p.sense, f"{p.time_s:.12g}"] for p in perceived]
+    clock = "times are on the common clock, of the laws, without errors"
+    return table_text(rows, [*comments, clock])
+
+
+def _detections_csv(found: Sequence[RunDetection], comments: Sequence[str]) -> str:
+    """Return a row for each detection, in order of report, with 12 digits."""
+    numbers = ("time_s", "sigma_s", "reported_s", "latency_s", "statistic")
+    rows = [["sensor", "kind", "shot", *numbers]]
+    for one in found:
+        cells = [f"{getattr(one, name):.12g}" for name in numbers]
+        rows.append([one.sensor, one.kind, one.shot, *cells])
+    return table_text(rows, comments)
