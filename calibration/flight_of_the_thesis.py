@@ -36,8 +36,8 @@ from jblast.report.figures import (
     write_figure,
 )
 from jblast.report.words import aligned
-from jblast.report.world import summary_of
-from jblast.report.world_files import run_world
+from jblast.report.world import run_world
+from jblast.study.run_files import summary_of
 from jblast.study.missions import MissionFlight
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.running import Run, packets_of, prepare_run

@@ -17,8 +17,7 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.observations.places import Frame
-from jblast.report.listen import CLOCK
-from jblast.report.listen_files import provenance
+from jblast.sensors.record_writer import CLOCK, record_comments
 from jblast.report.words import comma_separated
 from jblast.scene import read_scene
 from jblast.sensors.listening import Listening, instrument_of, packets, plan
@@ -46,7 +45,7 @@ def record_csv(listening: Listening, number: int) -> str:
         for t, p in zip(times.tolist(), stretch.tolist(), strict=True)
     ]
     comments = [
-        *(line for line in provenance(listening, TRUTH.name, SEED) if line != CLOCK),
+        *(line for line in record_comments(listening, TRUTH.name, SEED) if line != CLOCK),
         "cut from 25 ms before the front to 90 ms after it; one clock for all gauges",
     ]
     head = "".join(f"# {line}\n" for line in comments)

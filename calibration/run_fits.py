@@ -25,7 +25,7 @@ from jblast.files import write_text
 from jblast.inference import Fit, fit_each
 from jblast.observations import read
 from jblast.observations.grouping import by_shot
-from jblast.report.world_files import run_world
+from jblast.report.world import run_world
 from jblast.study.statistics import wilson_interval
 from jblast.world import scene_to_fit
 

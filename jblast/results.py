@@ -182,6 +182,46 @@ def entries(result: Any, words: Words = NO_WORDS) -> dict[str, Any]:
     return found
 
 
+def restored(hint: Any, value: Any) -> Any:
+    """Return the result of a type with these entries: the inverse of `entries`.
+
+    Args:
+        hint: The type, a result or a field of one.
+        value: Values as read from JSON; a number that is null becomes NaN.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        if value is None and type(None) in inner:
+            return None
+        kinds = [one for one in inner if one is not type(None)]
+        return restored(next(one for one in kinds if _fits(one, value)), value)
+    if _is_result(hint):
+        hints, metas, given = get_type_hints(hint), _fields(hint), {}
+        own = {meta.get("key", name) for name, meta in metas.items()}
+        rest = {key: one for key, one in value.items() if key not in own}
+        for name in _own_fields(hint):
+            among = "among" in metas[name]
+            entry = rest if among else value.get(metas[name].get("key", name))
+            given[name] = restored(hints[name], entry)
+        return hint(**given)
+    if origin is Mapping:
+        return {key: restored(inner[1], one) for key, one in value.items()}
+    if origin in (tuple, Sequence):
+        of = inner if len(inner) == len(value) and ... not in inner else inner[:1]
+        return tuple(restored(of[n % len(of)], one) for n, one in enumerate(value))
+    return math.nan if hint is float and value is None else value
+
+
+def _fits(hint: Any, value: Any) -> bool:
+    """Return whether a type of a union may have a value."""
+    if not _is_result(hint):
+        return isinstance(value, Mapping) == (get_origin(hint) is Mapping)
+    return isinstance(value, Mapping) and all(
+        name in value or "among" in meta or meta.get("absent")
+        for name, meta in _fields(hint).items()
+    )
+
+
 def to_json(document: Mapping[str, Any]) -> str:
     """Return the text of a document.
 

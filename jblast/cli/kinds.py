@@ -83,6 +83,14 @@ def positive_of_any_size(word: str) -> float:
     return value
 
 
+def pair(word: str) -> tuple[float, float]:
+    """Return two positive numbers; a single one is both."""
+    values = [positive_of_any_size(part.strip()) for part in word.split(",")]
+    if len(values) > 2:
+        raise ArgumentTypeError(f"expected one or two numbers, got {word!r}")
+    return values[0], values[-1]
+
+
 def share(word: str) -> float:
     """Return a number in [0, 1)."""
     value = _number_or_nan(word)
@@ -152,6 +160,7 @@ KINDS: dict[str, Callable[[str], Any]] = {
     "number": number,
     "positive": positive,
     "size": positive_of_any_size,
+    "pair": pair,
     "share": share,
     "seed": seed,
     "span": span,

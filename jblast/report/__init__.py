@@ -14,7 +14,7 @@ if TYPE_CHECKING:
         write_report as write_report,
     )
     from jblast.report.fit.terminal import summary as summary
-    from jblast.report.world_files import run_world as run_world
+    from jblast.report.world import run_world as run_world
 
 HOMES = {
     "law_reason": "jblast.report.choice",
@@ -22,7 +22,7 @@ HOMES = {
     "summary": "jblast.report.fit.terminal",
     "check_directory": "jblast.report.fit.files",
     "write_report": "jblast.report.fit.files",
-    "run_world": "jblast.report.world_files",
+    "run_world": "jblast.report.world",
 }
 
 # a calculation needs nothing of a fit

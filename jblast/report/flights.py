@@ -524,8 +524,13 @@ def _outcome(model: str, flown: Flown) -> Outcome:
     return Outcome(**values, **flags, lost=lost.size, lost_vehicles=few)
 
 
-def flights_view(answer: FlightsAnswer, flights: Flights) -> View:
-    """Return results, blasts, sampled parameters, notes and figures of flights."""
+def flights_view(answer: FlightsAnswer, flights: Flights | None = None) -> View:
+    """Return results, blasts, sampled parameters, notes and figures of flights.
+
+    Args:
+        answer: The document.
+        flights: The flights; None for no figure.
+    """
     several = answer.vehicles > 1
     place = ", ".join(f"{x:g}" for x in answer.target_m)
     tolerance = printed_number("tolerance_m", answer.tolerance_m)
@@ -575,7 +580,11 @@ def flights_view(answer: FlightsAnswer, flights: Flights) -> View:
             *_estimate_blocks(errors),
             blasts,
             _drawn(answer, f": {spread}" if several else ""),
-            Picture(f"{drawn[0]}.png", partial(drawn[1], flights)),
+            *(
+                [Picture(f"{drawn[0]}.png", partial(drawn[1], flights))]
+                if flights
+                else []
+            ),
             Lines("Definitions and assumptions", notes),
             _warnings(answer),
         ],

@@ -132,7 +132,10 @@ def recordings_answer(
     sensors = {}
     for number, record in enumerate(records):
         values = [
-            {quantity: float(rows[number, n]) for quantity, rows in truth.values.items()}
+            {
+                quantity: float(rows[number, n])
+                for quantity, rows in truth.values.items()
+            }
             for n in range(len(truth.shots))
         ]
         blasts = {
@@ -194,7 +197,11 @@ def listen_view(recordings: Recordings, directory: Path) -> View:
     notes = [note.removeprefix("note: ") for note in recordings.warnings]
     return View(
         title,
-        [sensors_table(recordings), Lines("Notes", notes), *pictures(recordings, directory)],
+        [
+            sensors_table(recordings),
+            Lines("Notes", notes),
+            *pictures(recordings, directory),
+        ],
         footer="SIMULATED, not measured.",
     )
 
@@ -225,7 +232,9 @@ def sensors_table(recordings: Recordings) -> Table:
         [*recordings.sensors.items()],
         title="Records",
         most=MAX_LINES,
-        caption="Arrivals and peak of the first blast at each sensor." if several else "",
+        caption="Arrivals and peak of the first blast at each sensor."
+        if several
+        else "",
     )
 
 

@@ -141,6 +141,14 @@ def write_answer(
     return written
 
 
+def page_of(view: View) -> str:
+    """Return a view as a page with its figures."""
+    from jblast.report.page import page
+
+    pictures = [block for block in view.blocks if isinstance(block, Picture)]
+    return page(view, {p.name: made for p in pictures if (made := draw(p))})
+
+
 def draw(picture: Picture) -> bytes | None:
     """Return a figure as a PNG file; on failure warn and return None."""
     from jblast.report.figures import figure_bytes

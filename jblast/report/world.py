@@ -1,42 +1,79 @@
-"""The answers of `jblast world` and `jblast serve`."""
+"""The answers of `jblast world`, `jblast report` and `jblast serve`."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jblast.observations import Observations
+from jblast.errors import InputError, argument
+from jblast.files import check_out, save_text
+from jblast.inference import Fit, fit_each
+from jblast.inference.fitting.summary import Estimate
+from jblast.observations import read
+from jblast.observations.grouping import by_shot
+from jblast.progress import stages
+from jblast.report.estimates import printed_estimate
+from jblast.report.fit.document import FitsAnswer, fits_answer
 from jblast.report.flights import (
     EastNorthUpM,
     FlightsAnswer,
     MissionAnswer,
     flights_answer,
+    flights_view,
     mission_answer,
 )
-from jblast.report.listen import Recordings
-from jblast.report.provenance import Provenance
-from jblast.report.words import aligned, comma_separated, commented
-from jblast.results import AMONG, Document
-from jblast.scene import Charge
-from jblast.sensors.camera.files.event_files import Written
+from jblast.report.listen import (
+    Recordings,
+    recordings_answer,
+    sensors_table,
+)
+from jblast.report.provenance import provenance_of
+from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
+from jblast.report.words import (
+    capitalised,
+    parameter_words,
+    printed_number,
+)
+from jblast.results import Document, filled, restored
+from jblast.scene import Scene
 from jblast.study.flight_results import Flights
 from jblast.study.missions import MissionFlight
-from jblast.study.running import Run, RunDetection
-from jblast.world import DrawnWorld, Perceived
-from jblast.world.drawn import CAMERA
-
-MAX_BLASTS, MAX_ENTITIES = 12, 12
-"""Largest numbers of printed blasts and senses: both tables fit one screen, and the
-files have all rows."""
-BLASTS = ("shot", "time_s", "east_m", "north_m", "up_m", "mass_kg")
-PERCEIVED = ("shot", "entity", "sense", "time_s")
-DETECTED = (
-    *("sensor", "kind", "shot", "time_s", "sigma_s", "reported_s", "latency_s"),
-    "statistic",
+from jblast.study.run_files import (
+    BLASTS,
+    READINGS,
+    Detections,
+    FilmMade,
+    ImuWritten,
+    RecordedRun,
+    blast_numbers,
+    record_files,
 )
-SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
-"""Kinds of sensors and senses that the detectors of a run search."""
+from jblast.study.running import Run, Subscriber, prepare_run
+from jblast.world import Perceived, read_run_scene, scene_to_fit
+
+RUN, FITS = "run.json", "fits.json"
+MAX_ROWS = 12
+"""Largest number of printed blasts and senses: both tables fit one screen, and the
+files have all rows."""
+MAX_WAVEFORMS = 6
+"""Largest number of sensors in the timeline; the page draws more by themselves."""
+BINS = 400
+"""Bins of the event rate over the whole run: about two pixels each."""
+LOAD_PERCENTILE = 99.5
+"""Percentile of loads that fills half of their plot: blasts would hide all else."""
+TRUTH: dict[str, Callable[["BlastDrawn"], float]] = {
+    "charge_mass_kg": lambda blast: blast.mass_kg,
+    "charge_east_m": lambda blast: blast.position_m[0],
+    "charge_north_m": lambda blast: blast.position_m[1],
+    "charge_up_m": lambda blast: blast.position_m[2],
+    "origin_time_s": lambda blast: blast.time_s,
+}
+"""True value of each fitted parameter."""
 
 
 @dataclass(frozen=True)
@@ -54,65 +91,6 @@ class BlastDrawn:
     time_s: float
     position_m: EastNorthUpM
     mass_kg: float
-
-
-@dataclass(frozen=True)
-class ImuWritten:
-    """Record of an inertial measurement unit.
-
-    Attributes:
-        file: Its table, in the folder of the run.
-        rate_hz: Sampling rate [1/s].
-        samples: Number of samples.
-        clipped: Whether a sample is clipped.
-    """
-
-    file: str
-    rate_hz: float
-    samples: int
-    clipped: bool
-
-
-@dataclass(frozen=True)
-class FilmMade:
-    """Film of a world's camera.
-
-    Attributes:
-        frames: Number of frames.
-        width: Width of a frame [px].
-        height: Height of a frame [px].
-        written: Numbers of events.
-        stamps: Computation of the events' times.
-        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
-    """
-
-    frames: int
-    width: int
-    height: int
-    written: Written = field(metadata=AMONG)
-    stamps: Literal["interpolated"]
-    stamp_error_s: float
-
-
-@dataclass(frozen=True)
-class Detections:
-    """Blasts that the detectors of a run reported while it was recorded.
-
-    Attributes:
-        detected: Number of detected waves and flashes.
-        false_alarms: Number of detections without a wave or flash.
-        missed: Number of perceived flashes and air shocks at searched sensors without a
-            detection.
-        median_latency_s: Median delay after the wave reached the sensor; null without a
-            detection.
-        max_latency_s: Longest such delay.
-    """
-
-    detected: int
-    false_alarms: int
-    missed: int
-    median_latency_s: float | None
-    max_latency_s: float | None
 
 
 @dataclass(frozen=True)
@@ -139,6 +117,7 @@ class WorldAnswer(Document):
         warnings: Warnings, as sentences.
         mission: Answer of `jblast fly` for a mission; null without one.
         detections: Result of the detectors; null without `--detect`.
+        fits: Answers from the readings of each blast; null without `--fit`.
     """
 
     scene: str
@@ -160,127 +139,83 @@ class WorldAnswer(Document):
     warnings: tuple[str, ...]
     mission: MissionAnswer | None = None
     detections: Detections | None = None
+    fits: FitsAnswer | None = None
 
 
-@dataclass
-class WorldRun:
-    """Results of a world's run.
+@dataclass(frozen=True)
+class WorldRun(RecordedRun):
+    """A run of a world in its folder.
 
     Attributes:
-        run: The run.
-        readings: Readings of the sensors; None without any.
-        late_readings: Number of waves at sensors after the end.
-        made: Provenance.
-        sound: The records of samples; None without any.
-        imu: Record of each inertial measurement unit; None without one.
-        film: Film of the camera; None without one.
-        detections: Detections in order of their report; None without detectors.
-        warnings: Further warnings.
+        document: The answer, as in run.json.
     """
 
-    run: Run
-    readings: Observations | None
-    late_readings: int
-    made: Provenance
-    sound: Recordings | None = None
-    imu: Mapping[str, ImuWritten] | None = None
-    film: FilmMade | None = None
-    detections: tuple[RunDetection, ...] | None = None
-    warnings: list[str] = field(default_factory=list)
-
-    @property
-    def world(self) -> DrawnWorld:
-        """The sampled world."""
-        return self.run.world
-
-    @property
-    def detected(self) -> Detections | None:
-        """Summary of the detections; None without detectors."""
-        if self.detections is None:
-            return None
-        return summary_of(self.run, self.detections)
+    document: WorldAnswer
 
 
-def world_text(run: WorldRun) -> str:
-    """Return the blasts, and a table of perception times by sense and blast."""
-    charges = run.world.charges
-    count = len(charges)
-    lines = [f"{count} blast{'' if count == 1 else 's'} in {run.run.seconds:g} s", ""]
-    if charges:
-        lines += [*aligned(_blasts(run), right=range(1, 6)), ""]
-        lines += aligned(_senses(run), right=range(2, 2 + MAX_BLASTS))
-        lines += ["times on the common clock, in s", ""]
-    lines += _detected_lines(run)
-    lines += [f"Note: {warning}" for warning in warnings_of(run)]
-    return "\n".join(lines).rstrip() + "\n"
+def run_world(
+    scene: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    seconds: float | None = None,
+    seed: int = 0,
+    estimator: str = "",
+    controllers: Sequence[str] | None = None,
+    detect: bool = False,
+    watched: Callable[[Run], Sequence[Subscriber]] = lambda run: (),
+    force: bool = False,
+    command: Sequence[str] = (),
+    begin: Callable[[str], object] | None = None,
+) -> WorldRun:
+    """Run a world of blasts, and write what its senses record of them.
 
+    Args:
+        scene: File of the scene, with [world] or [charge].
+        out: Output directory.
+        seconds: Duration; default: as in `study.running.prepare_run`.
+        seed: Seed of all draws.
+        estimator: "ekf" for control by a state estimate; "" for the true state.
+        controllers: Names of controllers; the first one flies the recorded flight.
+        detect: Whether detectors search sound and frames while they are recorded.
+        watched: Returns further subscribers of the packets, such as a viewer.
+        force: Whether an earlier run in the directory may be overwritten.
+        command: Words for the provenance.
+        begin: Called with the name of each stage; default: progress is reported.
 
-def _detected_lines(run: WorldRun) -> list[str]:
-    """Return the sentence on detections; none without detectors."""
-    found = run.detected
-    if found is None:
-        return []
-    words = (
-        f"Detectors: {found.detected} detected, {found.missed} missed, "
-        f"{found.false_alarms} false alarms"
+    Returns:
+        The world with perceptions and readings; on an error written files stay.
+
+    Raises:
+        InputError: The scene, an argument or the directory cannot be used.
+
+    Example:
+        `jblast.report.run_world("scene.toml", "run", seed=3)`
+    """
+    directory, source = Path(out), os.fspath(scene)
+    check_out(directory, (RUN, BLASTS, READINGS), force=force)
+    begin = begin or stages({"flying": 6.0, "recording": 9.0})
+    made = provenance_of((), source, tuple(command))
+    begin("flying")
+    run = prepare_run(
+        source,
+        seconds=seconds,
+        seed=seed,
+        estimator=estimator,
+        controllers=controllers,
     )
-    if found.median_latency_s is not None and found.max_latency_s is not None:
-        words += (
-            f"; latency {found.median_latency_s:.2f} s (median), at most "
-            f"{found.max_latency_s:.2f} s"
-        )
-    return [words, ""]
-
-
-def detections_csv(found: Sequence[RunDetection], comments: Sequence[str]) -> str:
-    """Return a row for each detection, in order of report, with 12 digits."""
-    rows = [list(DETECTED)]
-    for one in found:
-        numbers = [one.time_s, one.sigma_s, one.reported_s, one.latency_s]
-        cells = [f"{number:.12g}" for number in (*numbers, one.statistic)]
-        rows.append([one.sensor, one.kind, one.shot, *cells])
-    return commented(comments) + comma_separated(rows)
-
-
-def _blasts(run: WorldRun) -> list[list[str]]:
-    rows = [["blast", "time s", "east m", "north m", "up m", "mass kg"]]
-    charges = run.world.charges
-    for charge in charges[:MAX_BLASTS]:
-        time, *others = blast_numbers(charge)
-        rows.append([charge.name, f"{time:.4f}", *(f"{x:.4g}" for x in others)])
-    return [*rows, *_more(len(charges), MAX_BLASTS, 6)]
-
-
-def _senses(run: WorldRun) -> list[list[str]]:
-    """Return a row for each sense of each entity, a column for each blast."""
-    shots = run.world.shots[:MAX_BLASTS]
-    began = {(p.entity, p.sense, p.shot): p.time_s for p in run.run.perceived}
-    senses = list(dict.fromkeys((p.entity, p.sense) for p in run.run.perceived))
-    senses.sort(key=lambda one: one[0])
-    rows = [["entity", "sense", *(f"blast {shot}" for shot in shots)]]
-    for who, sense in senses[:MAX_ENTITIES]:
-        times = [began.get((who, sense, shot)) for shot in shots]
-        rows.append([who, sense, *("-" if t is None else f"{t:.4f}" for t in times)])
-    return [*rows, *_more(len(senses), MAX_ENTITIES, len(rows[0]))]
-
-
-def _more(count: int, printed: int, columns: int) -> Sequence[list[str]]:
-    if count <= printed:
-        return []
-    return [[f"and {count - printed} more", *[""] * (columns - 1)]]
-
-
-def world_answer(run: WorldRun) -> WorldAnswer:
-    """Return the answer on a world; null for what the scene does not contain."""
-    made, flown = run.made, run.run.flown
-    source, seed = run.world.source, run.world.seed
-    return WorldAnswer(
-        scene=run.world.source,
-        seed=run.world.seed,
-        seconds=run.run.seconds,
-        command=made.command,
-        date=made.date,
-        versions=made.versions,
+    begin("recording")
+    (directory / RUN).unlink(missing_ok=True)  # of an earlier run it would mislead
+    recorded = record_files(run, directory, detect=detect, watched=watched(run))
+    sound, flown, options = None, run.flown, {"scene": source, "seed": seed}
+    if run.listening is not None:
+        sound = recordings_answer(run.listening, recorded.records)
+    document = filled(
+        WorldAnswer,
+        recorded,
+        made,
+        run,
+        scene=source,
+        seed=seed,
         scene_sha256=None if made.scene is None else made.scene.sha256,
         laws=dict(run.world.scene.law),
         blasts=tuple(
@@ -288,83 +223,299 @@ def world_answer(run: WorldRun) -> WorldAnswer:
             for charge in run.world.charges
             for time, east, north, up, mass in [blast_numbers(charge)]
         ),
-        perceived=run.run.perceived,
-        not_perceived=run.run.late,
-        readings=0 if run.readings is None else len(run.readings),
-        flight=flights_answer(flown, scene=source, seed=seed)
-        if isinstance(flown, Flights)
-        else None,
-        sound=run.sound,
-        imu=run.imu,
-        camera=run.film,
-        warnings=tuple(warnings_of(run)),
-        mission=mission_answer(flown, scene=source, seed=seed)
+        not_perceived=run.late,
+        readings=0 if recorded.readings is None else len(recorded.readings),
+        flight=flights_answer(flown, **options) if isinstance(flown, Flights) else None,
+        sound=sound,
+        mission=mission_answer(flown, **options)
         if isinstance(flown, MissionFlight)
         else None,
-        detections=run.detected,
+    )
+    save_text(document.to_json(), directory / RUN)
+    return filled(WorldRun, recorded, document=document)
+
+
+class ShotFit(NamedTuple):
+    """The answer from the readings of one blast.
+
+    Attributes:
+        blast: The blast.
+        found: Its fit, or the reason for having none.
+    """
+
+    blast: BlastDrawn
+    found: Fit | InputError
+
+    @property
+    def problem(self) -> str:
+        """Reason not to use it; "" for a good answer."""
+        why = str(self.found)
+        if isinstance(self.found, Fit):
+            if self.found.exit_code == 0:
+                return ""
+            why = "not reliable: see `jblast fit`"
+        return f"Blast {self.blast.shot}: {why}"
+
+
+class FitRow(NamedTuple):
+    """A fitted parameter beside its true value."""
+
+    shot: str
+    name: str
+    truth: float
+    estimate: Estimate
+
+    @property
+    def contains(self) -> bool | None:
+        """Whether the 90 % interval contains the truth; None if not identified."""
+        if not self.estimate.identified:
+            return None
+        return bool(self.estimate.q05 <= self.truth <= self.estimate.q95)
+
+
+def fits_of(
+    directory: Path, document: WorldAnswer, scene: str | Path
+) -> tuple[FitsAnswer, list[ShotFit]]:
+    """Fit the readings of each blast of a world separately.
+
+    Args:
+        directory: Folder of the world.
+        document: Its answer.
+        scene: Scene of the world; [world] becomes the prior.
+
+    Raises:
+        InputError: The scene or the readings cannot be used.
+    """
+    logs = by_shot(read(directory / READINGS))
+    found = fit_each(logs, scene_to_fit(scene))
+    blasts = {blast.shot: blast for blast in document.blasts}
+    shots = [ShotFit(blasts[shot], found[shot]) for shot in logs if shot in blasts]
+    return fits_answer(found), shots
+
+
+def run_view(
+    document: WorldAnswer,
+    fits: Sequence[ShotFit] = (),
+    pictures: Iterable[Picture] = (),
+) -> View:
+    """Return what a run shows.
+
+    Args:
+        document: The answer on the run.
+        fits: Fits of the readings of each blast.
+        pictures: Its figures.
+    """
+    count = len(document.blasts)
+    versions = ", ".join(f"{name} {of}" for name, of in document.versions.items())
+    blocks: list[Block] = [
+        blasts_table(document),
+        _perceived_table(document),
+        _fits_table(fits),
+    ]
+    if document.detections is not None:
+        blocks.append(Lines("Detectors", [_detected(document.detections)]))
+    if document.flight is not None:
+        blocks += _flight_blocks(document.flight)
+    if document.mission is not None:
+        blocks.append(_mission_table(document.mission))
+    if document.sound is not None:
+        blocks.append(replace(sensors_table(document.sound), where="page"))
+    blocks.append(Lines("Notes", document.warnings))
+    blocks += pictures
+    facts = [("command", document.command), ("date", document.date)]
+    facts += [("versions", versions), ("scene, SHA-256", document.scene_sha256 or "")]
+    blocks.append(Facts(facts, "Provenance", where="page"))
+    return View(
+        f"{count} blast{'' if count == 1 else 's'} in {document.seconds:g} s",
+        blocks,
+        subtitle=f"{document.scene}, seed {document.seed}",
+        problems=[one.problem for one in fits if one.problem],
+        footer="SIMULATED, not measured. No clearance, and no safety distance, "
+        "follows from it.",
     )
 
 
-def summary_of(run: Run, found: Sequence[RunDetection]) -> Detections:
-    """Return the summary of the detections of a run."""
-    real = [one for one in found if one.shot]
-    known = {(one.sensor, one.shot) for one in real}
-    # sensors that are searched: those of the microphones, and the camera
-    kinds = {s.name: s.kind for s in run.world.scene.sensors} | {CAMERA: CAMERA}
-    sought = {
-        (one.entity, one.shot)
-        for one in run.perceived
-        if (kinds.get(one.entity), one.sense) in SEARCHED
-    }
-    delays = sorted(one.latency_s for one in real)
-    return Detections(
-        detected=len(known),
-        false_alarms=len(found) - len(real),
-        missed=len(sought - known),
-        median_latency_s=float(np.median(delays)) if delays else None,
-        max_latency_s=delays[-1] if delays else None,
+def blasts_table(document: WorldAnswer) -> Table:
+    """Return a row for each blast."""
+
+    def number(head: str, of: Callable[[BlastDrawn], float], form: str) -> Column:
+        return Column(head, lambda blast: format(of(blast), form), of, right=True)
+
+    return Table(
+        [
+            Column("blast", lambda blast: blast.shot),
+            number("time [s]", lambda blast: blast.time_s, ".4f"),
+            number("east [m]", lambda blast: blast.position_m[0], ".2f"),
+            number("north [m]", lambda blast: blast.position_m[1], ".2f"),
+            number("up [m]", lambda blast: blast.position_m[2], ".2f"),
+            number("mass [kg]", lambda blast: blast.mass_kg, ".4g"),
+        ],
+        document.blasts,
+        "Blasts",
+        most=MAX_ROWS,
     )
 
 
-def warnings_of(run: WorldRun) -> list[str]:
-    """Return warnings on the use of the run."""
-    warnings = list(run.warnings)
-    if not run.world.shots:
-        warnings.append(
-            "no blast was sampled: no perceptions"
-            f"{'' if run.run.flown else ' and no flight'}"
+def _perceived_table(document: WorldAnswer) -> Table:
+    """Return a row for each sense of each entity, a column for each blast."""
+    times: dict[tuple[str, str], dict[str, float]] = {}
+    for one in document.perceived:
+        times.setdefault((one.entity, one.sense), {})[one.shot] = one.time_s
+
+    def time_of(shot: str, row: tuple[str, str]) -> str:
+        return f"{times[row][shot]:.4f}" if shot in times[row] else "-"
+
+    return Table(
+        [
+            Column("entity", lambda row: row[0]),
+            Column("sense", lambda row: row[1]),
+            *(
+                Column(
+                    f"blast {blast.shot} [s]", partial(time_of, blast.shot), right=True
+                )
+                for blast in document.blasts[:MAX_ROWS]
+            ),
+        ],
+        sorted(times, key=lambda row: row[0]),
+        "Perceptions",
+        most=MAX_ROWS,
+        caption="Times on the common clock." if times else "",
+    )
+
+
+def _fits_table(fits: Sequence[ShotFit]) -> Table:
+    """Return a row for each fitted parameter of each blast."""
+    rows = [
+        FitRow(blast.shot, name, TRUTH[name](blast), found.summary.estimates[name])
+        for blast, found in fits
+        if isinstance(found, Fit)
+        for name in found.summary.free
+        if name in TRUTH
+    ]
+    known = [row.contains for row in rows if row.contains is not None]
+    caption = f"{sum(known)} of {len(known)} 90 % intervals contain the truth."
+
+    def printed(row: FitRow) -> Any:
+        return printed_estimate(row.name, row.estimate)
+
+    return Table(
+        [
+            Column("blast", lambda row: row.shot),
+            Column("parameter", lambda row: capitalised(parameter_words(row.name))),
+            Column(
+                "truth", lambda row: printed_number(row.name, row.truth, 6), right=True
+            ),
+            Column("value", lambda row: printed(row).value_and_beside, right=True),
+            Column("90 % interval", lambda row: printed(row).interval, right=True),
+            Column("", lambda row: "misses" if row.contains is False else ""),
+        ],
+        rows,
+        "Fits of the readings",
+        marked=lambda row: row.contains is False,
+        caption=caption if known else "",
+    )
+
+
+def _detected(found: Detections) -> str:
+    words = (
+        f"{found.detected} detected, {found.missed} missed, "
+        f"{found.false_alarms} false alarms"
+    )
+    if found.median_latency_s is not None and found.max_latency_s is not None:
+        words += (
+            f"; latency {found.median_latency_s:.2f} s (median), at most "
+            f"{found.max_latency_s:.2f} s"
         )
-    if run.run.late:
-        warnings.append(
-            f"{run.run.late} perceptions after the end, {run.run.seconds:g} s, are not "
-            "included"
+    return words
+
+
+def _number(head: str, name: str) -> Column:
+    """Return the column of a number of a result; a dash for a missing one."""
+
+    def cell(row: Any) -> str:
+        value = getattr(row[1], name)
+        return printed_number(name, value, 3) if np.isfinite(value) else "-"
+
+    return Column(head, cell, lambda row: getattr(row[1], name), right=True)
+
+
+def _flight_blocks(flight: FlightsAnswer) -> list[Block]:
+    """Return the tables of `jblast fly`, for the page."""
+    view = flights_view(flight)
+    return [
+        replace(block, where="page", title=block.title or view.title)
+        for block in view.blocks
+        if isinstance(block, Table)
+    ]
+
+
+def _mission_table(mission: MissionAnswer) -> Table:
+    reached = sum(one.reached for one in mission.waypoints)
+    ending = "completed" if mission.completed else "not completed"
+    return Table(
+        [
+            Column("blast", lambda row: row[0]),
+            Column(
+                "flies to item", lambda row: str(row[1].waypoint or "-"), right=True
+            ),
+            _number("error before", "error_before_m"),
+            _number("peak deviation", "peak_deviation_m"),
+            _number("time of peak", "peak_time_s"),
+            _number("recovery time", "recovery_time_s"),
+        ],
+        [(one.charge, one) for one in mission.disturbances],
+        f"The {mission.vehicle.capitalize()} on its mission",
+        where="page",
+        caption=f"{reached} of {len(mission.waypoints)} waypoints reached; mission "
+        f"{ending}. Times are measured from the arrival of each blast. A dash means "
+        "that it arrives before or after the flight, or that the vehicle does not "
+        "recover.",
+    )
+
+
+def read_run(folder: str | os.PathLike[str]) -> WorldAnswer:
+    """Read the answer in the output folder of `jblast world`.
+
+    Raises:
+        InputError: It is another folder, or the file is broken.
+    """
+    file = Path(folder) / RUN
+    expected = "expected the output folder of `jblast world --out`"
+    if not file.exists():
+        raise InputError(f"{file}: no such file; {expected}")
+    try:
+        return restored(WorldAnswer, json.loads(file.read_text("utf-8")))
+    except (OSError, ValueError, TypeError, AttributeError, StopIteration) as error:
+        raise InputError(
+            f"{file}: {expected}, got a file that does not fit ({error})"
+        ) from None
+
+
+def scene_of_run(
+    folder: str | os.PathLike[str], document: WorldAnswer, scene: str | Path | None
+) -> tuple[Path, Scene]:
+    """Return path and contents of the scene of a run.
+
+    Args:
+        folder: Folder of the run.
+        document: Its answer.
+        scene: Scene file; default: the path in run.json.
+
+    Raises:
+        InputError: The scene has changed or cannot be read.
+    """
+    # the run stores the path only; the file may have been moved since
+    path = Path(scene or document.scene)
+    if not path.is_file():
+        raise InputError(
+            f"{path}: no such file; expected the scene file of {folder}: give its path "
+            f"by {argument('scene')}"
         )
-    if run.late_readings:
-        warnings.append(
-            f"{run.late_readings} waves at sensors after the end have no readings"
+    now = provenance_of((), path).scene
+    # another scene would be drawn and fitted with other priors than those of the run
+    if now and now.sha256 != document.scene_sha256:
+        raise InputError(
+            f"{path}: has changed since {folder} was made; expected SHA-256 "
+            f"{document.scene_sha256}, got {now.sha256}"
         )
-    if run.readings is None and run.world.shots:
-        warnings.append("no sensor has records, so there is no observations.csv")
-    return warnings
-
-
-def blast_numbers(charge: Charge) -> list[float]:
-    """Return time, east, north, up and mass of a charge."""
-    numbers = (charge.time_s, *charge.position_m, charge.mass_kg)
-    return [float(np.asarray(number)) for number in numbers]
-
-
-def blasts_csv(world: DrawnWorld, comments: Sequence[str]) -> str:
-    """Return a row for each blast, in order of time, with 12 digits."""
-    rows: list[list[Any]] = [list(BLASTS)]
-    for charge in world.charges:
-        numbers = [f"{number:.12g}" for number in blast_numbers(charge)]
-        rows.append([charge.name, *numbers])
-    return commented(comments) + comma_separated(rows)
-
-
-def perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> str:
-    """Return a row for each sense and blast, in order of time, with 12 digits."""
-    rows = [list(PERCEIVED)]
-    rows += [[p.shot, p.entity, p.sense, f"{p.time_s:.12g}"] for p in perceived]
-    return commented(comments) + comma_separated(rows)
+    return path, read_run_scene(path)[0].scene

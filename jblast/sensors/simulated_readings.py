@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
 
+from jblast.errors import InputError
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
 from jblast.scene import Scene, UncertainScene, draw_scene, scene_of
@@ -78,6 +79,27 @@ def simulate(
     source = f"{uncertain.source or 'a scene'}, seed {seed}"
     first = f"SIMULATED, not measured: {source}"
     return replace(log, comments=(first, *log.comments, *truth))
+
+
+def check_readings(observations: Observations, source: str, seed: int) -> None:
+    """Check that a log may contain the readings; a sampled mass may be negative.
+
+    Raises:
+        InputError: A value or a sigma is not finite, or not positive.
+    """
+    for row, quantity in enumerate(observations.quantity):
+        value, sigma = float(observations.value[row]), float(observations.sigma[row])
+        if not (math.isfinite(value) and 0 < sigma < math.inf) or (
+            quantity not in ADDITIVE and value <= 0
+        ):
+            # the sampled truth is in the comments of the log, and explains a bad value
+            drawn = ", ".join(c for c in observations.comments if "truth:" in c)
+            raise InputError(
+                f"{source}: sensor {observations.sensor[row]!r}: seed {seed} gives "
+                f"{quantity} {value:g} with sigma {sigma:g}"
+                f"{f' ({drawn})' if drawn else ''}; expected priors and sigmas that "
+                "give a valid reading (a lognormal prior keeps a mass positive)"
+            )
 
 
 def readings(

@@ -40,6 +40,7 @@ from jblast.sensors.record_writer import (
     record_writers,
     truth_csv,
 )
+from jblast.study.flight_tables import flight_csv
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.running import (
     CameraEvents,
@@ -57,7 +58,7 @@ from jblast.world.picked import joined, picked_readings, sampled_sensors
 
 Item = TypeVar("Item")
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
-DETECTIONS, SOUND, FILM = "detections.csv", "sound", "camera"
+FLIGHT, DETECTIONS, SOUND, FILM = "flight.csv", "detections.csv", "sound", "camera"
 BEFORE = 2
 """Frames stored before each flash: the detector takes a difference of two."""
 SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
@@ -301,11 +302,13 @@ class RunWriter:
         self.detections: list[RunDetection] = []
         directory.mkdir(parents=True, exist_ok=True)
         # tables of an earlier run next to new ones would mislead
-        stale = [directory / name for name in (READINGS, DETECTIONS)]
+        stale = [directory / name for name in (READINGS, FLIGHT, DETECTIONS)]
         for file in (*stale, *directory.glob("imu*.csv")):
             file.unlink(missing_ok=True)
         save_text(blasts_csv(run.world, head), directory / BLASTS)
         save_text(_perceived_csv(run.perceived, head), directory / PERCEIVED)
+        if run.flown is not None:
+            save_text(flight_csv(run.flown), directory / FLIGHT)
         self.records: list[RecordWriter] = []
         if run.listening is not None:
             self._comments = record_comments(

@@ -3,60 +3,32 @@
 Microphones write WAV files in pascals; pressure gauges, anemometers and geophones write
 CSV files. A record begins at 0 on its sensor's clock. A sensor without rate_hz has
 48,000 samples per second.
+
+example:
+  jblast listen scene.toml --out recordings --seconds 10
+
+input:
+  SCENE.toml           path; scene file; each [[sensor]] of kind microphone, pressure,
+                       anemometer or geophone gives one file; parameters with a prior
+                       are sampled
+  --ambient FILE.wav   path; recording of the background sound, looped; a sample of 1 is
+                       full_scale_pa of [ambient], or 1 Pa
+model:
+  --seconds S          positive; duration of the recordings [s] (default: until the last
+                       blast is over)
+output:
+  --out DIR!           path; folder for one file for each sensor, truth.csv,
+                       listen.json, waveforms.png, spectrograms.png and report.html
+  ...out
+advanced:
+  --packets HZ         positive; packets per second, for the same samples in constant
+                       memory; an interrupted run keeps the samples written so far
+                       (default: one packet)
+  --seed N             seed = 0; seed of priors and noise
 """
 
 import argparse
-import sys
 from pathlib import Path
-
-from jblast.cli.arguments.numbers import positive, seed
-from jblast.cli.arguments.options import add_force, add_json, path
-from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.files import save_text, writing
-
-
-def add_arguments(verb: VerbParser) -> None:
-    """Add the arguments of the verb."""
-    verb.inputs.add_argument(
-        "scene",
-        metavar="SCENE.toml",
-        type=path,
-        help="scene file; each [[sensor]] of kind microphone, pressure, anemometer or "
-        "geophone gives one file; parameters with a prior are sampled",
-    )
-    verb.inputs.add_argument(
-        "--ambient",
-        metavar="FILE.wav",
-        type=path,
-        help="recording of the background sound, looped; a sample of 1 is "
-        "full_scale_pa of [ambient], or 1 Pa",
-    )
-    verb.model.add_argument(
-        "--seconds",
-        type=positive,
-        metavar="S",
-        help="duration of the recordings [s] (default: until the last blast is over)",
-    )
-    verb.advanced.add_argument(
-        "--packets",
-        type=positive,
-        metavar="HZ",
-        help="packets per second, for the same samples in constant memory; an "
-        "interrupted run keeps the samples written so far (default: one packet)",
-    )
-    verb.advanced.add_argument(
-        "--seed", type=seed, default=0, help="seed of priors and noise (default: 0)"
-    )
-    verb.outputs.add_argument(
-        "--out",
-        metavar="DIR",
-        required=True,
-        type=path,
-        help="folder for one file for each sensor, truth.csv, listen.json, "
-        "waveforms.png and spectrograms.png",
-    )
-    add_json(verb)
-    add_force(verb)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,36 +39,25 @@ def run(options: argparse.Namespace) -> int:
     begin = stages({"starting": 1.0, "recording": 4.0, "drawing": 2.0})
     begin("starting")
     start_jax(quick=True)
-    from jblast.report.fit.files import check_directory
-    from jblast.report.listen import ListenAnswer, listening_text, recordings_answer
-    from jblast.report.listen_files import (
-        JSON,
-        TRUTH,
-        provenance,
-        write_pictures,
-        write_tracks,
-    )
+    from jblast.files import check_out, writing
+    from jblast.report.listen import ListenAnswer, listen_view, recordings_answer
+    from jblast.report.output import Answer, deliver
+    from jblast.sensors.record_writer import TRUTH, record_comments, write_records
     from jblast.study.running import listening_of
 
-    check_directory(options.out, options.force, "the recordings")
+    out = Path(options.out)
+    check_out(out, ("listen.json", TRUTH), force=options.force)
     listening, notes = listening_of(
         options.scene, options.seconds, options.seed, options.ambient
     )
-    comments = [*provenance(listening, options.scene, options.seed), *notes]
+    comments = [*record_comments(listening, options.scene, options.seed), *notes]
     begin("recording")
-    with writing(options.out):
+    with writing(out):
         # With --packets the files grow packet by packet, in constant memory.
-        tracks = write_tracks(listening, Path(options.out), comments, options.packets)
-    recordings = recordings_answer(listening, tracks, notes)
-    text = ListenAnswer(options.scene, options.seed, recordings).to_json()
-    save_text(text, Path(options.out) / JSON)
+        records = write_records(listening, out, comments, options.packets)
     begin("drawing")
-    # After the JSON file: a failed figure leaves complete recordings.
-    pictures = write_pictures(listening, tracks, Path(options.out))
-    if options.json:
-        sys.stdout.write(text)
-    else:
-        sys.stdout.write(listening_text(listening, tracks, notes))
-        sys.stdout.write(f"\nWritten to {options.out}: ")
-        sys.stdout.write(f"{', '.join([JSON, TRUTH, *pictures])} and the files above\n")
-    return 0
+    recordings = recordings_answer(listening, records, notes)
+    document = ListenAnswer(options.scene, options.seed, recordings)
+    written = dict.fromkeys([TRUTH, *(record.file for record in records)])
+    answer = Answer(document, listen_view(recordings, out), files=written)
+    return deliver(answer, options, folder=options.out)

@@ -4,40 +4,27 @@ The page is one self-contained file: the blasts, a table of the readings of each
 all recordings on one time axis, a map, and the recovery of the vehicle. With --fit the
 readings of each blast are fitted separately, with [world] as the prior, and the answers
 are printed next to the truth.
+
+Exit code 4: a fit failed or is not reliable.
+
+example:
+  jblast report run --fit
+
+input:
+  FOLDER              path; folder written by `jblast world`
+  --scene SCENE.toml  path; scene file of the run (default: the path in run.json)
+model:
+  --fit               fit of each blast's readings: answers next to the truth, and 90 %
+                      ellipses on the map; fits.json in FOLDER has the whole answers
+output:
+  --out PAGE.html     path; page (default: report.html in FOLDER, overwritten)
+  --json              run.json with the fits as JSON, instead of text
+  --force             permission to overwrite an existing --out
 """
 
 import argparse
-import sys
-
-from jblast.cli.arguments.options import add_force, path
-from jblast.cli.arguments.verb_parser import VerbParser
-from jblast.files import refuse_existing
-
-
-def add_arguments(verb: VerbParser) -> None:
-    """Add the arguments of the verb."""
-    verb.inputs.add_argument(
-        "folder", metavar="RUN", type=path, help="folder written by `jblast world`"
-    )
-    verb.inputs.add_argument(
-        "--scene",
-        metavar="SCENE.toml",
-        type=path,
-        help="scene file of the run (default: the path in run.json)",
-    )
-    verb.model.add_argument(
-        "--fit",
-        action="store_true",
-        help="fit of each blast's readings: answers next to the truth, and 90 %% "
-        "ellipses on the map; fits.json in RUN has the whole answers",
-    )
-    verb.outputs.add_argument(
-        "--out",
-        metavar="PAGE.html",
-        type=path,
-        help="page (default: report.html in RUN, overwritten)",
-    )
-    add_force(verb, "an existing --out")
+from dataclasses import replace
+from pathlib import Path
 
 
 def run(options: argparse.Namespace) -> int:
@@ -49,13 +36,22 @@ def run(options: argparse.Namespace) -> int:
     begin = stages(shares | {"drawing": 3.0})
     begin("starting")
     start_jax(quick=True)
-    from jblast.report.world_page import answers_text, write_page
+    from jblast.files import refuse_existing
+    from jblast.report.output import PAGE, Answer, deliver, page_of
+    from jblast.report.world import FITS, fits_of, read_run, run_view, scene_of_run
+    from jblast.report.world_figures import run_pictures
 
     if options.out:
         refuse_existing(options.out, force=options.force)
-    out, answers = write_page(
-        options.folder, options.scene, fit=options.fit, out=options.out, begin=begin
-    )
-    sys.stdout.write(f"{answers_text(answers)}Written: {out}\n")
-    # a note is a fit that failed or is not reliable
-    return 4 if any(answer.note for answer in answers) else 0
+    folder, saved, fits = Path(options.folder), {}, []
+    document = read_run(folder)
+    path, scene = scene_of_run(folder, document, options.scene)
+    if options.fit:
+        begin("fitting")
+        found, fits = fits_of(folder, document, path)
+        document = replace(document, fits=found)
+        saved[str(folder / FITS)] = found.to_json()
+    begin("drawing")
+    view = run_view(document, fits, run_pictures(document, folder, scene, fits))
+    saved[options.out or str(folder / PAGE)] = page_of(view)
+    return deliver(Answer(document, view, saved=saved), options)

@@ -6,9 +6,7 @@ from jaxtyping import Float, Int, Num
 Rows = Int[np.ndarray, " kept"]
 
 
-def largest(
-    score: Float[np.ndarray, " row"], group: Num[np.ndarray, " row"]
-) -> Rows:
+def largest(score: Float[np.ndarray, " row"], group: Num[np.ndarray, " row"]) -> Rows:
     """Return the row of the largest score in each group, in order of the groups."""
     order = np.lexsort((-score, group))
     return order[np.unique(group[order], return_index=True)[1]]

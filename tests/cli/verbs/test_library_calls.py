@@ -14,13 +14,13 @@ from jblast.errors import InputError
 from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import Observations, read, to_pandas
 from jblast.report.detect import detection_answer
-from jblast.report.film_files import film_outputs, write_film
 from jblast.report.fit.document import fit_document
 from jblast.report.flights import flights_answer
-from jblast.report.world_files import run_world
+from jblast.report.world import run_world
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, Written, read_events
 from jblast.sensors.camera.files.images import write_png
 from jblast.sensors.camera.film import film_to_events
+from jblast.sensors.camera.film_writer import write_film
 from jblast.signals.detect_files import SoundDetections
 from jblast.study.filming import FilmOptions, film_of
 from jblast.study.flight_results import Flights
@@ -193,7 +193,7 @@ def test_a_world_is_written_as_by_the_command(jblast):
     assert len(run.run.perceived) == len(told["perceived"]) > 0
     for name in ("blasts.csv", "perceived.csv", "observations.csv"):
         assert jblast.text(f"one/{name}") == jblast.text(f"other/{name}")
-    with pytest.raises(InputError, match="the world's run"):
+    with pytest.raises(InputError, match="cannot be written"):
         run_world(path, jblast.path("world.toml"))
 
 
@@ -202,13 +202,12 @@ def test_a_film_and_its_events_are_those_of_the_commands(jblast):
     words = ("--times", "2.0:2.006", "--mode", "rgb", "--json")
     _, out, _ = jblast("render", path, *words, "--out", jblast.path("one"))
     film = film_of(path, FilmOptions(times=(2.0, 2.006), mode="rgb"))
-    hz = float(film.camera.frames_hz)
-    outputs = film_outputs(jblast.path("other"), hz, mode="rgb")
-    assert write_film(film, outputs) is None
+    made = write_film(film, jblast.path("other"), mode="rgb")
+    assert made.found is None
     assert json.loads(out)["frames"] == len(film.times) == 3
     frames = Path(jblast.path("one")) / "frames"
     for file in frames.iterdir():
-        assert file.read_bytes() == (outputs.frames / file.name).read_bytes()
+        assert file.read_bytes() == (Path(made.files.frames or "") / file.name).read_bytes()
     events, again = jblast.path("events.npz"), jblast.path("again.npz")
     words = ("--fps", "500", "--noise", "off", "--srgb", "--json")
     _, out, _ = jblast("events", str(frames), *words, "--out", events)

@@ -1,0 +1,229 @@
+"""Figures of a world: all records on one time axis, a map, and frames of the film."""
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jblast.inference import Fit
+from jblast.inference.fitting.place import charge_ellipse
+from jblast.report.figures import (
+    BLUE,
+    COLOURS,
+    INK,
+    MUTED,
+    VERMILLION,
+    envelope,
+    new_figure,
+    place_names,
+    quiet,
+    titled,
+)
+from jblast.report.listen import pictures, read_samples, read_table
+from jblast.report.view import Picture
+from jblast.report.words import split_name, unit_for
+from jblast.report.world import ShotFit, WorldAnswer
+from jblast.scene import Scene
+from jblast.scene.sensor_kinds import SENSOR_KINDS
+from jblast.study.run_files import FILM, FLIGHT, SOUND
+
+MAX_WAVEFORMS = 6
+"""Largest number of sensors in the timeline; the page draws more by themselves."""
+BINS = 400
+"""Bins of the event rate over the whole run: about two pixels each."""
+LOAD_PERCENTILE = 99.5
+"""Percentile of loads that fills half of their plot: blasts would hide all else."""
+
+
+def run_pictures(
+    document: WorldAnswer, directory: Path, scene: Scene, fits: Sequence[ShotFit]
+) -> Iterator[Picture]:
+    """Yield the figures of a run, which are read from its files."""
+    # read now, so that a broken file is an error, not a figure that is missing
+    rows = _timeline(document, directory)
+    if rows:
+        yield Picture(
+            "timeline.png",
+            partial(timeline_figure, document, rows),
+            "All recordings on the common clock",
+            "Dashed: a blast.",
+            "Flight, samples and camera events against time on one axis.",
+        )
+    path = None
+    if document.flight or document.mission:
+        path = read_table(directory / FLIGHT)[["east_m", "north_m"]].to_numpy()
+    yield Picture(
+        "map.png",
+        partial(map_figure, document, scene, path, fits),
+        "Map",
+        "Seen from above; north is up. Triangles: sensors.",
+        "Map of blasts, sensors and the vehicle's path.",
+    )
+    if document.sound is not None:
+        yield from pictures(document.sound, directory / SOUND)
+    sheet = directory / FILM / "contact_sheet.png"
+    if sheet.exists():
+        yield Picture(
+            "film.png",
+            partial(_sheet_figure, sheet),
+            "Film",
+            "Times since the first blast.",
+            "Frames of the camera around the first blast.",
+        )
+
+
+class Plot(NamedTuple):
+    """A plot of the timeline: its title, label and contents."""
+
+    title: str
+    label: str
+    draw: Callable[[Axes], None]
+
+
+def _timeline(document: WorldAnswer, directory: Path) -> list[Plot]:
+    """Return the plots of all records; of a flight as in figure 4.7 of the thesis."""
+    plots = []
+    if document.flight or document.mission:
+        plots += _flight_plots(document, read_table(directory / FLIGHT))
+    sensors = document.sound.sensors if document.sound else {}
+    for name, record in [*sensors.items()][:MAX_WAVEFORMS]:
+        samples = read_samples(directory / SOUND, record)
+        column = SENSOR_KINDS[record.kind].column
+        title = f"{name}: {split_name(column)[0].replace('_', ' ')}"
+        unit = unit_for(column, 1.0).symbol
+        draw = partial(envelope, samples=samples, rate_hz=record.rate_hz)
+        plots.append(Plot(title, f"[{unit}]", draw))
+    if document.camera is not None:
+        from jblast.sensors.camera.files.event_files import read_events
+
+        events = read_events(directory / FILM / "events.h5")
+        times = (events.t + events.t_offset) * 1e-6
+        draw = partial(_event_rate, times, document.seconds)
+        plots.append(Plot("Events", "per second", draw))
+    return plots
+
+
+def _flight_plots(document: WorldAnswer, table: pd.DataFrame) -> Iterator[Plot]:
+    time = table["time_s"].to_numpy()
+    world, body = ("east", "north", "up"), ("x", "y", "z")
+    aim: Any = document.flight and document.flight.target_m
+    if aim is None:  # a mission has set points that move
+        aim = table[[f"set_point_{axis}_m" for axis in world]].to_numpy()
+    away = table[[f"{axis}_m" for axis in world]].to_numpy() - aim
+    error = table["path_error_m"].to_numpy()
+    unit = unit_for("path_error_m", float(error.max()))
+
+    def curves(columns: Float[np.ndarray, "row 3"], names: Sequence[str]):
+        def draw(axes: Axes) -> None:
+
+            for part, name, colour in zip(columns.T, names, COLOURS, strict=False):
+                axes.plot(time, part, color=colour, linewidth=1.0, label=name)
+            most = 2.0 * float(np.percentile(np.abs(columns), LOAD_PERCENTILE))
+            if 0.0 < most < float(np.abs(columns).max()):
+                axes.set_ylim(-most, most)
+            style = {"frameon": False, "fontsize": 8.5, "labelcolor": MUTED}
+            axes.legend(ncols=3, loc="upper right", **style)
+
+        return draw
+
+    forces = table[[f"force_{axis}_n" for axis in world]].to_numpy()
+    moments = table[[f"moment_{axis}_n_m" for axis in body]].to_numpy()
+    label = f"[{unit.symbol}]"
+    yield Plot("Path relative to the set point", label, curves(away / unit.size, world))
+    yield Plot("Path error", label, lambda axes: axes.plot(time, error / unit.size))
+    yield Plot("All forces; blasts are cut off", "[N]", curves(forces, world))
+    title = "All moments, body axes; blasts are cut off"
+    yield Plot(title, "[N m]", curves(moments, body))
+
+
+def _event_rate(times_s: np.ndarray, seconds: float, axes: Axes) -> None:
+    count, edges = np.histogram(times_s, bins=BINS, range=(0.0, seconds))
+    axes.stairs(count / np.diff(edges), edges, fill=True)
+    # most bins are empty between blasts, and a logarithm has no zero
+    axes.set_yscale("symlog", linthresh=100.0)
+
+
+def timeline_figure(document: WorldAnswer, rows: Sequence[Plot]) -> Figure:
+    """Draw all records on one time axis."""
+    figure = new_figure(10.5, 1.45 * len(rows) + 0.4)
+    plots = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, row in zip(plots, rows, strict=True):
+        quiet(axes)
+        row.draw(axes)
+        axes.set_ylabel(row.label)
+        titled(axes, row.title)
+        for blast in document.blasts:
+            axes.axvline(blast.time_s, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
+    plots[-1].set_xlim(0.0, document.seconds)
+    plots[-1].set_xlabel("time [s] on the common clock")
+    return figure
+
+
+def map_figure(
+    document: WorldAnswer,
+    scene: Scene,
+    path: Float[np.ndarray, "row 2"] | None,
+    fits: Sequence[ShotFit],
+) -> Figure:
+    """Draw all positions; the diameter of a blast's marker grows with its mass.
+
+    Args:
+        document: The answer on the run.
+        scene: The scene with its sensors.
+        path: Path of the vehicle: east, north.
+        fits: Fits whose 90 % ellipses are drawn.
+    """
+    figure = new_figure(7.2, 6.4)
+    axes = figure.subplots()
+    quiet(axes)
+    names: list[tuple[str, Any, str]] = [
+        (sensor.name, np.asarray(sensor.position_m)[:2], INK)
+        for sensor in scene.sensors
+        if not sensor.mount
+    ]
+    if scene.camera is not None and not scene.camera.mount:
+        names.append(("camera", np.asarray(scene.camera.position)[:2], INK))
+    for _, place, _ in names:
+        axes.plot(*place, "^", color=INK, markersize=6)
+    if path is not None:
+        axes.plot(*path.T, color=BLUE, linewidth=1.4, label="path of the vehicle")
+    for blast in document.blasts:
+        place = np.array(blast.position_m[:2])
+        # lengths of a blast grow with the cube root of the mass (Hopkinson-Cranz)
+        size = min(5.0 + 4.0 * blast.mass_kg ** (1.0 / 3.0), 24.0)
+        axes.plot(*place, "o", color=VERMILLION, markersize=size, alpha=0.75)
+        words = f"{blast.shot}: {blast.mass_kg:.3g} kg, {blast.time_s:.2f} s"
+        names.append((words, place, VERMILLION))
+    label: str | None = "90 % ellipse of the fit"
+    for one in fits:
+        ellipse = charge_ellipse(one.found) if isinstance(one.found, Fit) else None
+        if ellipse is not None:
+            rim = ellipse.outline()
+            axes.fill(*rim.T, fill=False, edgecolor=MUTED, linewidth=1.3, label=label)
+            label = None
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.12)
+    axes.set(xlabel="east [m]", ylabel="north [m]")
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(frameon=False, fontsize=9, labelcolor=MUTED, loc="best")
+    words, places, colours = zip(*names, strict=True) if names else ((), (), ())
+    figure.draw_without_rendering()
+    place_names(axes, words, np.array(places).reshape(-1, 2), colours, longest=40)
+    return figure
+
+
+def _sheet_figure(sheet: Path) -> Figure:
+    from matplotlib.image import imread
+
+    image = imread(sheet)
+    figure = new_figure(10.5, 10.5 * image.shape[0] / image.shape[1])
+    axes = figure.subplots()
+    axes.imshow(image)
+    axes.set_axis_off()
+    return figure
