@@ -37,9 +37,9 @@ from jblast.report.figures import (
 )
 from jblast.report.words import aligned
 from jblast.report.world import run_world
-from jblast.study.run_files import summary_of
 from jblast.study.missions import MissionFlight
 from jblast.study.run_detectors import RunDetectors
+from jblast.study.run_files import summary_of
 from jblast.study.running import Run, packets_of, prepare_run
 
 HERE = Path(__file__).parent

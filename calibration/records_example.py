@@ -17,10 +17,10 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.observations.places import Frame
-from jblast.sensors.record_writer import CLOCK, record_comments
 from jblast.report.words import comma_separated
 from jblast.scene import read_scene
 from jblast.sensors.listening import Listening, instrument_of, packets, plan
+from jblast.sensors.record_writer import CLOCK, record_comments
 
 DATA = Path(__file__).parent / "data"
 TRUTH, FOLDER = DATA / "records_example_truth.toml", DATA / "records_example"
@@ -45,7 +45,11 @@ def record_csv(listening: Listening, number: int) -> str:
         for t, p in zip(times.tolist(), stretch.tolist(), strict=True)
     ]
     comments = [
-        *(line for line in record_comments(listening, TRUTH.name, SEED) if line != CLOCK),
+        *(
+            line
+            for line in record_comments(listening, TRUTH.name, SEED)
+            if line != CLOCK
+        ),
         "cut from 25 ms before the front to 90 ms after it; one clock for all gauges",
     ]
     head = "".join(f"# {line}\n" for line in comments)

@@ -207,7 +207,10 @@ def test_a_film_and_its_events_are_those_of_the_commands(jblast):
     assert json.loads(out)["frames"] == len(film.times) == 3
     frames = Path(jblast.path("one")) / "frames"
     for file in frames.iterdir():
-        assert file.read_bytes() == (Path(made.files.frames or "") / file.name).read_bytes()
+        assert (
+            file.read_bytes()
+            == (Path(made.files.frames or "") / file.name).read_bytes()
+        )
     events, again = jblast.path("events.npz"), jblast.path("again.npz")
     words = ("--fps", "500", "--noise", "off", "--srgb", "--json")
     _, out, _ = jblast("events", str(frames), *words, "--out", events)

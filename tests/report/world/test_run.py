@@ -9,9 +9,9 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.missions import grid_plan, write_plan
+from jblast.report.exports.rerun import Viewer
 from jblast.report.exports.ros_bag import RosBag
 from jblast.report.world import run_world
-from jblast.report.exports.rerun import Viewer
 from jblast.scene import Place
 from jblast.sensors.listening import packets
 from jblast.study.running import (

@@ -97,7 +97,7 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     )
     for picture in ("waveforms.png", "spectrograms.png"):
         assert (jblast.directory / "o" / picture).stat().st_size > 10_000
-    assert "already holds files" in jblast.refused(
+    assert "exists already" in jblast.refused(
         "listen", scene, "--out", jblast.path("o")
     )
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.report.film_files import (
+from jblast.sensors.camera.film_writer import (
     sheet_frames,
 )
 
