@@ -200,10 +200,18 @@ def restored(hint: Any, value: Any) -> Any:
         own = {meta.get("key", name) for name, meta in metas.items()}
         rest = {key: one for key, one in value.items() if key not in own}
         for name in _own_fields(hint):
-            among = "among" in metas[name]
-            entry = rest if among else value.get(metas[name].get("key", name))
-            given[name] = restored(hints[name], entry)
-        return hint(**given)
+            among = metas[name].get("among")
+            if among:  # a document has these entries of the result only
+                given[name] = {key: rest[key] for key in among if key in rest}
+                continue
+            key = metas[name].get("key", name)
+            given[name] = restored(hints[name], rest if among == () else value.get(key))
+        if not is_dataclass(hint):
+            return hint(**given)
+        made = object.__new__(hint)  # a constructor may check the types
+        for name, one in given.items():
+            object.__setattr__(made, name, one)
+        return made
     if origin is Mapping:
         return {key: restored(inner[1], one) for key, one in value.items()}
     if origin in (tuple, Sequence):

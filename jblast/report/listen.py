@@ -388,7 +388,8 @@ def _near(record: Drawn) -> tuple[int, int]:
     """Return the range of samples around the first blast; empty without one."""
     duration, rate = record.answer.values["positive_duration_s"], record.answer.rate_hz
     arrivals = [record.answer.values.get(name, np.nan) for name in ARRIVALS]
-    begin, end = np.fmin(*arrivals), arrivals[-1] + duration
+    begin = min((one for one in arrivals if np.isfinite(one)), default=np.nan)
+    end = arrivals[-1] + duration
     if not (np.isfinite(begin) and np.isfinite(end)):
         return 0, 0
     span = begin - BEFORE * (end - begin), end + AFTER * duration
@@ -403,11 +404,12 @@ def spectrogram_figure(records: Sequence[Drawn]) -> "Figure":
     figure = new_figure(11.0, 0.8 + ROW_INCHES * len(records))
     grid = figure.subplots(len(records), 1, squeeze=False)[:, 0]
     for record, axes in zip(records, grid, strict=True):
-        options = {"unit": unit_for(record.column, 1.0).symbol}
+        unit, reference = unit_for(record.column, 1.0).symbol, 1.0
         if record.column.endswith("_pa"):  # levels of sound in air: ISO 1683
-            options = {"unit": "20 µPa", "reference": 20e-6}
+            unit, reference = "20 µPa", 20e-6
+        rate = record.answer.rate_hz
         titled(axes, record.name, record.note)
-        spectrogram(axes, record.samples, record.answer.rate_hz, **options)
+        spectrogram(axes, record.samples, rate, unit=unit, reference=reference)
         _mark_arrivals(axes, record, colour="white")
     grid[-1].set_xlabel("time by the sensor's clock [s]")
     return figure

@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from jblast.errors import InputError, argument
 from jblast.files import check_out, save_text
 from jblast.inference import Fit, fit_each
@@ -39,7 +37,7 @@ from jblast.report.words import (
     parameter_words,
     printed_number,
 )
-from jblast.results import Document, filled, restored
+from jblast.results import Document, entries, filled, restored
 from jblast.scene import Scene
 from jblast.study.flight_results import Flights
 from jblast.study.missions import MissionFlight
@@ -267,7 +265,7 @@ class FitRow(NamedTuple):
 
     @property
     def contains(self) -> bool | None:
-        """Whether the 90 % interval contains the truth; None if not identified."""
+        """True if the 90 % interval contains the truth; None if not identified."""
         if not self.estimate.identified:
             return None
         return bool(self.estimate.q05 <= self.truth <= self.estimate.q95)
@@ -432,11 +430,10 @@ def _detected(found: Detections) -> str:
 def _number(head: str, name: str) -> Column:
     """Return the column of a number of a result; a dash for a missing one."""
 
-    def cell(row: Any) -> str:
-        value = getattr(row[1], name)
-        return printed_number(name, value, 3) if np.isfinite(value) else "-"
+    def cell(row: Mapping[str, Any]) -> str:
+        return "-" if row[name] is None else printed_number(name, row[name], 3)
 
-    return Column(head, cell, lambda row: getattr(row[1], name), right=True)
+    return Column(head, cell, lambda row: row[name], right=True)
 
 
 def _flight_blocks(flight: FlightsAnswer) -> list[Block]:
@@ -449,21 +446,23 @@ def _flight_blocks(flight: FlightsAnswer) -> list[Block]:
     ]
 
 
+def _item(row: Mapping[str, Any]) -> str:
+    return "-" if row["waypoint"] is None else str(row["waypoint"])
+
+
 def _mission_table(mission: MissionAnswer) -> Table:
-    reached = sum(one.reached for one in mission.waypoints)
+    reached = sum(entries(one)["reached"] for one in mission.waypoints)
     ending = "completed" if mission.completed else "not completed"
     return Table(
         [
-            Column("blast", lambda row: row[0]),
-            Column(
-                "flies to item", lambda row: str(row[1].waypoint or "-"), right=True
-            ),
+            Column("blast", lambda row: row["charge"]),
+            Column("flies to item", _item, right=True),
             _number("error before", "error_before_m"),
             _number("peak deviation", "peak_deviation_m"),
             _number("time of peak", "peak_time_s"),
             _number("recovery time", "recovery_time_s"),
         ],
-        [(one.charge, one) for one in mission.disturbances],
+        [entries(one) for one in mission.disturbances],
         f"The {mission.vehicle.capitalize()} on its mission",
         where="page",
         caption=f"{reached} of {len(mission.waypoints)} waypoints reached; mission "

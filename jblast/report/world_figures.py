@@ -136,7 +136,7 @@ def _flight_plots(document: WorldAnswer, table: pd.DataFrame) -> Iterator[Plot]:
     moments = table[[f"moment_{axis}_n_m" for axis in body]].to_numpy()
     label = f"[{unit.symbol}]"
     yield Plot("Path relative to the set point", label, curves(away / unit.size, world))
-    yield Plot("Path error", label, lambda axes: axes.plot(time, error / unit.size))
+    yield Plot("Path error", label, curves(error[:, None] / unit.size, ["error"]))
     yield Plot("All forces; blasts are cut off", "[N]", curves(forces, world))
     title = "All moments, body axes; blasts are cut off"
     yield Plot(title, "[N m]", curves(moments, body))

@@ -65,8 +65,9 @@ class RecordWriter:
         self.rate_hz, self.samples, self._bits = instrument.rate, 0, instrument.bits
         self.full_scale_pa: float | None = None
         if SENSOR_KINDS[sensor.kind].file == ".wav":
-            whole = self._bits is not None and instrument.full_scale is not None
-            self.full_scale_pa = float(instrument.full_scale) if whole else 1.0
+            self.full_scale_pa = 1.0
+            if self._bits is not None and instrument.full_scale is not None:
+                self.full_scale_pa = float(instrument.full_scale)
         place, directions = sensor.position_m, "east, north, up"
         if sensor.mount:
             place = sensor.offset_m
