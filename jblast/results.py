@@ -208,7 +208,8 @@ def restored(hint: Any, value: Any) -> Any:
             given[name] = restored(hints[name], rest if among == () else value.get(key))
         if not is_dataclass(hint):
             return hint(**given)
-        made = object.__new__(hint)  # a constructor may check the types
+        cls: Any = hint
+        made = object.__new__(cls)  # a constructor may check the types
         for name, one in given.items():
             object.__setattr__(made, name, one)
         return made
