@@ -1,7 +1,7 @@
 """Simulate the readings of a scene's sensors, with random errors.
 
 example:
-  jblast simulate scene.toml --out observations.csv
+  jblast simulate scene.toml --out log.csv --seed 1
 
 input:
   SCENE.toml              path; scene file; each sensor has a position and its records
