@@ -28,7 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration.timing import machine
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.scene import (
     Camera,
     Charge,

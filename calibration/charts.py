@@ -70,7 +70,8 @@ from jblast.report.figures import (
     titled,
     write_figure,
 )
-from jblast.report.words import capitalised, comma_separated, markdown
+from jblast.report.numbers import capitalised
+from jblast.report.view import Column, Table, comma_separated, markdown
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
 from jblast.sensors import planned_layout
 from jblast.sensors.camera.events.exact import frameless_events
@@ -1024,6 +1025,11 @@ def pareto_front(panel: Sequence[Point]) -> set[Point]:
     }
 
 
+def error_words(point: Point) -> str:
+    """Return the error of a point, and whether it is the reference."""
+    return f"{point.error:.2g}" + " (the reference)" * point.reference
+
+
 def page(kept: Mapping[str, Sequence[Point]], measured_on: str) -> str:
     """Return the page of all topics, the cheapest method of a panel first."""
     lines = [
@@ -1039,18 +1045,15 @@ def page(kept: Mapping[str, Sequence[Point]], measured_on: str) -> str:
         for panel, within in panels(points).items():
             lines += ["", f"### {capitalised(panel)}", ""] if panel else [""]
             front = pareto_front(within)
-            rows = [
-                (
-                    "*" if point in front else "",
-                    point.method,
-                    f"{point.cost_s:.2g}",
-                    f"{point.error:.2g}" + " (the reference)" * point.reference,
-                    point.over,
-                )
-                for point in sorted(within, key=lambda p: p.cost_s)
+            columns = [
+                Column("", lambda point, front=front: "*" if point in front else ""),
+                Column("method", lambda point: point.method),
+                Column("cost [s]", lambda point: f"{point.cost_s:.2g}", right=True),
+                Column("error", error_words, right=True),
+                Column("over", lambda point: point.over),
             ]
-            head = ("", "method", "cost [s]", "error", "over")
-            lines.append(markdown(head, rows, right=(2, 3)))
+            rows = sorted(within, key=lambda point: point.cost_s)
+            lines.append(markdown(Table(columns, rows)))
     return "\n".join(lines) + "\n"
 
 

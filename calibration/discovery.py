@@ -63,7 +63,7 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 """Noise relative to a state's standard deviation."""

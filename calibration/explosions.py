@@ -31,7 +31,7 @@ from calibration import run_part
 from calibration.bake import Layers, frames_of_sheet, read_sheet
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_TEMPERATURE
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import (
     ExplosionViews,

@@ -83,7 +83,7 @@ from jblast.fidelity.errors import (
 )
 from jblast.files import write_text
 from jblast.registry import call, law_for, total_scatter
-from jblast.report.words import comma_separated
+from jblast.report.view import comma_separated
 from jblast.scene.charge import Burst, tnt_factor
 from jblast.study.statistics import wilson_interval
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve

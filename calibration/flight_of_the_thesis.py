@@ -35,7 +35,7 @@ from jblast.report.figures import (
     titled,
     write_figure,
 )
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.report.world import run_world
 from jblast.study.missions import MissionFlight
 from jblast.study.run_detectors import RunDetectors

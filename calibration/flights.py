@@ -59,7 +59,7 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.report.flight_figures import distribution_figure
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.scene import Air, Charge, Scene, read_scene
 from jblast.study.flight_results import (
     Flights,

@@ -46,7 +46,7 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.words import Unit, capitalised, quantity_words, unit_for
+from jblast.report.numbers import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import scene_path, with_rows

@@ -27,7 +27,7 @@ from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.observations.records.stations import read_stations
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor
 from jblast.sensors import heard, microphone
 from jblast.signals.picks.gathered import gathered

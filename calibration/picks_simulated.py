@@ -30,7 +30,7 @@ from calibration.picks_records import (
     signal_of,
 )
 from jblast.cli.jax_start import start_jax
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 
 MANY, SEEDS = 200, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""

@@ -200,7 +200,7 @@ def main(per_pair: int, workers: int, save: str | None) -> None:
 
 def tables(forms: list[Form], truth, found: Picked) -> str:
     """Return the tables of coverage."""
-    from jblast.report.words import aligned
+    from jblast.report.view import aligned
 
     sd, quality = found.sd, found.quality
     expected = truth.copy()

@@ -17,7 +17,7 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.observations.places import Frame
-from jblast.report.words import comma_separated
+from jblast.report.view import comma_separated
 from jblast.scene import read_scene
 from jblast.sensors.listening import Listening, instrument_of, packets, plan
 from jblast.sensors.record_writer import CLOCK, record_comments

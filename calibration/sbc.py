@@ -45,7 +45,7 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.sample import solve
 from jblast.observations import Observations
 from jblast.report.figures import BLUE, INK, new_figure, quiet, titled
-from jblast.report.words import comma_separated
+from jblast.report.view import comma_separated
 from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.sensors import observe, planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names

@@ -61,13 +61,8 @@ from jblast.report.figures import (
     write_figure,
 )
 from jblast.report.fit.figures import runs
-from jblast.report.words import (
-    capitalised,
-    comma_separated,
-    markdown,
-    printed_number,
-    quantity_words,
-)
+from jblast.report.numbers import capitalised, printed_number, quantity_words
+from jblast.report.view import Column, Table, comma_separated, markdown
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import (
@@ -1045,19 +1040,16 @@ def page(modes: Mapping[str, Sequence[Mode]]) -> str:
         "",
         "![Where each method fails](stability.png)",
     ]
-    columns = ("method", "failure", "at", "beyond it", "jblast")
+    columns = [
+        Column("method", lambda m: m.method),
+        Column("failure", lambda m: m.failure),
+        Column("at", boundary_words),
+        Column("beyond it", lambda m: m.beyond),
+        Column("jblast", lambda m: f"**{m.response}**: {m.message}"),
+    ]
     for area, found in modes.items():
-        rows = [
-            (
-                m.method,
-                m.failure,
-                boundary_words(m),
-                m.beyond,
-                f"**{m.response}**: {m.message}",
-            )
-            for m in found
-        ]
-        lines += ["", f"## {capitalised(area)}", "", markdown(columns, rows)]
+        table = markdown(Table(columns, found))
+        lines += ["", f"## {capitalised(area)}", "", table]
     return "\n".join(lines) + "\n"
 
 

@@ -36,7 +36,7 @@ from jblast.report.figures import (
     write_figure,
 )
 from jblast.report.study_figures import contour_figure
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.study.columns import StudyColumns, read_columns
 
 STUDIES = Path(__file__).parent / "studies"

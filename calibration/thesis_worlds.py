@@ -36,7 +36,7 @@ from calibration.thesis.physics import (
 )
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.scene import (
     Camera,
     Charge,

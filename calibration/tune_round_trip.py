@@ -47,8 +47,7 @@ from jblast.inference.tuning.unknowns import tuned_value
 from jblast.report.figures import new_figure, titled, write_figure
 from jblast.report.tune import gains_answer, put_values
 from jblast.report.tune_figures import cut_words, draw_each, draw_middle, tune_figure
-from jblast.report.view import terminal
-from jblast.report.words import aligned
+from jblast.report.view import aligned, terminal
 from jblast.scene import Scene
 from jblast.scene.reader.scene import scene_from_document
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream

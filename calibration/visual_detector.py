@@ -40,7 +40,7 @@ from jblast.report.figures import (
     titled,
     write_figure,
 )
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.signals.flash.search import Tail
 from jblast.signals.matched_filter import HOUR_S
 

@@ -24,7 +24,7 @@ from calibration.films import OTHERS, RATE_HZ, SECONDS, blast, negative
 from calibration.visual_detector_fresh import share
 from jblast.files import write_text
 from jblast.progress import counted
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.sensors.camera import explosion_views
 from jblast.signals.flash import detect_flashes
 from jblast.signals.flash.search import Candidate, FlashDetections, flash_threshold

@@ -21,7 +21,7 @@ from calibration.flash_trials import (
     without_a_blast,
 )
 from jblast.files import write_text
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.signals.flash.search import flash_threshold
 from jblast.study.statistics import wilson_interval
 

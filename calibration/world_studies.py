@@ -38,7 +38,7 @@ from jblast.report.figures import (
     titled,
     write_figure,
 )
-from jblast.report.words import aligned
+from jblast.report.view import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone
 from jblast.signals import (

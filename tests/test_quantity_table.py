@@ -11,7 +11,7 @@ from jblast.quantities import (
     made_with,
 )
 from jblast.registry import LAWS
-from jblast.report.words import split_name
+from jblast.report.numbers import split_name
 from jblast.scene.charge import EXPLOSIVES, tnt_factor
 from jblast.sensors.calculator import COMBINATIONS
 

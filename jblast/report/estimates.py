@@ -9,7 +9,7 @@ import numpy as np
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.inference.posterior.parameters import Estimate
-from jblast.report.words import (
+from jblast.report.numbers import (
     finite,
     rounded,
     scientific,

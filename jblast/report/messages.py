@@ -11,7 +11,7 @@ from typing import Any
 
 import jblast
 from jblast.observations.table import Observations
-from jblast.report.words import (
+from jblast.report.numbers import (
     joined,
     parameter_words,
     printed_number,

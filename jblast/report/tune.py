@@ -23,10 +23,10 @@ from jblast.inference.tuning.unknowns import (
 from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
 from jblast.report.estimates import printed_estimate
 from jblast.report.messages import sentence_of
+from jblast.report.numbers import capitalised, printed_number
 from jblast.report.output import Answer
 from jblast.report.tune_figures import cut_words, gains_figure, tune_figure
 from jblast.report.view import Column, Facts, Lines, Picture, Table, Text, View
-from jblast.report.words import capitalised, printed_number
 from jblast.results import AMONG, Document, Note, among, filled, problem, warning
 from jblast.scene.reader.tables import LISTS
 from jblast.study.gains import EvaluatedGains, TunedGains, known_peaks

@@ -12,13 +12,13 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from jblast.report.words import WIDTH, hanging
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jblast.report.provenance import Provenance
 
+WIDTH = 96
+"""Width of printed text [characters]: the range of validity of most laws fits."""
 GAP = "  "
 """Between two columns on a terminal."""
 Where = Literal["everywhere", "page", "terminal", "detail"]
@@ -251,9 +251,7 @@ def _terminal_table(table: Table, margin: str) -> list[str]:
     last = len(columns) - 1
     texts = [row.pop() if row and last not in right else "" for row in rows]
     lines = []
-    for n, (start, text) in enumerate(
-        zip(aligned(rows, right=right), texts, strict=True)
-    ):
+    for n, (start, text) in enumerate(zip(_padded(rows, right), texts, strict=True)):
         if n or any(one.head for one in columns):
             lines += behind(margin + start + (GAP if text else ""), text)
         if n and (note := table.note(table.shown[n - 1])):
@@ -270,6 +268,10 @@ def aligned(rows: Sequence[Sequence[str]], *, right: Collection[int] = ()) -> li
         rows: Cells; every row has the same number.
         right: Columns, counted from 0, that are aligned right.
     """
+    return [line.rstrip() for line in _padded(rows, right)]
+
+
+def _padded(rows: Sequence[Sequence[str]], right: Collection[int]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         GAP.join(
@@ -278,6 +280,17 @@ def aligned(rows: Sequence[Sequence[str]], *, right: Collection[int] = ()) -> li
         )
         for row in rows
     ]
+
+
+def hanging(text: str, column: int = 0, indent: int = 2) -> list[str]:
+    """Break a text into lines; all but the first are indented by `column` more."""
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=" " * indent,
+        subsequent_indent=" " * (indent + column),
+        break_on_hyphens=False,
+    ) or [""]
 
 
 def behind(start: str, text: str) -> list[str]:
@@ -316,6 +329,12 @@ def csv_text(table: Table) -> str:
             ),
         ]
     )
+
+
+def commented(comments: Iterable[str]) -> str:
+    """Return comments as lines that precede a CSV table."""
+    # a line break in a comment would begin a row of the table
+    return "".join(f"# {' '.join(line.split())}\n" for line in comments)
 
 
 def comma_separated(rows: Iterable[Iterable[Any]]) -> str:

@@ -2,12 +2,7 @@ import pytest
 
 from jblast.inference.posterior.parameters import Estimate
 from jblast.report.estimates import printed_estimate
-from jblast.report.words import (
-    printed_number,
-    rounded,
-    significant,
-    unit_for,
-)
+from jblast.report.numbers import printed_number, rounded, significant, unit_for
 
 
 @pytest.mark.parametrize(
@@ -54,6 +49,21 @@ def test_a_number_known_within_a_factor_has_two_significant_digits():
 )
 def test_the_suffix_of_a_name_gives_its_unit(name, value, text):
     assert printed_number(name, value) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("peak_overpressure_pa", 6894.757293168361, "1 psi"),
+        ("range_m", 30.48, "100 ft"),
+        ("range_m", 0.0254, "1 in"),
+        ("charge_mass_kg", 0.45359237, "1 lb"),
+        ("positive_impulse_pa_s", 68.94757293168361, "10 psi ms"),
+        ("air_temperature_k", 288.15, "288.1 K"),
+    ],
+)
+def test_customary_units_are_exact(name, value, text):
+    assert printed_number(name, value, system="us") == text
 
 
 def test_a_kiloton_is_printed_beside_kilograms_and_an_energy_beside_tnt():

@@ -1,6 +1,7 @@
 """Views: the same blocks on a terminal, on a page, in Markdown and in CSV."""
 
 import argparse
+import csv
 import json
 from dataclasses import dataclass
 
@@ -17,6 +18,8 @@ from jblast.report.view import (
     Table,
     Text,
     View,
+    aligned,
+    comma_separated,
     csv_text,
     markdown,
     terminal,
@@ -127,3 +130,20 @@ def test_a_document_is_filled_from_the_first_source_with_a_field():
     assert filled(Mass, {"mass_kg": 1.0}, mass_kg=3.0) == Mass(3.0)
     with pytest.raises(TypeError, match="mass_kg"):
         filled(Mass, object())
+
+
+def test_aligned_rows_end_in_no_space():
+    rows = [("method", "error", ""), ("wu_hao", "12 %", "the reference")]
+    assert aligned(rows, right=(1,)) == [
+        "method  error",
+        "wu_hao   12 %  the reference",
+    ]
+    assert aligned([]) == []
+
+
+def test_csv_reads_back_whatever_a_cell_contains():
+    rows = [["log", "error"], ['a "b", c', "two\nlines"], ["", 0.1]]
+    text = comma_separated(rows)
+    assert list(csv.reader(text.splitlines(keepends=True)))[1] == rows[1]
+    assert "\r" not in text
+    assert comma_separated([["a"], [None]]) == 'a\n""\n'
