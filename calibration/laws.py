@@ -253,9 +253,7 @@ def _panel(
     reference: str = "",
 ) -> None:
     """Draw curves and their names; a reference is broad, so others on it are seen."""
-    # the same colour in every figure
-    names = sorted({law.name for law in LAWS.values() if law.quantity in DRAWN})
-    colours = dict(zip(names, PALETTE, strict=False))
+    colours = law_colours()
     quiet(axes)
     axes.set_xscale("log")
     axes.set_xlim(x[0], x[-1])
@@ -266,15 +264,32 @@ def _panel(
         if name == reference:
             axes.plot(x, curve.value, color=colours[name], linewidth=5.0, alpha=0.35)
         else:
-            inside = np.where(curve.valid, curve.value, np.nan)
-            axes.plot(x, inside, color=colours[name], linewidth=1.7, zorder=3)
-            axes.plot(x, curve.value, "--", color=colours[name], lw=1.0, alpha=0.55)
+            draw_curve(axes, x, curve.value, curve.valid, colours[name])
         last = np.flatnonzero(np.isfinite(curve.value))[-1]
         ends[name] = (float(x[last]), float(curve.value[last]))
-    _name_curves(axes, ends, colours)
+    name_curves(axes, ends, colours)
 
 
-def _name_curves(
+def law_colours() -> dict[str, str]:
+    """Return a colour for each drawn law, the same in every figure."""
+    names = sorted({law.name for law in LAWS.values() if law.quantity in DRAWN})
+    return dict(zip(names, PALETTE, strict=False))
+
+
+def draw_curve(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    value: Float[np.ndarray, " point"],
+    valid: Bool[np.ndarray, " point"],
+    colour: str,
+) -> None:
+    """Draw a law, solid within its range of validity and thin and dashed outside."""
+    inside = np.where(valid, value, np.nan)
+    axes.plot(x, inside, color=colour, linewidth=1.7, zorder=3)
+    axes.plot(x, value, "--", color=colour, linewidth=1.0, alpha=0.55)
+
+
+def name_curves(
     axes: Axes, ends: Mapping[str, tuple[float, float]], colours: Mapping[str, str]
 ) -> None:
     """Write names of curves to the right of a panel, without overlaps."""
@@ -290,7 +305,7 @@ def _name_curves(
         line = {"arrowstyle": "-", "color": colours[name], "lw": 0.6, "alpha": 0.6}
         axes.annotate(
             name,
-            xy=places[i],
+            xy=(places[i, 0], places[i, 1]),
             xytext=(1.05, height),
             xycoords="axes fraction",
             textcoords="axes fraction",

@@ -4,15 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from jblast.fidelity import Choice
-from jblast.report.calculator.answer import CalculatorAnswer, InverseAnswer
+from jblast.report.calc import CalculatorAnswer, InverseAnswer
 from jblast.report.check import CheckAnswer
 from jblast.report.choice import ChoiceAnswer
 from jblast.report.design import BoundAnswer
-from jblast.report.detect import DetectionAnswer
+from jblast.report.detect import ClipsAnswer, DetectionAnswer, FlashAnswer
 from jblast.report.discovery import DiscoveryAnswer
 from jblast.report.film import EventsAnswer, FilmAnswer
 from jblast.report.fit.document import FitAnswer, FitsAnswer
-from jblast.report.flash import ClipsAnswer, FlashAnswer
 from jblast.report.flights import FlightsAnswer, MissionAnswer
 from jblast.report.listen import ListenAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer

@@ -1,23 +1,45 @@
-"""The answer of `jblast detect` for sound."""
+"""The answer of `jblast detect` for sound, film and clips."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import partial
+from itertools import groupby, zip_longest
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Literal
 
-from jblast.report.words import aligned, joined
-from jblast.results import AMONG, Document, among
+import numpy as np
+
+from jblast.observations import Observations
+from jblast.observations.log_io import log_text
+from jblast.observations.records.sound import write_sound
+from jblast.report.numbers import joined
+from jblast.report.output import NOT_FOUND, Answer, Content
+from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
+from jblast.results import AMONG, Document, among, filled
 from jblast.signals.arrival_log import (
     LEAST_PLANE_PROBABILITY,
     MAX_ARRAY_WIDTH,
     ArrayFinding,
-    Log,
 )
-from jblast.signals.detect_files import SoundDetections
-from jblast.signals.matched_filter import Detection
+from jblast.signals.detect_files import (
+    ClipDetections,
+    Film,
+    FilmDetections,
+    SoundDetections,
+)
+from jblast.signals.flash.fireball import Direction, Growth, Silhouette
+from jblast.signals.flash.search import SLOW_HZ, Candidate, Flash
+from jblast.signals.matched_filter import Detection, in_decibels
 from jblast.signals.pulse_fit import PulseFit
 from jblast.signals.sound_watch import Searched
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PICTURE, LOG, FILTERED = "detection.png", "observations.csv", "filtered.wav"
 LAYOUTS = {
     "coplanar": "microphones in one plane",
     "spatial": "microphones in space",
@@ -25,115 +47,17 @@ LAYOUTS = {
     "two": "two microphones",
 }
 ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
-
-
-def detection_text(found: SoundDetections) -> str:
-    """Return the arrivals as a table, with notes, for the terminal."""
-    searched, dead, target, log = found
-    count = sum(len(one.detections) for one in searched)
-    names = len(searched)
-    head = (
-        f"{count} {'arrival' if count == 1 else 'arrivals'}" if count else "No arrival"
-    )
-    seconds = sum(one.channel.samples.size / one.channel.rate_hz for one in searched)
-    lines = [
-        f"{head} in {names} {'channel' if names == 1 else 'channels'}, "
-        f"{seconds:.6g} s of sound",
-    ]
-    if count:
-        lines += ["", *_table(searched), ""]
-    levels = [one.threshold_snr_db for one in searched]
-    low, high = min(levels), max(levels)
-    # the difference of one printed digit
-    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
-    latency = max(one.latency_s for one in searched)
-    lines += [
-        f"search target: {target.words}",
-        f"threshold {span} dB (2E/N0); detection delay {1e3 * latency:.3g} ms "
-        "from the first sample",
-    ]
-    if dead:
-        noun = "constant channel" if len(dead) == 1 else "constant channels"
-        lines.append(f"{noun} skipped: {joined(list(dead))}")
-    if others := sum(not found.is_blast for found in _sounds(searched)):
-        sounds = "impulsive sound" if others == 1 else "impulsive sounds"
-        listed = any(one.others for one in searched)
-        lines.append(
-            f"{others} other {sounds} without the form of a blast, such as doors, "
-            f"clicks, thunder, or reverberant blasts{' (--all-sounds)' * listed}"
-        )
-    if log is not None:
-        lines += _of_log(log)
-    return "\n".join(lines) + "\n"
-
-
-def _sounds(searched: Sequence[Searched]) -> list[Detection]:
-    """Return all sounds above the threshold."""
-    return [found for one in searched for found in one.detections + one.others]
-
-
-def _table(searched: Sequence[Searched]) -> list[str]:
-    rows, tested = [], any(found.fit for found in _sounds(searched))
-    for one in searched:
-        for found in one.detections:
-            # a time is printed to the second significant digit of its standard error
-            digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
-            row = (
-                one.channel.sensor,
-                f"{found.time_s:.{digits}f}",
-                f"{found.sigma_s:.2g}",
-                f"{found.snr_db:.1f}",
-            )
-            if fit := found.fit:
-                row += (f"{fit.misfit:.2f}", f"{fit.log_likelihood_ratio:.1f}")
-            rows.append(row)
-    rows.sort(key=lambda row: float(row[1]))
-    head = ("sensor", "arrival [s]", "sigma [s]", "SNR [dB]")
-    head += ("misfit", "ln LR") if tested else ()
-    return aligned([head, *rows], right=set(range(1, len(head))))
-
-
-def _of_log(log: Log) -> list[str]:
-    """Return sentences on arrays, and on arrivals that the log does not contain."""
-    lines = [""]
-    for finding in log.arrays:
-        lines += _of_array(finding)
-    for sensor, found in log.left_out:
-        lines.append(
-            f"{sensor}: the arrival at {found.time_s:.6g} s is not in the log: weaker "
-            "than another one of the same bang, possibly an echo"
-        )
-    return lines if len(lines) > 1 else []
-
-
-def _of_array(finding: ArrayFinding) -> list[str]:
-    came = finding.direction
-    name = f"Array {finding.array}, bang {finding.bang + 1}"
-    if came is None:
-        return [f"{name}: no common wave was found; each microphone has its own row"]
-    sds = came.covariance.diagonal() ** 0.5
-    angles = [
-        f"{word} {math.degrees(value):.2f} ± {math.degrees(sd):.2g} degrees"
-        for word, value, sd in (
-            ("bearing", came.bearing, sds[0]),
-            ("elevation", came.elevation, sds[1]),
-        )
-        if math.isfinite(value)
-    ]
-    text = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
-    lost = [ANGLES[key] for key in came.undetermined]
-    if lost:
-        text += f"; not identified: {joined(lost)}"
-    if not finding.used and finding.probability <= LEAST_PLANE_PROBABILITY:
-        text += (
-            f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
-            "each microphone has its own row"
-        )
-    elif finding.used:
-        text += (
-            f"; within {MAX_ARRAY_WIDTH:g} m of each other, so one arrival row for all"
-        )
-    return [text]
+CAUSES = {
+    "faint": "below the threshold",
+    "grows_on": "its growth did not slow down as a fireball's of up to 1 t does",
+    "flicker": "its size changed without an order, as on glittering water",
+}
+"""Reasons for which a bright spot is not reported as a blast."""
+MAX_LISTED = 5
+"""Largest number of such spots in the text; the document has all of them."""
+MAX_FLASHES, MAX_CHANNELS, MAX_LABELS = 4, 8, 5
+"""Largest number of flashes in a figure, of channels (8 are 29 inches high), and of
+labelled arrivals, the loudest: more labels would overlap."""
 
 
 @dataclass(frozen=True)
@@ -251,10 +175,163 @@ class DetectionAnswer(Document):
     rejected_arrivals: tuple[SoundArrival, ...]
 
 
-def detection_answer(found: SoundDetections) -> DetectionAnswer:
-    """Return the arrivals as a document."""
+@dataclass(frozen=True)
+class Arrival:
+    """A flash, in short.
+
+    Attributes:
+        time_s: First light, since frame 0 or the first event.
+        snr_db: Test statistic at the detection.
+        sigma_s: Standard error of the time.
+        pixel: Position of the burst, x and y [px].
+        frame: First frame with the flash; for events the millisecond.
+    """
+
+    time_s: float
+    snr_db: float
+    sigma_s: float
+    pixel: tuple[float, float]
+    frame: int
+
+
+@dataclass(frozen=True)
+class GrownTo:
+    """A silhouette.
+
+    Attributes:
+        silhouette: The silhouette.
+    """
+
+    silhouette: Silhouette = field(
+        metadata=among("time_s", "radius_px", "x_px", "y_px", "cut")
+    )
+
+
+@dataclass(frozen=True)
+class FlashSeen:
+    """A flash, in full.
+
+    Attributes:
+        grown: First light, position and growth.
+        alarm: First frame and alarm.
+        direction: Direction from the camera; null without a scene.
+        growth: Its silhouettes.
+    """
+
+    grown: Growth = field(
+        metadata=among(
+            *("time_s", "sigma_s", "x_px", "x_sigma_px", "y_px", "y_sigma_px"),
+            *("radius_px", "radius_sigma_px", "growth_s", "growth_sigma_s"),
+        )
+    )
+    alarm: Flash = field(metadata=among("frame", "alarm_s", "statistic"))
+    direction: Direction | None
+    growth: tuple[GrownTo, ...]
+
+
+@dataclass(frozen=True)
+class Method:
+    """Method of the search.
+
+    Attributes:
+        name: Name of the test.
+        false_alarms_per_hour: False-alarm rate in scenes that look like a blast.
+        threshold: Threshold of the statistic.
+    """
+
+    name: Literal["growth_cusum"]
+    false_alarms_per_hour: float
+    threshold: float
+
+
+@dataclass(frozen=True)
+class FlashAnswer(Document):
+    """The answer of `jblast detect` for film.
+
+    Attributes:
+        detected: Whether a flash was detected.
+        arrivals: Flashes in order of time.
+        threshold_snr_db: The threshold, in the unit of `snr_db`.
+        latency_s: Largest delay from first light to detection; without a flash the
+            least possible one.
+        method: Method of the search.
+        recording: The searched film.
+        flashes: Each flash in full.
+        warnings: Warnings, as sentences.
+        sound_arrivals: Arrivals in the sound track of a video, from the first frame.
+        bang_s: Time of the loudest arrival after the flash; null without one.
+        candidates: Bright spots that are not reported as blasts, in order of time.
+    """
+
+    detected: bool
+    arrivals: tuple[Arrival, ...]
+    threshold_snr_db: float
+    latency_s: float
+    method: Method
+    recording: Film
+    flashes: tuple[FlashSeen, ...]
+    warnings: tuple[str, ...]
+    sound_arrivals: tuple[SoundArrival, ...] = ()
+    bang_s: float | None = None
+    candidates: tuple[Candidate, ...] = ()
+
+
+@dataclass(frozen=True)
+class ClipsAnswer(Document):
+    """The answer of `jblast detect` for several videos.
+
+    Attributes:
+        detected: Whether any clip has a flash or a bang.
+        clips: The answer for each clip.
+    """
+
+    detected: bool
+    clips: tuple[FlashAnswer, ...]
+
+
+def detect_answer(found: SoundDetections | FilmDetections | ClipDetections) -> Answer:
+    """Return document, view and files of detections."""
+    files: dict[str, Content] = {}
+    log = found.log
+    if isinstance(found, SoundDetections):
+        document, view = _sound_document(found), _sound_view(found)
+        files |= _filtered(found.searched)
+        log = found.log and found.log.observations
+    elif isinstance(found, ClipDetections):
+        each = [_film_document(clip) for clip in found.clips]
+        document = ClipsAnswer(found.detected, tuple(each))
+        blocks: list[Block] = []
+        for clip, one in zip(found.clips, each, strict=True):
+            path = Path(clip.film.path)
+            of = _film_view(clip, one, f"{path.stem}.{PICTURE}")
+            blocks += [Lines("", [f"{path.name}: {of.title}"]), *of.blocks]
+        view = View(f"{len(each)} clips", blocks)
+    else:
+        document = _film_document(found)
+        view = _film_view(found, document, PICTURE)
+    if isinstance(log, Observations) and len(log):
+        files[LOG] = log_text(log)
+    return Answer(document, view, files, code=0 if found.detected else NOT_FOUND)
+
+
+def _filtered(searched: Sequence[Searched]) -> dict[str, Content]:
+    """Return the filter output of channels of sound, one file a recording."""
+    groups = [[*of] for _, of in groupby(searched, lambda one: one.channel.record)]
+    found: dict[str, Content] = {}
+    for members in groups:
+        name = f"{Path(members[0].channel.record).stem}.{FILTERED}"
+        # a sound file is written by its suffix, which a temporary file does not have
+        with TemporaryDirectory() as folder:
+            file = Path(folder, FILTERED)
+            outputs = np.array([one.statistic for one in members])
+            write_sound(file, outputs, members[0].channel.rate_hz)
+            found[name if len(groups) > 1 else FILTERED] = file.read_bytes()
+    return found
+
+
+def _sound_document(found: SoundDetections) -> DetectionAnswer:
     searched, dead, target, log = found
-    arrivals = sound_arrivals(searched)
+    arrivals = _arrivals(searched)
     return DetectionAnswer(
         detected=bool(arrivals),
         arrivals=arrivals,
@@ -262,24 +339,30 @@ def detection_answer(found: SoundDetections) -> DetectionAnswer:
         latency_s=max(one.latency_s for one in searched),
         method=target.keys,
         channels=tuple(
-            SearchedChannel(
-                one.channel.sensor,
-                one.channel.record,
-                one.channel.number,
-                one.channel.rate_hz,
-                one.channel.samples.size / one.channel.rate_hz,
-                one.threshold_snr_db,
+            filled(
+                SearchedChannel, one.channel, one,
+                channel=one.channel.number, seconds=_seconds(one),
             )
             for one in searched
         ),
         dead_channels=dead,
         arrays=tuple(map(_array, log.arrays)) if log else (),
-        other_sounds=sum(not found.is_blast for found in _sounds(searched)),
-        rejected_arrivals=sound_arrivals(searched, others=True),
-    )
+        other_sounds=_other_sounds(searched),
+        rejected_arrivals=_arrivals(searched, others=True),
+    )  # fmt: skip
 
 
-def sound_arrivals(
+def _seconds(one: Searched) -> float:
+    return one.channel.samples.size / one.channel.rate_hz
+
+
+def _other_sounds(searched: Sequence[Searched]) -> int:
+    """Return the number of sounds above the threshold that are no blasts."""
+    sounds = [found for one in searched for found in one.detections + one.others]
+    return sum(not found.is_blast for found in sounds)
+
+
+def _arrivals(
     searched: Sequence[Searched], *, others: bool = False
 ) -> tuple[SoundArrival, ...]:
     """Return the arrivals of all channels, or the other sounds, in order of time."""
@@ -306,3 +389,325 @@ def _array(finding: ArrayFinding) -> ArrayAnswer:
             p_plane_wave=finding.probability,
         )
     return ArrayAnswer(finding.array, finding.bang + 1, finding.used, direction)
+
+
+ARRIVALS = [
+    Column("sensor", lambda a: a.sensor),
+    Column("arrival [s]", lambda a: _time(a.found), right=True),
+    Column("sigma [s]", lambda a: f"{a.found.sigma_s:.2g}", right=True),
+    Column("SNR [dB]", lambda a: f"{a.found.snr_db:.1f}", right=True),
+    Column("misfit", lambda a: f"{a.form.misfit:.2f}" if a.form else "", right=True),
+    Column(
+        "ln LR",
+        lambda a: f"{a.form.log_likelihood_ratio:.1f}" if a.form else "",
+        right=True,
+    ),
+]
+
+
+def _time(found: Any) -> str:
+    """Return a time to the second significant digit of its standard error."""
+    digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
+    return f"{found.time_s:.{digits}f}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number or 'No'} {noun}{'s' * (number > 1)}"
+
+
+def _sound_view(found: SoundDetections) -> View:
+    searched, dead, target, log = found
+    arrivals = _arrivals(searched)
+    levels = [one.threshold_snr_db for one in searched]
+    low, high = min(levels), max(levels)
+    # the difference of one printed digit
+    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
+    latency = max(one.latency_s for one in searched)
+    others = _other_sounds(searched)
+    listed = any(one.others for one in searched)
+    seconds = sum(map(_seconds, searched))
+    return View(
+        f"{_count(len(arrivals), 'arrival')} in {_count(len(searched), 'channel')}, "
+        f"{seconds:.6g} s of sound",
+        [
+            Table(ARRIVALS, arrivals),
+            Facts(
+                [
+                    ("search target", target.words),
+                    ("threshold", f"{span} dB (2E/N0)"),
+                    ("delay", f"{1e3 * latency:.3g} ms from the first sample"),
+                    ("skipped", f"{joined(dead)}: constant" if dead else ""),
+                ]
+            ),
+            Lines(
+                "",
+                [
+                    f"{_count(others, 'other impulsive sound')} without the form of a "
+                    "blast, such as doors, clicks, thunder, or reverberant blasts"
+                    + " (--all-sounds)"
+                    * listed
+                ]
+                * bool(others),
+            ),
+            Lines("", map(_of_array, log.arrays) if log else ()),
+            Lines(
+                "",
+                [
+                    f"{sensor}: the arrival at {one.time_s:.6g} s is not in the log: "
+                    "weaker than another one of the same bang, possibly an echo"
+                    for sensor, one in (log.left_out if log else ())
+                ],
+            ),
+            Picture(
+                PICTURE,
+                partial(_sound_figure, searched),
+                caption="Each recording above the output of its filter.",
+                alt="Recordings and outputs of the filter with the arrivals",
+            ),
+        ],
+    )
+
+
+def _of_array(finding: ArrayFinding) -> str:
+    came = finding.direction
+    name = f"Array {finding.array}, bang {finding.bang + 1}"
+    if came is None:
+        return f"{name}: no common wave was found; each microphone has its own row"
+    sds = came.covariance.diagonal() ** 0.5
+    pairs = zip(
+        ("bearing", "elevation"), (came.bearing, came.elevation), sds, strict=True
+    )
+    angles = [
+        f"{word} {_angle(value, sd)}" for word, value, sd in pairs if value == value
+    ]
+    text = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
+    if lost := [ANGLES[key] for key in came.undetermined]:
+        text += f"; not identified: {joined(lost)}"
+    if finding.used:
+        text += (
+            f"; within {MAX_ARRAY_WIDTH:g} m of each other, so one arrival row for all"
+        )
+    elif finding.probability <= LEAST_PLANE_PROBABILITY:
+        text += (
+            f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
+            "each microphone has its own row"
+        )
+    return text
+
+
+def _angle(value: float, sd: float) -> str:
+    return f"{math.degrees(value):.2f} ± {math.degrees(sd):.2g} degrees"
+
+
+def _film_document(found: FilmDetections) -> FlashAnswer:
+    watched, bang = found.flashes, found.bang
+    late = [f.alarm_s - f.growth.time_s for f in watched.flashes]
+    slow = (
+        f"{found.film.frames_hz:g} frames/s: a fireball grows within a few "
+        "milliseconds, and the test is calibrated at 1,000 frames/s; at lower rates a "
+        "lamp looks like a blast, and the false-alarm rate is not the requested one",
+    )
+    return FlashAnswer(
+        detected=found.detected,
+        arrivals=tuple(
+            filled(
+                Arrival, one.growth, one,
+                snr_db=in_decibels(one.statistic),
+                pixel=(one.growth.x_px, one.growth.y_px),
+            )
+            for one in watched.flashes
+        ),
+        threshold_snr_db=in_decibels(watched.threshold),
+        latency_s=max(late, default=watched.latency_s),
+        method=Method("growth_cusum", found.false_alarms_per_hour, watched.threshold),
+        recording=found.film,
+        flashes=tuple(
+            FlashSeen(flash.growth, flash, to, tuple(map(GrownTo, flash.silhouettes)))
+            for flash, to in zip_longest(watched.flashes, found.directions)
+        ),
+        warnings=slow * (found.film.frames_hz < SLOW_HZ) + found.notes,
+        sound_arrivals=_arrivals(found.sound.searched) if found.sound else (),
+        bang_s=bang and bang.time_s,
+        candidates=watched.candidates,
+    )  # fmt: skip
+
+
+def _film_view(found: FilmDetections, answer: FlashAnswer, picture: str) -> View:
+    count, film = len(answer.flashes), answer.recording
+    nothing = "No blast" if answer.bang_s is None else "No flash"
+    seen = f"{film.frames:,} frames of {film.width} x {film.height} pixels, "
+    seen += f"{film.seconds:.6g} s at {film.frames_hz:g} frames/s"
+    if film.kind == "events":
+        seen = f"{film.seconds:.6g} s of events of {film.width} x {film.height} pixels"
+    bang = "" if answer.bang_s is None else f"{answer.bang_s:.4f} s in the sound track"
+    if bang and answer.arrivals:
+        later = (answer.bang_s or 0.0) - answer.arrivals[0].time_s
+        bang += f", {later:.4f} s after the first light"
+    threshold, rate = answer.method.threshold, answer.method.false_alarms_per_hour
+    strongest = sorted(answer.candidates, key=lambda one: -one.statistic)
+    return View(
+        f"{_count(count, 'blast') if count else nothing} detected in {seen}",
+        [
+            *(
+                Facts(_flash(flash), f"Blast {number}" if count > 1 else "")
+                for number, flash in enumerate(answer.flashes, 1)
+            ),
+            Facts([("bang", bang)]),
+            Lines(
+                "Other bright spots",
+                [
+                    f"frame {one.frame} ({one.time_s:.5g} s) at x {one.x_px:.0f}, "
+                    f"y {one.y_px:.0f} px: {CAUSES[one.cause]}, statistic "
+                    f"{one.statistic:.3g} of {threshold:.3g}"
+                    for one in strongest
+                ],
+                most=MAX_LISTED,
+            ),
+            Lines(
+                "",
+                [
+                    "search target: a bright spot that grows in all directions and "
+                    f"stays; false-alarm rate {rate:g} per hour"
+                ],
+            ),
+            Lines("", [f"Warning: {warning}" for warning in answer.warnings]),
+            Picture(
+                picture,
+                partial(_film_figure, found),
+                caption="Each flash and its growth, above the statistic of the search.",
+                alt="Flashes, their radii over time and the statistic of the search",
+            ),
+        ],
+    )
+
+
+def _flash(flash: FlashSeen) -> list[tuple[str, str]]:
+    """Return the facts on a flash."""
+    grown, seen_from = flash.grown, flash.direction
+    late = 1e3 * (flash.alarm.alarm_s - grown.time_s)
+    last = flash.alarm.silhouettes[-1]
+    radius = f"{last.radius_px:.1f} px at {last.time_s:.6g} s; the growth could not be "
+    radius += "fitted"
+    if grown.radius_px is not None and grown.growth_s is not None:
+        tau, tau_sd = 1e3 * grown.growth_s, 1e3 * (grown.growth_sigma_s or 0.0)
+        radius = f"{grown.radius_px:.1f} ± {grown.radius_sigma_px:.1f} px, "
+        radius += f"time constant {tau:.2f} ± {tau_sd:.2g} ms"
+    direction = ""
+    if seen_from is not None:
+        east, east_sd, up, up_sd = seen_from
+        direction = f"bearing {_angle(east, east_sd)}, elevation {_angle(up, up_sd)}"
+    return [
+        (
+            "first light",
+            f"{_time(grown)} ± {grown.sigma_s:.2g} s, frame {flash.alarm.frame}, "
+            f"detected {late:.3g} ms later",
+        ),
+        (
+            "position",
+            f"x {grown.x_px:.1f} ± {grown.x_sigma_px:.1f} px, "
+            f"y {grown.y_px:.1f} ± {grown.y_sigma_px:.1f} px",
+        ),
+        ("direction", direction),
+        ("radius", radius),
+    ]
+
+
+def _sound_figure(searched: Sequence[Searched]) -> "Figure":
+    """Draw the recording of each channel above its filter output."""
+    from jblast.report import figures as of
+
+    shown = searched[:MAX_CHANNELS]
+    figure = of.new_figure(10.0, 0.4 + 3.6 * len(shown))
+    grid = figure.subplots(2 * len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    for one, above, below in zip(shown, grid[::2], grid[1::2], strict=True):
+        rate = one.channel.rate_hz
+        of.envelope(above, one.channel.samples, rate, colour=of.MUTED)
+        of.envelope(below, one.statistic, rate)
+        for found in one.detections:
+            above.axvline(found.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
+            below.plot(found.time_s, found.statistic, "v", color=of.VERMILLION, ms=6)
+        loudest = sorted(one.detections, key=lambda found: -found.statistic)
+        for found in loudest[:MAX_LABELS]:
+            text = f"  {found.time_s:.4f} s, {found.snr_db:.0f} dB"
+            at = (found.time_s, found.statistic)
+            below.annotate(text, at, fontsize=8, color=of.INK, va="center")
+        below.axhline(one.threshold, color=of.INK, linewidth=0.9, linestyle="--")
+        of.quiet(above)
+        of.quiet(below)
+        above.set_ylabel("recording")
+        below.set_ylabel("output [sigma]")
+        count = _count(len(one.detections), "arrival")
+        of.titled(above, f"{one.channel.sensor}: {count[:1].lower()}{count[1:]}")
+        note = f"dashed: threshold, {one.threshold_snr_db:.1f} dB"
+        below.set_title(note, loc="right", fontsize=9, color=of.MUTED)
+    grid[-1].set_xlabel("time of the recording [s]")
+    if left := len(searched) - len(shown):
+        figure.supxlabel(f"{left} more channels are not drawn", fontsize=9)
+    return figure
+
+
+def _film_figure(found: FilmDetections) -> "Figure":
+    """Draw each flash, and the statistic of the search below."""
+    from jblast.report import figures as of
+
+    watched = found.flashes
+    shown = watched.flashes[:MAX_FLASHES]
+    figure = of.new_figure(10.0, 2.4 + 3.4 * len(shown))
+    ratios = [*([1.4] * len(shown)), 1.0]
+    grid = figure.add_gridspec(len(shown) + 1, 2, height_ratios=ratios)
+    for row, flash in enumerate(shown):
+        _draw_flash(figure.add_subplot(grid[row, 0]), flash, found.film)
+        _draw_growth(figure.add_subplot(grid[row, 1]), flash)
+    axes = figure.add_subplot(grid[-1, :])
+    axes.plot(watched.times, watched.statistic, color=of.BLUE, linewidth=1.0)
+    axes.axhline(watched.threshold, color=of.INK, linewidth=0.9, linestyle="--")
+    for flash in watched.flashes:
+        axes.axvline(flash.growth.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
+    axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
+    of.quiet(axes)
+    count = len(watched.flashes)
+    title = f"{count} detected" if count else "no flash detected"
+    of.titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")
+    return figure
+
+
+def _draw_flash(axes: "Axes", flash: Flash, film: Film) -> None:
+    from matplotlib.patches import Circle
+
+    from jblast.report.figures import BLUE, VERMILLION, titled
+
+    extent = (-0.5, film.width - 0.5, film.height - 0.5, -0.5)
+    if flash.picture is None:
+        axes.set_facecolor("#cccccc")
+    else:
+        # linear light is drawn with the gamma of a display, 1 / 2.2
+        shown = np.clip(flash.picture, 0.0, 1.0) ** 0.45
+        axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, extent=extent)
+    grown = flash.growth
+    last = flash.silhouettes[min(15, len(flash.silhouettes) - 1)]
+    middle = (last.x_px, grown.y_px)
+    axes.add_patch(Circle(middle, last.radius_px, fill=False, ec=VERMILLION))
+    axes.plot(grown.x_px, grown.y_px, "+", color=BLUE, ms=12, mew=1.6)
+    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel="x [px]")
+    axes.set_ylabel("y [px]")
+    titled(axes, f"{1e3 * (last.time_s - grown.time_s):.0f} ms after first light")
+
+
+def _draw_growth(axes: "Axes", flash: Flash) -> None:
+    from jblast.report.figures import BLUE, INK, MUTED, quiet, titled
+
+    grown = flash.growth
+    spots = [(one.time_s, one.radius_px, one.cut) for one in flash.silhouettes]
+    time, radius, cut = (np.array(values) for values in zip(*spots, strict=True))
+    since = 1e3 * (time - grown.time_s)
+    axes.plot(since[~cut], radius[~cut], "o", color=INK, ms=3)
+    axes.plot(since[cut], radius[cut], "o", mfc="none", mec=MUTED, ms=3)
+    if grown.radius_px is not None and grown.growth_s is not None:
+        fine = np.linspace(0.0, since.max(), 200)
+        law = -grown.radius_px * np.expm1(-1e-3 * fine / grown.growth_s)
+        axes.plot(fine, law, color=BLUE, linewidth=1.2)
+    axes.set(xlabel="since first light [ms]", ylabel="radius [px]", ylim=(0, None))
+    quiet(axes)
+    note = "open: cut by an edge" if cut.any() else ""
+    sigma = f"{1e3 * grown.sigma_s:.2g} ms"
+    titled(axes, f"first light {grown.time_s:.5f} s ± {sigma}", note)

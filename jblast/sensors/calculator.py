@@ -593,16 +593,18 @@ def recommended_values(
 
 
 def recommended_by_row(
-    question: Question, answer: Calculation
+    question: Question, answer: Calculation, most: int | None = None
 ) -> list[dict[str, Recommended]]:
     """Return the recommended values at each range and mass of a question.
 
     Args:
         question: Ranges and masses.
         answer: Values of the laws at its rows.
+        most: Largest number of rows, the first ones; None for all.
     """
     found = []
-    for row, (slant_range, mass) in enumerate(zip(*question.rows(), strict=True)):
+    rows = [*zip(*question.rows(), strict=True)][:most]
+    for row, (slant_range, mass) in enumerate(rows):
         one = replace(
             question, slant_range=(float(slant_range),), charge_mass=(float(mass),)
         )

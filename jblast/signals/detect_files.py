@@ -26,6 +26,7 @@ from jblast.observations.records.stations import START, Station, read_stations
 from jblast.progress import Progress, counted, each, reported, stages
 from jblast.scene import Camera, Scene, UncertainScene, scene_of
 from jblast.signals.arrival_log import Log, log_of
+from jblast.signals.detect_arguments import Kind, check_arguments, kind_of
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.picked_arrivals import picked_arrivals
 from jblast.signals.sound_watch import (
@@ -43,22 +44,6 @@ if TYPE_CHECKING:
     from jblast.signals.flash.search import FlashDetections
 
 AnyPath = str | os.PathLike[str]
-Kind = Literal["sound", "frames", "video", "events"]
-SOUNDS = (".wav", ".flac")
-"""Suffixes that are recognised without the imports of cameras."""
-OF_SOUND = ("template", "mass_kg", "range_m", "all_sounds", "positions")
-ARGUMENTS: dict[Kind, tuple[str, ...]] = {
-    "frames": ("fps", "scene"),
-    "video": ("fps", "scene", *OF_SOUND),
-    "events": ("scene", "size"),
-    "sound": OF_SOUND,
-}
-"""Arguments that apply to recordings of each kind."""
-EXCLUSIVE = (
-    *(("template", "mass_kg"), ("template", "range_m"), ("scene", "positions")),
-    *(("all_sounds", "template"), ("all_sounds", "mass_kg")),
-)
-"""Arguments that exclude each other."""
 LOSSY_SD_S = 1e-3
 """Standard error of an arrival by the compression of a phone's sound [s]: transients
 spread within a block of AAC, of 128 samples or 2.7 ms at 48 kHz."""
@@ -247,9 +232,8 @@ def detect(
         **{"all_sounds": all_sounds, "positions": positions},
         **{"fps": fps, "scene": scene, "size": size},
     }
-    kind = _kind(
-        files, [k for k, v in given.items() if v is not None and v is not False]
-    )
+    kind = check_arguments(files, given, _kind_of)
+    assert kind is not None
     rate = {"false_alarms_per_hour": false_alarms_per_hour}
     film = partial(_detect_film, kind=kind, fps=fps, scene=scene, size=size, **rate)
     if kind in ("frames", "events"):
@@ -327,59 +311,12 @@ def _clip_log(
     )
 
 
-def _kind(recordings: Sequence[str], given: Sequence[str]) -> Kind:
-    """Return the kind of recordings; check the given arguments of `detect`.
-
-    Raises:
-        InputError: There is none, sound and pictures are combined, there are several
-            films, an argument does not apply to the kind, or arguments exclude each
-            other.
-    """
-    if not recordings:
-        raise InputError(f"{argument('recordings')}: expected a file, got none")
-    kinds: list[Kind] = [_kind_of(Path(file)) for file in recordings]
-    first, kind = recordings[0], kinds[0]
-    if len(kinds) > 1 and {*kinds} not in ({"sound"}, {"video"}):
-        seen = next(f for f, k in zip(recordings, kinds, strict=True) if k != "sound")
-        raise InputError(
-            f"{seen}: expected one folder of frames, file of events, or videos, "
-            f"without sound; got {len(kinds)} recordings"
-        )
-    for name in given:
-        fitting = [k for k, names in ARGUMENTS.items() if name in names]
-        if name == "scene" and len(kinds) > 1:
-            fitting = ["one video"]
-        if kind not in fitting:
-            if not Path(first).exists():
-                raise InputError(f"{first}: no such file or directory")
-            raise InputError(
-                f"{argument(name)}: expected it with {' or '.join(fitting)} only, "
-                f"got {first}"
-            )
-    for one, other in EXCLUSIVE:
-        if one in given and other in given:
-            raise InputError(
-                f"{argument(one)}: expected it or {argument(other)}, got both"
-            )
-    for one, other in (("mass_kg", "range_m"), ("range_m", "mass_kg")):
-        if one in given and other not in given:
-            raise InputError(
-                f"{argument(one)}: expected {argument(other)} with it, got none"
-            )
-    return kind
-
-
 def _kind_of(path: Path) -> Kind:
-    suffix = path.suffix.lower()
-    if path.is_dir():
-        return "frames"
-    if suffix in VIDEOS:
-        return "video"
-    if suffix in SOUNDS:
-        return "sound"
+    if (kind := kind_of(path)) is not None:
+        return kind
     from jblast.sensors.camera.files.event_files import EVENT_FORMATS
 
-    return "events" if suffix in EVENT_FORMATS else "sound"
+    return "events" if path.suffix.lower() in EVENT_FORMATS else "sound"
 
 
 def _detect_sound(

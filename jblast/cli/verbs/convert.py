@@ -1,29 +1,22 @@
-"""Convert a log to the columns and units of jblast, with the changes in comments."""
+"""Convert a log to the columns and units of jblast, with the changes in comments.
+
+example:
+  jblast convert theirs.xlsx --out log.csv
+
+input:
+  LOG              path; log: text with commas, semicolons or tabs, .xlsx, .ods or
+                   .parquet
+  ...reading
+output:
+  --out LOG.csv    path; converted log (default: standard output)
+  --force          permission to overwrite an existing --out
+"""
 
 import argparse
 import sys
 
-from jblast.cli.arguments.options import add_force, add_reading, path, reading_options
-from jblast.cli.arguments.verb_parser import VerbParser
+from jblast.cli.arguments.options import reading_options
 from jblast.files import refuse_existing, writing
-
-
-def add_arguments(verb: VerbParser) -> None:
-    """Add the arguments of the verb."""
-    verb.inputs.add_argument(
-        "observations",
-        metavar="LOG",
-        type=path,
-        help="log: text with commas, semicolons or tabs, .xlsx, .ods or .parquet",
-    )
-    add_reading(verb)
-    verb.outputs.add_argument(
-        "--out",
-        metavar="LOG.csv",
-        type=path,
-        help="converted log (default: standard output)",
-    )
-    add_force(verb, "an existing --out")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -34,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         refuse_existing(options.out, force=options.force)
     # Without `start_jax`, as a conversion compiles nothing.
-    log = read(options.observations, **reading_options(options))
+    log = read(options.log, **reading_options(options))
     comments = conversion_comments(log)
     # Without --out stdout has the log alone, so that it can be piped into a file.
     if not options.out:

@@ -1,35 +1,22 @@
-"""Write a commented scene file for a log."""
+"""Write a commented scene file for a log.
+
+example:
+  jblast scene log.csv --out scene.toml
+
+input:
+  OBSERVATIONS.csv  path; log, whose sensors and quantities determine the free
+                    parameters
+  ...reading
+output:
+  --out SCENE.toml  path; scene file (default: standard output)
+  --force           permission to overwrite an existing --out
+"""
 
 import argparse
 import sys
 
-from jblast.cli.arguments.options import (
-    add_force,
-    add_reading,
-    path,
-    reading_options,
-    reading_words,
-)
-from jblast.cli.arguments.verb_parser import VerbParser
+from jblast.cli.arguments.options import reading_options, reading_words
 from jblast.files import refuse_existing, save_text
-
-
-def add_arguments(verb: VerbParser) -> None:
-    """Add the arguments of the verb."""
-    verb.inputs.add_argument(
-        "observations",
-        metavar="OBSERVATIONS.csv",
-        type=path,
-        help="log, whose sensors and quantities determine the free parameters",
-    )
-    add_reading(verb)
-    verb.outputs.add_argument(
-        "--out",
-        metavar="SCENE.toml",
-        type=path,
-        help="scene file (default: standard output)",
-    )
-    add_force(verb, "an existing --out")
 
 
 def run(options: argparse.Namespace) -> int:

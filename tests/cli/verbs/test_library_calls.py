@@ -13,7 +13,7 @@ from docs.generate import documents
 from jblast.errors import InputError
 from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import Observations, read, to_pandas
-from jblast.report.detect import detection_answer
+from jblast.report.detect import detect_answer
 from jblast.report.fit.document import fit_document
 from jblast.report.flights import flights_answer
 from jblast.report.world import run_world
@@ -114,7 +114,7 @@ def test_sound_is_searched_as_by_the_command(jblast):
     found = library.detect(path, template=pulse)
     assert isinstance(found, SoundDetections)
     assert found.detected
-    document = detection_answer(found).to_dict()
+    document = detect_answer(found).document.to_dict()
     same(document, json.loads(out))
     Draft202012Validator(documents.schema("detect")).validate(document)
 

@@ -53,7 +53,7 @@ def test_clips_make_one_log_of_their_own_clocks_and_a_fit_finds_the_charge(
     code, told, err = jblast("detect", *words)
     assert code == 0, err
     clocks = "clock_offset_s.two,clock_offset_s.three"
-    assert told.endswith("observations.csv\n")
+    assert told.splitlines()[-1].startswith("Fit it with: jblast fit ")
     answers = json.loads((jblast.directory / "out/detect.json").read_text())["clips"]
     log = read(jblast.path("out/observations.csv"))
     assert log.sensor == log.clock == tuple(name for name in PLACES for _ in range(2))

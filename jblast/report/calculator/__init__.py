@@ -1,1 +1,0 @@
-"""The calculator's answer: terminal, files, figure."""
