@@ -3,8 +3,11 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float
 
 from jblast.discovery.discover import (
     MIN_MEMBERS,
@@ -13,9 +16,15 @@ from jblast.discovery.discover import (
     Discovery,
     Replay,
 )
-from jblast.discovery.law_search import certain
+from jblast.discovery.law_search import LawSearch, certain
+from jblast.report.output import PROBLEM, Answer
+from jblast.report.view import Block, Column, Lines, Picture, Table, View
 from jblast.report.words import joined, significant
-from jblast.results import Document
+from jblast.results import Document, filled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COVERAGE = (0.73, 1.0)
 """Coverage of the 90 % intervals in simulated records with noise: least and largest of
@@ -24,100 +33,9 @@ the cases and noise levels, where the true terms were found
 MIN_SHARE = 0.05
 """Share of the ensemble from which an excluded term is reported: below 1 in 20 it is
 chance at the 5 % level."""
-
-
+DATA = "#b0b0b0"
 MAX_JUMPS = 5
 """Largest number of rows listed."""
-
-
-def discovery_text(
-    found: Discovery, again: Replay, further: tuple[Discovery, Replay] | None = None
-) -> str:
-    """Return the equations with their terms, validation and warnings.
-
-    Args:
-        found: The equations.
-        again: The integrated equations.
-        further: Equations and integration with products of one column more, if tried.
-    """
-    lines = []
-    for state, name in enumerate(found.states):
-        doubt = doubts_text(found, again, state)
-        if doubt:
-            lines += [doubt, *_further_lines(further, state), ""]
-        skill, skill_words = found.judged[state].skill, "the integration diverges"
-        held = "held-out data"
-        if found.segments > SEGMENTS:
-            held += f", {found.segments} segments"
-        if math.isfinite(skill):
-            skill_words = (
-                f"the squared error is {100.0 * max(skill, 0.0):.1f} % smaller than "
-                "that of a constant prediction"
-            )
-        lines += [equation_text(found, state), ""]
-        lines += _terms_lines(found, state)
-        lines += [
-            f"  {_replay_words(found, again, state)} (noise of {name}: "
-            f"{significant(found.noise_sd[state])})",
-            f"  {held}: {skill_words}",
-            "",
-        ]
-    if found.repeated:
-        lines += [
-            "Terms left out, as sums of other terms equal them on this record: "
-            f"{', '.join(found.repeated)}",
-            "",
-        ]
-    return "\n".join(lines)
-
-
-def _terms_lines(found: Discovery, state: int) -> list[str]:
-    lines = []
-    terms = kept_terms(found, state)
-    width = max((len(kept.term) for kept in terms), default=0)
-    for kept in terms:
-        low, high = (significant(x, 4) for x in (kept.q05, kept.q95))
-        lines.append(
-            f"  {kept.term.ljust(width)}  {significant(kept.coefficient, 4)}, "
-            f"{100.0 * found.level:.0f} % interval {low} to {high} (nominal); in "
-            f"{100.0 * kept.inclusion:.0f} % of the ensemble"
-        )
-    others = left_out_terms(found, state)
-    if others:
-        words = (f"{o.term} {100.0 * o.inclusion:.0f} %" for o in others)
-        lines.append(f"  excluded terms in part of the ensemble: {', '.join(words)}")
-    return lines
-
-
-def _further_lines(further: tuple[Discovery, Replay] | None, state: int) -> list[str]:
-    """Return the equation with candidate terms of one degree more."""
-    if further is None:
-        return []
-    if not further[0].terms(state):
-        return ["One degree more: no term is certain either"]
-    words = doubts(*further, state)
-    verdict = (
-        f"also doubtful: {'; '.join(words)}" if words else "without these problems"
-    )
-    return [f"One degree more: {equation_text(further[0], state)}, {verdict}"]
-
-
-def _replay_words(found: Discovery, again: Replay, state: int) -> str:
-    """Return the misfit of the integrated equation."""
-    misfit = again.misfit[state]
-    if not math.isfinite(misfit):
-        return "integration from the first row: diverges, the data are not reproduced"
-    verdict = "" if again.reproduced[state] else ", not reproduced"
-    of = "integration from the first row"
-    if again.nearest:
-        of = (
-            "nearest trajectory, as errors grow tenfold in "
-            f"{significant(found.growth_s, 2)} s"
-        )
-    return (
-        f"{of}: misfit {100.0 * misfit:.1f} % of the spread "
-        f"of {found.states[state]}, noise removed{verdict}"
-    )
 
 
 @dataclass(frozen=True)
@@ -163,56 +81,6 @@ class LeftOutTerm:
 
     term: str
     inclusion: float
-
-
-def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
-    """Return the evidence against one equation, the most serious first."""
-    judged, name = found.judged[state], found.states[state]
-    if not found.terms(state):
-        return ["no term is certain"]
-    words = []
-    if found.jumps:
-        rows = joined([str(row + 1) for row in found.jumps[:MAX_JUMPS]])
-        words.append(
-            f"the states jump before row {rows}: if these are several runs, number "
-            "them in a column run"
-        )
-    words += [
-        f"{term} and {other} are exchangeable: they are nearly collinear on this "
-        "record, and either fits"
-        for term, other in found.exchangeable[state]
-    ]
-    if not judged.law:
-        words.append("on held-out data it is hardly better than a constant prediction")
-    if not again.reproduced[state]:
-        failure = f"integrated from the first row it does not reproduce {name}"
-        if math.isfinite(found.growth_s):
-            failure += (
-                ": errors of its trajectories grow tenfold in "
-                f"{significant(found.growth_s, 2)} s, and no trajectory is near the "
-                "record"
-            )
-        words.append(failure)
-    if not judged.tested:
-        words.append(
-            "the residuals could not be tested: the test requires that every state is "
-            f"reproduced, and {MIN_MEMBERS} or more records with new noise"
-        )
-    if judged.outside < SIGNIFICANCE:
-        words.append(
-            f"the residuals correlate with {judged.outside_term}, which is not a "
-            f"candidate term (p = {significant(judged.outside, 2)})"
-        )
-    if judged.excess < SIGNIFICANCE:
-        words.append(
-            "the residuals are larger than the noise "
-            f"(p = {significant(judged.excess, 2)})"
-        )
-    if judged.serial < SIGNIFICANCE:
-        words.append(
-            f"the residuals are correlated (p = {significant(judged.serial, 2)})"
-        )
-    return words
 
 
 @dataclass(frozen=True)
@@ -322,45 +190,23 @@ class DiscoveryAnswer(Document):
     held_out_segments: int
 
 
-def discovery_answer(
-    found: Discovery,
-    again: Replay,
-    further: tuple[Discovery, Replay] | None = None,
-    *,
-    rows: int,
-    inputs: tuple[str, ...],
-    threshold: float,
-    members: int,
-    seed: int,
-) -> DiscoveryAnswer:
-    """Return the answer on equations that were found.
-
-    Args:
-        found: The equations.
-        again: The integrated equations.
-        further: Equations and integration with products of one column more, if tried.
-        rows: Rows of the trajectory.
-        inputs: Columns used as inputs.
-        threshold: Least share of a derivative that keeps a term.
-        members: Size of the ensemble.
-        seed: Seed of its noise.
-    """
-    more = None
-    if further is not None:
-        words = {
-            name: equation_text(further[0], state)
-            for state, name in enumerate(found.states)
-        }
-        more = FurtherEquations(certain(*further), words)
-    return DiscoveryAnswer(
-        rows=rows,
+def discovery_answer(search: LawSearch) -> Answer:
+    """Return the answer of a search."""
+    data, found, again, further = search[:4]
+    more = further and FurtherEquations(
+        certain(*further),
+        {name: equation_text(further[0], n) for n, name in enumerate(found.states)},
+    )
+    document = filled(
+        DiscoveryAnswer,
+        search,
+        found,
+        again,
+        rows=len(data.time_s),
         state=tuple(found.states),
-        input=inputs,
+        input=tuple(data.names[len(found.states) :]),
         candidates=tuple(found.candidates.names),
-        threshold=threshold,
-        ensemble=members,
-        seed=seed,
-        certain=certain(found, again),
+        ensemble=search.members,
         equations={
             name: found_equation(found, again, state)
             for state, name in enumerate(found.states)
@@ -369,10 +215,174 @@ def discovery_answer(
         interval=NominalInterval(found.level, COVERAGE),
         repeated=tuple(found.repeated),
         reproduced=all(again.reproduced),
-        nearest=again.nearest,
         error_growth_s=found.growth_s,
         held_out_segments=found.segments,
     )
+
+    draw = partial(discovery_figure, found, again, data.time_s, data.states)
+    view = discovery_view(found, again, further, [Picture("discover.png", draw)])
+    return Answer(document, view, code=0 if search.certain else PROBLEM)
+
+
+def discovery_view(
+    found: Discovery,
+    again: Replay,
+    further: tuple[Discovery, Replay] | None = None,
+    blocks: list[Block] | None = None,
+) -> View:
+    """Return equations with their terms, validation and the evidence against them.
+
+    Args:
+        found: The equations.
+        again: The integrated equations.
+        further: Equations and integration with products of one column more, if tried.
+        blocks: Blocks after those of the equations.
+    """
+    interval = f"{100.0 * found.level:.0f} % interval (nominal)"
+    columns = [
+        Column("term", lambda one: one.term),
+        Column("coefficient", lambda one: significant(one.coefficient, 4), right=True),
+        Column(interval, lambda one: _interval(one.q05, one.q95)),
+        Column("ensemble", lambda one: f"{100.0 * one.inclusion:.0f} %", right=True),
+    ]
+    problems, equations = [], []
+    for state, name in enumerate(found.states):
+        if against := doubts(found, again, state):
+            is_law = found.terms(state) and found.judged[state].law
+            first = "Doubtful" if is_law else "No law found"
+            problems.append(f"{first}, {name}: {'; '.join(against)}")
+        left = left_out_terms(found, state)
+        equation = equation_text(found, state)
+        equations += [
+            Table(columns, kept_terms(found, state), equation),
+            Lines(
+                "" if found.terms(state) else equation,
+                [
+                    "Excluded terms in part of the ensemble: "
+                    + ", ".join(f"{o.term} {100.0 * o.inclusion:.0f} %" for o in left)
+                    if left
+                    else "",
+                    _replay_words(found, again, state),
+                    _held_out_words(found, state),
+                ],
+            ),
+        ]
+    repeated = ", ".join(found.repeated)
+    return View(
+        f"{'Equation' if len(found.states) == 1 else 'Equations'} of motion of "
+        f"{joined(list(found.states))}",
+        [
+            Lines("One degree more", _further_lines(further, found, again)),
+            *equations,
+            Lines(
+                "Terms left out, as sums of other terms equal them on this record",
+                [repeated],
+            ),
+            *(blocks or []),
+        ],
+        problems=problems,
+    )
+
+
+def _interval(low: float, high: float) -> str:
+    return f"{significant(low, 4)} to {significant(high, 4)}"
+
+
+def _further_lines(
+    further: tuple[Discovery, Replay] | None, found: Discovery, again: Replay
+) -> list[str]:
+    """Return the doubtful equations with candidate terms of one degree more."""
+    lines = []
+    for state in range(len(found.states)) if further else ():
+        assert further is not None
+        if not doubts(found, again, state):
+            continue
+        words = doubts(*further, state)
+        verdict = "without these problems"
+        if words:
+            verdict = f"also doubtful: {'; '.join(words)}"
+        lines.append(f"{equation_text(further[0], state)}, {verdict}")
+    return lines
+
+
+def _replay_words(found: Discovery, again: Replay, state: int) -> str:
+    """Return the misfit of the integrated equation."""
+    misfit, name = again.misfit[state], found.states[state]
+    if not math.isfinite(misfit):
+        return "Integration from the first row: diverges, the data are not reproduced"
+    of = "Integration from the first row"
+    if again.nearest:
+        growth = significant(found.growth_s, 2)
+        of = f"Nearest trajectory, as errors grow tenfold in {growth} s"
+    return (
+        f"{of}: misfit {100.0 * misfit:.1f} % of the spread of {name}, noise removed "
+        f"({significant(found.noise_sd[state])})"
+        + ("" if again.reproduced[state] else ", not reproduced")
+    )
+
+
+def _held_out_words(found: Discovery, state: int) -> str:
+    """Return the error of the prediction of held-out segments."""
+    skill = found.judged[state].skill
+    held = "Held-out data"
+    if found.segments > SEGMENTS:
+        held += f", {found.segments} segments"
+    if not math.isfinite(skill):
+        return f"{held}: the integration diverges"
+    return (
+        f"{held}: the squared error is {100.0 * max(skill, 0.0):.1f} % smaller than "
+        "that of a constant prediction"
+    )
+
+
+def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
+    """Return the evidence against one equation, the most serious first."""
+    judged, name = found.judged[state], found.states[state]
+    if not found.terms(state):
+        return ["no term is certain"]
+    words = []
+    if found.jumps:
+        rows = joined([str(row + 1) for row in found.jumps[:MAX_JUMPS]])
+        words.append(
+            f"the states jump before row {rows}: if these are several runs, number "
+            "them in a column run"
+        )
+    words += [
+        f"{term} and {other} are exchangeable: they are nearly collinear on this "
+        "record, and either fits"
+        for term, other in found.exchangeable[state]
+    ]
+    if not judged.law:
+        words.append("on held-out data it is hardly better than a constant prediction")
+    if not again.reproduced[state]:
+        failure = f"integrated from the first row it does not reproduce {name}"
+        if math.isfinite(found.growth_s):
+            failure += (
+                ": errors of its trajectories grow tenfold in "
+                f"{significant(found.growth_s, 2)} s, and no trajectory is near the "
+                "record"
+            )
+        words.append(failure)
+    if not judged.tested:
+        words.append(
+            "the residuals could not be tested: the test requires that every state is "
+            f"reproduced, and {MIN_MEMBERS} or more records with new noise"
+        )
+    if judged.outside < SIGNIFICANCE:
+        words.append(
+            f"the residuals correlate with {judged.outside_term}, which is not a "
+            f"candidate term (p = {significant(judged.outside, 2)})"
+        )
+    if judged.excess < SIGNIFICANCE:
+        words.append(
+            "the residuals are larger than the noise "
+            f"(p = {significant(judged.excess, 2)})"
+        )
+    if judged.serial < SIGNIFICANCE:
+        words.append(
+            f"the residuals are correlated (p = {significant(judged.serial, 2)})"
+        )
+    return words
 
 
 def found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation:
@@ -438,11 +448,62 @@ def equation_text(found: Discovery, state: int) -> str:
     return f"d({found.states[state]})/dt = {right}"
 
 
-def doubts_text(found: Discovery, again: Replay, state: int) -> str:
-    """Return the evidence against one equation as a headline; "" if there is none."""
-    words = doubts(found, again, state)
-    if not words:
-        return ""
-    is_law = found.terms(state) and found.judged[state].law
-    first = "Doubtful" if is_law else "No law found"
-    return f"{first}, {found.states[state]}: {'; '.join(words)}"
+def discovery_figure(
+    found: Discovery,
+    again: Replay,
+    time_s: Float[np.ndarray, " row"],
+    states: Float[np.ndarray, "row state"],
+) -> "Figure":
+    """Draw each state with its integrated equation, and the inclusion of each term."""
+    from jblast.report.figures import BLUE, VERMILLION, new_figure, quiet, titled
+
+    rows = len(found.states)
+    figure = new_figure(11.0, 0.8 + 3.0 * rows)
+    grid = figure.subplots(rows, 2, squeeze=False, width_ratios=[2.6, 1.0])
+    for state, (left, right) in enumerate(grid):
+        name = found.states[state]
+        quiet(left)
+        doubtful = bool(doubts(found, again, state))
+        words = "nearest trajectory" if again.nearest else "integrated"
+        equations = f"equations, {words}{', doubtful' * doubtful}"
+        colour = VERMILLION if doubtful else BLUE
+        seen = states[:, state]
+        left.plot(time_s, seen, ".", color=DATA, markersize=5, label="data")
+        left.plot(time_s, again.states[:, state], color=colour, label=equations)
+        spread = np.ptp(seen)
+        left.set_ylim(np.min(seen) - 0.25 * spread, np.max(seen) + 0.25 * spread)
+        left.set_ylabel(name)
+        left.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
+        titled(left, _cut(equation_text(found, state)))
+        _inclusion(right, found, state)
+    grid[-1][0].set_xlabel("time [s]")
+    grid[-1][1].set_xlabel("share of the ensemble with the term")
+    return figure
+
+
+def _inclusion(axes: "Axes", found: Discovery, state: int) -> None:
+    """Draw a bar a term: its share of the ensemble."""
+    from jblast.report.figures import BLUE, INK, quiet
+
+    quiet(axes)
+    kept = found.coefficients[state] != 0.0
+    share = found.inclusion[state]
+    shown = np.flatnonzero(kept | (share > 0.0))[::-1]
+    places = np.arange(len(shown))
+    colours = [BLUE if kept[place] else "#c8c8c8" for place in shown]
+    axes.barh(places, share[shown], height=0.6, color=colours)
+    axes.set_yticks(places, [found.candidates.names[place] for place in shown])
+    axes.set_ylim(-0.6, max(len(shown), 3) - 0.4)
+    axes.set_xlim(0.0, 1.0)
+    axes.grid(False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    if not len(shown):
+        axes.text(0.5, 1.0, "no term", ha="center", color=INK)
+
+
+def _cut(words: str, longest: int = 84) -> str:
+    """Return a title shortened at a term to the width of its plot [characters]."""
+    if len(words) <= longest:
+        return words
+    kept = words[: longest - 4]
+    return kept[: max(kept.rfind(" + "), kept.rfind(" - "))] + " ..."

@@ -8,7 +8,8 @@ from jblast.discovery.law_search import certain
 from jblast.discovery.record import half_width, smoothed, windows
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.errors import InputError
-from jblast.report.discovery import discovery_text
+from jblast.report.discovery import discovery_view
+from jblast.report.view import terminal
 
 TIME = np.linspace(0.0, 10.0, 401)
 
@@ -94,7 +95,7 @@ def test_a_damped_pendulum_is_found():
     assert np.all(found.low <= found.coefficients)
     assert np.all(found.coefficients <= found.high)
     np.testing.assert_allclose(found.noise_sd, 0.01, rtol=0.15)
-    text = discovery_text(found, replay(found, TIME, pendulum(0.01)))
+    text = terminal(discovery_view(found, replay(found, TIME, pendulum(0.01))))
     assert "88 % interval" in text  # the least and the greatest of 15: 14/16
 
 
@@ -235,7 +236,7 @@ def test_collinear_states_are_exchangeable(noise):
     for pairs in found.exchangeable:
         assert {frozenset(pair) for pair in pairs} == {frozenset(("x", "y"))}
     assert not certain(found, again)
-    assert "x and y are exchangeable" in discovery_text(found, again).replace(
+    assert "x and y are exchangeable" in terminal(discovery_view(found, again)).replace(
         "y and x", "x and y"
     )
 

@@ -10,7 +10,8 @@ from jblast.discovery.discover import discover, replay
 from jblast.discovery.integration import restarts
 from jblast.discovery.law_search import certain
 from jblast.discovery.sparse_regression import polynomial
-from jblast.report.discovery import discovery_text, doubts
+from jblast.report.discovery import discovery_view, doubts
+from jblast.report.view import terminal
 
 
 def noisy(slope, start, length: float, rows: int, noise: float, *, back=False):
@@ -64,8 +65,8 @@ def test_equations_of_an_unstable_limit_cycle_are_certain(cycle):
     # an error grows by exp(2 pi) in a turn of 6.7 s
     assert found.growth_s == pytest.approx(6.66 * np.log(10.0) / 6.3, rel=0.5)
     assert certain(found, again)
-    text = discovery_text(found, again)
-    assert "nearest trajectory, as errors grow tenfold in " in text
+    text = terminal(discovery_view(found, again))
+    assert "Nearest trajectory, as errors grow tenfold in " in text
 
 
 @pytest.mark.slow
