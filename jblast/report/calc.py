@@ -174,7 +174,7 @@ def _table(
     return Table([of[name] for name in names.split()], rows, title)
 
 
-def by_range(rows: Sequence[CalcRow], names: str, system: System) -> Table:
+def by_range(rows: Sequence[CalcRow], names: Sequence[str], system: System) -> Table:
     """Return a table of recommended values, one row a range and mass."""
     together: dict[tuple[float, float], dict[str, CalcRow]] = {}
     for row in rows:
@@ -182,21 +182,25 @@ def by_range(rows: Sequence[CalcRow], names: str, system: System) -> Table:
 
     def cell(of: Mapping[str, CalcRow], name: str) -> str:
         text = printed_number(name, of[name].value, system=system)
-        return text + ("" if of[name].valid else "*")
+        return text + "*" * (not of[name].valid)
 
-    first = {name: columns(rows, system)[name] for name in names.split()}
+    def place(of: Mapping[str, CalcRow], column: Column) -> str:
+        return column.cell(next(iter(of.values())))
+
+    def decibels(of: Mapping[str, CalcRow], name: str) -> str:
+        return level(name, of[name].value)
+
     shown = [
-        Column(
-            one.head, lambda of, one=one: one.cell(next(iter(of.values()))), right=True
-        )
-        for one in first.values()
+        Column(column.head, partial(place, column=column), right=True)
+        for name, column in columns(rows, system).items()
+        if name in names
     ]
-    for name, head in BY_RANGE.items():
-        if any(name in of for of in together.values()):
-            shown.append(Column(head, lambda of, n=name: cell(of, n), right=True))
-            shown.append(
-                Column("dB", lambda of, n=name: level(n, of[n].value), right=True)
-            )
+    known = dict.fromkeys(row.quantity for row in rows)
+    for name in BY_RANGE if {*known} <= {*BY_RANGE} else known:
+        if name in known:
+            head = BY_RANGE.get(name, quantity_words(name))
+            shown.append(Column(head, partial(cell, name=name), right=True))
+            shown.append(Column("dB", partial(decibels, name=name), right=True))
     return Table(shown, [*together.values()])
 
 
@@ -274,12 +278,16 @@ class Calc:
         """4 if no law of the quantity, or of the peak pressure, is valid anywhere."""
         if self.question.quantity:
             return 0  # a value that no valid law takes is an error
-        by_law = self.values.get(MAIN) or next(iter(self.values.values()))
-        return 0 if any(one.valid.any() for one in by_law.values()) else PROBLEM
+        laws = [self.values[MAIN]] if MAIN in self.values else self.values.values()
+        valid = [one.valid.any() for by_law in laws for one in by_law.values()]
+        return 0 if any(valid) else PROBLEM
 
     @property
-    def _is_single(self) -> bool:
-        return bool(self.question.quantity or self.quantity) and not self._is_table
+    def single(self) -> Recommended | None:
+        """The answer to a question with one answer."""
+        if self._is_table or not (self.question.quantity or self.quantity):
+            return None
+        return next(iter(self.recommended[0].values()))
 
     @property
     def _is_table(self) -> bool:
@@ -371,10 +379,9 @@ class Calc:
                 heading = capitalised(quantity_words(quantity))
                 blocks.append(_table(of, shown, own, heading))
                 blocks.append(Lines("", [apart.get(quantity, "")]))
-        elif self._is_single:
-            name = self._headline()
+        elif best := self.single:
+            name = self._headline(best)
             facts = [fact for fact in header(question) if fact[0] in MAIN_FACTS]
-            ((best,),) = (found.values() for found in self.recommended)
             reason = f"{best.law}: {why_recommended(best)}".removesuffix(": ")
             inverse = [("for", title(question))] * bool(question.quantity)
             remarks = [("note", note) for note in notes(question)]
@@ -383,7 +390,11 @@ class Calc:
         elif self._is_table and not self.quantity:
             left = len(self._places()) - len(self.recommended)
             more = f"and {left:,} more rows: --csv" if left else ""
-            blocks = [by_range(rows, places, system), Lines("", [more]), *blocks]
+            blocks = [
+                by_range(rows, places.split(), system),
+                Lines("", [more]),
+                *blocks,
+            ]
             blocks += [_laws(rows), Lines("", [LEGEND_OF_RANGES])]
         else:
             shown = (places or "quantity ") + "value unit level law scatter marks"
@@ -395,39 +406,29 @@ class Calc:
             ]
         return View(name, blocks, problems=[NOWHERE] if self.code else [])
 
-    def _headline(self) -> str:
+    def _headline(self, best: Recommended) -> str:
         """Return the answer to a single question, with its law and scatter."""
         question = self.question
-        ((best,),) = (found.values() for found in self.recommended)
-        printed = partial(printed_number, best.quantity, system=question.units)
+        printed = partial(printed_number, system=question.units)
+        start = f"{title(question)}: {quantity_words(best.quantity)}"
+        if question.quantity:
+            start = f"{printed(question.quantity, question.target)}:"
         # a curve that is not monotonic takes the value at several ranges
         solutions = best.solutions or (best.value,)
-        value, several = joined([*map(printed, solutions)]), len(solutions) > 1
-        decibels = level(best.quantity, best.value)
-        value += f" ({decibels} dB)" if decibels else ""
-        if question.quantity:
-            target = (question.quantity, question.target)
-            start = printed_number(*target, system=question.units)
-        else:
-            start = f"{title(question)}: {quantity_words(best.quantity)}"
-            value = value.removeprefix(": ")
-        # several solutions have different scatters, so none is printed for them
-        if several:
+        value = joined([printed(best.quantity, one) for one in solutions])
+        holds = "valid here" if best.valid else "outside its range"
+        holds += f", scatter {_scatter(best.scatter)}" if best.scatter > 0.0 else ""
+        if len(solutions) > 1:  # of different scatters
             value, holds = f"{len(solutions)} solutions, {value}", "valid at each"
-        else:
-            holds = "valid here" if best.valid else "outside its range"
-            sd = best.scatter
-            holds += f", scatter {_scatter(sd)}" if sd > 0.0 else ""
-        start += ": " if question.quantity else " "
-        return f"{start}{value}, {best.law} ({holds})"
+        if decibels := level(best.quantity, best.value):
+            value += f" ({decibels} dB)"
+        return f"{start} {value}, {best.law} ({holds})"
 
     def document(self) -> "CalculatorAnswer | InverseAnswer":
         """Return the values of all laws as a document."""
         given = inputs(self.question)
-        entry = None
-        if self._is_single:
-            ((best,),) = (found.values() for found in self.recommended)
-            entry = RecommendedEntry(best, why_recommended(best))
+        best = self.single
+        entry = best and RecommendedEntry(best, why_recommended(best))
         if given.unknown and entry:
             by_law = {
                 name: RootEntry(
