@@ -933,7 +933,8 @@ def _figure(
         for quantity, by_law in found.items()
         if len(found) == 1 or quantity not in NOT_DRAWN
     }
-    panels = {q: by_law for q, by_law in holding.items() if by_law or len(found) == 1}
+    # without a valid law the axes are empty but for the answers
+    panels = {q: by_law for q, by_law in holding.items() if by_law} or holding
     laws = list(dict.fromkeys(law for by_law in panels.values() for law in by_law))
     looks = {
         law: {"color": COLOURS[i % len(COLOURS)], "ls": STYLES[i // len(COLOURS) % 3]}
@@ -948,8 +949,10 @@ def _figure(
         own = [row for row in best if row.quantity == quantity]
         chosen = list(dict.fromkeys(row.law for row in own))
         values = [one.value[one.valid] for one in by_law.values()]
-        seen = np.abs(np.concatenate([*values, [row.value for row in own]]))
+        seen = np.abs(np.concatenate([*values, [row.value for row in own], [0.0]]))
         unit = unit_for(quantity, float(np.median(seen)), system=question.units)
+        for at in {getattr(row, place) for row in best}:
+            axes.axvline(at / across.size, color=MUTED, linewidth=0.8, zorder=1)
         for law, one in by_law.items():
             # NaN ends the line at the limit of validity
             value = np.where(one.valid, one.value / unit.size, np.nan)
@@ -960,7 +963,6 @@ def _figure(
             axes.plot(x / across.size, value, **look)
         for row in own:
             at = getattr(row, place) / across.size
-            axes.axvline(at, color=MUTED, linewidth=0.8, zorder=1)
             # open: extrapolated
             face = INK if row.valid else "white"
             axes.plot([at], [row.value / unit.size], "o", c=INK, mfc=face, zorder=5)
@@ -980,7 +982,9 @@ def _frame(axes: "Axes", quantity: str, x: np.ndarray) -> None:
 
     quiet(axes)
     axes.set(xscale="log", xlim=(x[0], x[-1]))
-    low, high = axes.dataLim.intervaly
+    lines = [np.asarray(line.get_ydata(), float) for line in axes.get_lines()]
+    drawn = np.concatenate([y for y in lines if y.size != 2] or [np.ones(1)])
+    low, high = np.nanmin(drawn), np.nanmax(drawn)
     # a quantity that is 0 or negative somewhere has no logarithm
     if low > 0.0:
         axes.set(yscale="log", ylim=(low / 1.3, high * 1.3))

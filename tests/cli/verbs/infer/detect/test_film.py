@@ -101,7 +101,6 @@ def test_what_cannot_be_is_refused_in_one_line(jblast):
             (film, "--fps", 1000, "--all-sounds"),
             "--all-sounds: expected it with video or sound only",
         ),
-        ((sound, "--fps", 1000), "--fps: expected it with frames"),
         (("nowhere", "--fps", 1000), "nowhere: no such file or directory"),
         ((film, "--fps", 1000, "--scene", scene(jblast, 90)), "expected 80 x 60"),
         (
