@@ -3,14 +3,11 @@
 import json
 
 import numpy as np
-import pytest
 
-import jblast as front
 from jblast.observations import read
 from tests.cli.verbs.infer.detect.sounds import recording, template, write
 
 PLACES = np.array([[60.0, 0, 1.5], [-20, 70, 1.5], [-50, -40, 1.5], [30, -80, 1.5]])
-CHARGE, MASS, BEGAN = np.array([12.0, -7.0, 0.0]), 20.0, 1.5
 
 
 def stations(jblast, names, places, clocks=None):
@@ -104,32 +101,3 @@ def test_recorders_with_clocks_of_their_own_keep_them(jblast):
         zip(names, "pqr", strict=True)
     )
     assert log.shot == ("", "", "")
-
-
-@pytest.mark.slow
-def test_a_fit_takes_the_log_as_it_stands_and_finds_the_charge(jblast):
-    scene = front.Scene(front.Charge(mass_kg=MASS))
-    ranges = np.linalg.norm(PLACES - CHARGE, axis=1)
-    laws = front.calculate(scene, ranges, MASS)["air_arrival_s"]
-    times = BEGAN + np.asarray(laws["kingery_bulmash"].value)
-    file = write(jblast, "far.wav", recording([[t] for t in times]))
-    log_of(jblast, file, stations(jblast, names_of("far", 4), PLACES))
-    plan = jblast.file(
-        "scene.toml",
-        '[charge]\nmass_kg = 20.0\nposition_m = ["free", "free", 0.0]\n'
-        'time_s = "free"\n'
-        '[law]\nair_arrival_s = "kingery_bulmash"\nscatter = false\n',
-    )
-    code, out, err = jblast(
-        *("fit", jblast.path("out/observations.csv"), "--scene", plan, "--json")
-    )
-    assert code == 0, err
-    estimates = json.loads(out)["estimates"]
-    for name, truth in zip(
-        ("charge_east_m", "charge_north_m", "origin_time_s"),
-        (*CHARGE[:2], BEGAN),
-        strict=True,
-    ):
-        estimate = estimates[name]
-        assert abs(estimate["value"] - truth) < 4 * estimate["sd"], name
-    assert estimates["charge_east_m"]["sd"] < 0.2
