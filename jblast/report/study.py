@@ -23,17 +23,12 @@ from jblast.study.outcome.family import Outcome
 from jblast.study.outcome.quantities import LIMITS, limit_of
 from jblast.study.outcome.registry import OUTCOMES
 from jblast.study.sampling.run import Ran
-from jblast.study.sensitivity import LaneShares, lane_shares
+from jblast.study.sensitivity import Shares, lane_shares, rest_name
 
 MAX_ROWS = 200
 """Largest number of rows of a table on the page; the JSON has all of them."""
 MAX_LINES = 30
 """Largest number of rows on a terminal: with its heading a table fits one screen."""
-REASONS = {
-    "interaction": "acts together with others",
-    "range": "has a larger effect over its whole range than its slope at the middle",
-    "nonlinearity": "is steep at the middle, and levels off",
-}
 CAPTIONS = {
     "response": "Medians with the band of 90 % of the samples; shares with Wilson's "
     "90 % interval.",
@@ -165,51 +160,6 @@ class OutcomeAnswer:
 
 
 @dataclass(frozen=True)
-class InputShare:
-    """Contribution of a parameter to the scatter of an outcome.
-
-    Attributes:
-        name: Name of the parameter.
-        first: First-order Sobol' index: share of the variance that it explains alone.
-        first_interval: 90 % interval of it.
-        total: Total Sobol' index: share of the variance with its interactions.
-        total_interval: 90 % interval of it.
-        elasticity: Change of the outcome in per cent for one per cent of the parameter,
-            at the middle of the samples.
-        differs: Reason for a disagreement of slope and index; null if they agree.
-    """
-
-    name: str
-    first: float
-    first_interval: tuple[float, float]
-    total: float
-    total_interval: tuple[float, float]
-    elasticity: float
-    differs: str | None
-
-
-@dataclass(frozen=True)
-class SharesAnswer:
-    """Sources of the scatter of an outcome.
-
-    Attributes:
-        outcome: Name of the outcome.
-        sensor: Name of the sensor; null for none.
-        explained: Share of the variance that the method explains.
-        method: Description of the method.
-        rows: Number of samples of the analysis.
-        numbers: Contribution of each sampled parameter.
-    """
-
-    outcome: str
-    sensor: str | None
-    explained: float
-    method: str
-    rows: int
-    numbers: tuple[InputShare, ...]
-
-
-@dataclass(frozen=True)
 class StudyReportAnswer(Document):
     """A report on a study.
 
@@ -236,7 +186,7 @@ class StudyReportAnswer(Document):
     axes: Mapping[str, tuple[str, ...]]
     outcomes: tuple[OutcomeAnswer, ...]
     cells: tuple[OutcomeAnswer, ...]
-    sensitivity: tuple[SharesAnswer, ...]
+    sensitivity: tuple[Shares, ...]
     notes: tuple[str, ...]
 
 
@@ -432,17 +382,22 @@ def report_answer(columns: StudyColumns, name: str = "") -> Answer:
         cells=tuple(
             _outcome(lane, *cell) for lane in lanes for cell in columns.cells()
         ),
-        sensitivity=tuple(_sources(one) for one in shares),
+        sensitivity=shares,
         notes=tuple(columns.notes),
     )
     rows = [(one, number) for one in found.sensitivity for number in one.numbers]
     how = HOW_SHARES if rows else ""
+    rest = [
+        f"{one.title}: {100 * one.rest:.0f} % of the variance "
+        f"({rest_name(columns, one)})"
+        for one in shares
+    ]
     blocks = [
         Lines("", found.notes),
         *_tables(found.outcomes, "All samples"),
         *_pictures(columns, shares),
         Table(SHARES, rows, "Sources of scatter", "page", MAX_ROWS, caption=how),
-        Lines("Scatter without a parameter", [*map(_rest, shares)], "page"),
+        Lines("Scatter without a parameter", rest, "page"),
         Lines("Inputs without effect", [*map(_without_effect, shares)], "page"),
         *_tables(found.cells, "Cells of the axes", where="page", most=MAX_ROWS),
         Text("The study", str(attributes.get("study", ""))),
@@ -475,36 +430,12 @@ def _outcome(
     )
 
 
-def _sources(one: LaneShares) -> SharesAnswer:
-    of = one.indices
-    numbers = tuple(
-        InputShare(
-            name,
-            float(of.first[n]),
-            (float(of.first_interval[0, n]), float(of.first_interval[1, n])),
-            float(of.total[n]),
-            (float(of.total_interval[0, n]), float(of.total_interval[1, n])),
-            one.elasticity[name],
-            REASONS.get(one.reasons.get(name, "")),
-        )
-        for n, name in enumerate(of.names)
-    )
-    sensor = one.lane.sensor or None
-    return filled(
-        SharesAnswer, of, outcome=one.lane.name, sensor=sensor, numbers=numbers
-    )
-
-
-def _rest(one: LaneShares) -> str:
-    return f"{one.lane.title}: {100 * one.rest:.0f} % of the variance ({one.rest_name})"
-
-
-def _without_effect(one: LaneShares) -> str:
+def _without_effect(one: Shares) -> str:
     names = ", ".join(one.without_effect)
-    return f"{one.lane.title} does not depend on {names}" if names else ""
+    return f"{one.title} does not depend on {names}" if names else ""
 
 
-def _pictures(columns: StudyColumns, shares: list[LaneShares]) -> list[Picture]:
+def _pictures(columns: StudyColumns, shares: Sequence[Shares]) -> list[Picture]:
     """Return the figures that have content."""
     known = [one for one in columns.lanes if one.statistics()["count"] > 1]
     columns = replace(columns, lanes=tuple(known))
@@ -523,7 +454,11 @@ def _pictures(columns: StudyColumns, shares: list[LaneShares]) -> list[Picture]:
             "exceedance",
             partial(figures.exceedance_figure, columns, limits),
         ),
-        (bool(shares), "sensitivity", partial(figures.sensitivity_figure, shares)),
+        (
+            bool(shares),
+            "sensitivity",
+            partial(figures.sensitivity_figure, columns, shares),
+        ),
         (bool(known), "convergence", partial(figures.convergence_figure, columns)),
     ]
     return [

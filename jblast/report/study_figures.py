@@ -22,7 +22,7 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.study.columns import ALL, Lane, StudyAxis, StudyColumns, Which, total
-from jblast.study.sensitivity import LaneShares
+from jblast.study.sensitivity import Shares, rest_name
 from jblast.study.statistics import wilson_interval
 
 MAX_PANELS = 6
@@ -242,25 +242,29 @@ def exceedance(lane: Lane) -> tuple[np.ndarray, np.ndarray, int]:
     return values[some], above[some], count
 
 
-def sensitivity_figure(shares: Sequence[LaneShares]) -> Figure:
+def sensitivity_figure(columns: StudyColumns, shares: Sequence[Shares]) -> Figure:
     """Draw first-order and total index of each parameter, and the remainder."""
 
-    def draw(axes: Axes, one: LaneShares) -> None:
-        of = one.indices
-        place = np.arange(len(of.names))
-        for away, words, value, ends, colour in (
-            (-0.18, "first order", of.first, of.first_interval, BLUE),
-            (0.18, "total", of.total, of.total_interval, VERMILLION),
+    def draw(axes: Axes, one: Shares) -> None:
+        place = np.arange(len(one.numbers))
+        most = 1.0
+        for away, index, words, colour in (
+            (-0.18, "first", "first order", BLUE),
+            (0.18, "total", "total", VERMILLION),
         ):
+            value = [getattr(number, index) for number in one.numbers]
+            ends = np.array([getattr(n, f"{index}_interval") for n in one.numbers]).T
             axes.barh(place + away, value, 0.34, color=colour, alpha=0.85, label=words)
             axes.hlines(place + away, *ends, color=INK, linewidth=1.2)
+            most = max(most, 1.05 * ends.max())
         axes.barh(len(place), one.rest, 0.34, color=MUTED, label="not explained")
-        axes.set_yticks([*place, len(place)], [*of.names, one.rest_name])
+        names = [number.name for number in one.numbers]
+        axes.set_yticks([*place, len(place)], [*names, rest_name(columns, one)])
         # barh counts from below; the first parameter belongs at the top
         axes.invert_yaxis()
-        axes.set_xlim(0, max(1.0, float(of.total_interval[1].max()) * 1.05))
+        axes.set_xlim(0, most)
         axes.set_xlabel("share of the variance")
-        titled(axes, one.lane.title, f"{100 * of.explained:.0f} % explained")
+        titled(axes, one.title, f"{100 * one.explained:.0f} % explained")
 
     figure = panels(shares, draw)
     handles, words = figure.axes[0].get_legend_handles_labels()

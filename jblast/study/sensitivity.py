@@ -68,6 +68,11 @@ one."""
 FAMILIES = ("hermite", "legendre")
 MAX_LANES = 12
 """Largest number of analysed lanes: each takes seconds."""
+REASONS = {
+    "interaction": "acts together with others",
+    "range": "has a larger effect over its whole range than its slope at the middle",
+    "nonlinearity": "is steep at the middle, and levels off",
+}
 NO_EFFECT = 0.02
 """Total index below which an input has no effect, by declaration. Chance alone gives
 terms over samples, at most 200/4000 of the unexplained variance for all inputs."""
@@ -446,29 +451,66 @@ def shares_of(
 
 
 @dataclass(frozen=True)
-class LaneShares:
-    """Sources of the scatter of one lane.
+class InputShare:
+    """Contribution of a parameter to the scatter of an outcome.
 
     Attributes:
-        lane: The lane.
-        indices: Sobol' indices.
-        elasticity: Elasticity by parameter, from a plane through the middle samples.
-        reasons: Reason by parameter for a difference of slope and index.
-        rest: Share of the variance that no parameter explains.
-        rest_name: Source of this share.
-        without_effect: Parameters without an effect on the outcome.
+        name: Name of the parameter.
+        first: First-order Sobol' index: share of the variance that it explains alone.
+        first_interval: 90 % interval of it.
+        total: Total Sobol' index: share of the variance with its interactions.
+        total_interval: 90 % interval of it.
+        elasticity: Change of the outcome in per cent for one per cent of the parameter,
+            at the middle of the samples.
+        differs: Reason for a disagreement of slope and index; null if they agree.
     """
 
-    lane: Lane
-    indices: SobolIndices
-    elasticity: dict[str, float]
-    reasons: dict[str, str]
-    rest: float
-    rest_name: str
-    without_effect: tuple[str, ...]
+    name: str
+    first: float
+    first_interval: tuple[float, float]
+    total: float
+    total_interval: tuple[float, float]
+    elasticity: float
+    differs: str | None
 
 
-def lane_shares(columns: StudyColumns) -> list[LaneShares]:
+@dataclass(frozen=True)
+class Shares:
+    """Sources of the scatter of an outcome.
+
+    Attributes:
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; null for none.
+        explained: Share of the variance that the method explains.
+        method: Description of the method.
+        rows: Number of samples of the analysis.
+        numbers: Contribution of each sampled parameter.
+    """
+
+    outcome: str
+    sensor: str | None
+    explained: float
+    method: str
+    rows: int
+    numbers: tuple[InputShare, ...]
+
+    @property
+    def title(self) -> str:
+        """Name of outcome and sensor."""
+        return ", ".join(filter(None, (self.outcome, self.sensor)))
+
+    @property
+    def rest(self) -> float:
+        """Share of the variance that no parameter explains."""
+        return min(1.0, max(0.0, 1.0 - self.explained))
+
+    @property
+    def without_effect(self) -> list[str]:
+        """Parameters without an effect on the outcome."""
+        return [n.name for n in self.numbers if n.total_interval[1] < NO_EFFECT]
+
+
+def lane_shares(columns: StudyColumns) -> tuple[Shares, ...]:
     """Return the sources of scatter of the first lanes, if their samples identify them.
 
     Axes over numbers count as sampled evenly from their values.
@@ -476,36 +518,41 @@ def lane_shares(columns: StudyColumns) -> list[LaneShares]:
     columns = columns.rows or columns
     inputs = dict(columns.inputs)
     inputs |= {axis.name: axis.values[axis.at] for axis in columns.numeric_axes}
-    found = []
-    for lane in columns.lanes[:MAX_LANES]:
-        indices = indices_from_samples(inputs, lane.values)
-        if indices is None:
-            continue
-        elastic, by_slope = fitted_slopes(inputs, lane.values)
-        small = indices.total_interval[1] < NO_EFFECT
-        effect = {n for n, no in zip(indices.names, small, strict=True) if not no}
-        found.append(
-            LaneShares(
-                lane,
-                indices,
-                elastic,
-                disagreement(indices, by_slope),
-                min(1.0, max(0.0, 1.0 - indices.explained)),
-                rest_name(columns, lane),
-                tuple(name for name in inputs if name not in effect),
-            )
+    lanes = columns.lanes[:MAX_LANES]
+    found = [(lane, indices_from_samples(inputs, lane.values)) for lane in lanes]
+    return tuple(_shares(inputs, lane, of) for lane, of in found if of is not None)
+
+
+def _shares(
+    inputs: Mapping[str, np.ndarray], lane: Lane, indices: SobolIndices
+) -> Shares:
+    elastic, by_slope = fitted_slopes(inputs, lane.values)
+    reasons = disagreement(indices, by_slope)
+    first, last = indices.first_interval.T, indices.total_interval.T
+    numbers = tuple(
+        InputShare(
+            name,
+            float(indices.first[n]),
+            (float(first[n, 0]), float(first[n, 1])),
+            float(indices.total[n]),
+            (float(last[n, 0]), float(last[n, 1])),
+            elastic[name],
+            REASONS[reasons[name]] if name in reasons else None,
         )
-    return found
+        for n, name in enumerate(indices.names)
+    )
+    whole = indices.explained, indices.method, indices.rows
+    return Shares(lane.name, lane.sensor or None, *whole, numbers)
 
 
-def rest_name(columns: StudyColumns, lane: Lane) -> str:
+def rest_name(columns: StudyColumns, shares: Shares) -> str:
     """Return the source of the share of variance that no parameter explains."""
+    kinds = {lane.name: lane.kind for lane in columns.lanes}
+    if kinds[shares.outcome] == "yes_no":
+        return "scatter and steps"
     scenes = columns.attributes.get("scene", "")
     texts = [scenes] if isinstance(scenes, str) else scenes.values()
     laws = [tomllib.loads(text).get("law", {}) for text in texts]
-    if lane.kind == "yes_no":
-        return "scatter and steps"
-    at_sensor = lane.name in QUANTITIES
-    if at_sensor and any(law.get("scatter", True) for law in laws):
-        return "scatter of the law"
-    return "noise"
+    scattered = any(law.get("scatter", True) for law in laws)
+    at_sensor = shares.outcome in QUANTITIES
+    return "scatter of the law" if at_sensor and scattered else "noise"
