@@ -66,7 +66,8 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.flight_figures import draw_map
+from jblast.report.flight_figures import mission_map
+from jblast.report.maps import draw_features, view_of
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
 from jblast.study.flight_results import Options, Profile
 from jblast.study.flights import followed_along
@@ -286,7 +287,9 @@ def figure(
     whole, zooms = upper.subfigures(1, 2, squeeze=False, width_ratios=[1.25, 1.0])[0]
     axes = whole.subplots()
     iris = flights["iris"]
-    draw_map(axes, iris)
+    features = mission_map(iris).features
+    places = np.concatenate([feature.places for feature in features])
+    draw_features(axes, features, view_of(places))
     axes.legend(frameon=False, fontsize=8, loc="lower right")
     titled(axes, "4.5: 32 waypoints through three blasts", "Iris")
     parts = np.ravel(zooms.subplots(3, 1))

@@ -35,18 +35,27 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from matplotlib.axes import Axes
 from scipy.stats import beta
 
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference.tuning import Tuned, tune_sound
+from jblast.inference.tuning.scene_file import put_values
 from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
-from jblast.report.figures import new_figure, titled, write_figure
-from jblast.report.tune import gains_answer, put_values
-from jblast.report.tune_figures import cut_words, draw_each, draw_middle, tune_figure
+from jblast.report.figures import (
+    BLUE,
+    VERMILLION,
+    new_figure,
+    quiet,
+    titled,
+    write_figure,
+)
+from jblast.report.tune import gains_answer
+from jblast.report.tune_figures import cut_words, draw_each, tune_figure
 from jblast.report.view import aligned, terminal
 from jblast.scene import Scene
 from jblast.scene.reader.scene import scene_from_document
@@ -56,7 +65,7 @@ from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.listening import packets, plan
-from jblast.study.gains import TunedGains, tune_gains
+from jblast.study.gains import TunedGains, known_peaks, tune_gains
 
 start_jax(quick=True)
 
@@ -371,6 +380,30 @@ def tuned(model: str) -> TunedGains:
     }
     document = {"charge": CHARGE, "vehicle": vehicle}
     return tune_gains(scene_from_document(document, "scene"))
+
+
+def draw_middle(axes: Axes, tuned: TunedGains) -> None:
+    """Draw the path error over time for the median blast, before and after tuning."""
+    peaks = known_peaks(tuned.before)
+    # one blast, not the median over blasts at each time, which no vehicle flew
+    middle = int(np.argsort(peaks)[peaks.size // 2])
+    for tried, colour, label in (
+        (tuned.before, VERMILLION, "before"),
+        (tuned.after, BLUE, "after"),
+    ):
+        outcomes = tried.outcomes
+        error, time = outcomes.error_m[middle], outcomes.time_s
+        # the arrival is not stored: it is the time of the peak minus the peak time
+        peak = time[np.nanargmax(np.where(time > 0, error, 0.0))]
+        since = peak - float(np.asarray(outcomes.metrics.peak_time_s)[middle])
+        axes.plot(time - since, error, color=colour, linewidth=1.6, label=label)
+    # a vehicle recovers in 1 to 2 seconds
+    axes.set_xlim(-0.2, 3.0)
+    axes.set_ylim(0.0, None)
+    axes.set_xlabel("time after the blast's arrival [s]")
+    axes.set_ylabel("path error [m]")
+    axes.legend(frameon=False, fontsize=9)
+    quiet(axes)
 
 
 def gains() -> None:

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.autopilot.estimator import PLACE
@@ -20,6 +19,7 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
+from jblast.report.maps import Feature, Map, point
 from jblast.report.words import printed_number, unit_for
 from jblast.study.flight_results import (
     Flights,
@@ -37,8 +37,6 @@ DASHES = ("-", (0, (4, 3)), (0, (1, 1)), (0, (6, 2, 1, 2)))
 """Colours and line styles, one for each of four controllers."""
 MAX_POINTS = 4000
 """Largest number of points of a plot: about two for each pixel."""
-MAX_NUMBERED = 64
-"""Largest number of waypoints drawn with numbers: more numbers overlap."""
 BEFORE_S, AFTER_S = 0.01, 0.05
 """Enlarged interval before and after the first blast's arrival [s]: the positive phases
 of kilograms at metres last a few milliseconds."""
@@ -215,53 +213,36 @@ def _distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
     return np.take_along_axis(where, first, axis=-1)[:, 0], label
 
 
-def map_figure(flight: MissionFlight) -> Figure:
-    """Draw the plan and the flown path seen from above."""
-    figure = new_figure(8.6, 7.4)
-    axes = figure.subplots()
-    draw_map(axes, flight)
-    axes.legend(frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+def mission_map(flight: MissionFlight) -> Map:
+    """Return the map of a mission: plan, flown path, waypoints, home and blasts."""
+    flown = np.asarray(flight.trajectory.position_m)
+    paths = {
+        "planned": np.asarray(above_ground(flight.guided.set_point_m)),
+        # up to a divergence
+        "flown": flown[np.isfinite(flown).all(axis=1)],
+    }
+    features = [
+        Feature(kind, kind, [[path[:: max(1, len(path) // MAX_POINTS)]]])
+        for kind, path in paths.items()
+    ]
+    features.append(point("home", "home", flight.mission.home_m))
+    numbered: set[int] = set()
+    for one in flight.waypoints:
+        words = "reached" if one.reached else "missed"
+        # an item that is flown again has one number; one at home would hide it
+        is_new = one.item.number not in numbered and np.hypot(*one.goal_m[:2]) > 0.5
+        numbered.add(one.item.number)
+        features.append(
+            point(
+                "waypoint" if one.reached else "missed",
+                f"{one.item.words}: {words}",
+                one.goal_m,
+                label=str(one.item.number) if is_new else "",
+            )
+        )
+    for one, place in zip(flight.disturbances, flight.places_m, strict=True):
+        features.append(point("blast", one.charge or "blast", place, label=one.charge))
     reached = sum(one.reached for one in flight.waypoints)
     end = flight.crash or f"{reached} of {len(flight.waypoints)} waypoints reached"
-    titled(axes, f"Mission of the {flight.vehicle.model.capitalize()}", end)
-    return figure
-
-
-def draw_map(axes: Axes, flight: MissionFlight, *, labels: bool = True) -> None:
-    """Draw a mission's map into axes: plan, path, waypoints, charges.
-
-    Args:
-        axes: Axes of the map.
-        flight: The mission.
-        labels: Whether waypoints have their numbers.
-    """
-    quiet(axes)
-    planned = np.asarray(flight.guided.set_point_m)
-    flown = np.asarray(flight.trajectory.position_m)
-    for path, style in (
-        (planned, {"color": MUTED, "linewidth": 3.5, "alpha": 0.45, "label": "plan"}),
-        (flown, {"color": BLUE, "linewidth": 1.2, "label": "flown"}),
-    ):
-        axes.plot(*path[:: max(1, len(path) // MAX_POINTS), :2].T, **style)
-    goals = np.stack([one.goal_m for one in flight.waypoints])
-    ok = np.array([one.reached for one in flight.waypoints])
-    for places, mark, colour, size, label in (
-        (goals[ok], "o", INK, 4, "waypoint"),
-        (goals[~ok], "x", VERMILLION, 6, "waypoint, missed"),
-        (flight.mission.home_m[None], "s", INK, 7, "home"),
-        (flight.places_m, "*", VERMILLION, 12, "blast"),
-    ):
-        if len(places):
-            x, y = places[:, 0], places[:, 1]
-            axes.plot(x, y, mark, color=colour, markersize=size, label=label)
-    # an item that is flown again has one number
-    numbers = {one.item.number: one.goal_m[:2] for one in flight.waypoints}
-    if labels and len(goals) <= MAX_NUMBERED:
-        for number, at in numbers.items():
-            if np.hypot(*at) > 0.5:
-                axes.annotate(
-                    f"{number}", at, (4, 4), textcoords="offset points", fontsize=8
-                )
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("east [m]")
-    axes.set_ylabel("north [m]")
+    title = f"Mission of the {flight.vehicle.model.capitalize()}"
+    return Map(features, flight.mission.frame, title, end)

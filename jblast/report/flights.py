@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from jblast.autopilot.estimator import Thrown
 from jblast.missions.mission import geodetic
 from jblast.quantities import QUANTITIES
-from jblast.report.flight_figures import distribution_figure, map_figure, time_figure
+from jblast.report.flight_figures import distribution_figure, mission_map, time_figure
+from jblast.report.maps import Map, map_figure, map_files
 from jblast.report.output import PROBLEM, Answer
 from jblast.report.view import (
     Column,
@@ -78,6 +79,7 @@ NEGLIGIBLE = 1e-6
 MAX_NAMED = 100
 """Largest number of lost vehicles listed in the JSON: the table has all of them."""
 FILES = ("flight.csv", "flights.csv", "flight.png", "distribution.png", "map.png")
+FILES += ("mission.geojson", "mission.kml")
 """Files besides document and page, of which each answer has some."""
 
 
@@ -368,8 +370,11 @@ def fly_answer(
     """
     if isinstance(flown, MissionFlight):
         mission = mission_answer(flown, scene=scene, seed=seed)
-        view = mission_view(mission, flown)
-        return Answer(mission, view, {"flight.csv": flight_csv(flown)})
+        shown = mission_map(flown)
+        title = f"Mission: {mission.mission}"
+        files = map_files("mission", shown.features, flown.mission.frame, title)
+        view = mission_view(mission, flown, shown)
+        return Answer(mission, view, {"flight.csv": flight_csv(flown), **files})
     document = flights_answer(flown, scene=scene, seed=seed)
     view = flights_view(document, flown)
     if flown.count > 1:
@@ -591,7 +596,7 @@ def flights_view(answer: FlightsAnswer, flights: Flights | None = None) -> View:
     )
 
 
-def mission_view(answer: MissionAnswer, flight: MissionFlight) -> View:
+def mission_view(answer: MissionAnswer, flight: MissionFlight, shown: Map) -> View:
     """Return waypoints, blasts, sampled parameters, notes and figures of a mission."""
     reached = sum(one.reached for one in flight.waypoints)
     end = f"still in flight at the time limit, {answer.seconds:.4g} s"
@@ -642,7 +647,7 @@ def mission_view(answer: MissionAnswer, flight: MissionFlight) -> View:
             blasts,
             *_estimate_blocks([(_charge(one), one) for one in answer.estimates]),
             _drawn(answer),
-            Picture("map.png", partial(map_figure, flight)),
+            Picture("map.png", partial(map_figure, shown)),
             Picture("flight.png", partial(time_figure, flight)),
             Lines("Definitions", [notes]),
             _warnings(answer),

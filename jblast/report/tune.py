@@ -1,8 +1,7 @@
 """Answers of `jblast tune`: sensors and media by a record, or gains by blasts."""
 
 import math
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Any, Literal
 import numpy as np
 import tomlkit
 
-import jblast
 from jblast.inference.posterior.parameters import Estimate
 from jblast.inference.tuning.result import POOR, Explained, NotIdentified, Tuned
+from jblast.inference.tuning.scene_file import put_values, tuned_scene
 from jblast.inference.tuning.unknowns import (
     IDENTIFIED_BY,
     TUNABLES,
@@ -28,9 +27,13 @@ from jblast.report.output import Answer
 from jblast.report.tune_figures import cut_words, gains_figure, tune_figure
 from jblast.report.view import Column, Facts, Lines, Picture, Table, Text, View
 from jblast.results import AMONG, Document, Note, among, filled, problem, warning
-from jblast.scene.reader.tables import LISTS
-from jblast.study.gains import EvaluatedGains, TunedGains, known_peaks
-from jblast.vehicle import STEP_S, Gains, vehicle_of
+from jblast.study.gains import (
+    EvaluatedGains,
+    TunedGains,
+    keys_of_gains,
+    known_peaks,
+)
+from jblast.vehicle import STEP_S, vehicle_of
 from jblast.vehicle.control.stability import LOOPS
 
 TESTS = {
@@ -47,8 +50,7 @@ LEVELS = {
 """Levels that are also printed in decibels."""
 FILES = ("scene.toml", "tune.png")
 """Files besides document and page."""
-NEUTRAL = {"filter_hz": "none", "threshold": 0.2}
-"""Other entries of a list in the scene file, if only one of them is tuned."""
+WRITTEN = ("scene.toml", "tune.json", "tune.png", "report.html")
 GAINS = {
     "kp_pos": "position [1/s2]",
     "kd_pos": "velocity [1/s]",
@@ -240,6 +242,7 @@ def tune_answer(
         if tuned.kind in kinds and name not in tuned.numbers
     }
     notes, record = notes_of(tuned), Path(recorded).name
+    problems, warnings = _told(notes)
     document = filled(
         TuneAnswer,
         tuned,
@@ -251,7 +254,7 @@ def tune_answer(
         fixed={n: None if x is None else float(x) for n, x in fixed.items()},
         identifiable=tuned.is_identifiable,
         warnings=tuple(map(sentence_of, notes)),
-        files=_files(out),
+        files=WRITTEN if out else (),
     )
     of = "the camera" if sensor is None else f"sensor {sensor!r}"
     view = View(
@@ -260,9 +263,9 @@ def tune_answer(
             Table(ESTIMATES, [*estimates.items()]),
             Facts([*_facts(document)]),
             Picture("tune.png", partial(tune_figure, tuned)),
-            *_warnings(notes),
+            warnings,
         ],
-        problems=_problems(notes),
+        problems=problems,
     )
     if not out:
         return Answer(document, view)
@@ -280,6 +283,7 @@ def tune_answer(
 def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answer:
     """Return the answer on tuned gains; arguments as of `tune_answer`."""
     settings, notes = tuned.settings, gain_notes(tuned)
+    problems, warnings = _told(notes, tuned.notes)
     document = filled(
         GainsAnswer,
         settings,
@@ -294,9 +298,11 @@ def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answe
         cut=tuned.cut(),
         flights_of_the_search=len(tuned.ln_peaks),
         warnings=(*tuned.notes, *map(sentence_of, notes)),
-        files=_files(out),
+        files=WRITTEN if out else (),
     )
-    entries = control_of(document.after.gains)
+    gains = document.after.gains
+    entries: dict[str, Any] = {"integral": "ki_pos" in gains}
+    entries |= {k: list(x) if isinstance(x, tuple) else x for k, x in gains.items()}
     line = ", ".join(
         f"{key} = {tomlkit.item(value).as_string()}" for key, value in entries.items()
     )
@@ -312,14 +318,14 @@ def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answe
             Table(CHANGES, [*_changes(document.before, document.after)]),
             Picture("tune.png", partial(gains_figure, tuned)),
             Lines("", [required]),
-            *_warnings(notes, tuned.notes),
+            warnings,
             Text(
                 "Line for the scene's [vehicle]",
                 f"control = {{ {line} }}",
                 "everywhere",
             ),
         ],
-        problems=_problems(notes),
+        problems=problems,
     )
     if not out:
         return Answer(document, view)
@@ -475,18 +481,12 @@ def gain_notes(tuned: TunedGains) -> list[Note]:
     return [note for holds, note in found if holds]
 
 
-def _problems(notes: Sequence[Note]) -> list[str]:
-    found = (sentence_of(note) for note in notes if note.level == "problem")
-    return [f"{capitalised(one)}." for one in found]
-
-
-def _warnings(notes: Sequence[Note], more: Sequence[str] = ()) -> list[Lines]:
-    found = [sentence_of(note) for note in notes if note.level != "problem"]
-    return [Lines("Warnings", [f"{capitalised(one)}." for one in (*more, *found)])]
-
-
-def _files(out: str | None) -> tuple[str, ...]:
-    return ("scene.toml", "tune.json", "tune.png", "report.html") if out else ()
+def _told(notes: Sequence[Note], more: Sequence[str] = ()) -> tuple[list[str], Lines]:
+    """Return the sentences of problems, and a block of the other notes."""
+    sentences = [(note.level, f"{capitalised(sentence_of(note))}.") for note in notes]
+    others = [words for level, words in sentences if level != "problem"]
+    problems = [words for level, words in sentences if level == "problem"]
+    return problems, Lines("Warnings", [*(f"{capitalised(x)}." for x in more), *others])
 
 
 def key_words(name: str, sensor: str | None) -> str:
@@ -520,98 +520,3 @@ def _tried(tried: EvaluatedGains) -> TriedGains:
         error_after_m=float(np.nanmedian(tried.outcomes.metrics.error_after_m)),
         flies_on_share=float(np.mean(tried.outcomes.flies_on)),
     )
-
-
-def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
-    """Return gains by the names of `[vehicle] control`, rounded to four digits."""
-
-    # far finer than any effect on the margins, and short in a scene file
-    def few(value: Any) -> float:
-        return float(f"{float(value):.4g}")
-
-    keys: dict[str, float | tuple[float, ...]] = {
-        "kp_pos": tuple(map(few, gains.position)),
-        "kd_pos": tuple(map(few, gains.velocity)),
-    }
-    if np.any(np.asarray(gains.integral) > 0):
-        keys["ki_pos"] = tuple(map(few, gains.integral))
-    keys |= {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
-    if gains.motor_lead is not None:
-        keys["motor_lead"] = few(gains.motor_lead)
-    return keys
-
-
-def control_of(gains: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
-    """Return the entries of `[vehicle] control` with gains."""
-    values = {k: list(x) if isinstance(x, tuple) else x for k, x in gains.items()}
-    return {"integral": "ki_pos" in gains, **values}
-
-
-def tuned_scene(
-    scene: str, out: str, change: Callable[[Any], None], comments: Sequence[str]
-) -> str:
-    """Return a scene file with changed numbers, which retains the user's comments.
-
-    Args:
-        scene: The scene's file, which is read again.
-        out: Folder of the new file, from which other files are named.
-        change: Function that changes the tables.
-        comments: Comments at the beginning; the first names what was tuned.
-    """
-    tables = tomlkit.parse(Path(scene).read_text("utf-8"))
-    change(tables)
-    ambient = tables.get("ambient", {})
-    if "file" in ambient:
-        file = Path(scene).parent / ambient["file"]
-        ambient["file"] = Path(os.path.relpath(file, out)).as_posix()
-    comments = [f"tuned by jblast {jblast.__version__}: {comments[0]}", *comments[1:]]
-    return "".join(f"# {line}\n" for line in comments) + tomlkit.dumps(tables)
-
-
-def put_values(tables: Any, values: Mapping[str, float], sensor: str | None) -> Any:
-    """Replace numbers in the tables of a scene, and return the tables.
-
-    Args:
-        tables: The tables, of `tomllib` or of `tomlkit`.
-        values: New values, by names as in `--free`.
-        sensor: Name of the recording sensor.
-    """
-    for name, value in values.items():
-        key, label = row_named(name).key, name.partition(".")[2]
-        written = key.name
-        if name.startswith(CLOCK_OFFSET):
-            is_sensor = any(one["name"] == label for one in tables.get("sensor", []))
-            # the clock of a single sensor is an entry of the sensor; a clock that
-            # several share has a table of its own
-            entry = _named(tables, "sensor" if is_sensor else "clock", label)
-            written = "clock_offset_s" if is_sensor else "offset_s"
-        elif key.table == "sensor":
-            entry = _named(tables, "sensor", sensor or "")
-        elif isinstance(tables.get(key.table), list):
-            # several [[charge]]; without a name the first is meant
-            entry = _named(tables, key.table, label) if label else tables[key.table][0]
-        else:
-            tables.setdefault(key.table, {})
-            entry = tables[key.table]
-        if key.index is not None:
-            old = entry.get(written, NEUTRAL.get(written, 0.0))
-            # a scene may have one number for both entries of a list
-            count = LISTS[written].count(",") + 1
-            parts = list(old) if isinstance(old, list) else [old] * count
-            entry[written] = [*parts[: key.index], value, *parts[key.index + 1 :]]
-        else:
-            entry[written] = value
-    return tables
-
-
-def _named(tables: Any, table: str, name: str) -> Any:
-    """Return the entry of a list of tables with a name, which is added if missing."""
-    entries = tables.get(table, [])
-    for entry in entries:
-        if entry["name"].strip() == name:
-            return entry
-    if entries:
-        entries.append({"name": name})
-    else:
-        tables[table] = [{"name": name}]
-    return tables[table][-1]

@@ -1,6 +1,6 @@
 """Figures of `jblast tune`: a record with its predictions, and tuned gains."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -28,64 +28,42 @@ COLOURS = (VERMILLION, BLUE)
 BEFORE_PART, AFTER_PART = 0.5, 3.0
 """Drawn interval before and after the blast's first energy, in units of the time in
 which 98 % of its energy arrives."""
-BEFORE_S, AFTER_S = 0.2, 3.0
-"""Drawn interval before and after a blast's arrival [s]: a vehicle recovers in 1 to 2
-seconds."""
 
 
-class Curves(NamedTuple):
-    """A record over time with two predictions and their residuals, before and after.
-
-    Attributes:
-        time: Times, in the unit of their label.
-        record: The record.
-        expected: The predictions.
-        residuals: The residuals.
-        labels: Labels of time, record and residuals.
-        style: Style of the curves.
-    """
-
-    time: np.ndarray
-    record: np.ndarray
-    expected: list[np.ndarray]
-    residuals: list[np.ndarray]
-    labels: tuple[str, str, str]
-    style: dict[str, Any]
+Curves = tuple[np.ndarray, np.ndarray, list[np.ndarray], list[np.ndarray], tuple]
+"""Times, record, predictions, residuals, and labels of time, record and residual."""
 
 
 def tune_figure(tuned: Tuned) -> Figure:
     """Draw a record, its prediction before and after tuning, and the residuals.
 
-    At the right is what the kind of record shows beside: the noise of a sound, the
-    brightest frame of a film, the distributions of events.
+    At the right are the noise of a sound, the brightest frame of a film, or the
+    distributions of events.
     """
     evidence = tuned.problem.evidence
     figure = new_figure(11.0, 6.8)
     (above, right), (below, under) = figure.subplots(2, 2, width_ratios=[1.5, 1.0])
+    style: dict[str, Any] = {}
     if isinstance(evidence, SoundEvidence):
         curves = _sound(tuned, evidence, right, under)
     elif isinstance(evidence, FramesEvidence):
         curves = _frames(tuned, evidence, right, under)
     else:
         curves = _events(tuned, evidence, right, under)
-    when, what, rest = curves.labels
-    style = {"color": GREY, "linewidth": 4.0, **curves.style}
-    above.plot(curves.time, curves.record, label="record", **style)
-    labels = ("expected before", "expected after")
-    for expected, residual, colour, label in zip(
-        curves.expected, curves.residuals, COLOURS, labels, strict=True
-    ):
-        style = {"color": colour, "linewidth": 1.2, **curves.style, "label": label}
-        above.plot(curves.time, expected, **style)
-        below.plot(curves.time, residual, **style)
-    above.set_ylabel(what)
-    below.set_ylabel(rest)
-    below.set_xlabel(when)
+        style = {"linestyle": "", "marker": ".", "markersize": 2.0}
+    time, record, expected, residuals, labels = curves
+    above.plot(time, record, color=GREY, linewidth=4.0, label="record", **style)
+    names = ("expected before", "expected after")
+    for *values, colour, name in zip(expected, residuals, COLOURS, names, strict=True):
+        for axes, curve in zip((above, below), values, strict=True):
+            axes.plot(time, curve, color=colour, linewidth=1.2, label=name, **style)
+    for axes, label in zip((below, above), labels[1:][::-1], strict=True):
+        axes.set_ylabel(label)
+        axes.set_xlim(time[0], time[-1])
+        quiet(axes)
+    below.set_xlabel(labels[0])
     titled(above, "Record and predictions")
     titled(below, "Residuals", "record minus expected")
-    for axes in (above, below):
-        axes.set_xlim(curves.time[0], curves.time[-1])
-        quiet(axes)
     place = {"loc": "outside lower left", "ncols": 3, "frameon": False}
     figure.legend(*above.get_legend_handles_labels(), fontsize=9, **place)
     return figure
@@ -104,21 +82,28 @@ def _sound(tuned: Tuned, evidence: SoundEvidence, right: Axes, under: Axes) -> C
     near = _near(expected[1], record.size)
     # a near blast has tens of kPa, and far ones a few Pa
     scale, symbol = (1e-3, "kPa") if np.abs(record[near]).max() > 2e3 else (1.0, "Pa")
-    _spectra(right, evidence, tuned, instrument.rate)
+    for scene, colour in zip(scenes, COLOURS, strict=True):
+        noise = evidence.band_densities(evidence.noise(scene), scene, instrument.rate)
+        right.plot(noise[0], _decibels(noise[1]), color=colour)
+    power = evidence.weights(tuned.scene).power
+    middle, density = evidence.band_densities(power, tuned.scene, instrument.rate)
+    right.plot(middle, _decibels(density), "o", color=GREY, markersize=5.0, zorder=1)
+    right.set(xscale="log", xlabel="frequency [Hz]", ylabel="dB re (20 µPa)²/Hz")
+    right.set_xlim(middle[0], middle[-1])
+    log_ticks(right.xaxis, right.get_xlim())
+    titled(right, "Noise", "grey: power of the residual")
+    quiet(right)
     envelope(under, np.asarray(evidence.time_residuals(tuned.scene)), instrument.rate)
     under.set_xlabel("time by the sensor's clock [s]")
     titled(under, "Whole record", "residual in standard deviations")
     quiet(under)
-    return Curves(
+    label = f"overpressure [{symbol}]"
+    return (
         np.arange(record.size)[near] / instrument.rate,
         scale * record[near],
         [scale * one[near] for one in expected],
         [scale * (record - one)[near] for one in expected],
-        (
-            "time by the sensor's clock [s]",
-            *[f"overpressure [{symbol}]"] * 2,
-        ),
-        {},
+        ("time by the sensor's clock [s]", label, label),
     )
 
 
@@ -135,33 +120,9 @@ def _near(expected: Float[np.ndarray, " sample"], count: int) -> slice:
     return slice(start, min(int(first + AFTER_PART * length), count))
 
 
-def _spectra(axes: Axes, evidence: SoundEvidence, tuned: Tuned, rate: float) -> None:
-    """Draw the power of the residuals, and the noise before and after tuning."""
-    bands, scale = np.asarray(evidence.bands), np.asarray(evidence.counts)
-    frequency = np.linspace(0.0, 0.5 * rate, bands.size)
-    middle = np.array(
-        [np.exp(np.log(frequency[bands == one]).mean()) for one in range(scale.size)]
-    )
-    used = bands >= 0
-    # one-sided density: 2 |X|^2 over the sample rate and the energy of the taper
-    weight = float(np.square(np.asarray(evidence._taper())).sum()) * 0.5 * rate
-
-    def level(values: Any, scene: Any) -> Float[np.ndarray, " band"]:
-        power = float(evidence.unit(scene)) ** 2 * np.asarray(values)[used]
-        total = np.bincount(bands[used], power, scale.size)
-        return 10.0 * np.log10(total / scale / weight / (20e-6) ** 2)
-
-    power = level(evidence.weights(tuned.scene).power, tuned.scene)
-    axes.plot(middle, power, "o", color=GREY, markersize=5.0)
-    for scene, colour in zip((tuned.before, tuned.scene), COLOURS, strict=True):
-        axes.plot(middle, level(evidence.noise(scene), scene), color=colour)
-    axes.set_xscale("log")
-    axes.set_xlim(middle[0], middle[-1])
-    log_ticks(axes.xaxis, axes.get_xlim())
-    axes.set_xlabel("frequency [Hz]")
-    axes.set_ylabel("dB re (20 µPa)²/Hz")
-    titled(axes, "Noise", "grey: power of the residual")
-    quiet(axes)
+def _decibels(density: Float[np.ndarray, " band"]) -> Float[np.ndarray, " band"]:
+    # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
+    return 10.0 * np.log10(density / (20e-6) ** 2)
 
 
 def _frames(tuned: Tuned, evidence: FramesEvidence, right: Axes, under: Axes) -> Curves:
@@ -198,13 +159,12 @@ def _frames(tuned: Tuned, evidence: FramesEvidence, right: Axes, under: Axes) ->
         axes.set_xticks([])
         axes.set_yticks([])
         titled(axes, title, note)
-    return Curves(
+    return (
         times,
         seen.mean(axis=1),
         [one.mean(axis=1) for one in expected],
         [np.sqrt(np.square(seen - one).mean(axis=1)) for one in expected],
         ("time [ms]", "mean grey value", "rms over the pixels"),
-        {},
     )
 
 
@@ -222,26 +182,23 @@ def _events(tuned: Tuned, evidence: EventsEvidence, right: Axes, under: Axes) ->
             axes.hist(one, bins, color=colour, alpha=0.6)
         titled(axes, title, f"{changes[0].size:,} events")
         quiet(axes)
-    return Curves(
+    return (
         1e3 * np.asarray(evidence.events.time),
         np.where(np.asarray(evidence.events.sign) > 0, brighter, -darker),
         [np.clip(one, -limit, limit) for one in changes],
         rests,
         ("time [ms]", "change of ln of light", "thresholds, at most 1"),
-        {"linestyle": "", "marker": ".", "markersize": 2.0},
     )
 
 
 def gains_figure(tuned: TunedGains) -> Figure:
-    """Draw peak deviations after against before, and the path error of one blast."""
-    figure = new_figure(10.5, 4.6)
-    each, over_time = figure.subplots(1, 2)
-    draw_each(each, tuned)
-    draw_middle(over_time, tuned)
+    """Draw the peak deviation of each unseen blast, after against before."""
+    figure = new_figure(6.4, 5.8)
+    axes = figure.subplots()
+    draw_each(axes, tuned)
     model, unseen = tuned.vehicle.model.capitalize(), tuned.settings.unseen
     note = f"{cut_words(tuned)}; cross: does not fly on"
-    titled(each, f"{model}: {unseen} unseen blasts", note)
-    titled(over_time, "Example", "the blast with the median peak before tuning")
+    titled(axes, f"{model}: {unseen} unseen blasts", note)
     return figure
 
 
@@ -272,26 +229,4 @@ def draw_each(axes: Axes, tuned: TunedGains) -> None:
         log_ticks(axis, ends)
     axes.set_xlabel("peak deviation before [m]")
     axes.set_ylabel("after [m]; dashed: 20 % less")
-    quiet(axes)
-
-
-def draw_middle(axes: Axes, tuned: TunedGains) -> None:
-    """Draw the path error over time for the median blast, before and after tuning."""
-    peaks = known_peaks(tuned.before)
-    # one blast, not the median over blasts at each time, which no vehicle flew
-    middle = int(np.argsort(peaks)[peaks.size // 2])
-    for tried, colour, label in zip(
-        (tuned.before, tuned.after), COLOURS, ("before", "after"), strict=True
-    ):
-        outcomes = tried.outcomes
-        error, time = outcomes.error_m[middle], outcomes.time_s
-        # the arrival is not stored: it is the time of the peak minus the peak time
-        peak = time[np.nanargmax(np.where(time > 0, error, 0.0))]
-        since = peak - float(np.asarray(outcomes.metrics.peak_time_s)[middle])
-        axes.plot(time - since, error, color=colour, linewidth=1.6, label=label)
-    axes.set_xlim(-BEFORE_S, AFTER_S)
-    axes.set_ylim(0.0, None)
-    axes.set_xlabel("time after the blast's arrival [s]")
-    axes.set_ylabel("path error [m]")
-    axes.legend(frameon=False, fontsize=9)
     quiet(axes)

@@ -23,7 +23,7 @@ scene's own gains are left out of the tuning, but not out of the evaluation.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -215,6 +215,25 @@ class TunedGains:
             for one in (self.before, self.after)
         )
         return 1.0 - after / before if 0 < before < np.inf else np.nan
+
+
+def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
+    """Return gains by the names of `[vehicle] control`, rounded to four digits."""
+
+    # far finer than any effect on the margins, and short in a scene file
+    def few(value: Any) -> float:
+        return float(f"{float(value):.4g}")
+
+    keys: dict[str, float | tuple[float, ...]] = {
+        "kp_pos": tuple(map(few, gains.position)),
+        "kd_pos": tuple(map(few, gains.velocity)),
+    }
+    if np.any(np.asarray(gains.integral) > 0):
+        keys["ki_pos"] = tuple(map(few, gains.integral))
+    keys |= {"kp_att": few(gains.attitude), "kd_att": few(gains.body_rate)}
+    if gains.motor_lead is not None:
+        keys["motor_lead"] = few(gains.motor_lead)
+    return keys
 
 
 def tune_gains(

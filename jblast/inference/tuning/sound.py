@@ -228,6 +228,28 @@ class SoundEvidence(eqx.Module):
         rms = jnp.sqrt(jnp.mean(jnp.square(taper)))
         return jnp.where(inside, scaled * rms / jnp.where(inside, taper, 1.0), 0.0)
 
+    def band_densities(
+        self, power: Float[Array, " frequency"], scene: Scene, rate_hz: float
+    ) -> tuple[Float[np.ndarray, " band"], Float[np.ndarray, " band"]]:
+        """Return the middle frequency [Hz] and the mean density [Pa2/Hz] of each band.
+
+        Args:
+            power: Squared magnitude of a spectrum, as of `noise` and `weights`.
+            scene: Scene with the sensor's unit.
+            rate_hz: Sampling rate.
+        """
+        bands, counts = np.asarray(self.bands), np.asarray(self.counts)
+        frequency = np.linspace(0.0, 0.5 * rate_hz, bands.size)
+        used = bands >= 0
+        total = np.bincount(bands[used], np.asarray(power)[used], counts.size)
+        with np.errstate(divide="ignore"):  # frequency 0 is in no band
+            ln = np.bincount(bands[used], np.log(frequency[used]), counts.size)
+        # one-sided density: 2 |X|^2 over the sample rate and the energy of the taper
+        weight = float(np.square(np.asarray(self._taper())).sum()) * 0.5 * rate_hz
+        sizes = np.bincount(bands[used], minlength=counts.size)
+        middle = np.exp(ln / sizes)
+        return middle, float(self.unit(scene)) ** 2 * total / counts / weight
+
     def _taper(self) -> Float[Array, " sample"]:
         """Return the taper of the record: 1 with a cosine ramp at both ends."""
         count = self.samples.size

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 import tomlkit
 
+from jblast.inference.tuning.scene_file import put_values, tuned_scene
 from jblast.inference.tuning.unknowns import TUNABLES
 from jblast.report.messages import sentence_of
-from jblast.report.tune import change_words, key_words, put_values, tuned_scene
+from jblast.report.tune import change_words, key_words
 from jblast.results import problem
 from jblast.scene.reader.tables import keys_of
 

@@ -52,11 +52,18 @@ def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
     assert blast["peak_deviation_m"] > blast["error_before_m"]
     written = {path.name for path in (jblast.directory / "out").iterdir()}
     assert written == {
-        *("fly.json", "flight.csv", "flight.png", "map.png", "report.html")
+        *("fly.json", "flight.csv", "flight.png", "map.png", "report.html"),
+        *("mission.geojson", "mission.kml"),
     }
     rows = list(csv.DictReader(jblast.text("out/flight.csv").splitlines()[1:]))
     assert float(rows[0]["up_m"]) == 0.0
     assert abs(float(rows[-1]["up_m"])) < 1e-9
+    features = json.loads(jblast.text("out/mission.geojson"))["features"]
+    kinds = [one["properties"]["kind"] for one in features]
+    assert kinds == ["planned", "flown", "home", *["waypoint"] * 4, "blast"]
+    lon, lat, _ = features[-1]["geometry"]["coordinates"]
+    assert abs(lat - HOME.lat_deg - 4.0 / 111e3) < 1e-6
+    assert abs(lon - HOME.lon_deg) < 2e-5
     assert read_plan(jblast.path("b.plan")).items == tuple(
         read_plan(jblast.path("short.plan")).items
     )
