@@ -491,14 +491,12 @@ def _flag(flags: ArrayLike) -> bool | float:
 
 def _blasts(met: Encounter, charges: Sequence[str]) -> tuple[BlastMet, ...]:
     flag = "in_range_share" if np.ndim(met.in_range) > 1 else "in_range"
-    return tuple(
-        BlastMet(
-            charge,
-            *(_numbers(getattr(met, name)[..., n]) for name in MET),
-            **{flag: _flag(met.in_range[..., n])},
-        )
-        for n, charge in enumerate(charges)
-    )
+    found = []
+    for n, charge in enumerate(charges):
+        values: dict[str, Any] = {x: _numbers(getattr(met, x)[..., n]) for x in MET}
+        values[flag] = _flag(met.in_range[..., n])
+        found.append(filled(BlastMet, values, charge=charge))
+    return tuple(found)
 
 
 def _estimates(thrown: Thrown, charges: Iterable[str]) -> tuple[EstimateThrown, ...]:
@@ -540,9 +538,9 @@ def flights_view(answer: FlightsAnswer, flights: Flights | None = None) -> View:
     place = ", ".join(f"{x:g}" for x in answer.target_m)
     tolerance = printed_number("tolerance_m", answer.tolerance_m)
     spread = "5 %, 50 %, 95 %" if several else ""
-    drawn = (
-        ("distribution", distribution_figure) if several else ("flight", time_figure)
-    )
+    name, draw = ("flight.png", time_figure)
+    if several:
+        name, draw = ("distribution.png", distribution_figure)
     notes = [
         "Path errors are root mean squares. Recovery time: from the first blast's "
         f"arrival until the path error stays within {tolerance}; 0 if it never exceeds "
@@ -556,25 +554,23 @@ def flights_view(answer: FlightsAnswer, flights: Flights | None = None) -> View:
     results = Table(
         [
             Column(spread, lambda row: row[0]),
-            *(_results_of(name, answer) for name in answer.holds),
+            *(_results_of(hold, answer) for hold in answer.holds),
         ],
         [*_result_rows(answer)],
     )
     blasts = Table(
         [
             Column("blast", lambda one: one.charge),
-            _column("arrives", "arrival_s"),
-            _column("distance", "distance_m"),
-            _column("scaled [m/kg^(1/3)]", "scaled_distance"),
-            _column("peak", "overpressure_pa"),
-            _column("in range", "in_range_share" if several else "in_range"),
+            *_columns(arrival_s="arrives", distance_m="distance"),
+            *_columns(scaled_distance="scaled [m/kg^(1/3)]", overpressure_pa="peak"),
+            *_columns(in_range="in range", in_range_share="in range"),
         ],
         answer.blasts,
         f"Blasts{f': {spread}' if several else ''}",
     )
     errors = [
-        (f"{_charge(one)}, {hold_words(name)}", one)
-        for name, found in answer.estimates.items()
+        (f"{_charge(one)}, {hold_words(hold)}", one)
+        for hold, found in answer.estimates.items()
         for one in found
     ]
     return View(
@@ -585,11 +581,7 @@ def flights_view(answer: FlightsAnswer, flights: Flights | None = None) -> View:
             *_estimate_blocks(errors),
             blasts,
             _drawn(answer, f": {spread}" if several else ""),
-            *(
-                [Picture(f"{drawn[0]}.png", partial(drawn[1], flights))]
-                if flights
-                else []
-            ),
+            *([Picture(name, partial(draw, flights))] if flights else []),
             Lines("Definitions and assumptions", notes),
             _warnings(answer),
         ],
@@ -611,9 +603,8 @@ def mission_view(answer: MissionAnswer, flight: MissionFlight, shown: Map) -> Vi
             Column(
                 "reached", lambda one: f"{one.time_s:.2f} s" if one.reached else "no"
             ),
-            _column("closest", "error_m"),
-            _column("path error rms", "path_error_rms_m"),
-            _column("largest", "path_error_max_m"),
+            *_columns(error_m="closest", path_error_rms_m="path error rms"),
+            *_columns(path_error_max_m="largest"),
         ],
         flight.waypoints,
         marked=lambda one: not one.reached,
@@ -622,13 +613,11 @@ def mission_view(answer: MissionAnswer, flight: MissionFlight, shown: Map) -> Vi
     blasts = Table(
         [
             Column("blast", lambda row: _charge(row[0])),
-            _column("arrives", "arrival_s", 0),
+            *_columns(0, arrival_s="arrives"),
             Column("leg to", lambda row: "-" if row[1] is None else f"{row[1]}"),
-            _column("distance", "distance_m", 0),
-            _column("peak", "overpressure_pa", 0),
-            _column("path error before", "error_before_m", 2),
-            _column("peak deviation", "peak_deviation_m", 2),
-            _column("recovery", "recovery_time_s", 2),
+            *_columns(0, distance_m="distance", overpressure_pa="peak"),
+            *_columns(2, error_before_m="path error before"),
+            *_columns(2, peak_deviation_m="peak deviation", recovery_time_s="recovery"),
         ],
         [(met, *one) for met, one in zip(answer.blasts, through, strict=True)],
         caption="" if answer.blasts else "no blasts",
@@ -725,32 +714,39 @@ def _results_of(name: str, answer: FlightsAnswer) -> Column:
     return Column(hold_words(name) + own, cell)
 
 
-def _column(head: str, name: str, part: int | None = None) -> Column:
-    """Return a column of a field of the rows, or of one part of each row."""
+def _columns(part: int | None = None, **heads: str) -> list[Column]:
+    """Return columns of fields of the rows, or of one part of each row, by field."""
 
-    def cell(row: Any) -> str:
-        return printed(name, getattr(row if part is None else row[part], name))
+    def column(name: str, head: str) -> Column:
+        def cell(row: Any) -> str:
+            value = getattr(row if part is None else row[part], name)
+            # a flag of one vehicle, or a share of several, whose column is dropped
+            return "" if value is None else printed(name, value)
 
-    return Column(head, cell)
+        return Column(head, cell)
+
+    return [column(name, head) for name, head in heads.items()]
 
 
-def _estimate_blocks(rows: Sequence[tuple[str, EstimateThrown]]) -> list[Table | Lines]:
+def _estimate_blocks(estimates: Sequence[tuple[str, EstimateThrown]]) -> list[Table]:
     """Return the errors of the estimate; none for flights with the true state."""
-
-    def column(part: str, unit: str) -> Column:
-        names = f"{part}_before{unit}", f"{part}{unit}"
-        return Column(
-            PARTS[part],
-            lambda row: " -> ".join(printed(n, getattr(row[1], n)) for n in names),
-        )
-
-    if not rows:
-        return []
-    first = Column("error of the estimate", lambda row: row[0])
-    units = ("_m", "_m_s", "_rad")
-    columns = [first, *(column(*one) for one in zip(PARTS, units, strict=True))]
-    caption = "Root mean square in the second before each blast -> largest until the "
-    return [Table(columns, rows, caption=caption + "next blast, 10 s at most.")]
+    parts = [*zip(PARTS.items(), ("_m", "_m_s", "_rad"), strict=True)]
+    rows = [
+        (name, words, *(f"{part}{when}{unit}" for when in ("_before", "")), one)
+        for name, one in estimates
+        for (part, words), unit in parts
+    ]
+    columns = [
+        Column("error of the estimate", lambda row: row[0]),
+        Column("", lambda row: row[1]),
+        Column("before", lambda row: printed(row[2], getattr(row[4], row[2]))),
+        Column("after", lambda row: printed(row[3], getattr(row[4], row[3]))),
+    ]
+    caption = (
+        "Before: root mean square in the second before the blast. After: largest until "
+        "the next blast, 10 s at most."
+    )
+    return [Table(columns, rows, caption=caption)] if rows else []
 
 
 def _drawn(answer: FlownAnswer, spread: str = "") -> Facts:
@@ -780,10 +776,11 @@ def printed(name: str, value: Numbers | Share | bool | None, digits: int = 4) ->
     if isinstance(value, Quantiles):
         each = [0.0 if abs(x) < NEGLIGIBLE else x for x in astuple(value)]
         if not all(map(math.isfinite, each)):
-            return ", ".join(printed(name, one, 3) for one in each)
+            words = [printed(name, one, 3) for one in each]
+            return ", ".join(words if len({*words}) > 1 else words[:1])
         unit = unit_for(name, *each)
-        words = ", ".join(significant(one / unit.size, 3) for one in each)
-        return f"{words} {unit.symbol}".rstrip()
+        numbers = ", ".join(significant(one / unit.size, 3) for one in each)
+        return f"{numbers} {unit.symbol}".rstrip()
     if name in FLAGS:
         return f"{100 * value:.4g} %"
     if not math.isfinite(value):

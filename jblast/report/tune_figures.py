@@ -175,8 +175,8 @@ def _events(tuned: Tuned, evidence: EventsEvidence, right: Axes, under: Axes) ->
     brighter, darker = np.asarray(camera_of(tuned.scene).threshold)
     limit = 2.5 * max(brighter, darker)
     for axes, values, bins, title in (
-        (right, changes, np.linspace(-limit, limit, 161), "Changes"),
-        (under, rests, np.linspace(-1.0, 1.0, 81), "Residuals"),
+        (right, changes, np.linspace(-limit, limit, 161).tolist(), "Changes"),
+        (under, rests, np.linspace(-1.0, 1.0, 81).tolist(), "Residuals"),
     ):
         for one, colour in zip(values, COLOURS, strict=True):
             axes.hist(one, bins, color=colour, alpha=0.6)
