@@ -1,39 +1,39 @@
-"""The answer of `jblast bound` on a planned layout."""
+"""The answer of `jblast bound` on a planned layout, and its map."""
 
 import math
-from collections.abc import Mapping, Sequence
+import textwrap
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
-from typing import ClassVar, Literal
+from pathlib import PurePosixPath
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from jblast.inference.design.added_data import AddedDatum
 from jblast.inference.design.cramer_rao import Bound, BoundSummary
+from jblast.inference.design.sensor_map import BoundMap
 from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Spread
 from jblast.quantities import ADDITIVE
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit.document import WORDED, determined_lines
-from jblast.report.fit.terminal import (
-    law_lines,
-    not_identified,
-    quantities_by_law,
-    section,
-)
+from jblast.report.fit.terminal import law_lines, not_identified, quantities_by_law
 from jblast.report.messages import sentences_of
-from jblast.report.words import (
-    aligned,
+from jblast.report.numbers import (
     capitalised,
     finite,
-    hanging,
     joined,
     parameter_words,
     printed_number,
     quantity_words,
     significant,
 )
+from jblast.report.output import Answer
+from jblast.report.view import Column, Lines, Table, Text, View
 from jblast.results import AMONG, Document, Words, among
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SCALED_QUANTITIES = {"air_arrival_s": "the air shock's travel time"}
 """Quantities whose slope in the mass is that of a part of them."""
@@ -47,31 +47,41 @@ FACTOR_FROM = 1.0
 """Standard deviation of ln from which it is printed as a factor, not in per cent."""
 
 
-def bound_text(
-    bound: Bound, plot: str | Path | None = None, *, verbose: bool = False
-) -> str:
-    """Return the parameters that a layout constrains, for the terminal.
+def bound_answer(bound: Bound) -> Answer:
+    """Return the answer on a layout."""
+    view = bound_view(bound)
+    return Answer(BoundAnswer(bound.summary), view, code=bound.exit_code)
 
-    Args:
-        bound: The bound of the layout.
-        plot: File of the map, if it was drawn.
-        verbose: Whether to add the reasons for the laws and their scatter.
-    """
+
+def bound_view(bound: Bound) -> View:
+    """Return the parameters that a layout constrains, and what would help them."""
     found, estimates = bound.summary, _estimates(bound.summary)
-    lines = [*hanging(_title(bound), indent=0), "", *_table(found, estimates)]
-    identified = ["All free parameters are identified."]
-    unknown = not_identified(found, estimates) or identified
-    lines += section("Identifiability", unknown)
-    lines += section("Identified combinations", determined_lines(found.determined))
-    lines += section("Influence of other parameters", _influences(found))
-    lines += data_lines(found.help, found.parameters)
-    lines += section("Warnings", sentences_of(found.warnings))
-    lines += section("Assumptions", _assumptions(bound))
-    if verbose:
-        lines += law_lines(found, bound.plan.parameters.scene.scatter)
-    if plot is not None:
-        lines += ["", f"Map: {plot}"]
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+    columns = [
+        Column("", parameter_words),
+        Column("assumed", lambda name: printed_number(name, found.at[name])),
+        Column("smallest sd", lambda name: shown_sd(name, estimates[name].spread)),
+        Column(
+            "90 % interval",
+            lambda name: printed_estimate(name, estimates[name]).interval,
+        ),
+    ]
+    unknown = not_identified(found, estimates)
+    laws = law_lines(found, bound.plan.parameters.scene.scatter)[2:]
+    return View(
+        _title(bound),
+        [
+            Table(columns, list(estimates), "Parameters"),
+            Lines(
+                "Identifiability", unknown or ["All free parameters are identified."]
+            ),
+            Lines("Identified combinations", determined_lines(found.determined)),
+            Lines("Influence of other parameters", _influences(found)),
+            *_added_table(found),
+            Lines("Warnings", sentences_of(found.warnings)),
+            Lines("Assumptions", _assumptions(bound)),
+            Text("Laws", "\n".join(laws), where="detail"),
+        ],
+    )
 
 
 def _title(bound: Bound) -> str:
@@ -103,21 +113,6 @@ def _estimates(found: BoundSummary) -> dict[str, Estimate]:
         q05, q95 = map(float, ends)
         estimates[name] = Estimate(value, sd, log_sd, q05, value, q95)
     return estimates
-
-
-def _table(found: BoundSummary, estimates: Mapping[str, Estimate]) -> list[str]:
-    rows = [("Parameters", "assumed", "smallest sd", "90 % interval")]
-    for name, estimate in estimates.items():
-        sd = shown_sd(name, estimate.spread)
-        rows.append(
-            (
-                f"  {parameter_words(name)}",
-                printed_number(name, found.at[name]),
-                sd,
-                printed_estimate(name, estimate).interval,
-            )
-        )
-    return aligned(rows)
 
 
 def _assumptions(bound: Bound) -> list[str]:
@@ -167,41 +162,39 @@ def shown_sd(name: str, spread: Spread) -> str:
     return f"{significant(100 * log_sd)} %"
 
 
-def data_lines(
-    data: Sequence[AddedDatum], parameters: Mapping[str, Spread]
-) -> list[str]:
-    """Return a table of the best additional datum of each quantity, the best first.
-
-    Args:
-        data: Data that could be added.
-        parameters: Spread of each parameter without them.
-    """
-    if not data:
-        return []
+def _added_table(found: BoundSummary) -> list[Table]:
+    """Return a table of the best additional datum of each quantity, the best first."""
     best: dict[str, AddedDatum] = {}
-    for datum in data:
+    for datum in found.help:
         # the first datum of a quantity is its best: data are sorted by their gain
         best.setdefault(datum.quantity, datum)
-    target = data[0].parameter
-    now = parameters[target]
-    rows, idle = [], []
-    for datum in sorted(best.values(), key=lambda datum: _width(datum.left))[
-        :MAX_ADDED
-    ]:
+    if not best:
+        return []
+    target = found.help[0].parameter
+    now = found.parameters[target]
+    ranked = sorted(best.values(), key=lambda datum: _width(datum.left))[:MAX_ADDED]
+    rows = []
+    for datum in ranked:
         before = now.sd if math.isnan(datum.left.log_sd) else now.log_sd
         # any finite sd helps a parameter that is not identified yet
         limit = LITTLE_HELP * before if math.isfinite(before) else math.inf
         if _width(datum.left) < limit:
-            rows.append(_row(datum))
-        else:
-            idle.append(quantity_words(datum.quantity))
-    title = f"sd of the {parameter_words(target)} with one more datum"
-    lines = ["", f"{capitalised(title)}, now {shown_sd(target, now)}"]
-    for row in aligned(rows):
-        lines += hanging(row)
-    if idle:
-        lines += hanging(f"No improvement by {joined(idle)}.")
-    return lines
+            rows.append(datum)
+    idle = [quantity_words(one.quantity) for one in ranked if one not in rows]
+    return [
+        Table(
+            [
+                Column("", _datum_words),
+                Column("sd", lambda one: shown_sd(one.parameter, one.left)),
+                # the assumed error decides how much a datum helps
+                Column("error", _error_words),
+            ],
+            rows,
+            f"{capitalised(f'sd of the {parameter_words(target)} with one more datum')}"
+            f", now {shown_sd(target, now)}",
+            caption=f"No improvement by {joined(idle)}." if idle else "",
+        )
+    ]
 
 
 def _width(left: Spread) -> float:
@@ -209,27 +202,25 @@ def _width(left: Spread) -> float:
     return left.width if math.isfinite(left.width) else math.inf
 
 
-def _row(datum: AddedDatum) -> tuple[str, str, str]:
-    quantity = datum.quantity
-    error = (
-        printed_number(quantity, datum.sigma, 2)
-        if quantity in ADDITIVE
-        else f"{100 * datum.sigma:.2g} %"
-    )
-    # the assumed error decides how much a datum helps
-    source = "default" if datum.is_default else "as planned"
+def _datum_words(datum: AddedDatum) -> str:
     place = where(datum)
     # a sensor of the layout is known by its name; a new position needs numbers
     if datum.position is not None and not datum.sensor:
-        east, north, _ = datum.position
-        place = f"at east {east:.4g}, north {north:.4g} m"
+        # in full: coordinates of a map are millions of metres
+        east, north = (
+            f"{x:.0f}" if abs(x) >= 1e3 else f"{x:.4g}" for x in datum.position[:2]
+        )
+        place = f"at east {east}, north {north} m"
     of = f" of {datum.charge}" if datum.charge else ""
-    mark = "" if datum.law_valid else "; law out of range"
-    return (
-        f"{quantity_words(quantity)}{of} {place}",
-        shown_sd(datum.parameter, datum.left),
-        f"(error {error}, {source}{mark})",
-    )
+    return f"{quantity_words(datum.quantity)}{of} {place}"
+
+
+def _error_words(datum: AddedDatum) -> str:
+    error = f"{100 * datum.sigma:.2g} %"
+    if datum.quantity in ADDITIVE:
+        error = printed_number(datum.quantity, datum.sigma, 2)
+    source = "default" if datum.is_default else "as planned"
+    return f"{error}, {source}" + ("" if datum.law_valid else "; law out of range")
 
 
 def where(datum: AddedDatum) -> str:
@@ -276,3 +267,103 @@ class BoundAnswer(Document):
 
     words: ClassVar[Words] = {**WORDED, AddedDatum: _added}
     summary: BoundSummary = field(metadata=AMONG)
+
+
+def bound_figure(drawn: BoundMap) -> "Figure":
+    """Draw the sd of ln mass and of the position over the position of a next sensor."""
+    from jblast.report.figures import MUTED, new_figure, titled
+    from jblast.report.maps import write_names
+
+    panels = []
+    if drawn.log_sd_mass is not None:
+        percent, now = 100.0 * drawn.log_sd_mass, 100.0 * drawn.now["mass"]
+        panels.append((parameter_words(drawn.mass), "", percent, now))
+    if drawn.place_sd is not None:
+        # with one free coordinate the panel shows that coordinate
+        one = len(drawn.place) != 2
+        name = parameter_words(drawn.place[-1]) if one else "position"
+        panels.append((name, "_m", drawn.place_sd, drawn.now["place"]))
+    figure = new_figure(6.2 * len(panels), 6.4)
+    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, (name, unit, values, now) in zip(grid, panels, strict=True):
+        _panel(axes, drawn, values, unit)
+        titled(axes, f"Sd of {name}", f"now {_sd(unit, now, 2)}")
+    records = joined([quantity_words(q) for q in drawn.records])
+    hatched = "" if drawn.valid.all() else " Hatched: outside the range of a law."
+    caption = (
+        f"One more sensor at this position, {drawn.up:g} m up, that records {records} "
+        f"like {drawn.like}. Circles: sensors. Star: charge.{hatched}"
+    )
+    lines = textwrap.wrap(caption, 92 * len(panels))
+    figure.supxlabel("\n".join(lines), fontsize=9, color=MUTED)
+    for axes in grid:
+        write_names(figure, axes, _features(drawn))
+    return figure
+
+
+def _features(drawn: BoundMap) -> list[Any]:
+    from jblast.report.maps import point
+
+    sensors = [
+        point("sensor", name, at, label=name, colour="#ffffff")
+        for name, at in drawn.sensors.items()
+    ]
+    return [*sensors, *(point("charge", "", at) for at in drawn.charges)]
+
+
+def _sd(unit: str, value: float, digits: int = 4) -> str:
+    if not np.isfinite(value):
+        return NOT
+    return printed_number(unit, value, digits) if unit else f"{value:.{digits}g} %"
+
+
+def _panel(axes: "Axes", drawn: BoundMap, values: Any, unit: str) -> None:
+    """Shade an sd, dark where a sensor adds much, with contours at round numbers."""
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+    from matplotlib.ticker import LogLocator, MaxNLocator
+    from matplotlib.transforms import Bbox
+
+    from jblast.report.figures import INK
+    from jblast.report.maps import draw_features
+
+    east, north = drawn.east, drawn.north
+    view = Bbox([[east[0], north[0]], [east[-1], north[-1]]])
+    draw_features(axes, _features(drawn), view)
+    axes.grid(False)  # its lines would look like contours
+    if not np.isfinite(values).any():
+        axes.text(
+            0.5, 0.03, f"{NOT} at any position", transform=axes.transAxes, ha="center"
+        )
+    else:
+        values = np.ma.masked_invalid(values)
+        # quantiles: near the charge and far off a few values would take the whole scale
+        low, high = np.quantile(values.compressed(), [0.005, 0.995])
+        norm = LogNorm(low, max(high, 1.001 * low))
+        shades = LinearSegmentedColormap.from_list(
+            "paper", ["#3d84b8", "#b7d4e8", "#fff"]
+        )
+        axes.pcolormesh(
+            east, north, values, norm=norm, cmap=shades, shading="gouraud", zorder=0
+        )
+        # below a factor of 2.5 there are only two or three of the round numbers
+        near = high < 2.5 * low
+        locator = (
+            MaxNLocator(6)
+            if near
+            else LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0), numticks=6)
+        )
+        levels = [
+            level for level in locator.tick_values(low, high) if low < level < high
+        ]
+        if levels and high > 1.01 * low:
+            lines = axes.contour(
+                east, north, values, levels, colors=INK, linewidths=0.8
+            )
+            axes.clabel(lines, fmt=lambda level: _sd(unit, level), fontsize=9)
+    if not drawn.valid.all():
+        # hatched, not hidden: the bound there rests on an extrapolated law
+        outside = (~drawn.valid).astype(float)
+        hatched = axes.contourf(
+            east, north, outside, levels=[0.5, 1.5], colors="none", hatches=["//"]
+        )
+        hatched.set(edgecolor="#c4c4c4", linewidth=0.0)

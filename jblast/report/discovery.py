@@ -17,9 +17,9 @@ from jblast.discovery.discover import (
     Replay,
 )
 from jblast.discovery.law_search import LawSearch, certain
+from jblast.report.numbers import joined, significant
 from jblast.report.output import PROBLEM, Answer
 from jblast.report.view import Block, Column, Lines, Picture, Table, View
-from jblast.report.words import joined, significant
 from jblast.results import Document, filled
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 
 from jblast.files import replacing
 
@@ -279,19 +280,19 @@ def place_names(
     for text in texts:
         text.set_in_layout(False)
     marks = points if avoid is None else np.concatenate([points, avoid])
-    # corners of a box about each marker, which has a diameter of up to 14 points
-    corners = DPI / 72 * 7.0 * np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]])
-    corners = axes.transData.transform(marks)[:, None] + corners
-    x, y = axes.transData.inverted().transform(corners.reshape(-1, 2)).T
+    # a box about each marker, which has a diameter of up to 14 points
+    half = 7.0 * DPI / 72
+    pixels = axes.transData.transform(marks)
+    to_data = axes.transData.inverted().transform
+    boxes = [Bbox(to_data([at - half, at + half])) for at in pixels]
     # a number of steps, not a time: the same figure each time it is drawn
     line = {"arrowstyle": "-", "color": MUTED, "linewidth": 0.6}
     adjust_text(
         texts,
         ax=axes,
         iter_lim=MOVES,
-        x=x,
-        y=y,
-        expand=(1.2, 1.35),
+        objects=boxes,
+        expand=(1.05, 1.1),
         arrowprops=line,
         min_arrow_len=20,
     )

@@ -30,7 +30,7 @@ from jblast.report.figures import (
     quiet,
     titled,
 )
-from jblast.report.words import unit_for
+from jblast.report.numbers import unit_for
 from jblast.results import plain
 
 Ring = Float[np.ndarray, "corner axis"]
@@ -218,7 +218,7 @@ def map_figure(shown: Map) -> Figure:
         title="\n".join(lines), title_fontproperties={"size": 9},
     )  # fmt: skip
     legend.get_title().set(color=MUTED, multialignment="center")
-    _write_names(figure, grid[0], first, views[0])
+    write_names(figure, grid[0], first)
     return figure
 
 
@@ -262,12 +262,10 @@ def draw_features(axes: Axes, features: Sequence[Feature], view: Bbox) -> None:
             _write_on_outline(axes, feature, view)
 
 
-def _write_names(
-    figure: Figure, axes: Axes, features: Sequence[Feature], view: Bbox
-) -> None:
-    """Write the labels of points, after all else is drawn."""
+def write_names(figure: Figure, axes: Axes, features: Sequence[Feature]) -> None:
+    """Write the labels of points in view, after all else is drawn."""
     points = [f for f in features if f.layer.geometry == "Point"]
-    named = [f for f in points if f.label and view.contains(*f.places[0])]
+    named = [f for f in points if f.label and axes.viewLim.contains(*f.places[0])]
     if len(named) > MAX_NAMES:
         named = [f for f in named if f.layer.colour == VERMILLION]
     if named:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jblast.report.design import bound_text
+from jblast.report.design import bound_view
+from jblast.report.view import terminal
 from jblast.scene import Air, Charge, Free, LogNormal, Scene, Sensor, UncertainScene
 
 RING = {"a": (60.0, 0.0), "b": (-70.0, 30.0), "c": (0.0, 90.0), "d": (20.0, -80.0)}
@@ -37,7 +38,7 @@ def scene_of(beliefs, places, records=ARRIVAL, law=(), scatter=False, mass=10.0)
 
 def sentences(found):
     """The text for the terminal on one line, its columns checked."""
-    text = bound_text(found)
+    text = terminal(bound_view(found))
     assert max(map(len, text.splitlines())) <= 96
     return " ".join(text.split())
 

@@ -72,7 +72,7 @@ def test_text_and_map_say_the_same_and_fit_the_terminal(jblast, tmp_path):
     assert "Bound of plan.toml: 4 planned recordings of 2 sensors" in out
     assert "15 kg" in out  # the prior's median
     assert "Sd of the charge mass with one more datum, now" in out
-    assert f"Map: {jblast.path('map.svg')}" in out
+    assert f"Written: {jblast.path('map.svg')}" in out
     assert "</svg>" in jblast.text("map.svg")
     refusal = jblast.refused("bound", scene, "--map", jblast.path("map.svg"))
     assert "exists already" in refusal
