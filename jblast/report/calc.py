@@ -521,43 +521,37 @@ def _values(name: str, values: Sequence[float], system: System) -> str:
 
 def header(question: Question) -> list[tuple[str, str]]:
     """Return the inputs as pairs of label and text."""
-    given, defaults, system = inputs(question), question.defaults, question.units
-    charge, facts = question.scene.charge, []
+    given, system = inputs(question), question.units
 
-    def default(name: str, what: str = "") -> str:
-        words = f"default: {what}" if what else "default"
-        return f" ({words})" if name in defaults else ""
+    def default(name: str, text: str = "default") -> str:
+        return f" ({text})" * (name in question.defaults)
 
-    # both factors of TNT are 1: the line would only repeat the mass
-    if charge.explosive != "TNT":
-        factor = given.tnt_factor
-        text = f"{factor.pressure:g} for pressure and time, "
-        text += f"{factor.impulse:g} for impulse and duration, times the mass"
-        facts.append(("as TNT", text))
-    if given.scaled_distance_m_kg13 is not None:
-        metre, kilogram = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
-        # Z is a length over the cube root of a mass, so both units convert it
-        scale = kilogram.size ** (1 / 3) / metre.size
-        z = _span(given.scaled_distance_m_kg13, scale)
-        facts.append(("scaled distance", f"{z} {metre.symbol}/{kilogram.symbol}^(1/3)"))
-        radius = _span(given.charge_radius_m, 1.0 / metre.size)
-        text = f"{radius} {metre.symbol} (TNT at 1630 kg/m3)"
-        facts.append(("charge radius", text))
-        if charge.burst == "surface":
-            text = " times this mass in free air gives the same pressure"
-            facts.append(("ground factor", _span(given.ground_factor) + text))
-    height = given.height_m
-    at_height = _shown("_m", abs(height), system)
-    at_height += " above ground" if height > 0 else " deep"
-    burst = charge.burst or "by the height of burst, for each range"
-    burst += default("burst") + (f", {at_height}" if height else "")
+    metre, kilogram = (unit_for(name, 1.0, system=system) for name in ("_m", "_kg"))
+    # Z is a length over the cube root of a mass, so both units convert it
+    z = _span(given.scaled_distance_m_kg13, kilogram.size ** (1 / 3) / metre.size)
+    radius = _span(given.charge_radius_m, 1.0 / metre.size)
+    factor, height = given.tnt_factor, given.height_m
+    tnt = f"{factor.pressure:g} for pressure and time, {factor.impulse:g} for impulse "
+    tnt += "and duration, times the mass"
+    ratio = f"{_span(given.ground_factor)} times this mass in free air gives the same "
+    ratio += "pressure"
+    burst = question.scene.charge.burst or "by the height of burst, for each range"
+    burst += default("burst")
+    if height:
+        at = printed_number("_m", abs(height), system=system)
+        burst += f", {at} {'above ground' if height > 0 else 'deep'}"
     ground = f"P wave {printed_number('_m_s', given.p_speed_m_s, system=system)}"
-    return [
-        *facts,
-        ("burst", burst),
-        ("air", _air(given, system) + default("air", "at sea level")),
-        ("ground", ground + default("ground", "granite")),
-    ]
+    facts = {
+        # both factors of TNT are 1: the line would only repeat the mass
+        "as TNT": tnt if given.explosive != "TNT" else "",
+        "scaled distance": z and f"{z} {metre.symbol}/{kilogram.symbol}^(1/3)",
+        "charge radius": z and f"{radius} {metre.symbol} (TNT at 1630 kg/m3)",
+        "ground factor": z and ratio if given.burst == "surface" else "",
+        "burst": burst,
+        "air": _air(given, system) + default("air", "default: at sea level"),
+        "ground": ground + default("ground", "default: granite"),
+    }
+    return [(name, text) for name, text in facts.items() if text]
 
 
 def _air(given: "Inputs", system: System) -> str:
@@ -578,6 +572,8 @@ def _air(given: "Inputs", system: System) -> str:
 
 
 def _span(numbers: Any, scale: float = 1.0) -> str:
+    if numbers is None:
+        return ""
     values = scale * np.atleast_1d(numbers)
     low, high = f"{values.min():.4g}", f"{values.max():.4g}"
     # rows that agree to four digits are printed as one number

@@ -304,6 +304,7 @@ def behind(start: str, text: str) -> list[str]:
         initial_indent=start,
         subsequent_indent=" " * len(start),
         break_on_hyphens=False,
+        break_long_words=False,
     )
     return [line.replace("\xa0", " ") for line in lines] or [start]
 

@@ -147,3 +147,10 @@ def test_csv_reads_back_whatever_a_cell_contains():
     assert list(csv.reader(text.splitlines(keepends=True)))[1] == rows[1]
     assert "\r" not in text
     assert comma_separated([["a"], [None]]) == 'a\n""\n'
+
+
+def test_a_word_at_the_right_margin_is_not_broken():
+    wide, word = "x" * 90, "extrapolated"
+    cells = [Column("", lambda row: row[0]), Column("", lambda row: row[1])]
+    text = terminal(View("Title", [Table(cells, [(wide, word)])]))
+    assert f"{wide}  {word}\n" in text

@@ -23,11 +23,11 @@ def run(options: argparse.Namespace) -> int:
     """Write the scene and return the exit code."""
     from jblast.cli.jax_start import start_jax
 
+    if options.out:
+        refuse_existing(options.out, force=options.force)
     start_jax(quick=True)
     from jblast.observations import read, starter_scene
 
-    if options.out:
-        refuse_existing(options.out, force=options.force)
     text = starter_scene(read(options.observations, **reading_options(options)))
     if options.out:
         save_text(text, options.out)
