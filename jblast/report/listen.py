@@ -14,8 +14,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError
+from jblast.registry import law_words
+from jblast.report.numbers import printed_number, split_name, unit_for
 from jblast.report.view import Column, Lines, Picture, Table, View
-from jblast.report.words import law_words, printed_number, split_name, unit_for
 from jblast.results import ABSENT, AMONG, Document, filled
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.listening import Listening

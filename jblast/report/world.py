@@ -30,13 +30,9 @@ from jblast.report.listen import (
     recordings_answer,
     sensors_table,
 )
+from jblast.report.numbers import capitalised, parameter_words, printed_number
 from jblast.report.provenance import provenance_of
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
-from jblast.report.words import (
-    capitalised,
-    parameter_words,
-    printed_number,
-)
 from jblast.results import Document, entries, filled, restored
 from jblast.scene import Scene
 from jblast.study.flight_results import Flights

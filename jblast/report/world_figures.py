@@ -26,8 +26,8 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.report.listen import pictures, read_samples, read_table
+from jblast.report.numbers import split_name, unit_for
 from jblast.report.view import Picture
-from jblast.report.words import split_name, unit_for
 from jblast.report.world import ShotFit, WorldAnswer
 from jblast.scene import Scene
 from jblast.scene.sensor_kinds import SENSOR_KINDS
