@@ -9,13 +9,15 @@ import csv
 import io
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from jblast.errors import InputError, argument
 
+Content = str | bytes | Callable[[Path], object]
+"""Content of a file: text, bytes, or a function that writes to a path."""
 NAMED_AFTER = 40
 """Characters of a file's name in that of its temporary file: names have limits, often
 255 bytes."""
@@ -155,14 +157,20 @@ def writing(path: str | os.PathLike[str]) -> Iterator[None]:
         ) from None
 
 
-def save_text(text: str, path: str | os.PathLike[str]) -> None:
-    """Write text.
+def save(path: str | os.PathLike[str], content: Content) -> None:
+    """Write a file completely or not at all, and make its folder.
 
     Raises:
-        InputError: It cannot be written.
+        InputError: The file cannot be written.
     """
     with writing(path):
-        write_text(path, text)
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, str | bytes):
+            data = content.encode() if isinstance(content, str) else content
+            write_bytes(path, data)
+        else:
+            with replacing(path) as temporary:
+                content(temporary)
 
 
 def check_log_paths(paths: Iterable[str | os.PathLike[str]]) -> None:

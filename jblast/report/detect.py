@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from jblast.files import Content
 from jblast.observations import Observations
 from jblast.observations.log_io import log_text
 from jblast.observations.records.sound import write_sound
 from jblast.report.numbers import joined
-from jblast.report.output import NOT_FOUND, Answer, Content
+from jblast.report.output import NOT_FOUND, Answer
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
 from jblast.results import AMONG, Document, among, filled
 from jblast.signals.arrival_log import (

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jblast.files import replacing, write_bytes, writing
+from jblast.files import Content, save, writing
 from jblast.progress import clear
 from jblast.report.view import Picture, View, terminal
 from jblast.results import Document
@@ -26,8 +26,6 @@ PROBLEM = 4
 NOT_FOUND = 3
 """Exit code of a search that found nothing."""
 PAGE = "report.html"
-Content = str | bytes | Callable[[Path], object]
-"""Content of a file: text, bytes, or a function that writes to a path."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ def deliver(
     written: list[str] = []
     try:
         for path, content in answer.saved.items():
-            write(Path(path), content)
+            save(Path(path), content)
         if folder:
             written = write_answer(answer, Path(folder), options.verb, names=names)
     finally:
@@ -119,22 +117,22 @@ def write_answer(
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        write(folder / f"{name}.json", answer.document.to_json())
+        save(folder / f"{name}.json", answer.document.to_json())
         written = [f"{name}.json"]
         for file, content in answer.files.items():
             if content is not None:
-                write(folder / file, content)
+                save(folder / file, content)
             written.append(file)
         pictures = [b for b in answer.view.blocks if isinstance(b, Picture)]
         drawn = {}
         for one in pictures:
             if (made := draw(one)) is not None:
-                write(folder / one.name, made)
+                save(folder / one.name, made)
                 drawn[one.name] = made
         # imported here, as a template takes a tenth of a second to load
         from jblast.report.page import page
 
-        write(folder / PAGE, page(answer.view, drawn))
+        save(folder / PAGE, page(answer.view, drawn))
         written += [*drawn, PAGE]
         for old in set(names) - set(written):
             (folder / old).unlink(missing_ok=True)
@@ -165,19 +163,3 @@ def figure_file(draw: "Callable[[], Figure]", path: str) -> bytes:
     from jblast.report.figures import figure_bytes
 
     return figure_bytes(draw(), Path(path).suffix[1:].lower())
-
-
-def write(path: Path, content: Content) -> None:
-    """Write a file completely or not at all.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
-    with writing(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if isinstance(content, str | bytes):
-            data = content.encode() if isinstance(content, str) else content
-            write_bytes(path, data)
-        else:
-            with replacing(path) as temporary:
-                content(temporary)

@@ -26,3 +26,5 @@ from jblast.report.view import (
     commented as commented,
     hanging as hanging,
 )
+
+GAP = 2

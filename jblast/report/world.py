@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jblast.errors import InputError, argument
-from jblast.files import check_out, save_text
+from jblast.files import check_out, save
 from jblast.inference import Fit, fit_each
 from jblast.inference.fitting.summary import Estimate
 from jblast.observations import read
@@ -225,7 +225,7 @@ def run_world(
         if isinstance(flown, MissionFlight)
         else None,
     )
-    save_text(document.to_json(), directory / RUN)
+    save(directory / RUN, document.to_json())
     return filled(WorldRun, recorded, document=document)
 
 

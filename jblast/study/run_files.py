@@ -17,7 +17,7 @@ from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
-from jblast.files import save_text, table_text, write_text, writing
+from jblast.files import save, table_text, write_text, writing
 from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.results import AMONG
@@ -305,10 +305,10 @@ class RunWriter:
         stale = [directory / name for name in (READINGS, FLIGHT, DETECTIONS)]
         for file in (*stale, *directory.glob("imu*.csv")):
             file.unlink(missing_ok=True)
-        save_text(blasts_csv(run.world, head), directory / BLASTS)
-        save_text(_perceived_csv(run.perceived, head), directory / PERCEIVED)
+        save(directory / BLASTS, blasts_csv(run.world, head))
+        save(directory / PERCEIVED, _perceived_csv(run.perceived, head))
         if run.flown is not None:
-            save_text(flight_csv(run.flown), directory / FLIGHT)
+            save(directory / FLIGHT, flight_csv(run.flown))
         self.records: list[RecordWriter] = []
         if run.listening is not None:
             self._comments = record_comments(
@@ -341,7 +341,7 @@ class RunWriter:
             write_text(self.directory / SOUND / TRUTH, table)
         if self.detections:
             table = _detections_csv(self.detections, run_comments(self._run.world))
-            save_text(table, self.directory / DETECTIONS)
+            save(self.directory / DETECTIONS, table)
         if self._film is not None:
             self.film = self._film.finish()
 
@@ -441,7 +441,7 @@ def _write_imus(
         ]
         cells = ([f"{x:.9g}" for x in row] for row in rows.tolist())
         table = table_text([["time_s", *columns], *cells], comments)
-        save_text(table, directory / file)
+        save(directory / file, table)
         entries[name] = ImuWritten(file, rate, len(rows), record.clipped)
         if record.row_s > 1.5 / rate:
             notes.append(

@@ -62,7 +62,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import chain
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jblast.cli.arguments.options import check_figure
@@ -103,8 +102,9 @@ def run(options: argparse.Namespace) -> int:
     _check_options(options, given, measured)
     # a calculation compiles for longer than it computes
     start_jax(quick=True)
+    from jblast.files import save
     from jblast.report.calc import Calc
-    from jblast.report.output import Answer, deliver, figure_file, write
+    from jblast.report.output import Answer, deliver, figure_file
     from jblast.report.view import View
 
     question = question_of(options)
@@ -118,7 +118,7 @@ def run(options: argparse.Namespace) -> int:
     if options.csv:
         sys.stdout.write(calculation.csv())
         for file, content in saved.items():
-            write(Path(file), content)
+            save(file, content)
         return calculation.code
     is_text = not options.json
     view = calculation.view(all_laws=options.all_laws) if is_text else View("")

@@ -26,7 +26,7 @@ import argparse
 import sys
 
 from jblast.errors import InputError
-from jblast.files import refuse_existing, save_text
+from jblast.files import refuse_existing, save
 
 
 def run(options: argparse.Namespace) -> int:
@@ -48,6 +48,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         radius, turns = (*options.orbit, 1.0)[:2]
         plan = orbit_plan(home, radius_m=radius, turns=turns, **common)
-    save_text(plan_text(plan, options.out), options.out)
+    save(options.out, plan_text(plan, options.out))
     sys.stdout.write(f"wrote {options.out}: {len(plan.items)} items\n")
     return 0

@@ -16,7 +16,7 @@ import argparse
 import sys
 
 from jblast.cli.arguments.options import reading_options, reading_words
-from jblast.files import refuse_existing, save_text
+from jblast.files import refuse_existing, save
 
 
 def run(options: argparse.Namespace) -> int:
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
 
     text = starter_scene(read(options.observations, **reading_options(options)))
     if options.out:
-        save_text(text, options.out)
+        save(options.out, text)
         fit = f"jblast fit {options.observations} --scene {options.out}"
         # Options of reading are repeated, as the log itself is not changed.
         again = reading_words(options)
