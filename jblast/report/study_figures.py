@@ -113,7 +113,8 @@ def response_figure(columns: StudyColumns, limits: Limits = ()) -> Figure:
             masks = ((across.at == place) & own for place in range(across.values.size))
             found = [lane.statistics(mask) for mask in masks]
             rows = [[one[key] for key in ESTIMATE[lane.kind]] for one in found]
-            band(axes, across.values, *np.array(rows).T, n, words)
+            middle, low, high = np.array(rows).T
+            band(axes, across.values, middle, low, high, n, words)
             axes.lines[-1].set(marker=MARKERS[n], markersize=4)
         number = lanes[0].kind == "number"
         titled(axes, lanes[0].name, "90 % of samples" if number else "90 % intervals")
@@ -259,7 +260,7 @@ def sensitivity_figure(columns: StudyColumns, shares: Sequence[Shares]) -> Figur
             most = max(most, 1.05 * ends.max())
         axes.barh(len(place), one.rest, 0.34, color=MUTED, label="not explained")
         names = [number.name for number in one.numbers]
-        axes.set_yticks([*place, len(place)], [*names, rest_name(columns, one)])
+        axes.set_yticks(np.arange(len(names) + 1), [*names, rest_name(columns, one)])
         # barh counts from below; the first parameter belongs at the top
         axes.invert_yaxis()
         axes.set_xlim(0, most)
@@ -284,7 +285,8 @@ def convergence_figure(columns: StudyColumns) -> Figure:
                 (one["mean"], NORMAL_Q95 * one["standard_error"]) for one in course
             ]
             rows = [(mean, mean - half, mean + half) for mean, half in pairs]
-        band(axes, [total(found) for found in course], *np.array(rows).T, 0)
+        middle, low, high = np.array(rows).T
+        band(axes, [total(found) for found in course], middle, low, high, 0)
         axes.axhline(rows[-1][0], color=MUTED, linewidth=0.8, linestyle=":")
         titled(axes, lane.title, "90 % intervals")
         axes.set_xscale("log")

@@ -23,6 +23,7 @@ from jblast.study.file import study_from_text
 from jblast.study.sampling.run import scenes_of
 from jblast.study.statistics import (
     Moments,
+    QuantileSketch,
     bin_edges,
     blocks,
     empty_moments,
@@ -33,6 +34,7 @@ from jblast.study.statistics import (
     merge_shares,
     moments_of,
     share_of,
+    sketch_quantiles,
 )
 
 if TYPE_CHECKING:
@@ -92,13 +94,18 @@ class Lane(ABC):
         """Return the results of `finished`, for numbers with `QUANTILES`."""
         found = self.finished(self.state(which))
         if self.kind == "number":
-            values, counts = self.distribution(which)
-            at = np.full(len(QUANTILES), math.nan)
-            if len(values):
-                shares = list(QUANTILES.values())
-                at = np.quantile(values, shares, weights=counts, method="inverted_cdf")
+            at = self.quantiles(which, np.array([*QUANTILES.values()]))
             found |= dict(zip(QUANTILES, map(float, at), strict=True))
         return found
+
+    def quantiles(
+        self, which: Which, shares: Float[np.ndarray, " quantile"]
+    ) -> Float[np.ndarray, " quantile"]:
+        """Return quantiles of the distribution; NaN without values."""
+        values, counts = self.distribution(which)
+        if not len(values):
+            return np.full(len(shares), math.nan)
+        return np.quantile(values, shares, weights=counts, method="inverted_cdf")
 
     def finished(self, state: State) -> dict[str, Any]:
         """Return `finish_share` or `finish_moments` of a state, as plain numbers."""
@@ -153,6 +160,16 @@ class CountedLane(Lane):
         parts = [np.asarray(part)[which] for part in state]
         first, *others = (type(state)(*one) for one in zip(*parts, strict=True))
         return fold(first, others, merge)
+
+    def quantiles(
+        self, which: Which, shares: Float[np.ndarray, " quantile"]
+    ) -> Float[np.ndarray, " quantile"]:
+        """Return quantiles, for a single cell interpolated within its bins."""
+        sketch = QuantileSketch(*(np.asarray(x)[which] for x in self.cells.sketch))
+        if len(sketch.origin) > 1:
+            return super().quantiles(which, shares)
+        found: Moments = self.state(which)
+        return sketch_quantiles(sketch, shares, found.minimum, found.maximum)[:, 0]
 
     def distribution(self, which: Which = ALL):
         """Return the middles of the bins of some cells, and their counts."""
