@@ -20,7 +20,7 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.report.maps import Feature, Map, point
-from jblast.report.words import printed_number, unit_for
+from jblast.report.numbers import printed_number, unit_for
 from jblast.study.flight_results import (
     Flights,
     flies_on,

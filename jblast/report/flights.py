@@ -14,6 +14,13 @@ from jblast.missions.mission import geodetic
 from jblast.quantities import QUANTITIES
 from jblast.report.flight_figures import distribution_figure, mission_map, time_figure
 from jblast.report.maps import Map, map_figure, map_files
+from jblast.report.numbers import (
+    capitalised,
+    parameter_words,
+    printed_number,
+    significant,
+    unit_for,
+)
 from jblast.report.output import PROBLEM, Answer
 from jblast.report.view import (
     Column,
@@ -22,13 +29,6 @@ from jblast.report.view import (
     Picture,
     Table,
     View,
-)
-from jblast.report.words import (
-    capitalised,
-    parameter_words,
-    printed_number,
-    significant,
-    unit_for,
 )
 from jblast.results import ABSENT, Document, among, filled
 from jblast.study.flight_results import (
@@ -630,7 +630,7 @@ def mission_view(answer: MissionAnswer, flight: MissionFlight, shown: Map) -> Vi
         f"error stays within {tolerance}."
     )
     return View(
-        f"{answer.vehicle.capitalize()} on {answer.mission} {_steps(answer)}:",
+        f"{answer.vehicle.capitalize()} on {answer.mission} {_steps(answer)}",
         [
             waypoints,
             blasts,

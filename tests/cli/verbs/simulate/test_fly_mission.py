@@ -34,10 +34,11 @@ def test_a_mission_is_flown_from_ground_to_ground_and_told(jblast):
     options = ("--out", jblast.path("out"), "--plan-out", jblast.path("b.plan"))
     code, out, err = jblast("fly", scene(jblast), *options, "--debug")
     assert (code, err) == (0, ""), err
-    first, second, *_ = out.splitlines()
-    assert first.startswith("Crazyflie on ")
-    assert "landed, disarmed after" in second
-    assert "4 of 4 waypoints reached" in second
+    assert out.startswith("Crazyflie on ")
+    # the lines of the head depend on the length of the plan's path
+    head = " ".join(out.partition("\n\n")[0].split())
+    assert "landed, disarmed after" in head
+    assert "4 of 4 waypoints reached" in head
     document = json.loads(jblast.text("out/fly.json"), parse_constant=pytest.fail)
     Draft202012Validator(schema("fly_mission")).validate(document)
     points = document["waypoints"]
