@@ -20,6 +20,7 @@ from jblast.results import (
     among,
     described,
     entries,
+    restored,
     schema_of,
 )
 
@@ -81,6 +82,33 @@ def test_entries_are_renamed_selected_merged_worded_and_left_out():
     assert BARE.to_dict() == {"schema": 1, "start_s": 1.0, "remarks": []}
     assert json.loads(FULL.to_json()) == FULL.to_dict()
     assert entries(FULL)["remarks"] == [{"code": 4}]
+
+
+@dataclass(frozen=True)
+class Run(Document):
+    """A run, without words.
+
+    Attributes:
+        time_s: When.
+        places: Readings by place, or their number.
+        last: The last reading.
+        others: Further numbers.
+    """
+
+    time_s: float
+    places: Mapping[str, Reading | int]
+    last: tuple[float, float] | None
+    others: Mapping[str, float] = field(metadata=AMONG)
+
+
+def test_a_result_is_restored_from_its_entries():
+    places = {"a": Reading(2.0, 0.1, 7), "b": 3}
+    for last in (None, (1.0, 2.0)):
+        run = Run(1.5, places, last, {"x": 4.0})
+        again = restored(Run, json.loads(run.to_json()))
+        assert again == run
+    lost = restored(Run, Run(math.nan, {}, None, {}).to_dict())
+    assert math.isnan(lost.time_s)
 
 
 def test_the_schema_takes_these_entries_and_no_others():

@@ -14,18 +14,16 @@ from matplotlib.figure import Figure
 from jblast.inference import Fit
 from jblast.inference.fitting.place import charge_ellipse
 from jblast.report.figures import (
-    BLUE,
     COLOURS,
     INK,
     MUTED,
-    VERMILLION,
     envelope,
     new_figure,
-    place_names,
     quiet,
     titled,
 )
 from jblast.report.listen import pictures, read_samples, read_table
+from jblast.report.maps import Feature, Map, map_figure, point
 from jblast.report.numbers import split_name, unit_for
 from jblast.report.view import Picture
 from jblast.report.world import ShotFit, WorldAnswer
@@ -55,16 +53,15 @@ def run_pictures(
             "Dashed: a blast.",
             "Flight, samples and camera events against time on one axis.",
         )
-    path = None
-    if document.flight or document.mission:
-        path = read_table(directory / FLIGHT)[["east_m", "north_m"]].to_numpy()
-    yield Picture(
-        "map.png",
-        partial(map_figure, document, scene, path, fits),
-        "Map",
-        "Seen from above; north is up. Triangles: sensors.",
-        "Map of blasts, sensors and the vehicle's path.",
-    )
+    features = [*_features(document, directory, scene, fits)]
+    if features:
+        yield Picture(
+            "map.png",
+            lambda: map_figure(Map(features)),
+            "Map",
+            "Dashed: 90 % ellipse of a fit." if fits else "",
+            "Map of blasts, sensors and the vehicle's path.",
+        )
     if document.sound is not None:
         yield from pictures(document.sound, directory / SOUND)
     sheet = directory / FILM / "contact_sheet.png"
@@ -165,57 +162,27 @@ def timeline_figure(document: WorldAnswer, rows: Sequence[Plot]) -> Figure:
     return figure
 
 
-def map_figure(
-    document: WorldAnswer,
-    scene: Scene,
-    path: Float[np.ndarray, "row 2"] | None,
-    fits: Sequence[ShotFit],
-) -> Figure:
-    """Draw all positions; the diameter of a blast's marker grows with its mass.
-
-    Args:
-        document: The answer on the run.
-        scene: The scene with its sensors.
-        path: Path of the vehicle: east, north.
-        fits: Fits whose 90 % ellipses are drawn.
-    """
-    figure = new_figure(7.2, 6.4)
-    axes = figure.subplots()
-    quiet(axes)
-    names: list[tuple[str, Any, str]] = [
-        (sensor.name, np.asarray(sensor.position_m)[:2], INK)
-        for sensor in scene.sensors
-        if not sensor.mount
-    ]
+def _features(
+    document: WorldAnswer, directory: Path, scene: Scene, fits: Sequence[ShotFit]
+) -> Iterator[Feature]:
+    """Yield sensors, blasts, the vehicle's path and 90 % ellipses of fits."""
+    for sensor in scene.sensors:
+        if not sensor.mount and np.isfinite(sensor.position_m).all():
+            yield point("sensor", sensor.name, sensor.position_m, label=sensor.name)
     if scene.camera is not None and not scene.camera.mount:
-        names.append(("camera", np.asarray(scene.camera.position)[:2], INK))
-    for _, place, _ in names:
-        axes.plot(*place, "^", color=INK, markersize=6)
-    if path is not None:
-        axes.plot(*path.T, color=BLUE, linewidth=1.4, label="path of the vehicle")
+        yield point("camera", "camera", scene.camera.position, label="camera")
+    if document.flight or document.mission:
+        table = read_table(directory / FLIGHT)
+        path = table[["east_m", "north_m", "up_m"]].dropna().to_numpy()
+        yield Feature("flown", "vehicle", [[path]])
     for blast in document.blasts:
-        place = np.array(blast.position_m[:2])
-        # lengths of a blast grow with the cube root of the mass (Hopkinson-Cranz)
-        size = min(5.0 + 4.0 * blast.mass_kg ** (1.0 / 3.0), 24.0)
-        axes.plot(*place, "o", color=VERMILLION, markersize=size, alpha=0.75)
         words = f"{blast.shot}: {blast.mass_kg:.3g} kg, {blast.time_s:.2f} s"
-        names.append((words, place, VERMILLION))
-    label: str | None = "90 % ellipse of the fit"
+        yield point("blast", blast.shot, blast.position_m, label=words)
     for one in fits:
         ellipse = charge_ellipse(one.found) if isinstance(one.found, Fit) else None
         if ellipse is not None:
-            rim = ellipse.outline()
-            axes.fill(*rim.T, fill=False, edgecolor=MUTED, linewidth=1.3, label=label)
-            label = None
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.12)
-    axes.set(xlabel="east [m]", ylabel="north [m]")
-    if axes.get_legend_handles_labels()[1]:
-        axes.legend(frameon=False, fontsize=9, labelcolor=MUTED, loc="best")
-    words, places, colours = zip(*names, strict=True) if names else ((), (), ())
-    figure.draw_without_rendering()
-    place_names(axes, words, np.array(places).reshape(-1, 2), colours, longest=40)
-    return figure
+            rim = [[ellipse.outline()]]
+            yield Feature("ellipse", f"fit of {one.blast.shot}", rim, dashed=True)
 
 
 def _sheet_figure(sheet: Path) -> Figure:
