@@ -193,16 +193,16 @@ def listen_view(recordings: Recordings, directory: Path) -> View:
     sensors = recordings.sensors
     several = max((len(one.blasts or ()) for one in sensors.values()), default=0)
     count = "1 sensor" if len(sensors) == 1 else f"{len(sensors)} sensors"
-    span = f"{recordings.seconds:g} s each, from 0 on the sensor's own clock"
-    title = f"Records of {count}, {several or 1} blast{'s' if several else ''}: {span}"
+    blasts = f"{several or 1} blast{'s' if several > 1 else ''}"
     notes = [note.removeprefix("note: ") for note in recordings.warnings]
     return View(
-        title,
+        f"Records of {count}, {blasts}",
         [
             sensors_table(recordings),
             Lines("Notes", notes),
             *pictures(recordings, directory),
         ],
+        subtitle=f"{recordings.seconds:g} s each, from 0 on the sensor's own clock",
         footer="SIMULATED, not measured.",
     )
 

@@ -70,7 +70,7 @@ def test_a_broken_file_is_named(tmp_path, recordings):
 def test_text_and_page_have_the_records(tmp_path, recordings):
     view = listen_view(recordings, tmp_path)
     text = terminal(view)
-    assert text.startswith("Records of 2 sensors, 1 blast: 65.6 s each")
+    assert text.startswith("Records of 2 sensors, 1 blast\n65.6 s each, from 0")
     assert "mic <b>  microphone  mic.wav" in text
     assert "never  500 ms  2 kPa" in text
     assert "a note" in text

@@ -1,8 +1,4 @@
-"""A run's packets as a ROS 2 bag, read back by two other libraries.
-
-rosbags reads MCAP and CDR with code of its own; `mcap_ros2.decoder` is what Foxglove's
-Python tools use.
-"""
+"""A run's packets as a ROS 2 bag, read back by rosbags, which has code of its own."""
 
 import io
 import json
@@ -11,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 from PIL import Image
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
@@ -445,21 +440,6 @@ def test_blasts_perceptions_and_detections_are_shown_logged_and_recorded(bag):
     }
     assert rows[3]["true_s"] == 0.63
     assert "true_s" not in rows[4]
-
-
-def test_the_decoder_of_mcap_reads_the_same(path, bag):
-    count = 0
-    with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        for _, channel, message, decoded in reader.iter_decoded_messages():
-            count += 1
-            if channel.topic == "/vehicle/pose" and message.log_time == 1_500_000_000:
-                ((_, own),) = [
-                    m for m in bag[channel.topic] if m[0] == message.log_time
-                ]
-                assert xyz(decoded.pose.position) == xyz(own.pose.position)
-                assert decoded.header.frame_id == "map"
-    assert count == sum(len(rows) for rows in bag.values())
 
 
 def test_a_lost_vehicle_is_left_out_and_a_run_without_anything_is_a_file(tmp_path):
