@@ -108,8 +108,8 @@ def film_answer(
 
 
 def film_view(answer: FilmAnswer) -> View:
-    """Return size, accuracy and paths of a film."""
-    times, lifted_by, video = "", "", answer.files.video or ""
+    """Return size and accuracy of a film."""
+    times, lifted_by = "", ""
     if found := answer.found:
         share = " for 99 % of them" if found.stamps != "solved for" else ""
         times = f"{found.stamps}, error below {1e6 * found.stamp_error_s:g} us{share}"
@@ -119,24 +119,25 @@ def film_view(answer: FilmAnswer) -> View:
             "half its fireball's radius; they are drawn at a height of "
             f"{answer.lifted_m:.3g} m."
         )
-    if answer.video_fps is not None:
-        video += f" ({answer.video_fps:g} Hz, {_pace(answer.fps / answer.video_fps)})"
+    counts = _counts(found.written) if found else ""
     return View(
         f"{_frames(answer)} at {answer.fps:g} Hz from {answer.start_s:g} s",
         [
-            Facts(
-                [
-                    ("events", _counts(found.written) if found else ""),
-                    ("event times", times),
-                    ("frames", answer.files.frames or ""),
-                    ("file of events", answer.files.events or ""),
-                    ("video", video),
-                    ("contact sheet", answer.files.contact_sheet),
-                ]
-            ),
+            Facts([("events", counts), ("event times", times)]),
             Lines("Warnings", [lifted_by]),
         ],
     )
+
+
+def film_lines(answer: FilmAnswer) -> list[str]:
+    """Return the files of a film, and the speed of its video."""
+    files, pace = answer.files, ""
+    if answer.video_fps is not None:
+        # a video plays slower than the camera runs: both rates are reported
+        pace = f" ({answer.video_fps:g} Hz, {_pace(answer.fps / answer.video_fps)})"
+    paths = (files.frames, files.events, files.contact_sheet)
+    video = [f"Written: {files.video}{pace}"] if files.video else []
+    return [*(f"Written: {path}" for path in paths if path), *video]
 
 
 def _pace(slower: float) -> str:
@@ -173,8 +174,8 @@ def events_answer(
 
 
 def events_view(answer: EventsAnswer) -> View:
-    """Return the number of events and their file."""
-    counts = f"{_counts(answer.written)}, in {answer.out}"
+    """Return the number of events."""
+    counts = _counts(answer.written)
     return View(
         f"{_frames(answer)} over {answer.duration_s:g} s: {counts}",
         [Lines("Warnings", answer.warnings)],

@@ -6,7 +6,13 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from docs.generate import documents
-from jblast.report.film import EventsAnswer, FilmAnswer, events_view, film_view
+from jblast.report.film import (
+    EventsAnswer,
+    FilmAnswer,
+    events_view,
+    film_lines,
+    film_view,
+)
 from jblast.report.view import terminal
 from jblast.sensors.camera.files.event_files import Written
 from jblast.sensors.camera.film_writer import FilmEvents, FilmFiles
@@ -55,7 +61,9 @@ def test_the_text_has_size_accuracy_and_files(video_fps, pace):
     assert text.startswith("5 frames of 64 x 48 pixels at 100 Hz from 0 s\n")
     assert "3,000 events, 2,000 brighter and 1,000 darker" in text
     assert "solved for, error below 1 us\n" in text
-    assert f"a.mp4 ({video_fps:g} Hz, {pace})" in text
+    lines = film_lines(replace(BOTH, video_fps=video_fps, files=files))
+    assert lines[0] == "Written: out/frames"
+    assert lines[-1] == f"Written: a.mp4 ({video_fps:g} Hz, {pace})"
     assert "Warnings" not in text
     lifted = terminal(film_view(replace(BOTH, lifted_m=12.0)))
     assert "drawn at a height of 12 m" in " ".join(lifted.split())

@@ -56,4 +56,5 @@ def run(options: argparse.Namespace) -> int:
     answer = events_answer(
         made, srgb=options.srgb, noise=noise, seed=options.seed, out=options.out
     )
-    return deliver(Answer(answer, events_view(answer)), options)
+    after = [f"Written: {options.out}"]
+    return deliver(Answer(answer, events_view(answer), after=after), options)

@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     begin("starting")
     # Optimised code: a film has hundreds of frames of one program.
     start_jax()
-    from jblast.report.film import film_answer, film_view
+    from jblast.report.film import film_answer, film_lines, film_view
     from jblast.report.output import Answer, deliver
     from jblast.results import filled
     from jblast.sensors.camera.film_writer import write_film
@@ -110,4 +110,5 @@ def run(options: argparse.Namespace) -> int:
     answer = film_answer(
         film, made, scene=options.scene, mode=options.mode, seed=options.seed
     )
-    return deliver(Answer(answer, film_view(answer)), options)
+    shown = Answer(answer, film_view(answer), after=film_lines(answer))
+    return deliver(shown, options)
