@@ -169,7 +169,8 @@ class CountedLane(Lane):
         if len(sketch.origin) > 1:
             return super().quantiles(which, shares)
         found: Moments = self.state(which)
-        return sketch_quantiles(sketch, shares, found.minimum, found.maximum)[:, 0]
+        ends = np.asarray(found.minimum), np.asarray(found.maximum)
+        return sketch_quantiles(sketch, shares, *ends)[:, 0]
 
     def distribution(self, which: Which = ALL):
         """Return the middles of the bins of some cells, and their counts."""
