@@ -249,7 +249,7 @@ def place_names(
     points: Float[np.ndarray, "name 2"],
     colours: Sequence[str] | str = INK,
     *,
-    longest: int = 18,
+    longest: int = 24,
     avoid: Float[np.ndarray, "point 2"] | None = None,
     size: float = 8.5,
 ) -> None:

@@ -77,8 +77,8 @@ LAYERS = {
     "band": Layer("", MUTED, {"lw": 0}, 0.12, framed=False),
     "shock ring": Layer("peak overpressure", MUTED, {"lw": 1}, 0.0, framed=False),
     "draw": Layer("draws", BLUE, {"marker": ".", "ms": 3, "alpha": 0.4}, framed=False),
-    "region": Layer("region, 50 and 90 %", BLUE, {"lw": 0}, 0.22),
-    "ellipse": Layer("ellipse, 50 and 90 %", BLUE, {"lw": 1.4}, 0.1),
+    "region": Layer("region of the posterior", BLUE, {"lw": 0}, 0.22),
+    "ellipse": Layer("ellipse of the posterior", BLUE, {"lw": 1.4}, 0.1),
     "planned": Layer("planned", MUTED, {"lw": 3.5, "alpha": 0.45}, heights=True),
     "flown": Layer("flown", BLUE, {"lw": 1.2}, heights=True),
     "home": Layer("home", INK, {"marker": "s", "ms": 7}, heights=True),
@@ -179,7 +179,7 @@ def view_of(places: Float[np.ndarray, "place 2"], least: float = 0.5) -> Bbox:
 def map_figure(shown: Map) -> Figure:
     """Draw a map, with an enlarged one beside it if there is need."""
     framed = [f.places for f in shown.features if f.layer.framed]
-    views = [view_of(np.concatenate(framed))]
+    views = [view_of(np.concatenate(framed or [np.zeros((1, 2))]))]
     whole = max(views[0].width, views[0].height)
     # below a tenth, half an inch, an ellipse is about two markers
     if shown.near is not None and (close := view_of(shown.near, 1.0)).width < whole / 8:

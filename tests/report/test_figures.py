@@ -70,6 +70,6 @@ def test_names_are_apart_and_the_file_is_always_the_same():
     assert not any(
         one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k]
     )
-    assert axes.texts[3].get_text() == "a name of more th…"
+    assert axes.texts[3].get_text() == "a name of more than eig…"
     assert first == drawn()[0]
     assert first.startswith(b"\x89PNG")

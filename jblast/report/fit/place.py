@@ -128,6 +128,8 @@ def fit_map(fit: Fit, accepted: Accepted | None = None) -> Map | None:
         towards = math.degrees(math.atan2(east, north)) % 360.0
         notes += [f"wind {printed_number('_m_s', speed, 2)} towards {towards:.0f}°"]
     lines = [line for shot in range(len(charges)) for line in ring_lines(fit, shot)]
+    if near is not None:
+        lines.append("Areas: 50 and 90 % of the posterior of the position.")
     if any(rests_on_clocks(fit, shot) for shot in range(len(charges))):
         lines.append("The charge is there if the clocks agree; no area without that.")
     return Map(
