@@ -57,10 +57,10 @@ from jblast.report.figures import (
     VERMILLION,
     new_figure,
     quiet,
+    runs,
     titled,
     write_figure,
 )
-from jblast.report.fit.figures import runs
 from jblast.report.numbers import capitalised, printed_number, quantity_words
 from jblast.report.view import Column, Table, comma_separated, markdown
 from jblast.scene import Camera, Charge, Scene

@@ -23,7 +23,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference import Fit, fit
 from jblast.observations import Observations
-from jblast.report.fit.terminal import not_identified
+from jblast.report.fit_report import not_identified
 from jblast.scene import UncertainScene, default_scene, freed, with_laws
 
 PLACE = ("charge_east_m", "charge_north_m")

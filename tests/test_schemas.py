@@ -45,7 +45,7 @@ from jblast.report.discovery import (
     LeftOutTerm,
     NominalInterval,
 )
-from jblast.report.fit.document import fit_answer, fit_document
+from jblast.report.fit_report import fit_answer, fit_document
 from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
 from jblast.report.study import run_answer

@@ -11,7 +11,7 @@ from jblast.report.design import BoundAnswer
 from jblast.report.detect import ClipsAnswer, DetectionAnswer, FlashAnswer
 from jblast.report.discovery import DiscoveryAnswer
 from jblast.report.film import EventsAnswer, FilmAnswer
-from jblast.report.fit.document import FitAnswer, FitsAnswer
+from jblast.report.fit_report import FitAnswer, FitsAnswer
 from jblast.report.flights import FlightsAnswer, MissionAnswer
 from jblast.report.listen import ListenAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer

@@ -9,19 +9,17 @@ if TYPE_CHECKING:
         law_reason as law_reason,
         reason_for as reason_for,
     )
-    from jblast.report.fit.files import (
-        check_directory as check_directory,
+    from jblast.report.fit_report import (
+        summary as summary,
         write_report as write_report,
     )
-    from jblast.report.fit.terminal import summary as summary
     from jblast.report.world import run_world as run_world
 
 HOMES = {
     "law_reason": "jblast.report.choice",
     "reason_for": "jblast.report.choice",
-    "summary": "jblast.report.fit.terminal",
-    "check_directory": "jblast.report.fit.files",
-    "write_report": "jblast.report.fit.files",
+    "summary": "jblast.report.fit_report",
+    "write_report": "jblast.report.fit_report",
     "run_world": "jblast.report.world",
 }
 

@@ -1,7 +1,6 @@
 """The answer of `jblast check`: faults of a log, and values that no law explains."""
 
 import re
-import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,48 +13,20 @@ from jblast.errors import InputError
 from jblast.observations import CLOCK_TIMES, Observations
 from jblast.observations.scenes import for_log
 from jblast.observations.table import row_word
-from jblast.report.messages import sentence
-from jblast.report.words import (
-    joined,
-    printed_number,
-    quantity_words,
-)
+from jblast.report.messages import listed, sentence
+from jblast.report.numbers import joined, printed_number, quantity_words
+from jblast.report.output import Answer
+from jblast.report.view import Facts, Lines, View
 from jblast.results import Document, Note
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-WIDTH = 79
-MAX_LINES = 5
-"""Largest number of line numbers listed for one fault or warning."""
 KNOWN = re.compile(r"; expected (?:one|some) of [\w, ]+$")
 """A list of all valid names, at the end of a message."""
 MAX_WARNINGS = 40
 """Largest number of printed warnings, about one screen; the JSON has all of them."""
 REFUSED = 2
 """Exit code for a log that a fit would reject."""
-
-
-def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
-    """Return sentences on geodetic datum, time zero and free parameters.
-
-    Args:
-        log: The log.
-        uncertain: The scene of the check.
-    """
-    lines = []
-    if log.frame is not None:
-        middle = uncertain.place is None
-        whose = "the centre of the sensors" if middle else "from the scene"
-        at = place(0.0, 0.0, log)
-        lines.append(sentence("degrees", alt_m=log.frame.alt_m, place=at, whose=whose))
-    if log.epoch is not None:
-        lines.append(sentence("time_zero", start=log.epoch.astimezone(UTC)))
-    if not len(log) or len(set(log.shot)) > 1:
-        return lines
-    free = list(for_log(uncertain, log).beliefs)
-    if uncertain.source == NO_SCENE and len(free) > 1:
-        lines.append(sentence("freed", names=free))
-    return lines
 
 
 @dataclass(frozen=True)
@@ -106,82 +77,106 @@ class CheckAnswer(Document):
     faults: tuple[str, ...]
     warnings: tuple[Warned, ...]
 
-    @property
-    def exit_code(self) -> int:
-        """0, or 2 if a fit would reject the log."""
-        return REFUSED if self.faults else 0
 
-
-def check_text(answer: CheckAnswer, found: Sequence[InputError]) -> str:
-    """Return the verdict, faults, warnings and conversions, for the terminal.
+def check_answer(
+    observations: Observations,
+    faults: Sequence[InputError],
+    doubts: Sequence[Note],
+    understood: Sequence[str] = (),
+    readings: Observations | None = None,
+) -> Answer:
+    """Return the answer of a check.
 
     Args:
-        answer: The answer.
-        found: Its faults, with their lines.
+        observations: The rows that could be read.
+        faults: Reasons why a fit would reject the log.
+        doubts: Warnings from `inference.sanity.doubts`.
+        understood: Conversions of the file, as sentences.
+        readings: The rows of the warnings, if records of samples were picked.
     """
-    word = row_word(answer.source)
-    faults, warnings = (
-        _number(len(found), word)
-        for found, word in ((answer.faults, "fault"), (answer.warnings, "warning"))
+    log = observations
+    doubted = log if readings is None else readings
+    # faults come check by check, but a file is corrected line by line
+    faults = sorted(faults, key=lambda fault: fault.line or 0)
+    document = CheckAnswer(
+        source=log.source,
+        rows=len(log),
+        sensors=len(set(log.sensor)),
+        quantities=dict(Counter(log.quantity)),
+        shots=tuple(dict.fromkeys(shot for shot in log.shot if shot)),
+        clocks=tuple(dict.fromkeys(clock for clock in log.clock if clock)),
+        places=_places(log),
+        lower_bounds=int(log.bounds().sum()),
+        understood=tuple(understood),
+        faults=tuple(map(str, faults)),
+        warnings=tuple(
+            Warned(
+                kind=note.kind,
+                lines=tuple(map(doubted.line_of, note["rows"])),
+                sensors=tuple(dict.fromkeys(doubted.sensor[r] for r in note["rows"])),
+                message=row_sentence(note, doubted),
+            )
+            for note in doubts
+        ),
     )
-    odd = [f"{_lines(word, w.lines)}: {w.message}" for w in answer.warnings]
-    if len(odd) > MAX_WARNINGS:
-        odd[MAX_WARNINGS:] = [f"and {len(odd) - MAX_WARNINGS:,} more"]
-    if answer.faults:
-        verdict = f"A fit would reject this log: {faults}"
-    elif answer.warnings:
+    return Answer(document, _view(document, faults), code=REFUSED if faults else 0)
+
+
+def _places(log: Observations) -> dict[str, int]:
+    """Return the number of sensors with a position, with a range, and with neither."""
+    known: dict[str, str] = {}
+    positioned = np.asarray(~np.isnan(log.position).any(axis=1))
+    ranged = ~np.isnan(log.slant_range)
+    for row, sensor in enumerate(log.sensor):
+        kind = "position" if positioned[row] else "range" if ranged[row] else ""
+        # a sensor may have rows without a position: the first row with one counts
+        known[sensor] = known.get(sensor, "") or kind
+    counts = Counter(known.values())
+    return {kind or "neither": counts[kind] for kind in ("position", "range", "")}
+
+
+def _view(found: CheckAnswer, faults: Sequence[InputError]) -> View:
+    word, bad, odd = row_word(found.source), len(faults), len(found.warnings)
+    warnings = sentence("{n:warning}", n=odd)
+    verdict = "The log can be fitted: no faults or warnings"
+    if bad:
+        verdict = sentence("A fit would reject this log: {n:fault}", n=bad)
+    elif odd:
         verdict = f"The log can be fitted: no faults, {warnings}"
-    else:
-        verdict = "The log can be fitted: no faults or warnings"
-    parts = [f"{verdict}\n{_head(answer)}"]
-    for title, lines in (
-        ("Faults", _folded(found, answer.source)),
-        (f"Suspicious values, which do not prevent a fit: {warnings}", odd),
-        ("Conversions", answer.understood),
-    ):
-        if lines:
-            parts.append("\n".join([title, *map(_item, lines)]))
-    return "\n\n".join(parts) + "\n"
-
-
-def _head(answer: CheckAnswer) -> str:
-    if not answer.rows:
-        return f"{answer.source}: no row could be read"
-    sentences = [
-        f"{answer.source}: {_number(answer.rows, 'row')} of "
-        f"{_number(answer.sensors, 'sensor')}"
-        + (f", {_number(len(answer.shots), 'shot')}" if len(answer.shots) > 1 else "")
+    words = {
+        "position": "by position",
+        "range": "by range",
+        "neither": "without either",
+    }
+    located = [f"{n} {words[kind]}" for kind, n in found.places.items() if n]
+    rows = sentence("{rows:row} of {sensors:sensor}", found)
+    shots = sentence(", {n:shot}", n=len(found.shots)) if len(found.shots) > 1 else ""
+    quantities = [f"{quantity_words(q)} {n}" for q, n in found.quantities.items()]
+    bounds = sentence("{n:row}", n=found.lower_bounds) if found.lower_bounds else ""
+    read = rows + shots if found.rows else "no row could be read"
+    facts = [
+        ("Quantities", ", ".join(quantities)),
+        ("Sensors located", ", ".join(located)),
+        ("Clocks", joined(found.clocks)),
+        (
+            "Lower bounds",
+            bounds,
+        ),
     ]
-    counted = [
-        f"{quantity_words(quantity)} {count}"
-        for quantity, count in answer.quantities.items()
-    ]
-    sentences.append(f"Quantities: {', '.join(counted)}")
-    where = [
-        f"{count} {words}"
-        for key, words in (
-            ("position", "by position"),
-            ("range", "by range"),
-            ("neither", "without either"),
-        )
-        if (count := answer.places[key])
-    ]
-    sentences.append(f"Sensors located: {', '.join(where)}")
-    if answer.clocks:
-        sentences.append(f"Clocks: {joined(answer.clocks)}")
-    if answer.lower_bounds:
-        sentences.append(f"Lower bounds: {_number(answer.lower_bounds, 'row')}")
-    return "\n".join(
-        textwrap.fill(line, WIDTH, subsequent_indent="  ") for line in sentences
+    return View(
+        verdict,
+        [
+            Facts(facts if found.rows else []),
+            Lines("Faults", _folded(faults, found.source)),
+            Lines(
+                f"Suspicious values, which do not prevent a fit: {warnings}",
+                [f"{_lines(word, w.lines)}: {w.message}" for w in found.warnings],
+                most=MAX_WARNINGS,
+            ),
+            Lines("Conversions", found.understood),
+        ],
+        subtitle=f"{found.source}: {read}",
     )
-
-
-def _item(line: str) -> str:
-    return textwrap.fill(
-        # names of files and options have hyphens; broken they cannot be copied
-        line, WIDTH, initial_indent="  ", subsequent_indent="    ",
-        break_long_words=False, break_on_hyphens=False,
-    )  # fmt: skip
 
 
 def _folded(faults: Sequence[InputError], source: str) -> list[str]:
@@ -194,7 +189,7 @@ def _folded(faults: Sequence[InputError], source: str) -> list[str]:
     lines: dict[str, list[int]] = {}
     rejected: dict[str, list[str]] = {}
     lists: set[str] = set()
-    for fault in sorted(faults, key=_line):
+    for fault in faults:
         message, got, text = str(fault).removeprefix(f"{source}: "), "", ""
         if fault.line is not None:
             message = message.removeprefix(f"{word} {fault.line}")
@@ -220,76 +215,32 @@ def _folded(faults: Sequence[InputError], source: str) -> list[str]:
 
 def _lines(word: str, numbers: Sequence[int]) -> str:
     """Return the line numbers of a fault or warning, for a sentence."""
-    if len(numbers) < 2:
-        return "".join(f"{word} {number}" for number in numbers)
-    listed = [str(number) for number in numbers[:MAX_LINES]]
-    if len(numbers) > MAX_LINES:
-        listed.append(f"{len(numbers) - MAX_LINES} more")
-    return f"{word}s {joined(listed)}"
+    if not numbers:
+        return ""
+    return f"{word}{'s' * (len(numbers) > 1)} {listed(map(str, numbers))}"
 
 
-def _number(count: int, word: str) -> str:
-    return f"{count:,} {word}{'' if count == 1 else 's'}"
-
-
-def check_answer(
-    observations: Observations,
-    faults: Sequence[InputError],
-    doubts: Sequence[Note],
-    understood: Sequence[str] = (),
-    readings: Observations | None = None,
-) -> CheckAnswer:
-    """Return the answer of a check.
+def setting_lines(log: Observations, uncertain: UncertainScene) -> list[str]:
+    """Return sentences on geodetic datum, time zero and free parameters.
 
     Args:
-        observations: The rows that could be read.
-        faults: Reasons why a fit would reject the log.
-        doubts: Warnings from `inference.sanity.doubts`.
-        understood: Conversions of the file, as sentences.
-        readings: The rows of the warnings, if records of samples were picked.
+        log: The log.
+        uncertain: The scene of the check.
     """
-    log = observations
-    doubted = log if readings is None else readings
-    return CheckAnswer(
-        source=log.source,
-        rows=len(log),
-        sensors=len(set(log.sensor)),
-        quantities=dict(Counter(log.quantity)),
-        shots=tuple(dict.fromkeys(shot for shot in log.shot if shot)),
-        clocks=tuple(dict.fromkeys(clock for clock in log.clock if clock)),
-        places=_places(log),
-        lower_bounds=int(log.bounds().sum()),
-        understood=tuple(understood),
-        # faults come check by check, but a file is corrected line by line
-        faults=tuple(map(str, sorted(faults, key=_line))),
-        warnings=tuple(
-            Warned(
-                kind=note.kind,
-                lines=tuple(map(doubted.line_of, note["rows"])),
-                sensors=tuple(dict.fromkeys(doubted.sensor[r] for r in note["rows"])),
-                message=row_sentence(note, doubted),
-            )
-            for note in doubts
-        ),
-    )
-
-
-def _line(fault: InputError) -> int:
-    """Return the line of a fault; 0, which sorts first, without one."""
-    return fault.line or 0
-
-
-def _places(log: Observations) -> dict[str, int]:
-    """Return the number of sensors with a position, with a range, and with neither."""
-    known: dict[str, str] = {}
-    positioned = np.asarray(~np.isnan(log.position).any(axis=1))
-    ranged = ~np.isnan(log.slant_range)
-    for row, sensor in enumerate(log.sensor):
-        kind = "position" if positioned[row] else "range" if ranged[row] else ""
-        # a sensor may have rows without a position: the first row with one counts
-        known[sensor] = known.get(sensor, "") or kind
-    counts = Counter(known.values())
-    return {kind or "neither": counts[kind] for kind in ("position", "range", "")}
+    lines = []
+    if log.frame is not None:
+        middle = uncertain.place is None
+        whose = "the centre of the sensors" if middle else "from the scene"
+        at = place(0.0, 0.0, log)
+        lines.append(sentence("degrees", alt_m=log.frame.alt_m, place=at, whose=whose))
+    if log.epoch is not None:
+        lines.append(sentence("time_zero", start=log.epoch.astimezone(UTC)))
+    if not len(log) or len(set(log.shot)) > 1:
+        return lines
+    free = list(for_log(uncertain, log).beliefs)
+    if uncertain.source == NO_SCENE and len(free) > 1:
+        lines.append(sentence("freed", names=free))
+    return lines
 
 
 def row_sentence(note: Note, observations: Observations) -> str:

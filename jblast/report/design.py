@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -15,8 +15,13 @@ from jblast.inference.design.sensor_map import BoundMap
 from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Spread
 from jblast.quantities import ADDITIVE
 from jblast.report.estimates import printed_estimate
-from jblast.report.fit.document import WORDED, determined_lines
-from jblast.report.fit.terminal import law_lines, not_identified, quantities_by_law
+from jblast.report.fit_report import (
+    WORDED,
+    determined_lines,
+    law_facts,
+    not_identified,
+    quantities_by_law,
+)
 from jblast.report.messages import sentences_of
 from jblast.report.numbers import (
     capitalised,
@@ -28,7 +33,7 @@ from jblast.report.numbers import (
     significant,
 )
 from jblast.report.output import Answer
-from jblast.report.view import Column, Lines, Table, Text, View
+from jblast.report.view import Column, Lines, Table, View
 from jblast.results import AMONG, Document, Words, among
 
 if TYPE_CHECKING:
@@ -66,7 +71,7 @@ def bound_view(bound: Bound) -> View:
         ),
     ]
     unknown = not_identified(found, estimates)
-    laws = law_lines(found, bound.plan.parameters.scene.scatter)[2:]
+    laws = law_facts(found, bound.plan.parameters.scene.scatter)
     return View(
         _title(bound),
         [
@@ -79,7 +84,7 @@ def bound_view(bound: Bound) -> View:
             *_added_table(found),
             Lines("Warnings", sentences_of(found.warnings)),
             Lines("Assumptions", _assumptions(bound)),
-            Text("Laws", "\n".join(laws), where="detail"),
+            replace(laws, where="detail"),
         ],
     )
 

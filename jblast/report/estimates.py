@@ -9,8 +9,11 @@ import numpy as np
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.inference.posterior.parameters import Estimate
+from jblast.parameters import CHARGE_POSITION
 from jblast.report.numbers import (
+    Unit,
     finite,
+    printed_number,
     rounded,
     scientific,
     significant,
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
 
 Accepted = Mapping[str, tuple[float | int, str]]
 """Parameter name -> (accepted value in SI, its source)."""
+METRE = Unit("m", 1.0)
+FAR = 1e4
+"""Coordinates from this size on are those of a map, and printed in full [m]."""
 WIDE_LOG_SD = 0.3
 """Standard deviation of ln above which numbers have two significant digits: the 90 %
 interval then spans a factor of three, and an absolute error means little."""
@@ -66,7 +72,7 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
         ends, by_factors = (math.sqrt(low) * math.sqrt(high),), True
     elif (one := high if low is None else low) is not None:
         ends = (one,)
-    unit = unit_for(name, *ends)
+    unit = METRE if name.partition(".")[0] in CHARGE_POSITION else unit_for(name, *ends)
     if sd is None and low is not None and high is not None:
         sd = (high - low) / 3.29  # the 90 % interval of a normal: 2 * 1.645 sd
 
@@ -88,6 +94,13 @@ def printed_estimate(name: str, estimate: Estimate) -> Printed:
         interval=interval,
         beside="" if value is None else _beside(name, value),
     )
+
+
+def printed_value(name: str, value: float) -> str:
+    """Return a value of a parameter whose uncertainty is not printed with it."""
+    if name.partition(".")[0] in CHARGE_POSITION and abs(value) >= FAR:
+        return f"{value:.0f} m"
+    return printed_number(name, value)
 
 
 def _beside(name: str, value: float) -> str:

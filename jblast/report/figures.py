@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -123,6 +123,17 @@ def log_ticks(axis: Axis, limits: Iterable[float]) -> None:
     axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
+
+
+def runs(flags: Bool[np.ndarray, " n"]) -> list[tuple[int, int, bool]]:
+    """Split flags into segments (start, stop, flag) that share their end points."""
+    edges = np.flatnonzero(np.diff(flags.astype(int))) + 1
+    bounds = [0, *(int(e) for e in edges), len(flags)]
+    return [
+        (start, min(stop + 1, len(flags)), bool(flags[start]))
+        for start, stop in pairwise(bounds)
+        if stop > start
+    ]
 
 
 def extremes(

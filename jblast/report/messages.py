@@ -125,6 +125,29 @@ MESSAGES = {
     "draws_weighted": "draws of a mixture, weighted by the posterior (importance "
     "sampling, k-hat {k_hat:.2f}, effective sample size {effective:.0f})",
     "walked": "MCMC (emcee)",
+    # goodness of fit
+    "no_chi2": "goodness of fit is unknown: there is no chi2",
+    "no_freedom": "goodness of fit is unknown: there are no more recordings than free "
+    "parameters",
+    "fits_poorly": "the fit is poor (p {p:p}): the recordings disagree with the law by "
+    "more than their errors allow, and the intervals are likely too narrow",
+    "fits_marginally": "the fit is marginal (p {p:p}): the stated errors give so large "
+    "a disagreement in less than 1 % of logs",
+    "fits_too_well": "the recordings lie closer to the law than their errors allow "
+    "(p {p:p}): the errors may be overstated",
+    "fits": "the recordings agree with the law within their errors (p {p:p})",
+    # what a log leaves open, and fits without a part of it
+    "bearing_alone": "Only the bearing of the charge is identified: {bearings:or} "
+    "clockwise from north, from the centre of the sensors; the range is {bounds}",
+    "range_alone": "The position of the charge is not identified: from the centre of "
+    "the sensors its range is {bounds}, its bearing any",
+    "exchanged": "With the positions of {name} and {other} exchanged all recordings "
+    "fit (p {p})",
+    "exchanged_remedy": "if they were swapped, exchange their positions in the log",
+    "without_clock": "Without the times of {name} the others fit (p {p}): its clock is "
+    "{off} {ahead} (± {sd}), or its times are wrong",
+    "without_sensor": "Without the sensor {name} the others fit (p {p})",
+    "comment_out": "to leave it out, put a # before its rows",
     # how a log was read
     "format": "read as {format}",
     "sheet": "read as {format}: sheet {sheet}",
@@ -371,6 +394,12 @@ def _signed(seconds: float, more: str, less: str) -> str:
     return f"{_hours_or_less(abs(seconds))} {more if seconds > 0 else less}"
 
 
+def _value(name: str, value: float) -> str:
+    from jblast.report.estimates import printed_value
+
+    return printed_value(name, value)
+
+
 def _with_interval(name: str, estimate: Any) -> str:
     from jblast.report.estimates import printed_estimate
 
@@ -391,7 +420,7 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     "quantities": lambda names: listed(map(quantity_words, names)),
     "wrong": lambda wrong: " or ".join(map(_named, wrong)),
     "values": lambda values: listed(
-        f"{parameter_words(name)} {printed_number(name, value)}"
+        f"{parameter_words(name)} {_value(name, value)}"
         for name, value in values.items()
     ),
     "times": lambda factors: listed(
@@ -434,7 +463,7 @@ class _Sentences(Formatter):
     """Formats fields by `FORMS`; a number without a form has the unit of its name.
 
     A form of digits, as in `{apart_m:3}`, is a number of significant digits with the
-    unit of the name. Another word is a noun that is counted: `{rows:row}`.
+    unit of the name. Other words are a noun that is counted: `{rows:row}`.
     """
 
     def get_field(self, field_name: str, args: Any, kwargs: Any) -> tuple[Any, Any]:
@@ -445,7 +474,7 @@ class _Sentences(Formatter):
         name, number = value
         if format_spec in FORMS:
             return FORMS[format_spec](number)
-        if format_spec.isidentifier():
+        if len(format_spec) > 1 and format_spec.replace(" ", "").isalpha():
             return f"{number:,} {format_spec}" + "s" * (number != 1)
         digits = int(format_spec) if format_spec.isdigit() else 2
         has_unit = isinstance(number, float) and split_name(name)[1]

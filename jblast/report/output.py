@@ -38,6 +38,7 @@ class Answer:
         files: Content of further files in the output folder, by name; those with a
             folder in their names may already be written (None).
         saved: Content of files with an option of their own, by path.
+        filed: Its JSON in the output folder, if it has more there.
         code: Exit code; a problem in the view makes 0 to 4.
         after: Lines after the list of written files, such as the next command.
     """
@@ -46,6 +47,7 @@ class Answer:
     view: View
     files: Mapping[str, Content | None] = field(default_factory=dict)
     saved: Mapping[str, Content] = field(default_factory=dict)
+    filed: Document | None = None
     code: int = 0
     after: Sequence[str] = ()
 
@@ -61,6 +63,7 @@ def deliver(
     *,
     folder: str | None = None,
     names: Sequence[str] = (),
+    name: str = "",
 ) -> int:
     """Write the files of an answer, print it, and return its exit code.
 
@@ -70,6 +73,7 @@ def deliver(
         folder: Folder for the document, the files, the figures and the page.
         names: Files that an earlier run of the command may have left in the folder;
             those that are not written again are removed.
+        name: Name of the document without its suffix (default: that of the verb).
     """
     text = answer.document.to_json()
     written: list[str] = []
@@ -77,7 +81,8 @@ def deliver(
         for path, content in answer.saved.items():
             save(Path(path), content)
         if folder:
-            written = write_answer(answer, Path(folder), options.verb, names=names)
+            name = name or options.verb
+            written = write_answer(answer, Path(folder), name, names=names)
     finally:
         clear()
         # also after an error of writing: nothing computed is lost
@@ -117,7 +122,8 @@ def write_answer(
     """
     with writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        save(folder / f"{name}.json", answer.document.to_json())
+        document = answer.filed or answer.document
+        save(folder / f"{name}.json", document.to_json())
         written = [f"{name}.json"]
         for file, content in answer.files.items():
             if content is not None:

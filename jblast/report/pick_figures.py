@@ -1,8 +1,6 @@
-"""Files of `jblast pick --report`: figures of records and their pulses, and a page."""
+"""Figures of `jblast pick --report`: records with their pulses and residuals."""
 
 from collections.abc import Sequence
-from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,38 +8,20 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-import jblast
-from jblast.files import write_text
-from jblast.observations import write
-from jblast.report.figure_files import picture_of, write_drawn
 from jblast.report.figures import (
     BLUE,
     COLOURS,
-    DPI,
     INK,
     MUTED,
     VERMILLION,
+    fixed_figure,
     quiet,
     titled,
 )
-from jblast.report.pages import page
-from jblast.report.picks import (
-    RECORDS_ALT,
-    RECORDS_CAPTION,
-    PicksAnswer,
-    estimate_words,
-    note_words,
-)
-from jblast.report.provenance import Provenance, provenance_lines
-from jblast.report.words import Unit, capitalised, quantity_words, unit_for
-from jblast.signals.picks import NAMES, Gathered, PickLog, RecordPick
+from jblast.report.numbers import Unit, unit_for
+from jblast.report.picks import MAX_RECORDS, estimate_words
+from jblast.signals.picks import RecordPick
 
-JSON, LOG, PAGE = "picks.json", "picks.csv", "report.html"
-PICTURE = "records_{}.png"
-MAX_PICTURES = 10
-"""Largest number of figures on a page, 240 records: nobody reads more of them."""
-MAX_RECORDS = 24
-"""Largest number of records in one figure: twelve rows are about three screens."""
 COLUMNS = 2
 CLIPPED_WITHIN = 1e-3
 """A sample within this share of the full scale is clipped: far above the rounding of a
@@ -51,55 +31,6 @@ BINS = 320
 """Largest number of points of a drawn record: about one a pixel of its panel."""
 BEFORE, AFTER = 0.6, 1.4
 """Drawn part before the front [positive durations], and after it [wave durations]."""
-TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
-"""Column titles of values that are not quantities of a log."""
-
-
-def write_picks(
-    directory: Path,
-    found: Gathered,
-    log: PickLog,
-    answer: PicksAnswer,
-    lines: Sequence[str],
-    made: Provenance,
-) -> list[str]:
-    """Write answer, log, figures and page, in this order; return the file names.
-
-    A figure that cannot be drawn is left out, with a warning.
-
-    Args:
-        directory: Output directory; created if missing.
-        found: Picks that keep their samples.
-        log: Rows of the picks.
-        answer: The document of `picks_answer`.
-        lines: Further notes for the page.
-        made: Provenance.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    directory.mkdir(parents=True, exist_ok=True)
-    stale = [directory / name for name in (JSON, LOG, PAGE)]
-    for path in (*stale, *directory.glob(PICTURE.format("*"))):
-        path.unlink(missing_ok=True)
-    write_text(directory / JSON, answer.to_json())
-    written = [JSON]
-    if len(log.observations):
-        write(directory / LOG, log.observations)
-        written.append(LOG)
-    names, pictures = found.named(), []
-    firsts = range(0, len(found.picks), MAX_RECORDS)[:MAX_PICTURES]
-    for number, first in enumerate(firsts, start=1):
-        part = slice(first, first + MAX_RECORDS)
-        name = PICTURE.format(number)
-        draw = partial(records_figure, names[part], found.picks[part])
-        figure = write_drawn(draw, directory / name)
-        if figure is not None:
-            pictures.append(figure)
-            written.append(name)
-    page = picks_page(found, pictures, lines, made, log.observations.comments)
-    write_text(directory / PAGE, page)
-    return [*written, PAGE]
 
 
 def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
@@ -110,21 +41,9 @@ def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
         picks: Picks that keep their samples; the first `MAX_RECORDS` are drawn.
     """
     shown = picks[:MAX_RECORDS]
-    rows = -(-len(shown) // COLUMNS)
-    columns = min(COLUMNS, len(shown))
-    width, height = 5.4 * columns, 0.5 + 2.9 * rows
-    # the grid is computed here: constrained layout would take seconds
-    figure = Figure(figsize=(width, height), dpi=DPI)
-    outer = figure.add_gridspec(
-        rows,
-        columns,
-        left=0.75 / width,
-        right=1 - 0.15 / width,
-        bottom=0.6 / height,
-        top=1 - 0.35 / height,
-        wspace=0.2,
-        hspace=0.24,
-    )
+    rows, columns = -(-len(shown) // COLUMNS), min(COLUMNS, len(shown))
+    figure = fixed_figure(5.4 * columns, 0.5 + 2.9 * rows, (0.75, 0.15, 0.6, 0.35))
+    outer = figure.add_gridspec(rows, columns, wspace=0.2, hspace=0.24)
     for nth, (name, one) in enumerate(zip(names, shown, strict=False)):
         row, column = divmod(nth, columns)
         inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.6, 1], hspace=0.1)
@@ -226,48 +145,4 @@ def curve_of(one: RecordPick) -> Curve:
         bins.min(axis=1),
         bins.max(axis=1),
         np.zeros(len(bins)) if pulse is None else pulse.means(ends_s),
-    )
-
-
-def picks_page(
-    found: Gathered,
-    pictures: Sequence[Figure],
-    lines: Sequence[str],
-    made: Provenance,
-    comments: Sequence[str],
-) -> str:
-    """Return the page.
-
-    Args:
-        found: Picks.
-        pictures: Figures of their records.
-        lines: Further notes, as sentences.
-        made: Provenance.
-        comments: Comments of the log.
-    """
-    rows = [
-        {
-            "name": name,
-            "numbers": [estimate_words(one, quantity) for quantity in NAMES],
-            "quality": one.quality,
-            "notes": "; ".join(note_words(one)),
-        }
-        for name, one in zip(found.named(), found.picks, strict=True)
-    ]
-    count, channels = len(found.picks), found.channels
-    return page(
-        "templates/picks.html",
-        title=f"{count} {'pick' if count == 1 else 'picks'}",
-        subtitle=f"{channels} {'record' if channels == 1 else 'records'} read",
-        columns=[TITLES.get(q) or capitalised(quantity_words(q)) for q in NAMES],
-        rows=rows,
-        pictures=[
-            {"source": picture.source, "alt": RECORDS_ALT, "width": picture.width}
-            for picture in map(picture_of, pictures)
-        ],
-        caption=RECORDS_CAPTION,
-        lines=lines,
-        provenance=provenance_lines(made, "File"),
-        comments="\n".join(comments),
-        version=jblast.__version__,
     )

@@ -1,22 +1,22 @@
 """The answer of `jblast pick`."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, timedelta
+from functools import partial
+from typing import TYPE_CHECKING
 
 from jblast.report.messages import listed, sentence, sentences_of
-from jblast.report.words import (
-    aligned,
-    quantity_words,
-    rounded,
-    unit_for,
-)
-from jblast.results import Document
+from jblast.report.numbers import capitalised, quantity_words, rounded, unit_for
+from jblast.report.output import NOT_FOUND, Answer
+from jblast.report.view import Block, Column, Lines, Picture, Table, Text, View
+from jblast.results import Document, filled
 from jblast.signals.picks import (
     NAMES,
     Gathered,
     LeftOut,
+    PickedFiles,
     PickedValue,
     PickLog,
     Quality,
@@ -25,117 +25,37 @@ from jblast.signals.picks import (
     picked_value,
 )
 
-COLUMNS = {
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from jblast.report.provenance import Provenance
+
+LOG = "picks.csv"
+PICTURE = "records_{}.png"
+MAX_PICTURES = 10
+"""Largest number of figures on a page, 240 records: nobody reads more of them."""
+MAX_RECORDS = 24
+"""Largest number of records in one figure: twelve rows are about three screens."""
+FILES = (LOG, *(PICTURE.format(n + 1) for n in range(MAX_PICTURES)))
+"""Files that a report may contain besides the document and the page."""
+TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
+"""Column titles of values that are not quantities of a log."""
+SHORT = {
     "air_arrival_s": "arrival",
     "peak_overpressure_pa": "peak",
     "positive_duration_s": "duration",
     "positive_impulse_pa_s": "impulse",
 }
-"""Quantities of the table, with the titles of their columns."""
-RECORDS_ALT = "Records with their fitted pulses, and residuals."
-RECORDS_CAPTION = (
+"""Columns of a terminal."""
+ALT = "Records with their fitted pulses, and residuals."
+CAPTION = (
     "Grey: samples, or their range if several fall on one point. Blue: fitted pulse. "
     "Red: its arrival and, dotted, the end of its positive phase. Orange: further "
     "fronts. Dashed: clipping level. Lower panels: samples minus pulse, averaged over "
     "each point. A recorder's high-pass is included if its corner was given; ringing "
     "and later fronts are not included."
 )
-
-
-def picks_text(found: Gathered, log: PickLog, left_out: tuple[str, ...] = ()) -> str:
-    """Return the picks as a table with notes, for the terminal.
-
-    Args:
-        found: Picks.
-        log: Rows of the picks.
-        left_out: Files of a folder that are not records.
-    """
-    count, channels = len(found.picks), found.channels
-    head = f"{count} {'pick' if count == 1 else 'picks'}" if count else "Nothing found"
-    lines = [f"{head} in {channels} {'record' if channels == 1 else 'records'}"]
-    if found.epoch is not None and count:
-        lines.append(f"times count from {utc(found)}")
-    if any("misfit" not in one.notes for one in found.picks):
-        lines.append("±: one standard deviation")
-    if count:
-        lines += ["", *_table(found), ""]
-    lines += _notes(found)
-    lines += _of_log(log)
-    if found.silent and count:
-        lines.append(f"nothing found in {listed(found.silent)}")
-    for name, quieter in found.quieter.items():
-        lines.append(
-            f"{name}: {quieter} quieter {'onset' if quieter == 1 else 'onsets'} ignored"
-        )
-    read_as = sentences_of(log.observations.understood)
-    lines += [f"table of stations: {line}" for line in read_as]
-    if left_out:
-        lines.append(f"ignored, not a record: {listed(left_out)}")
-    return "\n".join(lines).rstrip() + "\n"
-
-
-def utc(found: Gathered) -> str:
-    """Return the time of day of time zero of the picks."""
-    assert found.epoch is not None
-    whole = found.epoch.replace(microsecond=0)
-    rest = (found.epoch - whole) / timedelta(seconds=1)
-    return f"{whole:%Y-%m-%d %H:%M:%S}" + (f"{rest:.6f}"[1:] if rest else "") + " UTC"
-
-
-def estimate_words(one: RecordPick, quantity: str) -> str:
-    """Return a value and its standard deviation with its unit; "" if unknown.
-
-    If the samples do not have the form of a blast pulse, the error is unknown.
-    """
-    found = picked_value(one, quantity)
-    if found is None:
-        return ""
-    value, sd = found.value, found.sd
-    # an arrival is a clock reading: always in seconds, whatever its size
-    if quantity == "air_arrival_s":
-        error = "" if "misfit" in one.notes else f" ± {rounded(sd, sd)}"
-        return f"{rounded(value, sd)}{error} s"
-    unit = unit_for(quantity, value)
-    bound = "> " if quantity == "peak_overpressure_pa" and one.pick.lower_bound else ""
-    size = unit.size
-    error = "" if "misfit" in one.notes else f" ± {rounded(sd / size, sd / size)}"
-    text = f"{bound}{rounded(value / size, sd / size)}{error} {unit.symbol}"
-    return text.rstrip()
-
-
-def _table(found: Gathered) -> list[str]:
-    head = ("record", *COLUMNS.values(), "quality")
-    rows = [
-        (name, *(estimate_words(one, quantity) for quantity in COLUMNS), one.quality)
-        for name, one in zip(found.named(), found.picks, strict=True)
-    ]
-    return aligned([head, *rows], right={1, 2, 3, 4})
-
-
-def _notes(found: Gathered) -> list[str]:
-    """Return each note once, with the names of its records."""
-    notes: dict[str, list[str]] = {}
-    for name, one in zip(found.named(), found.picks, strict=True):
-        for note in (*note_words(one), *one.record.notes):
-            notes.setdefault(note, []).append(name)
-    return [f"{listed(names)}: {note}" for note, names in notes.items()]
-
-
-def _of_log(log: PickLog) -> list[str]:
-    """Return sentences on quantities, covariances and shots of the log."""
-    same: dict[tuple[tuple[str, ...], Reason], list[str]] = {}
-    for left in log.left_out:
-        same.setdefault((left.quantities, left.reason), []).append(left.record)
-    lines = []
-    for (of, reason), names in same.items():
-        what = "all" if "air_arrival_s" in of else listed(map(quantity_words, of))
-        why = sentence(f"no_row.{reason}")
-        lines.append(f"not in the log: {what} of {listed(names)}: {why}")
-    if log.independent:
-        lines.append(sentence("independent", names=log.independent))
-    if log.bangs > 1:
-        lines.append(sentence("bangs", bangs=log.bangs))
-    return lines
+Named = tuple[str, RecordPick]
 
 
 @dataclass(frozen=True)
@@ -213,12 +133,10 @@ def picks_answer(found: Gathered, log: PickLog) -> PicksAnswer:
     """
     rows = log.observations
     shots = dict(zip(rows.record, rows.shot, strict=False))
+    named = zip(found.named(), found.orders, found.picks, strict=True)
     return PicksAnswer(
         picks=tuple(
-            _answer(one, name, order, shots.get(name, ""))
-            for name, order, one in zip(
-                found.named(), found.orders, found.picks, strict=True
-            )
+            _answer(one, n, order, shots.get(n, "")) for n, order, one in named
         ),
         epoch_utc=found.epoch.astimezone(UTC).isoformat() if found.epoch else None,
         nothing_found=found.silent,
@@ -231,20 +149,171 @@ def picks_answer(found: Gathered, log: PickLog) -> PicksAnswer:
 
 def _answer(one: RecordPick, name: str, order: int, shot: str) -> PickAnswer:
     later = PickedValue(one.pick.later_arrival_s, one.pick.later_sigma_s)
-    return PickAnswer(
+    return filled(
+        PickAnswer,
+        {quantity: picked_value(one, quantity) for quantity in NAMES},
+        one.pick,
         record=name,
         sensor=one.record.name,
         file=one.record.source,
         bang=order,
         shot=shot,
-        **{quantity: picked_value(one, quantity) for quantity in NAMES},
-        lower_bound=one.pick.lower_bound,
         later_arrivals_s=() if math.isnan(later.value) else (later,),
-        quality=one.quality,
-        notes=tuple(note_words(one)),
+        notes=tuple(sentences_of(one.findings)),
     )
 
 
-def note_words(one: RecordPick) -> list[str]:
-    """Return the notes on a pick, as sentences."""
-    return sentences_of(one.findings)
+def estimate_words(one: RecordPick, quantity: str) -> str:
+    """Return a value and its standard deviation with its unit; "" if unknown.
+
+    If the samples do not have the form of a blast pulse, the error is unknown.
+    """
+    found = picked_value(one, quantity)
+    if found is None:
+        return ""
+    # an arrival is a clock reading: always in seconds, whatever its size
+    unit = unit_for(quantity, 1.0 if quantity == "air_arrival_s" else found.value)
+    value, sd = found.value / unit.size, found.sd / unit.size
+    bound = "> " if quantity == "peak_overpressure_pa" and one.pick.lower_bound else ""
+    error = "" if "misfit" in one.notes else f" ± {rounded(sd, sd)}"
+    return f"{bound}{rounded(value, sd)}{error} {unit.symbol}".rstrip()
+
+
+def _column(quantity: str, head: str) -> Column:
+    return Column(head, lambda row: estimate_words(row[1], quantity), right=True)
+
+
+RECORD = Column("record", lambda row: row[0])
+QUALITY = Column("quality", lambda row: row[1].quality)
+PICKS = [RECORD, *(_column(q, head) for q, head in SHORT.items())]
+"""Columns of a terminal, a row for each pick with its name."""
+ALL_VALUES = [
+    RECORD,
+    QUALITY,
+    *(_column(q, TITLES.get(q) or capitalised(quantity_words(q))) for q in NAMES),
+]
+"""Columns of a page."""
+
+
+def picks_blocks(of: PickedFiles, *, title: str = "") -> list[Block]:
+    """Return table, notes and figures of picks.
+
+    Args:
+        of: Picks and their log; figures are drawn if the picks keep their samples.
+        title: Title of the table.
+    """
+    found, log = of.found, of.log
+    named: list[Named] = list(zip(found.named(), found.picks, strict=True))
+    has_errors = any("misfit" not in one.notes for _, one in named)
+    caption = "±: one standard deviation of the posterior" if has_errors else ""
+
+    def is_marked(row: Named) -> bool:
+        return row[1].quality != "good"
+
+    table = partial(Table, rows=named, title=title, caption=caption, marked=is_marked)
+    firsts = range(0, len(named), MAX_RECORDS)[:MAX_PICTURES]
+    drawn = [named[first : first + MAX_RECORDS] for first in firsts]
+    has_samples = any(one.record.samples.size for _, one in named)
+    return [
+        table(PICKS, where="terminal", note=lambda row: _faulty(row[1])),
+        table(ALL_VALUES, where="page"),
+        *(
+            Picture(PICTURE.format(n), partial(_records, some), "", CAPTION, ALT)
+            for n, some in enumerate(drawn if has_samples else [], start=1)
+        ),
+        Lines("Notes", _notes(named)),
+        Lines(
+            "Log",
+            [
+                *_of_log(log),
+                *(
+                    f"nothing found in {listed(found.silent)}"
+                    for _ in named[:1]
+                    if found.silent
+                ),
+                *(
+                    sentence("{name}: {n:quieter onset} ignored", name=name, n=n)
+                    for name, n in found.quieter.items()
+                ),
+                *(
+                    f"table of stations: {line}"
+                    for line in sentences_of(log.observations.understood)
+                ),
+                f"ignored, not a record: {listed(path.name for path in of.left_out)}"
+                if of.left_out
+                else "",
+                *map(str, found.refused),
+            ],
+        ),
+    ]
+
+
+def _faulty(one: RecordPick) -> str:
+    # a column of its own would not fit a terminal
+    return "" if one.quality == "good" else f"quality: {one.quality}"
+
+
+def _records(named: Sequence[Named]) -> "Figure":
+    # imported here, so that an answer without figures does not load Matplotlib
+    from jblast.report.pick_figures import records_figure
+
+    return records_figure(*zip(*named, strict=True))
+
+
+def picks_title(found: Gathered) -> str:
+    """Return the number of picks and of records."""
+    count = len(found.picks)
+    head = sentence("{n:pick}", n=count) if count else "Nothing found"
+    return sentence("{head} in {n:record}", head=head, n=found.channels)
+
+
+def picks_report(of: PickedFiles, made: "Provenance | None" = None) -> Answer:
+    """Return the answer: document, view and figures.
+
+    Args:
+        of: Picks and their log.
+        made: Provenance, for a page.
+    """
+    comments = "\n".join(of.log.observations.comments)
+    view = View(
+        picks_title(of.found),
+        [*picks_blocks(of), Text("Comments of the log", comments)],
+        subtitle=f"Times count from {utc(of.found)}" if of.found.epoch else "",
+        made=made,
+    )
+    code = 0 if len(of.log.observations) else NOT_FOUND
+    return Answer(picks_answer(of.found, of.log), view, code=code)
+
+
+def utc(found: Gathered) -> str:
+    """Return the time of day of time zero of the picks."""
+    assert found.epoch is not None
+    whole = found.epoch.replace(microsecond=0)
+    rest = (found.epoch - whole) / timedelta(seconds=1)
+    return f"{whole:%Y-%m-%d %H:%M:%S}" + (f"{rest:.6f}"[1:] if rest else "") + " UTC"
+
+
+def _notes(named: Sequence[Named]) -> list[str]:
+    """Return each note once, with the names of its records."""
+    notes: dict[str, list[str]] = {}
+    for name, one in named:
+        for note in (*sentences_of(one.findings), *one.record.notes):
+            notes.setdefault(note, []).append(name)
+    return [f"{listed(names)}: {note}" for note, names in notes.items()]
+
+
+def _of_log(log: PickLog) -> list[str]:
+    """Return sentences on quantities, covariances and shots of the log."""
+    same: dict[tuple[tuple[str, ...], Reason], list[str]] = {}
+    for left in log.left_out:
+        same.setdefault((left.quantities, left.reason), []).append(left.record)
+    lines = []
+    for (of, reason), names in same.items():
+        what = "all" if "air_arrival_s" in of else listed(map(quantity_words, of))
+        why = sentence(f"no_row.{reason}")
+        lines.append(f"not in the log: {what} of {listed(names)}: {why}")
+    if log.independent:
+        lines.append(sentence("independent", names=log.independent))
+    if log.bangs > 1:
+        lines.append(sentence("bangs", bangs=log.bangs))
+    return lines

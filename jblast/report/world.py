@@ -16,7 +16,7 @@ from jblast.observations import read
 from jblast.observations.grouping import by_shot
 from jblast.progress import stages
 from jblast.report.estimates import printed_estimate
-from jblast.report.fit.document import FitsAnswer, fits_answer
+from jblast.report.fit_report import FitsAnswer, fits_answer
 from jblast.report.flights import (
     EastNorthUpM,
     FlightsAnswer,

@@ -397,6 +397,7 @@ def fit_each(
     seed: int = 0,
     scaling: Scaling | None = None,
     high_pass_hz: float | None = None,
+    done: Callable[[dict[str, Fit | InputError]], object] | None = None,
     progress: Progress = False,
 ) -> dict[str, Fit | InputError]:
     """Fit every log with the same scene. Logs of the same rows compile once.
@@ -413,6 +414,8 @@ def fit_each(
         seed: As for `fit`.
         scaling: As for `fit`.
         high_pass_hz: As for `fit`.
+        done: Function that is called after each fit with the answers so far, as to
+            write them: a later error or signal then loses none.
         progress: As for `fit`.
 
     Returns:
@@ -448,6 +451,8 @@ def fit_each(
             )
         except InputError as error:
             answers[name] = error
+        if done is not None:
+            done(answers)
     # in the order of the input, failed logs included
     return {name: answers[name] for name in ready.logs}
 

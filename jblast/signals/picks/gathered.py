@@ -11,8 +11,9 @@ not stop the others.
 """
 
 import os
+import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -34,6 +35,8 @@ MAX_PRESSURE_PA = 1e9
 that of the reflection at the charge: 0.4 to 0.7 GPa, where the curves of Kingery and
 Bulmash begin (Z = 0.067 m/kg^(1/3)). A sensitivity given as its reciprocal is off by
 more than a factor of a million."""
+EVERY_S = 10.0
+"""Time between two calls with the picks so far [s]: about thirty records."""
 MAX_NAMED, MAX_STATIONS = 3, 10
 """Files, and stations or channels, that a message names."""
 
@@ -92,6 +95,7 @@ def gathered(
     keep_samples: bool = True,
     stations: Mapping[str, Station] | None = None,
     trigger: bool = False,
+    done: Callable[[Gathered], object] | None = None,
 ) -> Gathered:
     """Read files and pick their blasts.
 
@@ -103,12 +107,14 @@ def gathered(
         stations: Stations by name of record.
         trigger: True if the times of all files count from a common trigger, whatever
             their times of day.
+        done: Function that is called with the picks so far, every `EVERY_S`.
 
     Raises:
         InputError: A channel has no station.
     """
     reading = _Reading(scaling or Scaling(), high_pass_hz, stations, trigger)
     found: list[RecordPick] = []
+    last = time.monotonic()
     for record in reading.records(files):
         (one,) = pick_records([record])
         if not one.pick.found:
@@ -116,16 +122,10 @@ def gathered(
         if not keep_samples:
             one = replace(one, record=replace(record, samples=np.zeros(0)))
         found.append(one)
-    names = [_channel(one.record) for one in found]
-    return Gathered(
-        picks=tuple(found),
-        silent=tuple(name for name in reading.channels if name not in names),
-        quieter=reading.quieter,
-        refused=_by_cause(reading.refused),
-        epoch=reading.epoch,
-        channels=len(reading.channels),
-        triggered=trigger,
-    )
+        if done is not None and time.monotonic() - last > EVERY_S:
+            done(reading.gathered(found))
+            last = time.monotonic()
+    return reading.gathered(found)
 
 
 def _by_cause(refused: Sequence[tuple[Path, InputError]]) -> tuple[InputError, ...]:
@@ -189,6 +189,19 @@ class _Reading:
                     # a constant interval is a dead channel, not a quiet one
                     if np.ptp(record.samples) > 0:
                         yield replace(record, high_pass_hz=self.high_pass_hz, shot=shot)
+
+    def gathered(self, found: Sequence[RecordPick]) -> Gathered:
+        """Return picks with the findings of reading their files."""
+        names = {_channel(one.record) for one in found}
+        return Gathered(
+            picks=tuple(found),
+            silent=tuple(name for name in self.channels if name not in names),
+            quieter=self.quieter,
+            refused=_by_cause(self.refused),
+            epoch=self.epoch,
+            channels=len(self.channels),
+            triggered=self.trigger,
+        )
 
     def _name_channels(self, files: Sequence[Path]) -> None:
         """Find the sensor of each channel, before any of them is read.

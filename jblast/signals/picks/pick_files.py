@@ -6,6 +6,7 @@ makes the rows of a log: what `jblast pick` does, with the same defaults.
 
 import os
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -90,6 +91,7 @@ def pick_files(
     high_pass_hz: float | None = None,
     keep_samples: bool = True,
     trigger: bool = False,
+    done: Callable[[PickedFiles], object] | None = None,
     progress: Progress = False,
 ) -> PickedFiles:
     """Pick the blasts of files and folders of pressure records.
@@ -103,6 +105,8 @@ def pick_files(
         keep_samples: True to keep the samples in the picks, for figures.
         trigger: True if the times of all files count from a common trigger, whatever
             their times of day.
+        done: Function that is called every ten seconds with the picks so far, as to
+            write them: a later error or signal then loses none.
         progress: As for `jblast.fit`.
 
     Returns:
@@ -122,6 +126,24 @@ def pick_files(
     table = None if positions is None else os.fspath(positions)
     stations = None if table is None else read_stations(table, understood)
     files, left_out = record_files(named, table)
+
+    def with_log(found: Gathered) -> PickedFiles:
+        rows = log_of(found, stations)
+        names = tuple(os.fspath(one) for one in named)
+        of = PickedFiles(found, rows, files, left_out, names, scaling, high_pass_hz)
+        log = replace(
+            rows.observations,
+            comments=tuple(of.comments()),
+            understood=tuple(understood),
+        )
+        return of._replace(log=rows._replace(observations=log))
+
+    def so_far(found: Gathered) -> None:
+        # of some files the log may have contradictions that others resolve
+        with suppress(InputError):
+            assert done is not None
+            done(with_log(found))
+
     found = gathered(
         files,
         scaling,
@@ -129,24 +151,11 @@ def pick_files(
         keep_samples=keep_samples,
         stations=stations,
         trigger=trigger,
+        done=None if done is None else so_far,
     )
     if found.refused and not found.channels:
         raise refusal_of(found.refused)
-    picked = PickedFiles(
-        found,
-        log_of(found, stations),
-        files,
-        left_out,
-        tuple(os.fspath(one) for one in named),
-        scaling,
-        high_pass_hz,
-    )
-    rows = replace(
-        picked.log.observations,
-        comments=tuple(picked.comments()),
-        understood=tuple(understood),
-    )
-    return picked._replace(log=picked.log._replace(observations=rows))
+    return with_log(found)
 
 
 def refusal_of(refused: Sequence[InputError]) -> InputError:

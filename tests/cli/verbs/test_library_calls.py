@@ -14,7 +14,7 @@ from jblast.errors import InputError
 from jblast.inference.fitting.fit_input import fit_input
 from jblast.observations import Observations, read, to_pandas
 from jblast.report.detect import detect_answer
-from jblast.report.fit.document import fit_document
+from jblast.report.fit_report import fit_document
 from jblast.report.flights import flights_answer
 from jblast.report.world import run_world
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, Written, read_events

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.inference import bound
 from jblast.inference.posterior.parameters import Spread
-from jblast.report.fit.document import cure_words
+from jblast.report.fit_report import cure_words
 from jblast.scene import Free, LogNormal
 from tests.inference.design.plans import MASS, PLACE, RING, TIME, C, scene_of, sentences
 

@@ -10,8 +10,7 @@ from jblast.inference import batch_of, fit
 from jblast.inference.answer import Answer
 from jblast.inference.density import LEFT_OUT_SIGMA, density_of
 from jblast.inference.fitting.goodness_of_fit import chi_squared, suspected_outliers
-from jblast.report.fit.document import fit_document
-from jblast.report.fit.rows import residual_rows
+from jblast.report.fit_report import fit_document, residual_rows
 from jblast.scene import Scene, UncertainScene, freed, with_laws
 from jblast.sensors import layout_of, record
 from jblast.sensors.simulated_readings import Noise

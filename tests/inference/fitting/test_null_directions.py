@@ -7,7 +7,7 @@ import pytest
 
 from jblast.inference import fit
 from jblast.inference.posterior.parameters import Estimate
-from jblast.report.fit.document import cure_words, datum_words
+from jblast.report.fit_report import cure_words, datum_words
 from jblast.scene import Free, LogNormal, UncertainScene, freed, with_laws, with_values
 from jblast.waves import (
     sedov_taylor_shock_radius,

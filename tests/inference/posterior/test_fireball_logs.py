@@ -11,7 +11,7 @@ import pytest
 from jblast.inference import bound, fit, fit_many
 from jblast.inference.posterior.parameters import as_seen, own_growth
 from jblast.observations import Observations, read
-from jblast.report.fit.document import cure_words
+from jblast.report.fit_report import cure_words
 from jblast.scene import Camera, Charge, Free, Scene, Sensor, UncertainScene, read_scene
 from jblast.sensors import observe, planned_layout, record, simulate
 from jblast.sensors.record import residuals_of

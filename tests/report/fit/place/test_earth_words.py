@@ -9,7 +9,7 @@ import pytest
 
 from jblast.inference.fitting.place import on_earth
 from jblast.inference.posterior.parameters import Estimate
-from jblast.report.fit.document import fit_document
+from jblast.report.fit_report import fit_document
 from jblast.scene import Charge
 from tests.report.fit.place.located import BEIRUT, located
 from tests.report.made_up import changed
