@@ -119,10 +119,9 @@ SAFETY = (
     "For safety engineering, forensics and sensing; it designs no explosives. "
     "Decide nothing that concerns lives from this page alone."
 )
-PLACE_FILES = ("place.geojson", "place.kml")
 DRAWS, CSV = "posterior.nc", "answers.csv"
 NAMES = ("map.png", "records.png", "recordings.png", "residuals.png", "corner.png")
-NAMES += (*PLACE_FILES, DRAWS)
+NAMES += ("place.geojson", "place.kml", DRAWS)
 """Files that a report may contain besides the document and the page."""
 OF_LOG = ("converged", "identifiable", "law_valid", "chi2", "dof", "n_observations")
 NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95", "identified")
@@ -559,8 +558,8 @@ ESTIMATES = [
     Column("", lambda row: capitalised(row.name)),
     Column("value", lambda row: row.printed.value_and_beside, right=True),
     Column("90 % interval", lambda row: row.printed.interval, right=True),
-    Column("accepted", lambda row: row.accepted),
     Column("", lambda row: "derived" if row.is_derived else ""),
+    Column("accepted", lambda row: row.accepted),
 ]
 
 
@@ -747,7 +746,7 @@ def residual_table(fit: Fit) -> Table:
         RESIDUALS,
         residual_rows(fit),
         "Recordings and residuals",
-        where="detail",
+        where="page",
         marked=lambda row: row.suspected,
         caption=caption,
     )
@@ -830,7 +829,7 @@ def fit_view(
         verbose: Whether a terminal shows the laws with their reasons.
     """
     # imported here, as it loads what a map needs
-    from jblast.report.fit.place import earth_lines
+    from jblast.report.fit_map import earth_lines
 
     found, name = fit.summary, log_name(fit)
     n, fitted = found.n_observations, list(map(parameter_words, found.free))
@@ -922,7 +921,7 @@ RECORDINGS = (
 
 def pictures(fit: Fit, accepted: Accepted | None = None) -> list[Block]:
     """Return the figures of a fit, and the reason for each that is missing."""
-    from jblast.report.fit.place import absent_map_note, map_alt, map_caption
+    from jblast.report.fit_map import absent_map_note, map_alt, map_caption
 
     found, absent = fit.summary, absent_note(fit)
     quantities = joined([quantity_words(q) for q in found.law])
@@ -984,11 +983,12 @@ def _figure(name: str, *args: Any) -> "Figure":
 
 
 def _map(fit: Fit, accepted: Accepted | None) -> "Figure":
-    from jblast.report.fit.map import map_figure
+    from jblast.report.fit_map import fit_map
+    from jblast.report.maps import map_figure
 
-    figure = map_figure(fit, accepted)
-    assert figure is not None
-    return figure
+    shown = fit_map(fit, accepted)
+    assert shown is not None
+    return map_figure(shown)
 
 
 def drawn_parameters(fit: Fit) -> list[str]:
@@ -1020,7 +1020,7 @@ def summary(
         fit: The fit.
         accepted: As for `fit_view`.
         verbose: Whether to add the reasons for the laws, the computation of the
-            intervals, all conversions of the log, and the residuals.
+            intervals and all conversions of the log.
     """
     return terminal(fit_view(fit, accepted, verbose=verbose), verbose=verbose)
 
@@ -1056,7 +1056,7 @@ def fit_report(
 
         own[DRAWS] = draws
     if fit.observations.frame is not None:
-        from jblast.report.fit.geo_files import place_files
+        from jblast.report.fit_map import place_files
 
         own |= place_files(fit, accepted)
     return Answer(

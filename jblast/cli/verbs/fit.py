@@ -23,8 +23,8 @@ model:
 output:
   --out DIR            path; folder for fit.json, figures and report.html; for several
       logs fits.json, report.html and answers.csv, which is written after each fit
-  --verbose            reason for each law, method of the intervals, residuals and all
-      conversions of the log, in the printed text
+  --verbose            reason for each law, method of the intervals and all conversions
+      of the log, in the printed text
   ...out
 advanced:
   ...noise

@@ -17,7 +17,6 @@ dated clock. Shock rings are the distances at which the peak overpressure of the
 on level ground, has fallen to given values.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -303,14 +302,17 @@ class PlaceOnEarth:
         lon_deg: Longitude, -180 to 180 [degree].
         alt_m: Height above the datum of the sensors' heights [m].
         ellipse_90_m: Half axes of the ellipse that contains 90 % of the posterior, the
-            longer one first [m], and its direction, clockwise from north [rad]; null
-            if the position was given, or depends on clocks that were assumed to agree.
+            longer one first [m]; null if the position was given, or depends on clocks
+            that were assumed to agree.
+        ellipse_azimuth_deg: Direction of the longer half axis, clockwise from north
+            [degree]; null without an ellipse.
     """
 
     lat_deg: float
     lon_deg: float
     alt_m: float
-    ellipse_90_m: tuple[float, float, float] | None
+    ellipse_90_m: tuple[float, float] | None
+    ellipse_azimuth_deg: float | None
 
 
 @dataclass(frozen=True)
@@ -376,10 +378,9 @@ def _place(fit: Fit, shot: int) -> PlaceOnEarth | None:
         return None
     lat, lon, alt = frame.to_geodetic(np.array([float(x) for x in charge.position_m]))
     found = charge_ellipse(fit, shot=shot)
-    ellipse = None
-    if found is not None:
-        ellipse = (found.major, found.minor, math.radians(found.azimuth_deg))
-    return PlaceOnEarth(float(lat), float(lon), float(alt), ellipse)
+    axes = None if found is None else (found.major, found.minor)
+    azimuth = None if found is None else float(found.azimuth_deg)
+    return PlaceOnEarth(float(lat), float(lon), float(alt), axes, azimuth)
 
 
 def _time(fit: Fit, shot: int) -> str | None:

@@ -6,11 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
+from jblast.observations.records.formats import Scaling
 from jblast.observations.records.recording import PressureRecord
-from jblast.report.pick_figures import BINS, curve_of, records_figure, write_picks
-from jblast.report.picks import picks_answer
+from jblast.report.output import write_answer
+from jblast.report.pick_figures import BINS, curve_of, records_figure
+from jblast.report.picks import FILES, picks_answer, picks_report
 from jblast.report.provenance import provenance_of
-from jblast.signals.picks import Gathered, log_of
+from jblast.report.view import terminal
+from jblast.signals.picks import Gathered, PickedFiles, log_of
 from jblast.signals.picks.pick import FittedPulse
 from jblast.signals.picks.pulse import CONTINUED, CUBIC, SMOOTH
 from tests.signals.records.made import record_pick
@@ -96,28 +100,42 @@ def test_the_document_is_json_and_holds_what_was_picked():
     assert document["not_in_log"][0]["reason"] == "uncalibrated"
 
 
-def test_pictures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_path):
+def picked(some: Gathered) -> PickedFiles:
+    """Return picks with their log, as `pick_files` does."""
+    return PickedFiles(some, log_of(some), (), (), ("g",), Scaling(), None)
+
+
+def test_figures_and_page_are_written_and_clipped_samples_have_no_residual(tmp_path):
     some = found({}, {"clipped_at_pa": 800.0, "lower_bound": True}, {})
     figure = records_figure(some.named(), some.picks)
     residual = figure.axes[3].lines[-1].get_ydata()
     assert np.isnan(np.asarray(residual, float)).any()
-    log = log_of(some)
-    stale = tmp_path / "records_7.png"
-    stale.write_text("old")
     record = tmp_path.parent / "g0.wav"
     record.write_bytes(b"RIFF")
     made = provenance_of([record], command=["jblast", "pick", "g0.wav"])
-    answer = picks_answer(some, log)
-    written = write_picks(tmp_path, some, log, answer, ["a fault"], made)
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
-        [*written, "picks.covariance.csv"]
-    )
+    fault = InputError("bad.wav: expected a header")
+    answer = picks_report(picked(some._replace(refused=(fault,))), made)
+    written = write_answer(answer, tmp_path, "picks", names=FILES)
+    assert written == ["picks.json", "records_1.png", "report.html"]
     page = (tmp_path / "report.html").read_text()
-    assert "a fault" in page
+    assert str(fault) in page
     assert "Command: jblast pick g0.wav" in page
     # by `printf RIFF | sha256sum`
-    assert f"File: g0.wav, SHA-256 {RIFF}" in page
+    assert f"g0.wav, SHA-256 {RIFF}" in page
     assert page.count('<th scope="row"') == 3
+
+
+def test_a_note_is_printed_once_and_a_doubtful_pick_marked():
+    some = found({"notes": ("faint", "sharp_front")}, {"notes": ("faint",)}, {})
+    answer = picks_report(picked(some))
+    text = terminal(answer.view)
+    assert text.startswith("3 picks in 4 records\n")
+    assert text.count("the pulse is faint") == 1
+    assert "g0 and g1: the pulse is faint" in text
+    assert text.count("quality: doubtful") == 2
+    assert "nothing found in dead" in text
+    assert "g0: 2 quieter onsets ignored" in text
+    assert answer.exit_code == 0
 
 
 def test_a_high_pass_takes_the_mean_of_a_long_pulse():

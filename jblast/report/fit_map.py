@@ -19,7 +19,7 @@ from jblast.inference.fitting.place import (
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.instants import written
 from jblast.report.estimates import Accepted, outlier_rows
-from jblast.report.fit.rows import estimates_of, log_name
+from jblast.report.fit_report import log_name
 from jblast.report.maps import Feature, Map, degrees, map_files, point
 from jblast.report.words import law_words, printed_number
 
@@ -74,11 +74,12 @@ def _place(place: PlaceOnEarth, without_ellipse: str) -> str:
     at = degrees(place.lat_deg, place.lon_deg)
     if place.ellipse_90_m is None:
         return f"{at}, {without_ellipse}"
-    major, minor, azimuth = place.ellipse_90_m
+    assert place.ellipse_azimuth_deg is not None
+    major, minor = place.ellipse_90_m
     long, wide = (printed_number("_m", 2.0 * half, 2) for half in (major, minor))
     return (
         f"{at}, 90 % ellipse with axes {long} by {wide}, longer one towards "
-        f"{math.degrees(azimuth):.0f} degrees"
+        f"{place.ellipse_azimuth_deg:.0f} degrees"
     )
 
 
@@ -262,7 +263,7 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> list[Feature]:
         features.append(point("draw", "", draws[:: max(len(draws) // MAX_DRAWS, 1)]))
         features += _areas(pair, of)
     estimates = {}
-    for key, estimate in estimates_of(fit.summary).items():
+    for key, estimate in {**fit.summary.estimates, **fit.summary.derived}.items():
         stem, _, owner = key.partition(".")
         if owner == charge.name and (stem.startswith("charge_") or not owner):
             estimates |= {
