@@ -18,10 +18,11 @@ from jblast.inference.fitting.place import (
 )
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.instants import written
+from jblast.registry import law_words
 from jblast.report.estimates import Accepted, outlier_rows
 from jblast.report.fit_report import log_name
 from jblast.report.maps import Feature, Map, degrees, map_files, point
-from jblast.report.words import law_words, printed_number
+from jblast.report.numbers import printed_number
 
 EDGES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
 """Residuals at which the colour changes [sd]: 2 and 3 sd are what readers look for."""
