@@ -248,7 +248,8 @@ def row_sentence(note: Note, observations: Observations) -> str:
     log, rows = observations, note["rows"]
     sensors = tuple(dict.fromkeys(log.sensor[row] for row in rows))
     quantity = log.quantity[rows[0]]
-    values = [printed_number(log.quantity[row], log.value[row], 4) for row in rows[:2]]
+    printed = ((log.quantity[row], float(log.value[row])) for row in rows[:2])
+    values = [printed_number(*one, 4) for one in printed]
     facts: dict[str, Any] = {
         "n_rows": len(rows),
         "sensor": log.sensor[rows[0]],

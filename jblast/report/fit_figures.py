@@ -455,8 +455,9 @@ def _marginal(axes: Axes, one: _Drawn) -> None:
     counts = gaussian_filter(np.histogram(one.draws, one.edges)[0] * 1.0, SMOOTH)
     axes.stairs(counts, one.edges, color=BLUE, linewidth=1.2)
     axes.stairs(counts, one.edges, color=BLUE, fill=True, alpha=0.2)
-    if None not in one.interval:
-        axes.axvspan(*one.interval, color=BLUE, alpha=0.10, lw=0)
+    low, high = one.interval
+    if low is not None and high is not None:
+        axes.axvspan(low, high, color=BLUE, alpha=0.10, lw=0)
     axes.axvline(one.value, color=BLUE, linewidth=1.6)
     axes.set_yticks([])
     _accepted_line(axes.axvline, one)

@@ -566,7 +566,7 @@ ESTIMATES = [
 def estimate_rows(found: Summary, accepted: Accepted | None) -> list[EstimateRow]:
     """Return a row for each fitted parameter, then for each derived one."""
     rows = []
-    for name, estimate in (found.estimates | found.derived).items():
+    for name, estimate in {**found.estimates, **found.derived}.items():
         shown, inside = "", None
         if accepted and name in accepted:
             value, label = accepted[name]
