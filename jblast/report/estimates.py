@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,8 @@ from jblast.parameters import CHARGE_POSITION
 from jblast.report.numbers import (
     Unit,
     finite,
+    joined,
+    parameter_words,
     printed_number,
     rounded,
     scientific,
@@ -131,3 +134,29 @@ def outlier_rows(fit: "Fit") -> tuple[int, ...]:
             gap = [abs(abs(fit.residual[i]) - abs(outlier.sds)) for i in rows]
             found.append(rows[int(np.argmin(gap))])
     return tuple(dict.fromkeys(found))
+
+
+def log_name(fit: "Fit") -> str:
+    """Return the log's file name without its folder, or "" for one made in memory."""
+    # a path from Windows has backslashes, which POSIX takes for letters
+    return PurePosixPath(fit.observations.source.replace("\\", "/")).name
+
+
+def drawn_parameters(fit: "Fit") -> list[str]:
+    """Return the parameters whose draws can be plotted: finite, not all equal."""
+    return [
+        name
+        for name in fit.summary.free
+        if name in fit.draws
+        and fit.summary.estimates[name].identified
+        and len(fit.draws[name]) > 1
+        and bool(np.all(np.isfinite(fit.draws[name])))
+        and np.ptp(fit.draws[name]) > 0.0
+    ]
+
+
+def absent_note(fit: "Fit") -> str:
+    """Return a sentence on free parameters missing from the corner plot, or ""."""
+    drawn = drawn_parameters(fit)
+    absent = [parameter_words(n) for n in fit.summary.free if n not in drawn]
+    return f"Not shown, as not identified: {joined(absent)}." if absent else ""

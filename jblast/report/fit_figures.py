@@ -24,6 +24,8 @@ from jblast.registry import law_words
 from jblast.report.estimates import (
     WIDE_LOG_SD,
     Accepted,
+    absent_note,
+    drawn_parameters,
     outlier_rows,
     printed_estimate,
 )
@@ -41,7 +43,6 @@ from jblast.report.figures import (
     runs,
     titled,
 )
-from jblast.report.fit_report import absent_note, drawn_parameters
 from jblast.report.numbers import (
     Unit,
     capitalised,

@@ -19,8 +19,7 @@ from jblast.inference.fitting.place import (
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.instants import written
 from jblast.registry import law_words
-from jblast.report.estimates import Accepted, outlier_rows
-from jblast.report.fit_report import log_name
+from jblast.report.estimates import Accepted, log_name, outlier_rows
 from jblast.report.maps import Feature, Map, degrees, map_files, point
 from jblast.report.numbers import printed_number
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -43,6 +43,9 @@ from jblast.report.choice import law_reason
 from jblast.report.estimates import (
     Accepted,
     Printed,
+    absent_note,
+    drawn_parameters,
+    log_name,
     outlier_rows,
     printed_estimate,
     printed_value,
@@ -804,12 +807,6 @@ def _row(fit: Fit, i: int, suspected: bool) -> Row:
 # The view
 
 
-def log_name(fit: Fit) -> str:
-    """Return the log's file name without its folder, or "" for one made in memory."""
-    # a path from Windows has backslashes, which POSIX takes for letters
-    return PurePosixPath(fit.observations.source.replace("\\", "/")).name
-
-
 def fit_view(
     fit: Fit,
     accepted: Accepted | None = None,
@@ -989,26 +986,6 @@ def _map(fit: Fit, accepted: Accepted | None) -> "Figure":
     shown = fit_map(fit, accepted)
     assert shown is not None
     return map_figure(shown)
-
-
-def drawn_parameters(fit: Fit) -> list[str]:
-    """Return the parameters whose draws can be plotted: finite, not all equal."""
-    return [
-        name
-        for name in fit.summary.free
-        if name in fit.draws
-        and fit.summary.estimates[name].identified
-        and len(fit.draws[name]) > 1
-        and bool(np.all(np.isfinite(fit.draws[name])))
-        and np.ptp(fit.draws[name]) > 0.0
-    ]
-
-
-def absent_note(fit: Fit) -> str:
-    """Return a sentence on free parameters missing from the corner plot, or ""."""
-    drawn = drawn_parameters(fit)
-    absent = [parameter_words(n) for n in fit.summary.free if n not in drawn]
-    return f"Not shown, as not identified: {joined(absent)}." if absent else ""
 
 
 def summary(

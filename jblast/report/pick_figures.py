@@ -1,6 +1,6 @@
 """Figures of `jblast pick --report`: records with their pulses and residuals."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,6 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.report.numbers import Unit, unit_for
-from jblast.report.picks import MAX_RECORDS, estimate_words
 from jblast.signals.picks import RecordPick
 
 COLUMNS = 2
@@ -33,26 +32,29 @@ BEFORE, AFTER = 0.6, 1.4
 """Drawn part before the front [positive durations], and after it [wave durations]."""
 
 
-def records_figure(names: Sequence[str], picks: Sequence[RecordPick]) -> Figure:
+def records_figure(
+    names: Sequence[str],
+    picks: Sequence[RecordPick],
+    words: Callable[[RecordPick, str], str] = lambda one, quantity: "",
+) -> Figure:
     """Draw picks in two columns, each record above its residual.
 
     Args:
         names: Titles of the panels.
-        picks: Picks that keep their samples; the first `MAX_RECORDS` are drawn.
+        picks: Picks that keep their samples.
+        words: Function that prints a value of a pick.
     """
-    shown = picks[:MAX_RECORDS]
-    rows, columns = -(-len(shown) // COLUMNS), min(COLUMNS, len(shown))
+    rows, columns = -(-len(picks) // COLUMNS), min(COLUMNS, len(picks))
     figure = fixed_figure(5.4 * columns, 0.5 + 2.9 * rows, (0.75, 0.15, 0.6, 0.35))
     outer = figure.add_gridspec(rows, columns, wspace=0.2, hspace=0.24)
-    for nth, (name, one) in enumerate(zip(names, shown, strict=False)):
+    for nth, (name, one) in enumerate(zip(names, picks, strict=True)):
         row, column = divmod(nth, columns)
         inner = outer[row, column].subgridspec(2, 1, height_ratios=[2.6, 1], hspace=0.1)
         above, below = (figure.add_subplot(part) for part in inner)
-        _draw(above, below, name, one, curve_of(one))
-        if nth + columns >= len(shown):
+        shown = [words(one, q) for q in ("peak_overpressure_pa", "positive_duration_s")]
+        _draw(above, below, name, one, ", ".join(filter(None, shown)))
+        if nth + columns >= len(picks):
             below.set_xlabel("time [s]")
-    if len(picks) > MAX_RECORDS:
-        figure.supxlabel(f"{len(picks) - MAX_RECORDS} more are not drawn", fontsize=9)
     return figure
 
 
@@ -74,8 +76,9 @@ class Curve(NamedTuple):
     fitted: Float[np.ndarray, " bin"]
 
 
-def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) -> None:
+def _draw(above: Axes, below: Axes, name: str, one: RecordPick, words: str) -> None:
     """Draw one record."""
+    curve = curve_of(one)
     unit, alone = UNSCALED, "onset_alone" in one.notes
     if one.record.calibrated:
         largest = np.abs([curve.low, curve.high]).max()
@@ -107,9 +110,7 @@ def _draw(above: Axes, below: Axes, name: str, one: RecordPick, curve: Curve) ->
     above.tick_params(labelbottom=False)
     above.set_ylabel(f"[{unit.symbol}]")
     above.yaxis.set_label_coords(-0.095, 0.5)
-    words = [estimate_words(one, "peak_overpressure_pa") or "uncalibrated"]
-    words.append(estimate_words(one, "positive_duration_s"))
-    note = "onset alone" if alone else ", ".join(filter(None, words))
+    note = "onset alone" if alone else words
     titled(above, name, note, y=1.0)
 
 

@@ -257,7 +257,8 @@ def _records(named: Sequence[Named]) -> "Figure":
     # imported here, so that an answer without figures does not load Matplotlib
     from jblast.report.pick_figures import records_figure
 
-    return records_figure(*zip(*named, strict=True))
+    names, picks = zip(*named, strict=True)
+    return records_figure(names, picks, estimate_words)
 
 
 def picks_title(found: Gathered) -> str:
