@@ -141,37 +141,6 @@ def check_out(
         refuse_existing(Path(directory) / name, force=force)
 
 
-def check_directory(
-    directory: str | os.PathLike[str], force: bool = False, what_for: str = "the report"
-) -> None:
-    """Check that a directory may be written to; call it before a long computation.
-
-    Args:
-        directory: Output directory.
-        force: Whether its contents may be overwritten.
-        what_for: Name of the output, for the message.
-
-    Raises:
-        InputError: It contains files and `force` is not set, it is or lies in a file,
-            or its parent is not writable.
-    """
-    directory = Path(directory)
-    # the nearest existing parent decides: the folders below it are created
-    there = next(p for p in (directory, *directory.absolute().parents) if p.exists())
-    if not there.is_dir():
-        what = "got a file" if there == directory else f"but {there} is a file"
-        raise InputError(f"{directory}: expected a directory for {what_for}, {what}")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise InputError(
-            f"{directory}: expected a writable directory; {there} is not writable"
-        )
-    if not force and directory.is_dir() and any(directory.iterdir()):
-        raise InputError(
-            f"{directory}: already holds files; expected a new or empty directory for "
-            f"{what_for}, or {argument('force')} to overwrite"
-        )
-
-
 @contextmanager
 def writing(path: str | os.PathLike[str]) -> Iterator[None]:
     """Convert an OSError in writing a file or directory to a message.

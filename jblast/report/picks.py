@@ -242,9 +242,10 @@ def picks_blocks(of: PickedFiles, *, title: str = "") -> list[Block]:
                 f"ignored, not a record: {listed(path.name for path in of.left_out)}"
                 if of.left_out
                 else "",
-                *map(str, found.refused),
             ],
         ),
+        # a terminal has them as the error of the command
+        Lines("Files that cannot be read", list(map(str, found.refused)), where="page"),
     ]
 
 
