@@ -228,7 +228,7 @@ def test_the_schema_of_a_check_takes_faults_and_warnings():
     odd = [doubt("clock_of_one_row", (0,), clock="phone")]
     for faults in ([], [InputError(f"{LOG}: line 3, column value: expected a number")]):
         answer = check_answer(log, faults, odd, ["2 values in kPa"])
-        check(documents.schema("check"), answer.to_dict())
+        check(documents.schema("check"), answer.document.to_dict())
 
 
 @pytest.mark.parametrize(

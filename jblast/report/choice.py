@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from jblast.fidelity.choose import Candidate, Choice, TakenLaw
 from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES
 from jblast.registry import LAWS
+from jblast.report.messages import sentence
 from jblast.report.output import PROBLEM, Answer
 from jblast.report.view import Column, Lines, Table, View
 from jblast.results import Document, among
@@ -78,30 +79,44 @@ def choice_answer(choice: Choice) -> Answer:
 
 
 def reason_for(choice: Choice) -> str:
-    """Return the reason for the method, with errors and costs of the alternatives.
-
-    Notes on curve sets and height of burst follow.
-    """
-    found = next(c for c in choice.candidates if c.method == choice.method)
-    parts = [_of_the_chosen(choice, found)]
-    rejected = _rejected(choice, found)
-    if rejected:
-        parts.append(f"error of {rejected.method} up to {percent(rejected.error)}")
-    dearest = _dearest(choice, found)
-    if dearest:
-        more = f"costs {_times(dearest.cost_s / found.cost_s)} times more"
-        parts.append(
-            f"{dearest.method}, the reference, {more}"
-            if dearest.is_reference
-            else f"{dearest.method} {more} (error {percent(dearest.error)})"
-        )
-    parts += [BY_HEIGHT[choice.by_height]] if choice.by_height else []
-    return "; ".join([*parts, *choice.notes])
+    """Return the method with the reason for it."""
+    return f"{choice.method}: {choice_reason(choice)}"
 
 
 def choice_reason(choice: Choice) -> str:
-    """Return the reason for the method, without its name."""
-    return reason_for(choice).removeprefix(f"{choice.method}: ")
+    """Return the reason for the method, and notes on curve sets and height of burst."""
+    found = next(c for c in choice.candidates if c.method == choice.method)
+    low, high = (f"{z:.3g}" for z in choice.span)
+    own = percent(choice.reference_uncertainty)
+    references = REFERENCES.get(choice.quantity, ())
+    reason = sentence(
+        f"choose.{_kind(choice, found)}",
+        z=low if low == high else f"{low} to {high}",
+        range=LAWS[choice.quantity, found.method].range,
+        end=references[-1].end if references else None,
+        distance_km=MAX_DISTANCE / 1000,
+        quality=f"the reference law here (uncertainty {own})"
+        if found.is_reference
+        else f"error up to {percent(found.error)} (uncertainty of the reference {own})",
+        tolerance=percent(choice.tolerance),
+        short=found.predicted_error / (choice.tolerance or math.nan),
+    )
+    curves = [BY_HEIGHT[choice.by_height]] if choice.by_height else []
+    return "; ".join([reason, *curves, *choice.notes])
+
+
+def _kind(choice: Choice, found: Candidate) -> str:
+    """Return the kind of the reason."""
+    own = choice.reference_uncertainty
+    if choice.quantity not in REFERENCES:
+        return "exact" if own == 0.0 else "no_reference"
+    if not math.isfinite(own):
+        return "beyond_reference"
+    if not found.valid:
+        return "not_valid"
+    if choice.met or choice.tolerance == 0.0:
+        return "suffices"
+    return "not_verifiable" if own > choice.tolerance else "most_accurate"
 
 
 def law_reason(law: TakenLaw) -> str:
@@ -122,73 +137,3 @@ def percent(error: float) -> str:
     if error >= 1.0:
         return f"a factor of {1.0 + error:.2g}"
     return f"{100.0 * error:.2g} %"
-
-
-def _times(ratio: float) -> str:
-    """Return a ratio to one digit, as 40 or 4e5."""
-    # costs are timings, which vary by tens of per cent: one digit
-    digit, power = f"{ratio:.0e}".split("e")
-    return f"{float(f'{ratio:.0e}'):g}" if ratio < 1e3 else f"{digit}e{int(power)}"
-
-
-def _of_the_chosen(choice: Choice, found: Candidate) -> str:
-    low, high = (f"{z:.3g}" for z in choice.span)
-    z = f"Z = {low} m/kg^(1/3)" if low == high else f"Z = {low} to {high} m/kg^(1/3)"
-    where = f"inside {LAWS[choice.quantity, found.method].range}"
-    name = found.method
-    if choice.quantity not in REFERENCES:
-        if choice.reference_uncertainty == 0.0:
-            return f"{name}: exact"
-        return (
-            f"{name}: the default law; its error is unknown, as there is no reference, "
-            "so no tolerance can be verified"
-        )
-    if not math.isfinite(choice.reference_uncertainty):
-        end = REFERENCES[choice.quantity][-1].end
-        return (
-            f"{name}: {z}; the reference ends at Z = {end:g} and "
-            f"{MAX_DISTANCE / 1000:g} km, so no tolerance can be verified there"
-        )
-    own = percent(choice.reference_uncertainty)
-    if not found.valid:
-        return f"{name}: {z}, not all {where}; no method is valid at all of it"
-    quality = (
-        f"the reference law here (uncertainty {own})"
-        if found.is_reference
-        else f"error up to {percent(found.error)} (uncertainty of the reference {own})"
-    )
-    if choice.met or choice.tolerance == 0.0:
-        return f"{name}: {z} {where}; {quality}"
-    tolerance = f"a tolerance of {percent(choice.tolerance)}"
-    if choice.reference_uncertainty > choice.tolerance:
-        return f"{name}: {z} {where}; {quality}, so {tolerance} cannot be verified"
-    short = found.predicted_error / choice.tolerance
-    return (
-        f"{name}: {z} {where}; {quality}; it is the most accurate method, and misses "
-        f"{tolerance} by a factor of {short:.2g}"
-    )
-
-
-def _rejected(choice: Choice, found: Candidate) -> Candidate | None:
-    """Return the cheapest rejected method that costs less or as much, if any."""
-    others = [
-        c
-        for c in choice.candidates
-        if c.method != found.method
-        and math.isfinite(c.error)
-        and c.error > max(found.error, choice.tolerance)
-    ]
-    # candidates come the cheapest first
-    return others[0] if others else None
-
-
-def _dearest(choice: Choice, found: Candidate) -> Candidate | None:
-    """Return the most expensive valid method, if it costs more than 10 times as much.
-
-    Below a factor of 10 the cost decides nothing: all laws take microseconds.
-    """
-    others = [c for c in choice.candidates if math.isfinite(c.error) and c.cost_s > 0.0]
-    if not others or not found.cost_s > 0.0:
-        return None
-    dearest = max(others, key=lambda c: c.cost_s)
-    return dearest if dearest.cost_s > 10.0 * found.cost_s else None

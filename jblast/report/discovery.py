@@ -1,9 +1,11 @@
 """The answer of `jblast discover`: equations, and evidence against them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import starmap
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +13,12 @@ from jaxtyping import Float
 
 from jblast.discovery.discover import (
     MIN_MEMBERS,
-    SEGMENTS,
     SIGNIFICANCE,
     Discovery,
     Replay,
 )
 from jblast.discovery.law_search import LawSearch, certain
+from jblast.report.messages import sentence
 from jblast.report.numbers import joined, significant
 from jblast.report.output import PROBLEM, Answer
 from jblast.report.view import Block, Column, Lines, Picture, Table, View
@@ -34,8 +36,8 @@ MIN_SHARE = 0.05
 """Share of the ensemble from which an excluded term is reported: below 1 in 20 it is
 chance at the 5 % level."""
 DATA = "#b0b0b0"
-MAX_JUMPS = 5
-"""Largest number of rows listed."""
+MAX_TITLE = 84
+"""Width of a plot [characters of its title]."""
 
 
 @dataclass(frozen=True)
@@ -193,32 +195,28 @@ class DiscoveryAnswer(Document):
 def discovery_answer(search: LawSearch) -> Answer:
     """Return the answer of a search."""
     data, found, again, further = search[:4]
-    more = further and FurtherEquations(
-        certain(*further),
-        {name: equation_text(further[0], n) for n, name in enumerate(found.states)},
-    )
+    more = None
+    if further is not None:
+        equations = found_equations(*further).items()
+        texts = {name: one.equation for name, one in equations}
+        more = FurtherEquations(certain(*further), texts)
     document = filled(
         DiscoveryAnswer,
         search,
         found,
         again,
         rows=len(data.time_s),
-        state=tuple(found.states),
-        input=tuple(data.names[len(found.states) :]),
+        state=found.states,
+        input=data.names[len(found.states) :],
         candidates=tuple(found.candidates.names),
         ensemble=search.members,
-        equations={
-            name: found_equation(found, again, state)
-            for state, name in enumerate(found.states)
-        },
+        equations=found_equations(found, again),
         one_degree_more=more,
         interval=NominalInterval(found.level, COVERAGE),
-        repeated=tuple(found.repeated),
         reproduced=all(again.reproduced),
         error_growth_s=found.growth_s,
         held_out_segments=found.segments,
     )
-
     draw = partial(discovery_figure, found, again, data.time_s, data.states)
     view = discovery_view(found, again, further, [Picture("discover.png", draw)])
     return Answer(document, view, code=0 if search.certain else PROBLEM)
@@ -228,7 +226,7 @@ def discovery_view(
     found: Discovery,
     again: Replay,
     further: tuple[Discovery, Replay] | None = None,
-    blocks: list[Block] | None = None,
+    blocks: Sequence[Block] = (),
 ) -> View:
     """Return equations with their terms, validation and the evidence against them.
 
@@ -238,163 +236,134 @@ def discovery_view(
         further: Equations and integration with products of one column more, if tried.
         blocks: Blocks after those of the equations.
     """
-    interval = f"{100.0 * found.level:.0f} % interval (nominal)"
+    equations = found_equations(found, again)
+    doubtful = {name: one for name, one in equations.items() if one.doubts}
+    more = found_equations(*further) if further else {}
     columns = [
         Column("term", lambda one: one.term),
         Column("coefficient", lambda one: significant(one.coefficient, 4), right=True),
-        Column(interval, lambda one: _interval(one.q05, one.q95)),
-        Column("ensemble", lambda one: f"{100.0 * one.inclusion:.0f} %", right=True),
+        Column(
+            f"{100.0 * found.level:.0f} % interval (nominal)",
+            lambda one: f"{significant(one.q05, 4)} to {significant(one.q95, 4)}",
+        ),
+        Column("ensemble", lambda one: _percent(one.inclusion), right=True),
     ]
-    problems, equations = [], []
-    for state, name in enumerate(found.states):
-        if against := doubts(found, again, state):
-            is_law = found.terms(state) and found.judged[state].law
-            first = "Doubtful" if is_law else "No law found"
-            problems.append(f"{first}, {name}: {'; '.join(against)}")
-        left = left_out_terms(found, state)
-        equation = equation_text(found, state)
-        equations += [
-            Table(columns, kept_terms(found, state), equation),
+    tables: list[Block] = []
+    for name, one in equations.items():
+        misfit = "nearest" if again.nearest else "integrated"
+        misfit = misfit if math.isfinite(one.misfit) else "diverges"
+        held = "held_out" if math.isfinite(one.skill_not_seen) else "held_out_diverges"
+        left = ", ".join(f"{o.term} {_percent(o.inclusion)}" for o in one.left_out)
+        tables += [
+            Table(columns, one.terms, one.equation),
             Lines(
-                "" if found.terms(state) else equation,
+                "" if one.terms else one.equation,
                 [
-                    "Excluded terms in part of the ensemble: "
-                    + ", ".join(f"{o.term} {100.0 * o.inclusion:.0f} %" for o in left)
-                    if left
-                    else "",
-                    _replay_words(found, again, state),
-                    _held_out_words(found, state),
+                    f"Excluded terms in part of the ensemble: {left}" if left else "",
+                    sentence(
+                        f"discover.{misfit}",
+                        one,
+                        name=name,
+                        growth_s=found.growth_s,
+                        percent=100.0 * one.misfit,
+                        fails="" if one.reproduced else ", not reproduced",
+                    ),
+                    sentence(
+                        f"discover.{held}",
+                        segments=found.segments,
+                        percent=100.0 * max(one.skill_not_seen, 0.0),
+                    ),
                 ],
             ),
         ]
-    repeated = ", ".join(found.repeated)
     return View(
-        f"{'Equation' if len(found.states) == 1 else 'Equations'} of motion of "
-        f"{joined(list(found.states))}",
+        f"{'Equation' if len(equations) == 1 else 'Equations'} of motion of "
+        f"{joined(found.states)}",
         [
-            Lines("One degree more", _further_lines(further, found, again)),
-            *equations,
+            Lines(
+                "One degree more",
+                [
+                    f"{more[name].equation}, "
+                    + (_listed("also doubtful", more[name]) or "without these problems")
+                    for name in doubtful
+                    if more
+                ],
+            ),
+            *tables,
             Lines(
                 "Terms left out, as sums of other terms equal them on this record",
-                [repeated],
+                [", ".join(found.repeated)],
             ),
-            *(blocks or []),
+            *blocks,
         ],
-        problems=problems,
+        problems=[
+            _listed(f"{'Doubtful' if one.law else 'No law found'}, {name}", one)
+            for name, one in doubtful.items()
+        ],
     )
 
 
-def _interval(low: float, high: float) -> str:
-    return f"{significant(low, 4)} to {significant(high, 4)}"
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
 
 
-def _further_lines(
-    further: tuple[Discovery, Replay] | None, found: Discovery, again: Replay
-) -> list[str]:
-    """Return the doubtful equations with candidate terms of one degree more."""
-    lines = []
-    for state in range(len(found.states)) if further else ():
-        assert further is not None
-        if not doubts(found, again, state):
-            continue
-        words = doubts(*further, state)
-        verdict = "without these problems"
-        if words:
-            verdict = f"also doubtful: {'; '.join(words)}"
-        lines.append(f"{equation_text(further[0], state)}, {verdict}")
-    return lines
-
-
-def _replay_words(found: Discovery, again: Replay, state: int) -> str:
-    """Return the misfit of the integrated equation."""
-    misfit, name = again.misfit[state], found.states[state]
-    if not math.isfinite(misfit):
-        return "Integration from the first row: diverges, the data are not reproduced"
-    of = "Integration from the first row"
-    if again.nearest:
-        growth = significant(found.growth_s, 2)
-        of = f"Nearest trajectory, as errors grow tenfold in {growth} s"
-    return (
-        f"{of}: misfit {100.0 * misfit:.1f} % of the spread of {name}, noise removed "
-        f"({significant(found.noise_sd[state])})"
-        + ("" if again.reproduced[state] else ", not reproduced")
-    )
-
-
-def _held_out_words(found: Discovery, state: int) -> str:
-    """Return the error of the prediction of held-out segments."""
-    skill = found.judged[state].skill
-    held = "Held-out data"
-    if found.segments > SEGMENTS:
-        held += f", {found.segments} segments"
-    if not math.isfinite(skill):
-        return f"{held}: the integration diverges"
-    return (
-        f"{held}: the squared error is {100.0 * max(skill, 0.0):.1f} % smaller than "
-        "that of a constant prediction"
-    )
+def _listed(title: str, equation: FoundEquation) -> str:
+    """Return the evidence against an equation; "" without."""
+    return f"{title}: {'; '.join(equation.doubts)}" if equation.doubts else ""
 
 
 def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     """Return the evidence against one equation, the most serious first."""
-    judged, name = found.judged[state], found.states[state]
+    judged = found.judged[state]
     if not found.terms(state):
         return ["no term is certain"]
-    words = []
-    if found.jumps:
-        rows = joined([str(row + 1) for row in found.jumps[:MAX_JUMPS]])
-        words.append(
-            f"the states jump before row {rows}: if these are several runs, number "
-            "them in a column run"
-        )
-    words += [
-        f"{term} and {other} are exchangeable: they are nearly collinear on this "
-        "record, and either fits"
-        for term, other in found.exchangeable[state]
+    is_bad, grows = not again.reproduced[state], math.isfinite(found.growth_s)
+    pairs = [f"{term} and {other}" for term, other in found.exchangeable[state]]
+    kinds = {
+        "jumps": bool(found.jumps),
+        "exchangeable": bool(pairs),
+        "not_predicted": not judged.law,
+        "not_reproduced": is_bad and not grows,
+        "none_near": is_bad and grows,
+        "untested": not judged.tested,
+        "outside": judged.outside < SIGNIFICANCE,
+        "excess": judged.excess < SIGNIFICANCE,
+        "serial": judged.serial < SIGNIFICANCE,
+    }
+    numbers = {
+        "jumped": [str(row + 1) for row in found.jumps],
+        "pairs": pairs,
+        "name": found.states[state],
+        "growth_s": found.growth_s,
+        "members": MIN_MEMBERS,
+    }
+    return [
+        sentence(f"discover.{kind}", judged, **numbers)
+        for kind, holds in kinds.items()
+        if holds
     ]
-    if not judged.law:
-        words.append("on held-out data it is hardly better than a constant prediction")
-    if not again.reproduced[state]:
-        failure = f"integrated from the first row it does not reproduce {name}"
-        if math.isfinite(found.growth_s):
-            failure += (
-                ": errors of its trajectories grow tenfold in "
-                f"{significant(found.growth_s, 2)} s, and no trajectory is near the "
-                "record"
-            )
-        words.append(failure)
-    if not judged.tested:
-        words.append(
-            "the residuals could not be tested: the test requires that every state is "
-            f"reproduced, and {MIN_MEMBERS} or more records with new noise"
-        )
-    if judged.outside < SIGNIFICANCE:
-        words.append(
-            f"the residuals correlate with {judged.outside_term}, which is not a "
-            f"candidate term (p = {significant(judged.outside, 2)})"
-        )
-    if judged.excess < SIGNIFICANCE:
-        words.append(
-            "the residuals are larger than the noise "
-            f"(p = {significant(judged.excess, 2)})"
-        )
-    if judged.serial < SIGNIFICANCE:
-        words.append(
-            f"the residuals are correlated (p = {significant(judged.serial, 2)})"
-        )
-    return words
 
 
-def found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation:
-    """Return the answer on one equation."""
-    judged = found.judged[state]
+def found_equations(found: Discovery, again: Replay) -> dict[str, FoundEquation]:
+    """Return the answer on each equation, by column."""
+    return {
+        name: _found_equation(found, again, state)
+        for state, name in enumerate(found.states)
+    }
+
+
+def _found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation:
+    judged, row = found.judged[state], found.coefficients[state]
+    share = found.inclusion[state]
+    columns = row, found.low[state], found.high[state], share
+    numbers = np.column_stack(columns).tolist()
+    names = found.candidates.names
+    left = np.flatnonzero((row == 0.0) & (share >= MIN_SHARE))
     return FoundEquation(
         equation=equation_text(found, state),
-        terms=kept_terms(found, state),
-        left_out=left_out_terms(found, state),
-        exchangeable=tuple(
-            ExchangeableTerms(term, other) for term, other in found.exchangeable[state]
-        ),
+        terms=tuple(KeptTerm(names[n], *numbers[n]) for n in np.flatnonzero(row)),
+        left_out=tuple(LeftOutTerm(names[n], float(share[n])) for n in left),
+        exchangeable=tuple(starmap(ExchangeableTerms, found.exchangeable[state])),
         noise_sd=float(found.noise_sd[state]),
         misfit=float(again.misfit[state]),
         reproduced=again.reproduced[state],
@@ -407,45 +376,15 @@ def found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation
     )
 
 
-def kept_terms(found: Discovery, state: int) -> tuple[KeptTerm, ...]:
-    """Return the terms of an equation."""
-    return tuple(
-        KeptTerm(
-            term=found.candidates.names[place],
-            coefficient=float(found.coefficients[state, place]),
-            q05=float(found.low[state, place]),
-            q95=float(found.high[state, place]),
-            inclusion=float(found.inclusion[state, place]),
-        )
-        for place in np.flatnonzero(found.coefficients[state])
-    )
-
-
-def left_out_terms(found: Discovery, state: int) -> tuple[LeftOutTerm, ...]:
-    """Return the excluded terms that at least `MIN_SHARE` of the ensemble had."""
-    share = found.inclusion[state]
-    left = (found.coefficients[state] == 0.0) & (share >= MIN_SHARE)
-    return tuple(
-        LeftOutTerm(found.candidates.names[place], float(share[place]))
-        for place in np.flatnonzero(left)
-    )
-
-
 def equation_text(found: Discovery, state: int) -> str:
     """Return one equation: d(u)/dt = -0.45 u - 0.01 |u| u."""
-    row = found.coefficients[state]
-    words = []
-    for place in np.flatnonzero(row):
+    words = ""
+    for place in np.flatnonzero(row := found.coefficients[state]):
         sign = "-" if row[place] < 0.0 else "+"
-        term = found.candidates.names[place]
-        words.append(
-            f"{sign} {significant(abs(row[place]), 4)}"
-            + ("" if term == "1" else f" {term}")
-        )
-    right = " ".join(words).removeprefix("+ ") or "0 (no term is certain)"
-    if right.startswith("- "):
-        right = "-" + right[2:]
-    return f"d({found.states[state]})/dt = {right}"
+        name = found.candidates.names[place].removeprefix("1")
+        words += f" {sign} {significant(abs(row[place]), 4)} {name}".rstrip()
+    right = words.removeprefix(" + ").replace(" - ", "-", not words.startswith(" + "))
+    return f"d({found.states[state]})/dt = {right or '0 (no term is certain)'}"
 
 
 def discovery_figure(
@@ -474,7 +413,9 @@ def discovery_figure(
         left.set_ylim(np.min(seen) - 0.25 * spread, np.max(seen) + 0.25 * spread)
         left.set_ylabel(name)
         left.legend(frameon=False, fontsize=9, loc="upper left", ncols=2)
-        titled(left, _cut(equation_text(found, state)))
+        titled(
+            left, shorten(equation_text(found, state), MAX_TITLE, placeholder=" ...")
+        )
         _inclusion(right, found, state)
     grid[-1][0].set_xlabel("time [s]")
     grid[-1][1].set_xlabel("share of the ensemble with the term")
@@ -483,27 +424,13 @@ def discovery_figure(
 
 def _inclusion(axes: "Axes", found: Discovery, state: int) -> None:
     """Draw a bar a term: its share of the ensemble."""
-    from jblast.report.figures import BLUE, INK, quiet
+    from jblast.report.figures import BLUE, quiet
 
     quiet(axes)
-    kept = found.coefficients[state] != 0.0
-    share = found.inclusion[state]
+    kept, share = found.coefficients[state] != 0.0, found.inclusion[state]
     shown = np.flatnonzero(kept | (share > 0.0))[::-1]
-    places = np.arange(len(shown))
-    colours = [BLUE if kept[place] else "#c8c8c8" for place in shown]
-    axes.barh(places, share[shown], height=0.6, color=colours)
-    axes.set_yticks(places, [found.candidates.names[place] for place in shown])
+    names = [found.candidates.names[place] for place in shown]
+    axes.barh(names, share[shown], height=0.6, color=np.where(kept, BLUE, DATA)[shown])
+    # a bar alone would fill the plot
     axes.set_ylim(-0.6, max(len(shown), 3) - 0.4)
     axes.set_xlim(0.0, 1.0)
-    axes.grid(False, axis="y")
-    axes.tick_params(axis="y", length=0)
-    if not len(shown):
-        axes.text(0.5, 1.0, "no term", ha="center", color=INK)
-
-
-def _cut(words: str, longest: int = 84) -> str:
-    """Return a title shortened at a term to the width of its plot [characters]."""
-    if len(words) <= longest:
-        return words
-    kept = words[: longest - 4]
-    return kept[: max(kept.rfind(" + "), kept.rfind(" - "))] + " ..."

@@ -3,12 +3,11 @@
 Figures read the finished files, so that writing needs no memory for them.
 """
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
@@ -33,8 +32,6 @@ MAX_DRAWN, ROW_INCHES = 8, 2.2
 BEFORE, AFTER = 0.25, 6.0
 """Extent of the enlarged waveform: before the first arrival, as a share of the time to
 the end of the positive phase; after that end, in positive durations."""
-BLOCK = 2**16
-"""Samples of a file that are read together."""
 ARRIVALS = {"ground_arrival_s": (0, (1, 1.5)), "air_arrival_s": (0, (4, 3))}
 """Line of each arrival."""
 
@@ -133,10 +130,7 @@ def recordings_answer(
     sensors = {}
     for number, record in enumerate(records):
         values = [
-            {
-                quantity: float(rows[number, n])
-                for quantity, rows in truth.values.items()
-            }
+            {quantity: float(of[number, n]) for quantity, of in truth.values.items()}
             for n in range(len(truth.shots))
         ]
         blasts = {
@@ -243,11 +237,10 @@ def pictures(recordings: Recordings, directory: Path) -> list[Picture]:
     """Return the figures of records, which are read from their files."""
     if not recordings.sensors:
         return []
-    drawn = partial(_drawn, recordings, directory)
     return [
         Picture(
             "waveforms.png",
-            lambda: waveform_figure(drawn()),
+            partial(waveform_figure, recordings, directory),
             "Waveforms",
             "Whole, and around the first blast. Dashed: arrival of the wave in air; "
             "dotted: in the ground.",
@@ -255,7 +248,7 @@ def pictures(recordings: Recordings, directory: Path) -> list[Picture]:
         ),
         Picture(
             "spectrograms.png",
-            lambda: spectrogram_figure(drawn()),
+            partial(spectrogram_figure, recordings, directory),
             "Spectrograms",
             "Power density by time and frequency.",
             "Power density of each record against time and frequency.",
@@ -263,46 +256,8 @@ def pictures(recordings: Recordings, directory: Path) -> list[Picture]:
     ]
 
 
-class Drawn(NamedTuple):
-    """A record to draw.
-
-    Attributes:
-        name: Name of its sensor.
-        answer: Its numbers.
-        samples: Its samples; of a vector its magnitude.
-    """
-
-    name: str
-    answer: RecordAnswer
-    samples: Float[np.ndarray, " sample"]
-
-    @property
-    def column(self) -> str:
-        """The drawn quantity with its unit."""
-        return SENSOR_KINDS[self.answer.kind].column
-
-    @property
-    def note(self) -> str:
-        """Kind, and number of clipped samples."""
-        clipped = self.answer.clipped_samples
-        return self.answer.kind + (f"; {clipped:,} samples clipped" if clipped else "")
-
-    def arrivals(self, name: str) -> list[float]:
-        """Return the arrivals of a wave of all blasts."""
-        blasts = self.answer.blasts
-        of = [one.values for one in blasts.values()] if blasts else [self.answer.values]
-        return [values[name] for values in of if name in values]
-
-
-def _drawn(recordings: Recordings, directory: Path) -> list[Drawn]:
-    first = list(recordings.sensors.items())[:MAX_DRAWN]
-    return [Drawn(name, of, read_samples(directory, of)) for name, of in first]
-
-
 def read_samples(directory: Path, record: Any) -> Float[np.ndarray, " sample"]:
     """Return the samples of a record's file; of a vector its magnitude.
-
-    They are mapped from a temporary file: a record of any length needs little memory.
 
     Args:
         directory: Folder of the file.
@@ -312,31 +267,16 @@ def read_samples(directory: Path, record: Any) -> Float[np.ndarray, " sample"]:
         InputError: The file is missing or broken.
     """
     path, kind = directory / record.file, SENSOR_KINDS.named(record.kind)
-    with tempfile.TemporaryFile() as file:
-        for block in _blocks(path, kind.file == ".wav", list(kind.columns)):
-            magnitude = block[:, 0]
-            if block.shape[1] > 1:
-                magnitude = np.linalg.norm(block, axis=1)
-            scaled = magnitude * (record.full_scale_pa or 1.0)
-            file.write(scaled.astype(np.float32).tobytes())
-        file.flush()
-        size = file.tell() // 4
-        return np.memmap(file, np.float32, "r", shape=(size,)) if size else np.zeros(0)
+    if kind.file != ".wav":
+        table = read_table(path)[list(kind.columns)].to_numpy(np.float32)
+        return table[:, 0] if table.shape[1] == 1 else np.linalg.norm(table, axis=1)
+    import soundfile
 
-
-def _blocks(
-    path: Path, is_sound: bool, columns: list[str]
-) -> Iterator[Float[np.ndarray, "sample component"]]:
-    if is_sound:
-        import soundfile
-
-        try:
-            yield from soundfile.blocks(path, BLOCK, dtype="float32", always_2d=True)
-        except (OSError, soundfile.LibsndfileError) as error:
-            raise InputError(f"{path}: expected sound ({error})") from None
-        return
-    for table in read_table(path, chunksize=BLOCK):
-        yield table[columns].to_numpy(np.float32)
+    try:
+        samples, _ = soundfile.read(path, dtype="float32", always_2d=True)
+    except (OSError, soundfile.LibsndfileError) as error:
+        raise InputError(f"{path}: expected sound ({error})") from None
+    return samples[:, 0] * (record.full_scale_pa or 1.0)
 
 
 def read_table(path: Path, **options: Any) -> Any:
@@ -356,70 +296,79 @@ def read_table(path: Path, **options: Any) -> Any:
         raise InputError(f"{path}: expected a table ({error})") from None
 
 
-def waveform_figure(records: Sequence[Drawn]) -> "Figure":
+def waveform_figure(recordings: Recordings, directory: Path) -> "Figure":
     """Draw each record whole, and around its first blast."""
     from jblast.report.figures import envelope, new_figure, quiet, titled
 
-    figure = new_figure(11.0, 0.8 + ROW_INCHES * len(records))
-    grid = figure.subplots(len(records), 2, squeeze=False)
-    for record, (left, right) in zip(records, grid, strict=True):
-        unit = unit_for(record.column, *record.answer.largest.values())
-        rate = record.answer.rate_hz
+    drawn = list(recordings.sensors.items())[:MAX_DRAWN]
+    figure = new_figure(11.0, 0.8 + ROW_INCHES * len(drawn))
+    grid = figure.subplots(len(drawn), 2, squeeze=False)
+    for (name, record), (left, right) in zip(drawn, grid, strict=True):
+        column, rate = SENSOR_KINDS[record.kind].column, record.rate_hz
+        unit = unit_for(column, *record.largest.values())
+        samples = read_samples(directory, record)
         for axes, (start, stop) in (
-            (left, (0, record.samples.size)),
-            (right, _near(record)),
+            (left, (0, samples.size)),
+            (right, _near(record, samples.size)),
         ):
             quiet(axes)
             if stop <= start:
                 axes.set_axis_off()
                 continue
-            some = record.samples[start:stop] / unit.size
+            some = samples[start:stop] / unit.size
             envelope(axes, some, rate, start_s=start / rate)
             _mark_arrivals(axes, record)
-        words = split_name(record.column)[0].replace("_", " ")
+        words = split_name(column)[0].replace("_", " ")
         left.set_ylabel(f"{words} [{unit.symbol}]")
-        titled(left, record.name, record.note)
+        titled(left, name, _note(record))
     titled(grid[0][1], "Around the arrivals")
     for axes in grid[-1]:
         axes.set_xlabel("time by the sensor's clock [s]")
     return figure
 
 
-def _near(record: Drawn) -> tuple[int, int]:
+def _note(record: RecordAnswer) -> str:
+    clipped = record.clipped_samples
+    return record.kind + (f"; {clipped:,} samples clipped" if clipped else "")
+
+
+def _near(record: RecordAnswer, samples: int) -> tuple[int, int]:
     """Return the range of samples around the first blast; empty without one."""
-    duration, rate = record.answer.values["positive_duration_s"], record.answer.rate_hz
-    arrivals = [record.answer.values.get(name, np.nan) for name in ARRIVALS]
-    begin = min((one for one in arrivals if np.isfinite(one)), default=np.nan)
-    end = arrivals[-1] + duration
-    if not (np.isfinite(begin) and np.isfinite(end)):
+    duration = record.values["positive_duration_s"]
+    arrivals = [record.values.get(name, np.nan) for name in ARRIVALS]
+    begin, end = np.fmin(*arrivals), arrivals[-1] + duration
+    if not np.isfinite([begin, end]).all():
         return 0, 0
     span = begin - BEFORE * (end - begin), end + AFTER * duration
-    start, stop = (int(np.clip(t * rate, 0, record.samples.size)) for t in span)
+    start, stop = (int(np.clip(t * record.rate_hz, 0, samples)) for t in span)
     return start, stop
 
 
-def spectrogram_figure(records: Sequence[Drawn]) -> "Figure":
+def spectrogram_figure(recordings: Recordings, directory: Path) -> "Figure":
     """Draw the power density of each record against time and frequency."""
     from jblast.report.figures import new_figure, spectrogram, titled
 
-    figure = new_figure(11.0, 0.8 + ROW_INCHES * len(records))
-    grid = figure.subplots(len(records), 1, squeeze=False)[:, 0]
-    for record, axes in zip(records, grid, strict=True):
-        unit, reference = unit_for(record.column, 1.0).symbol, 1.0
-        if record.column.endswith("_pa"):  # levels of sound in air: ISO 1683
+    drawn = list(recordings.sensors.items())[:MAX_DRAWN]
+    figure = new_figure(11.0, 0.8 + ROW_INCHES * len(drawn))
+    grid = figure.subplots(len(drawn), 1, squeeze=False)[:, 0]
+    for (name, record), axes in zip(drawn, grid, strict=True):
+        column = SENSOR_KINDS[record.kind].column
+        unit, reference = unit_for(column, 1.0).symbol, 1.0
+        if column.endswith("_pa"):  # levels of sound in air: ISO 1683
             unit, reference = "20 µPa", 20e-6
-        rate = record.answer.rate_hz
-        titled(axes, record.name, record.note)
-        spectrogram(axes, record.samples, rate, unit=unit, reference=reference)
+        samples = read_samples(directory, record)
+        titled(axes, name, _note(record))
+        spectrogram(axes, samples, record.rate_hz, unit=unit, reference=reference)
         _mark_arrivals(axes, record, colour="white")
     grid[-1].set_xlabel("time by the sensor's clock [s]")
     return figure
 
 
-def _mark_arrivals(axes: "Axes", record: Drawn, colour: str = "#222222") -> None:
+def _mark_arrivals(axes: "Axes", record: RecordAnswer, colour: str = "#222222") -> None:
     """Mark the arrivals of the waves of every blast within the axes."""
     low, high = axes.get_xlim()
+    blasts = [one.values for one in (record.blasts or {}).values()] or [record.values]
     for name, style in ARRIVALS.items():
-        for arrival in record.arrivals(name):
+        for arrival in (values.get(name, np.nan) for values in blasts):
             if low <= arrival <= high:
                 axes.axvline(arrival, color=colour, linewidth=1.0, linestyle=style)

@@ -311,6 +311,49 @@ MESSAGES = {
     "scene's gains",
     "slower_recovery": "the path error after the blast is larger than with the scene's "
     "gains: recovery is slower",
+    # selection of a law
+    "choose.exact": "exact",
+    "choose.no_reference": "the default law; its error is unknown, as there is no "
+    "reference, so no tolerance can be verified",
+    "choose.beyond_reference": "Z = {z} m/kg^(1/3); the reference ends at Z = {end:g} "
+    "and {distance_km:g} km, so no tolerance can be verified there",
+    "choose.not_valid": "Z = {z} m/kg^(1/3), not all inside {range}; no method is "
+    "valid at all of it",
+    "choose.suffices": "Z = {z} m/kg^(1/3) inside {range}; {quality}",
+    "choose.not_verifiable": "Z = {z} m/kg^(1/3) inside {range}; {quality}, so a "
+    "tolerance of {tolerance} cannot be verified",
+    "choose.most_accurate": "Z = {z} m/kg^(1/3) inside {range}; {quality}; it is the "
+    "most accurate method, and misses a tolerance of {tolerance} by a factor of "
+    "{short:.2g}",
+    # equations of motion, and the evidence against them
+    "discover.integrated": "Integration from the first row: misfit {percent:.1f} % of "
+    "the spread of {name}, noise removed ({noise_sd:short}){fails}",
+    "discover.nearest": "Nearest trajectory, as errors grow tenfold in {growth_s}: "
+    "misfit {percent:.1f} % of the spread of {name}, noise removed ({noise_sd:short})"
+    "{fails}",
+    "discover.diverges": "Integration from the first row: diverges, the data are not "
+    "reproduced",
+    "discover.held_out": "Held-out data, {segments} segments: the squared error is "
+    "{percent:.1f} % smaller than that of a constant prediction",
+    "discover.held_out_diverges": "Held-out data, {segments} segments: the integration "
+    "diverges",
+    "discover.jumps": "the states jump before row {jumped:names}: if these are several "
+    "runs, number them in a column run",
+    "discover.exchangeable": "{pairs:names} are exchangeable: they are nearly "
+    "collinear on this record, and either fits",
+    "discover.not_predicted": "on held-out data it is hardly better than a constant "
+    "prediction",
+    "discover.not_reproduced": "integrated from the first row it does not reproduce "
+    "{name}",
+    "discover.none_near": "integrated from the first row it does not reproduce {name}: "
+    "errors of its trajectories grow tenfold in {growth_s}, and no trajectory is near "
+    "the record",
+    "discover.untested": "the residuals could not be tested: the test requires that "
+    "every state is reproduced, and {members} or more records with new noise",
+    "discover.outside": "the residuals correlate with {outside_term}, which is not a "
+    "candidate term (p = {outside:short})",
+    "discover.excess": "the residuals are larger than the noise (p = {excess:short})",
+    "discover.serial": "the residuals are correlated (p = {serial:short})",
 }
 
 

@@ -18,7 +18,6 @@ from jblast.progress import stages
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit_report import FitsAnswer, fits_answer
 from jblast.report.flights import (
-    EastNorthUpM,
     FlightsAnswer,
     MissionAnswer,
     flights_answer,
@@ -40,11 +39,12 @@ from jblast.study.missions import MissionFlight
 from jblast.study.run_files import (
     BLASTS,
     READINGS,
+    BlastDrawn,
     Detections,
     FilmMade,
     ImuWritten,
     RecordedRun,
-    blast_numbers,
+    drawn_blasts,
     record_files,
 )
 from jblast.study.running import Run, Subscriber, prepare_run
@@ -60,7 +60,7 @@ BINS = 400
 """Bins of the event rate over the whole run: about two pixels each."""
 LOAD_PERCENTILE = 99.5
 """Percentile of loads that fills half of their plot: blasts would hide all else."""
-TRUTH: dict[str, Callable[["BlastDrawn"], float]] = {
+TRUTH: dict[str, Callable[[BlastDrawn], float]] = {
     "charge_mass_kg": lambda blast: blast.mass_kg,
     "charge_east_m": lambda blast: blast.position_m[0],
     "charge_north_m": lambda blast: blast.position_m[1],
@@ -68,23 +68,6 @@ TRUTH: dict[str, Callable[["BlastDrawn"], float]] = {
     "origin_time_s": lambda blast: blast.time_s,
 }
 """True value of each fitted parameter."""
-
-
-@dataclass(frozen=True)
-class BlastDrawn:
-    """A blast of the world.
-
-    Attributes:
-        shot: Name of the charge; for a random one the number of its draw.
-        time_s: Time of detonation on the common clock.
-        position_m: East, north, up.
-        mass_kg: Mass of the charge.
-    """
-
-    shot: str
-    time_s: float
-    position_m: EastNorthUpM
-    mass_kg: float
 
 
 @dataclass(frozen=True)
@@ -212,11 +195,7 @@ def run_world(
         seed=seed,
         scene_sha256=None if made.scene is None else made.scene.sha256,
         laws=dict(run.world.scene.law),
-        blasts=tuple(
-            BlastDrawn(charge.name, time, (east, north, up), mass)
-            for charge in run.world.charges
-            for time, east, north, up, mass in [blast_numbers(charge)]
-        ),
+        blasts=drawn_blasts(run.world),
         not_perceived=run.late,
         readings=0 if recorded.readings is None else len(recorded.readings),
         flight=flights_answer(flown, **options) if isinstance(flown, Flights) else None,

@@ -9,8 +9,8 @@ import contextlib
 import math
 import os
 import queue
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
@@ -21,7 +21,6 @@ from jblast.files import save, table_text, write_text, writing
 from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.results import AMONG
-from jblast.scene import Charge
 from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files.event_files import Written, write_events
 from jblast.sensors.camera.files.images import write_values
@@ -52,7 +51,7 @@ from jblast.study.running import (
     record_run,
 )
 from jblast.waves.fireball import fireball_duration
-from jblast.world import DrawnWorld, ImuRecord, Perceived, picked_jolts, readings_of
+from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
 from jblast.world.drawn import CAMERA
 from jblast.world.picked import joined, picked_readings, sampled_sensors
 
@@ -63,6 +62,23 @@ BEFORE = 2
 """Frames stored before each flash: the detector takes a difference of two."""
 SEARCHED = {("microphone", "sound"), (CAMERA, "flash")}
 """Kinds of sensors and senses that the detectors of a run search."""
+
+
+@dataclass(frozen=True)
+class BlastDrawn:
+    """A blast of the world.
+
+    Attributes:
+        shot: Name of the charge; for a random one the number of its draw.
+        time_s: Time of detonation on the common clock.
+        position_m: East, north, up.
+        mass_kg: Mass of the charge.
+    """
+
+    shot: str
+    time_s: float
+    position_m: tuple[float, float, float]
+    mass_kg: float
 
 
 @dataclass(frozen=True)
@@ -223,34 +239,21 @@ def _readings(
 
 def _warnings(run: Run, no_readings: bool, late: int, missed: int) -> Iterator[str]:
     """Yield warnings on the use of a run and of its readings."""
-    if missed:
-        yield (
-            f"{missed} air shocks at sampling sensors have no readings: no pick, or a "
-            "poor one"
-            if missed > 1
-            else "one air shock at a sampling sensor has no reading: no pick, or a "
-            "poor one"
-        )
+    shots = len(run.world.shots)
     for sensor in run.world.scene.sensors:
         if sensor.instrument is not None and not sensor.kind:
             yield f"{sensor.name}: no kind is specified, so it writes no samples"
-    shots = len(run.world.shots)
-    if run.unseen:
-        yield (
-            f"{len(run.unseen)} of {shots} blasts are outside the camera's image: it "
-            "does not perceive them"
-        )
     if not shots:
-        flown = "" if run.flown else " and no flight"
-        yield f"no blast was sampled: no perceptions{flown}"
-    if run.late:
-        yield (
-            f"{run.late} perceptions after the end, {run.seconds:g} s, are not included"
-        )
-    if late:
-        yield f"{late} waves at sensors after the end have no readings"
+        yield "no blast was sampled"
     if no_readings and shots:
         yield "no sensor has records, so there is no observations.csv"
+    numbers = {
+        "air shocks at sampling sensors, without or with a poor pick": missed,
+        f"blasts outside the camera's image, of {shots}": len(run.unseen),
+        f"perceptions after the end at {run.seconds:g} s": run.late,
+        "waves at sensors after the end, without readings": late,
+    }
+    yield from (f"{what}: {number}" for what, number in numbers.items() if number)
 
 
 class Fed(Generic[Item]):
@@ -261,28 +264,25 @@ class Fed(Generic[Item]):
 
     def __init__(self, consume: Callable[[Iterator[Item]], Any]):
         """Start the function."""
-        self._items: queue.Queue[tuple[Item, ...]] = queue.Queue(2)
+        self._items: queue.Queue[Item | None] = queue.Queue(2)
         self._pool = ThreadPoolExecutor(1)
         self._result = self._pool.submit(consume, self._pulled())
 
     def _pulled(self) -> Iterator[Item]:
-        while one := self._items.get():
-            yield one[0]
+        while (item := self._items.get()) is not None:
+            yield item
 
-    def put(self, item: Item) -> None:
-        """Pass an item; an error of the function is raised here."""
-        self._give((item,))
-
-    def _give(self, one: tuple[Item, ...]) -> None:
+    def put(self, item: Item | None) -> None:
+        """Pass an item, or None at the end; an error of the function is raised here."""
         # a function that has ended takes no more: waiting for it would last for ever
         while not self._result.done():
             with contextlib.suppress(queue.Full):
-                return self._items.put(one, timeout=0.1)
-        return self._result.result() if one else None
+                return self._items.put(item, timeout=0.1)
+        return self._result.result()
 
     def end(self) -> Any:
         """End the input, and return the result of the function."""
-        self._give(())
+        self.put(None)
         self._pool.shutdown()
         return self._result.result()
 
@@ -306,7 +306,9 @@ class RunWriter:
         for file in (*stale, *directory.glob("imu*.csv")):
             file.unlink(missing_ok=True)
         save(directory / BLASTS, blasts_csv(run.world, head))
-        save(directory / PERCEIVED, _perceived_csv(run.perceived, head))
+        clock = "times are on the common clock, of the laws, without errors"
+        columns = ("shot", "entity", "sense", "time_s")
+        save(directory / PERCEIVED, _csv(run.perceived, columns, [*head, clock]))
         if run.flown is not None:
             save(directory / FLIGHT, flight_csv(run.flown))
         self.records: list[RecordWriter] = []
@@ -340,7 +342,9 @@ class RunWriter:
             table = truth_csv(self._run.listening, self.records, self._comments)
             write_text(self.directory / SOUND / TRUTH, table)
         if self.detections:
-            table = _detections_csv(self.detections, run_comments(self._run.world))
+            columns = ("sensor", "kind", "shot", "time_s", "sigma_s", "reported_s")
+            columns += ("latency_s", "statistic")
+            table = _csv(self.detections, columns, run_comments(self._run.world))
             save(self.directory / DETECTIONS, table)
         if self._film is not None:
             self.film = self._film.finish()
@@ -361,10 +365,10 @@ class _FilmOfRun:
         self._places = {number: place for place, number in enumerate(numbers)}
         self._times = film.times[numbers]
         bursts = [float(charge.time_s) for charge in film.scene.charges]
-        self._first, self._wanted = min(bursts), {*sheet_frames(self._times, bursts)}
+        self._first = min(bursts)
+        self._wanted = {*sheet_frames(self._times, bursts)}
         self._shown: dict[float, np.ndarray] = {}
         self._pool = ThreadPoolExecutor(os.cpu_count())
-        self._written: list[Future[None]] = []
         path, lasts = directory / "events.h5", float(film.times[-1])
         size = film.camera.width, film.camera.height
         self._events: Fed[Events] = Fed(
@@ -373,17 +377,17 @@ class _FilmOfRun:
 
     def take(self, frames: Frames, events: CameraEvents) -> None:
         """Write the frames and events of a packet."""
-        for future in self._written:
-            future.result()
-        self._written = []
-        for time, image in zip(frames.time_s.tolist(), frames.images, strict=True):
-            place = self._places.get(round(time * self._hz))
-            if place is None:
-                continue
-            path = Path(self._files.frames or "") / self._name(place)
-            self._written.append(self._pool.submit(write_values, path, image))
-            if place in self._wanted:
-                self._shown[time - self._first] = image
+        numbers = [round(time * self._hz) for time in frames.time_s.tolist()]
+        images = {
+            self._places[number]: image
+            for number, image in zip(numbers, frames.images, strict=True)
+            if number in self._places
+        }
+        paths = [Path(self._files.frames or "") / self._name(n) for n in images]
+        # consumed, so that an error of writing is raised
+        list(self._pool.map(write_values, paths, images.values()))
+        for place in self._wanted & images.keys():
+            self._shown[self._times[place] - self._first] = images[place]
         count, lost = np.asarray(events.time_s.size), np.asarray(0)
         columns = events.x, events.y, events.time_s, events.polarity
         self._events.put(Events(*columns, count, lost))
@@ -395,7 +399,8 @@ class _FilmOfRun:
         """Complete the files."""
         self._pool.shutdown()
         written = self._events.end()
-        write_contact_sheet(self._files.contact_sheet, self._shown)
+        shown = dict(sorted(self._shown.items()))
+        write_contact_sheet(self._files.contact_sheet, shown)
         rows = [["file", "time_s"]]
         rows += [[self._name(n), f"{t:.12g}"] for n, t in enumerate(self._times)]
         table = Path(self._files.contact_sheet).with_name("frames.csv")
@@ -472,33 +477,28 @@ def summary_of(run: Run, found: Sequence[RunDetection]) -> Detections:
     )
 
 
-def blast_numbers(charge: Charge) -> list[float]:
-    """Return time, east, north, up and mass of a charge."""
-    numbers = (charge.time_s, *charge.position_m, charge.mass_kg)
-    return [float(np.asarray(number)) for number in numbers]
+def drawn_blasts(world: DrawnWorld) -> tuple[BlastDrawn, ...]:
+    """Return the blasts of a world in order of time."""
+    return tuple(
+        BlastDrawn(charge.name, float(charge.time_s), (east, north, up), mass)
+        for charge in world.charges
+        for mass, east, north, up in [
+            map(float, (charge.mass_kg, *np.asarray(charge.position_m)))
+        ]
+    )
 
 
 def blasts_csv(world: DrawnWorld, comments: Sequence[str]) -> str:
     """Return a row for each blast, in order of time, with 12 digits."""
     rows = [["shot", "time_s", "east_m", "north_m", "up_m", "mass_kg"]]
-    for charge in world.charges:
-        rows.append([charge.name, *(f"{x:.12g}" for x in blast_numbers(charge))])
+    for one in drawn_blasts(world):
+        numbers = (one.time_s, *one.position_m, one.mass_kg)
+        rows.append([one.shot, *(f"{x:.12g}" for x in numbers)])
     return table_text(rows, comments)
 
 
-def _perceived_csv(perceived: Sequence[Perceived], comments: Sequence[str]) -> str:
-    """Return a row for each sense and blast, in order of time, with 12 digits."""
-    rows = [["shot", "entity", "sense", "time_s"]]
-    rows += [[p.shot, p.entity, p.sense, f"{p.time_s:.12g}"] for p in perceived]
-    clock = "times are on the common clock, of the laws, without errors"
-    return table_text(rows, [*comments, clock])
-
-
-def _detections_csv(found: Sequence[RunDetection], comments: Sequence[str]) -> str:
-    """Return a row for each detection, in order of report, with 12 digits."""
-    numbers = ("time_s", "sigma_s", "reported_s", "latency_s", "statistic")
-    rows = [["sensor", "kind", "shot", *numbers]]
-    for one in found:
-        cells = [f"{getattr(one, name):.12g}" for name in numbers]
-        rows.append([one.sensor, one.kind, one.shot, *cells])
-    return table_text(rows, comments)
+def _csv(rows: Iterable[Any], columns: Sequence[str], comments: Sequence[str]) -> str:
+    """Return attributes of results as a table, numbers with 12 digits."""
+    cells = ([getattr(row, name) for name in columns] for row in rows)
+    shown = ([x if isinstance(x, str) else f"{x:.12g}" for x in row] for row in cells)
+    return table_text([columns, *shown], comments)

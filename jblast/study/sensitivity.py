@@ -2,37 +2,32 @@ r"""Contributions of inputs to an outcome's scatter: Sobol' indices and elastici
 
 The first-order index of an input is the share of the variance that it explains alone,
 the total index that of all terms in which it takes part (Sobol' 1993; Homma and
-Saltelli 1996); they differ where inputs interact. Both are bootstrapped. For a function
-that can be called again they follow from the pairs of matrices of Saltelli et al.
-(2010), by SciPy.
+Saltelli 1996); they differ where inputs interact. Both are bootstrapped.
 
-For existing samples they follow from an expansion of the outcome in orthonormal
-polynomials. Each input is replaced by its rank, as a uniform or a normal score,
-whichever fits better, so that no prior is needed. From the coefficients $c_\alpha$ of
-the products $\prod_i P_{\alpha_i}$ the variance due to input $i$ follows directly
-(Sudret 2008): alone it is $\sum c_\alpha^2$ over the terms of $i$ only, in total over
-all terms with $i$. The degree is chosen by leave-one-out cross-validation (Blatman and
-Sudret 2010), in closed form.
+They follow from an expansion of the outcome in orthonormal polynomials. Each input is
+replaced by its rank, as a uniform or a normal score, whichever fits better, so that no
+prior is needed. From the coefficients $c_\alpha$ of the products $\prod_i P_{\alpha_i}$
+the variance due to input $i$ follows directly (Sudret 2008): alone it is $\sum
+c_\alpha^2$ over the terms of $i$ only, in total over all terms with $i$. The degree is
+chosen by leave-one-out cross-validation (Blatman and Sudret 2010), in closed form.
 
 An elasticity is the change of an outcome in per cent for 1 % of an input.
 """
 
 import itertools
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 from numpy.polynomial import hermite_e, legendre
 from scipy.linalg import solve_triangular
 from scipy.special import factorial, ndtri
 
 from jblast.quantities import QUANTITIES
-from jblast.study.columns import Lane, StudyColumns
+from jblast.study.columns import StudyColumns
 from jblast.study.statistics import LEVEL
 
 RESAMPLES = 200
@@ -68,38 +63,69 @@ one."""
 FAMILIES = ("hermite", "legendre")
 MAX_LANES = 12
 """Largest number of analysed lanes: each takes seconds."""
-REASONS = {
-    "interaction": "acts together with others",
-    "range": "has a larger effect over its whole range than its slope at the middle",
-    "nonlinearity": "is steep at the middle, and levels off",
-}
 NO_EFFECT = 0.02
 """Total index below which an input has no effect, by declaration. Chance alone gives
 terms over samples, at most 200/4000 of the unexplained variance for all inputs."""
 
 
-def elasticities(
-    outcome: Callable[[Mapping[str, Float[Array, ""]]], Float[Array, ""]],
-    numbers: Mapping[str, float],
-) -> dict[str, float]:
-    r"""Return $\partial\ln|y|/\partial\ln|x|$ of each number, by `jax.grad`.
+@dataclass(frozen=True)
+class InputShare:
+    """Contribution of a parameter to the scatter of an outcome.
 
-    Args:
-        outcome: Function of numbers by name, with one value.
-        numbers: Point at which the slopes are computed.
-
-    Returns:
-        Elasticity by name; NaN where the outcome or the number is zero.
+    Attributes:
+        name: Name of the parameter.
+        first: First-order Sobol' index: share of the variance that it explains alone.
+        first_interval: 90 % interval of it.
+        total: Total Sobol' index: share of the variance with its interactions.
+        total_interval: 90 % interval of it.
+        elasticity: Change of the outcome in per cent for one per cent of the parameter,
+            at the middle of the samples.
+        differs: Reason for a disagreement of slope and index; null if they agree.
     """
-    point = {name: jnp.asarray(value, float) for name, value in numbers.items()}
-    value, slopes = jax.jit(jax.value_and_grad(outcome))(point)
-    y = float(value)
-    return {
-        name: float(slopes[name]) * numbers[name] / y
-        if y and numbers[name]
-        else float("nan")
-        for name in numbers
-    }
+
+    name: str
+    first: float
+    first_interval: tuple[float, float]
+    total: float
+    total_interval: tuple[float, float]
+    elasticity: float
+    differs: str | None
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Sources of the scatter of an outcome.
+
+    Attributes:
+        outcome: Name of the outcome.
+        sensor: Name of the sensor; null for none.
+        explained: Share of the variance that the method explains.
+        method: Description of the method.
+        rows: Number of samples of the analysis.
+        numbers: Contribution of each sampled parameter.
+    """
+
+    outcome: str
+    sensor: str | None
+    explained: float
+    method: str
+    rows: int
+    numbers: tuple[InputShare, ...]
+
+    @property
+    def title(self) -> str:
+        """Name of outcome and sensor."""
+        return ", ".join(filter(None, (self.outcome, self.sensor)))
+
+    @property
+    def rest(self) -> float:
+        """Share of the variance that no parameter explains."""
+        return min(1.0, max(0.0, 1.0 - self.explained))
+
+    @property
+    def without_effect(self) -> list[str]:
+        """Parameters without an effect on the outcome."""
+        return [n.name for n in self.numbers if n.total_interval[1] < NO_EFFECT]
 
 
 def fitted_slopes(
@@ -141,72 +167,62 @@ def fitted_slopes(
     )
 
 
-class SobolIndices(NamedTuple):
-    """Sobol' indices of one outcome, with 90 % intervals.
-
-    Attributes:
-        names: Names of the inputs.
-        first: Share of the variance that each input explains alone.
-        first_interval: Lower and upper bound of `first`.
-        total: Share of the variance due to all terms with the input.
-        total_interval: Lower and upper bound of `total`.
-        explained: Share of the variance of new samples that the expansion predicts.
-            The remainder is noise, or steps that polynomials cannot represent.
-        method: Name of the method.
-        rows: Number of samples used.
-    """
-
-    names: tuple[str, ...]
-    first: Float[np.ndarray, " input"]
-    first_interval: Float[np.ndarray, "2 input"]
-    total: Float[np.ndarray, " input"]
-    total_interval: Float[np.ndarray, "2 input"]
-    explained: float
-    method: str
-    rows: int
-
-
-def indices_from_samples(
+def shares_from_samples(
     inputs: Mapping[str, Float[np.ndarray, " sample"]],
     values: Float[np.ndarray, " sample"],
+    outcome: str = "",
+    sensor: str | None = None,
     *,
     resamples: int = RESAMPLES,
     seed: int = 0,
-) -> SobolIndices | None:
-    """Return the indices of existing samples; None if there are too few.
+) -> Shares | None:
+    """Return the sources of scatter of existing samples; None if there are too few.
 
     Args:
         inputs: Independent inputs by name; constant ones are ignored.
         values: Outcome; samples without a finite one are ignored.
+        outcome: Its name.
+        sensor: Its sensor.
         resamples: Number of resamples of the bootstrap.
         seed: Seed of the bootstrap.
     """
     names = [name for name, of in inputs.items() if np.ptp(of) > 0]
     good = np.isfinite(values)
-    values = np.asarray(values, float)[good]
-    if len(values) < max(MIN_ROWS, 3 * len(names)) or not names or not np.ptp(values):
+    known = np.asarray(values, float)[good]
+    if len(known) < max(MIN_ROWS, 3 * len(names)) or not names or not np.ptp(known):
         return None
     matrix = np.column_stack([np.asarray(inputs[name])[good] for name in names])
-    if len(values) > MAX_ROWS:
+    if len(known) > MAX_ROWS:
         # evenly instead of at random, so that the result does not depend on a seed
-        chosen = np.linspace(0, len(values) - 1, MAX_ROWS).astype(int)
-        matrix, values = matrix[chosen], values[chosen]
+        chosen = np.linspace(0, len(known) - 1, MAX_ROWS).astype(int)
+        matrix, known = matrix[chosen], known[chosen]
     # unit variance: squared coefficients are shares
-    scaled = (values - values.mean()) / values.std()
+    scaled = (known - known.mean()) / known.std()
     fitted = expansion_of(matrix, scaled)
-    first, total = shares_of(fitted.powers, fitted.coefficients, 1.0)
-    firsts, totals = resampled(fitted, scaled, resamples, seed)
+    indices = shares_of(fitted.powers, fitted.coefficients, 1.0)
     ends = [0.5 - LEVEL / 2, 0.5 + LEVEL / 2]
-    return SobolIndices(
-        tuple(names),
-        first,
-        np.quantile(firsts, ends, axis=0),
-        total,
-        np.quantile(totals, ends, axis=0),
-        fitted.explained,
-        f"an expansion in {len(fitted.powers)} polynomials",
-        len(values),
+    # by input: lower and upper bound
+    first_interval, total_interval = (
+        np.quantile(found, ends, axis=0).T.tolist()
+        for found in resampled(fitted, scaled, resamples, seed)
     )
+    elastic, by_slope = fitted_slopes(inputs, values)
+    numbers = tuple(
+        InputShare(
+            name,
+            first,
+            (first_interval[n][0], first_interval[n][1]),
+            total,
+            (total_interval[n][0], total_interval[n][1]),
+            elastic[name],
+            disagreement(first, total, by_slope[name]),
+        )
+        for n, (name, first, total) in enumerate(
+            zip(names, *map(np.ndarray.tolist, indices), strict=True)
+        )
+    )
+    method = f"an expansion in {len(fitted.powers)} polynomials"
+    return Shares(outcome, sensor, fitted.explained, method, len(known), numbers)
 
 
 class Expansion(NamedTuple):
@@ -259,91 +275,22 @@ def resampled(
     return np.array(firsts), np.array(totals)
 
 
-def indices_of_function(
-    function: Callable[[Float[np.ndarray, "sample input"]], Float[np.ndarray, " s"]],
-    names: tuple[str, ...],
-    points: int = 1024,
-    *,
-    resamples: int = RESAMPLES,
-    seed: int = 0,
-) -> SobolIndices:
-    """Return the indices of a function, from calls of it.
+def disagreement(first: float, total: float, by_slope: float) -> str | None:
+    """Return the reason of a disagreement of slope and indices; None if they agree.
 
     Args:
-        function: Outcome, from standard normal coordinates of all inputs.
-        names: Names of the inputs.
-        points: Rows of each matrix, a power of two; the function is evaluated
-            `points` times the number of inputs plus two.
-        resamples: Number of resamples of the bootstrap.
-        seed: Seed of the points and of the bootstrap.
-
-    Raises:
-        ValueError: `points` is no power of two, or an outcome is not finite.
+        first: First-order index of the input.
+        total: Its total index.
+        by_slope: Its share of the variance if the outcome were linear: squared product
+            of slope and standard deviation, over the sum.
     """
-    from scipy.stats import norm, sobol_indices
-
-    # Sobol' points are balanced for powers of two only
-    if points < 2 or points & (points - 1):
-        raise ValueError(f"points: expected a power of two, got {points}")
-
-    def called(columns):
-        values = np.asarray(function(columns.T), float)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            raise ValueError(
-                f"expected a finite outcome of each sample, got {values[bad[0]]} of "
-                f"sample {bad[0]}"
-            )
-        # SciPy expects outcomes on the first axis
-        return values[None]
-
-    rng = np.random.default_rng(seed)
-    found = sobol_indices(func=called, n=points, dists=[norm()] * len(names), rng=rng)
-    interval = found.bootstrap(confidence_level=LEVEL, n_resamples=resamples)
-    first, total = interval.first_order, interval.total_order
-    return SobolIndices(
-        names,
-        np.ravel(found.first_order),
-        np.array(
-            [first.confidence_interval.low, first.confidence_interval.high]
-        ).reshape(2, -1),
-        np.ravel(found.total_order),
-        np.array(
-            [total.confidence_interval.low, total.confidence_interval.high]
-        ).reshape(2, -1),
-        1.0,
-        "pairs of matrices",
-        points * (len(names) + 2),
-    )
-
-
-def disagreement(
-    indices: SobolIndices, slope_shares: Mapping[str, float]
-) -> dict[str, str]:
-    """Return the reason of a disagreement of slope and indices, by input.
-
-    Args:
-        indices: Indices of the outcome.
-        slope_shares: Share of the variance by input if the outcome were linear:
-            squared product of slope and standard deviation, over the sum.
-    """
-    reasons = {}
-    for n, name in enumerate(indices.names):
-        if name not in slope_shares:
-            continue
-        first, total, by_slope = indices.first[n], indices.total[n], slope_shares[name]
-        if (
-            abs(by_slope - first) <= DISAGREEMENT
-            and abs(by_slope - total) <= DISAGREEMENT
-        ):
-            continue
-        if total - first > DISAGREEMENT:
-            reasons[name] = "interaction"
-        elif by_slope < first:
-            reasons[name] = "range"
-        else:
-            reasons[name] = "nonlinearity"
-    return reasons
+    if max(abs(by_slope - first), abs(by_slope - total)) <= DISAGREEMENT:
+        return None
+    if total - first > DISAGREEMENT:
+        return "acts together with others"
+    if by_slope < first:
+        return "has a larger effect over its whole range than its slope at the middle"
+    return "is steep at the middle, and levels off"
 
 
 def expansion_of(
@@ -450,66 +397,6 @@ def shares_of(
     return squares @ alone / scale, squares @ entered / scale
 
 
-@dataclass(frozen=True)
-class InputShare:
-    """Contribution of a parameter to the scatter of an outcome.
-
-    Attributes:
-        name: Name of the parameter.
-        first: First-order Sobol' index: share of the variance that it explains alone.
-        first_interval: 90 % interval of it.
-        total: Total Sobol' index: share of the variance with its interactions.
-        total_interval: 90 % interval of it.
-        elasticity: Change of the outcome in per cent for one per cent of the parameter,
-            at the middle of the samples.
-        differs: Reason for a disagreement of slope and index; null if they agree.
-    """
-
-    name: str
-    first: float
-    first_interval: tuple[float, float]
-    total: float
-    total_interval: tuple[float, float]
-    elasticity: float
-    differs: str | None
-
-
-@dataclass(frozen=True)
-class Shares:
-    """Sources of the scatter of an outcome.
-
-    Attributes:
-        outcome: Name of the outcome.
-        sensor: Name of the sensor; null for none.
-        explained: Share of the variance that the method explains.
-        method: Description of the method.
-        rows: Number of samples of the analysis.
-        numbers: Contribution of each sampled parameter.
-    """
-
-    outcome: str
-    sensor: str | None
-    explained: float
-    method: str
-    rows: int
-    numbers: tuple[InputShare, ...]
-
-    @property
-    def title(self) -> str:
-        """Name of outcome and sensor."""
-        return ", ".join(filter(None, (self.outcome, self.sensor)))
-
-    @property
-    def rest(self) -> float:
-        """Share of the variance that no parameter explains."""
-        return min(1.0, max(0.0, 1.0 - self.explained))
-
-    @property
-    def without_effect(self) -> list[str]:
-        """Parameters without an effect on the outcome."""
-        return [n.name for n in self.numbers if n.total_interval[1] < NO_EFFECT]
-
-
 def lane_shares(columns: StudyColumns) -> tuple[Shares, ...]:
     """Return the sources of scatter of the first lanes, if their samples identify them.
 
@@ -518,31 +405,11 @@ def lane_shares(columns: StudyColumns) -> tuple[Shares, ...]:
     columns = columns.rows or columns
     inputs = dict(columns.inputs)
     inputs |= {axis.name: axis.values[axis.at] for axis in columns.numeric_axes}
-    lanes = columns.lanes[:MAX_LANES]
-    found = [(lane, indices_from_samples(inputs, lane.values)) for lane in lanes]
-    return tuple(_shares(inputs, lane, of) for lane, of in found if of is not None)
-
-
-def _shares(
-    inputs: Mapping[str, np.ndarray], lane: Lane, indices: SobolIndices
-) -> Shares:
-    elastic, by_slope = fitted_slopes(inputs, lane.values)
-    reasons = disagreement(indices, by_slope)
-    first, last = indices.first_interval.T, indices.total_interval.T
-    numbers = tuple(
-        InputShare(
-            name,
-            float(indices.first[n]),
-            (float(first[n, 0]), float(first[n, 1])),
-            float(indices.total[n]),
-            (float(last[n, 0]), float(last[n, 1])),
-            elastic[name],
-            REASONS[reasons[name]] if name in reasons else None,
-        )
-        for n, name in enumerate(indices.names)
-    )
-    whole = indices.explained, indices.method, indices.rows
-    return Shares(lane.name, lane.sensor or None, *whole, numbers)
+    found = [
+        shares_from_samples(inputs, lane.values, lane.name, lane.sensor or None)
+        for lane in columns.lanes[:MAX_LANES]
+    ]
+    return tuple(shares for shares in found if shares is not None)
 
 
 def rest_name(columns: StudyColumns, shares: Shares) -> str:

@@ -1,4 +1,4 @@
-"""Records in figures: read back from their files, whatever their size."""
+"""Records in figures: read back from their files."""
 
 from types import SimpleNamespace
 
@@ -8,7 +8,6 @@ import pytest
 from jblast.errors import InputError
 from jblast.observations.records.sound import write_sound
 from jblast.report.listen import (
-    BLOCK,
     RecordAnswer,
     Recordings,
     listen_view,
@@ -18,7 +17,7 @@ from jblast.report.output import page_of
 from jblast.report.view import terminal
 from jblast.sensors.record_writer import write_samples
 
-SAMPLES = np.random.default_rng(3).normal(size=BLOCK + 100)
+SAMPLES = np.random.default_rng(3).normal(size=65_636)
 VALUES = {
     "air_arrival_s": 0.5,
     "ground_arrival_s": np.nan,

@@ -6,6 +6,7 @@ from tests.cli.cli_files import SENSORS
 
 KNOWN = "[charge]\nmass_kg = 15.0\n" + SENSORS
 KEYS = (
+    "schema",
     "quantity",
     "method",
     "reason",
@@ -52,7 +53,7 @@ def test_a_tolerance_that_none_meets_exits_4_and_still_answers(jblast):
     [
         (("--quantity", "hight"), "unknown quantity 'hight'"),
         (("--quantity", "air_arrival_s", "--tolerance", "0"), "a positive number"),
-        (("--quantity", "air_arrival_s", "--tolerance", "nan"), "a positive number"),
+        (("--quantity", "air_arrival_s", "--tolerance", "nan"), "a finite number"),
         (("--quantity", "flash_time_s"), "no sensor of the scene records flash_time_s"),
     ],
 )

@@ -52,7 +52,7 @@ def test_drag_is_found_and_printed_with_its_certainty(jblast):
     assert "ensemble" in out
     assert "Integration from the first row: misfit" in out
     assert "(nominal)" in out
-    assert "Held-out data: the squared error" in out
+    assert "Held-out data, 5 segments: the squared error" in out
 
 
 def test_json_is_all_of_stdout(jblast):
