@@ -336,7 +336,7 @@ def _near(record: RecordAnswer, samples: int) -> tuple[int, int]:
     """Return the range of samples around the first blast; empty without one."""
     duration = record.values["positive_duration_s"]
     arrivals = [record.values.get(name, np.nan) for name in ARRIVALS]
-    begin, end = np.fmin(*arrivals), arrivals[-1] + duration
+    begin, end = np.nanmin([*arrivals, np.inf]), arrivals[-1] + duration
     if not np.isfinite([begin, end]).all():
         return 0, 0
     span = begin - BEFORE * (end - begin), end + AFTER * duration
