@@ -415,7 +415,11 @@ def _flight_blocks(flight: FlightsAnswer) -> list[Block]:
     """Return the tables of `jblast fly`, for the page."""
     view = flights_view(flight)
     return [
-        replace(block, where="page", title=block.title or view.title)
+        replace(
+            block,
+            where="page",
+            title=f"{block.title} at the vehicle" if block.title else view.title,
+        )
         for block in view.blocks
         if isinstance(block, Table)
     ]
