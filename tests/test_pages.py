@@ -26,7 +26,7 @@ from docs.generate import (
 )
 from docs.generate.links import in_repository, site_uri, targets, to_site
 from docs.generate.scene_schema import scene_schema
-from jblast.cli.parsers import VERBS
+from jblast.cli.verbs import VERBS
 from jblast.parameters import PARAMETERS
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.scene.reader.scene import scene_from_document, world_from_document
@@ -190,7 +190,7 @@ def test_generated_tables_have_all_that_the_readers_accept():
 
 def test_the_command_line_page_has_every_verb_with_its_options():
     page = command_line.verbs()
-    assert re.findall(r"^## jblast (\w+)$", page, re.M) == [v.name for v in VERBS]
+    assert re.findall(r"^## jblast (\w+)$", page, re.M) == list(VERBS)
     assert "<code>--posterior {weighted,emcee}</code>" in page
     assert page.count("<code>--debug</code>") == len(VERBS)
 
@@ -218,7 +218,7 @@ def test_readme_names_every_verb_and_function_on_one_page():
     readme = TEXTS[ROOT / "README.md"]
     assert len(readme.splitlines()) <= 120
     table = readme.split("## The four main verbs")[1]
-    assert [v.name for v in VERBS if f"`{v.name}`" not in table] == []
+    assert [v for v in VERBS if f"`{v}`" not in table] == []
     offered = " ".join(readme.split()).split("`jblast` offers")[1]
     named = re.findall(r"`(\w+)`", offered.partition(", and loads")[0])
     assert sorted(named) == sorted(jblast.__all__)

@@ -144,7 +144,7 @@ def test_scene_and_waves_need_jax_equinox_and_jaxtyping_alone():
 
 
 CALCULATION = (
-    "import jblast.report.calc; from jblast.cli.parsers import parsed; "
+    "import jblast.report.calc; from jblast.cli.main import parsed; "
     "from jblast.cli.verbs.calc import question_of, selection; "
     "options = parsed(['calc', '--mass', '1', '--range', '9']); "
     "question_of(options); selection(options)"

@@ -1,28 +1,30 @@
 """Reference of the command line, generated from its parsers."""
 
 import argparse
+import re
 from html import escape
 
-from jblast.cli.parsers import GROUPS, VERBS, verb_parser
+from jblast.cli.main import verb_parser
+from jblast.cli.verbs import LIST, VERBS, names_in
 
 
 def verbs() -> str:
     """Return a section for each verb: description, example, usage and options."""
     groups = [
-        f"- **{group}**, {subject}: "
-        + ", ".join(f"[{v.name}](#jblast-{v.name})" for v in VERBS if v.group == group)
-        for group, subject in GROUPS.items()
+        re.sub(r"^(.*?): (.*)", r"- **\1**, \2: ", head)
+        + ", ".join(f"[{name}](#jblast-{name})" for name in names_in(text))
+        for head, _, text in (part.partition("\n") for part in LIST.split("\n\n"))
     ]
-    return "\n\n".join(["\n".join(groups), *(_verb(verb) for verb in VERBS)])
+    return "\n\n".join(["\n".join(groups), *(_verb(name) for name in VERBS)])
 
 
-def _verb(verb) -> str:
-    parser = verb_parser(verb)
+def _verb(name: str) -> str:
+    parser = verb_parser(name)
     formatter = parser._get_formatter()
     usage = parser.format_usage().removeprefix("usage: ").rstrip()
     text = escape(f"{parser.summary}\n\n{parser.details}".strip(), quote=False)
     example = f"Example: `{parser.example}`"
-    parts = [f"## jblast {verb.name}", text, f"```text\n{usage}\n```", example]
+    parts = [f"## jblast {name}", text, f"```text\n{usage}\n```", example]
     for group in parser._action_groups:
         rows = [
             f"| <code>{_cell(formatter._format_action_invocation(action))}</code> "

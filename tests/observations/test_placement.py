@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jblast.cli.arguments.options import in_options
+from jblast.cli.options import in_options
 from jblast.errors import InputError
 from jblast.observations import resolve_positions
 from jblast.scene import Air, Charge, Scene, Sensor

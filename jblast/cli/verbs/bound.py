@@ -33,8 +33,8 @@ from jblast.errors import InputError
 
 def run(options: argparse.Namespace) -> int:
     """Compute the bound, print it, and return the exit code."""
-    from jblast.cli.arguments.options import check_figure
     from jblast.cli.jax_start import start_jax
+    from jblast.cli.options import check_figure
     from jblast.progress import stages
 
     # approximate durations, from which the progress line estimates the time left

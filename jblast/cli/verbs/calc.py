@@ -64,8 +64,8 @@ from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from jblast.cli.arguments.options import check_figure
 from jblast.cli.kinds import MOST_ROWS
+from jblast.cli.options import check_figure
 from jblast.errors import InputError, nearest, shown
 from jblast.parameters import PARAMETERS
 from jblast.quantities import QUANTITIES

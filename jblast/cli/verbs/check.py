@@ -33,8 +33,7 @@ def run(options: argparse.Namespace) -> int:
     begin("starting")
     start_jax(quick=True)
     import jblast.waves as _waves  # noqa: F401  registers the laws
-    from jblast.cli.arguments.logs import scaling_of
-    from jblast.cli.arguments.options import in_options, reading_options
+    from jblast.cli.options import in_options, reading_options, scaling_of
     from jblast.errors import InputError
     from jblast.inference.sanity import doubts
     from jblast.observations import read, write

@@ -51,8 +51,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from jblast.cli.arguments.logs import fit_command
-from jblast.cli.arguments.options import given
+from jblast.cli.options import fit_command, given
 from jblast.errors import InputError, whole_number
 from jblast.files import check_out
 

@@ -63,8 +63,7 @@ def run(options: argparse.Namespace) -> int:
     # A missing file counts as 0, and is reported by the reader.
     size = sum(os.path.getsize(file) for file in files if os.path.isfile(file))
     start_jax(quick=size < SMALL_LOGS_BYTES)
-    from jblast.cli.arguments.logs import picked, scaling_of
-    from jblast.cli.arguments.options import in_options, reading_options
+    from jblast.cli.options import in_options, picked, reading_options, scaling_of
     from jblast.errors import InputError
     from jblast.inference import fit, fit_each
     from jblast.inference.fitting.fit_input import fit_input, scene_named

@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
     from pathlib import Path
 
-    from jblast.cli.arguments.logs import fit_command, picked
+    from jblast.cli.options import fit_command, picked
     from jblast.files import check_out, refuse_existing, writing
     from jblast.observations import write
     from jblast.progress import stages

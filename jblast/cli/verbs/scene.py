@@ -15,7 +15,7 @@ output:
 import argparse
 import sys
 
-from jblast.cli.arguments.options import reading_options, reading_words
+from jblast.cli.options import reading_options, reading_words
 from jblast.files import refuse_existing, save
 
 

@@ -46,7 +46,7 @@ import argparse
 import gc
 import os
 
-from jblast.cli.arguments.options import given
+from jblast.cli.options import given
 from jblast.errors import InputError, argument
 from jblast.files import refuse_existing
 from jblast.progress import serve_line

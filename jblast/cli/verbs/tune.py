@@ -48,7 +48,7 @@ advanced:
 import argparse
 import sys
 
-from jblast.cli.arguments.options import given
+from jblast.cli.options import given
 from jblast.errors import InputError
 from jblast.files import check_out
 
