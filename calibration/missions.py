@@ -67,7 +67,7 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.report.flight_figures import mission_map
-from jblast.report.maps import draw_features, view_of
+from jblast.report.map_figures import draw_features, view_of
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
 from jblast.study.flight_results import Options, Profile
 from jblast.study.flights import followed_along

@@ -138,12 +138,10 @@ class Number:
     Attributes:
         name: Name in results and on the command line; its suffix is the unit.
         words: Name in sentences.
-        opening: Start of a sentence about it; "" for one formed from `words`.
     """
 
     name: str
     words: str
-    opening: str = ""
 
     @property
     def unit(self) -> str:
@@ -187,7 +185,7 @@ class Parameter(Number):
 
 def _number(row: dict[str, str]) -> Number:
     if not row["table"]:
-        return Number(name=row["name"], words=row["words"], opening=row["opening"])
+        return Number(name=row["name"], words=row["words"])
     of: Any = row["of"]
     units = row["other_units"].split()
     default = row["default"]
@@ -200,7 +198,6 @@ def _number(row: dict[str, str]) -> Number:
     return Parameter(
         name=row["name"],
         words=row["words"],
-        opening=row["opening"],
         attribute=row["attribute"],
         key=Key(row["table"], row["key"], int(row["index"]) if row["index"] else None),
         spread=Spread(float(row["spread"]), of),

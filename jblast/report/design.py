@@ -277,7 +277,7 @@ class BoundAnswer(Document):
 def bound_figure(drawn: BoundMap) -> "Figure":
     """Draw the sd of ln mass and of the position over the position of a next sensor."""
     from jblast.report.figures import MUTED, new_figure, titled
-    from jblast.report.maps import write_names
+    from jblast.report.map_figures import write_names
 
     panels = []
     if drawn.log_sd_mass is not None:
@@ -329,7 +329,7 @@ def _panel(axes: "Axes", drawn: BoundMap, values: Any, unit: str) -> None:
     from matplotlib.transforms import Bbox
 
     from jblast.report.figures import INK
-    from jblast.report.maps import draw_features
+    from jblast.report.map_figures import draw_features
 
     east, north = drawn.east, drawn.north
     view = Bbox([[east[0], north[0]], [east[-1], north[-1]]])

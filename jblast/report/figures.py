@@ -25,14 +25,15 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
 from jblast.files import replacing
+from jblast.report.colours import (
+    BLUE as BLUE,
+    COLOURS as COLOURS,
+    GRID as GRID,
+    INK as INK,
+    MUTED as MUTED,
+    VERMILLION as VERMILLION,
+)
 
-INK = "#222222"
-MUTED = "#666666"
-GRID = "#e4e4e4"
-BLUE = "#0072B2"
-VERMILLION = "#D55E00"
-COLOURS = (BLUE, VERMILLION, "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Palette of Okabe and Ito (2008), safe for colour-blind readers."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 HALO = [withStroke(linewidth=2.5, foreground="white")]
 """White outline that separates text from lines below it."""

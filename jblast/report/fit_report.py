@@ -981,7 +981,7 @@ def _figure(name: str, *args: Any) -> "Figure":
 
 def _map(fit: Fit, accepted: Accepted | None) -> "Figure":
     from jblast.report.fit_map import fit_map
-    from jblast.report.maps import map_figure
+    from jblast.report.map_figures import map_figure
 
     shown = fit_map(fit, accepted)
     assert shown is not None

@@ -13,7 +13,8 @@ from jblast.autopilot.estimator import Thrown
 from jblast.missions.mission import geodetic
 from jblast.quantities import QUANTITIES
 from jblast.report.flight_figures import distribution_figure, mission_map, time_figure
-from jblast.report.maps import Map, map_figure, map_files
+from jblast.report.map_figures import map_figure
+from jblast.report.maps import Map, map_files
 from jblast.report.numbers import (
     capitalised,
     parameter_words,

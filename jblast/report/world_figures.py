@@ -23,7 +23,8 @@ from jblast.report.figures import (
     titled,
 )
 from jblast.report.listen import pictures, read_samples, read_table
-from jblast.report.maps import Feature, Map, map_figure, point
+from jblast.report.map_figures import map_figure
+from jblast.report.maps import Feature, Map, point
 from jblast.report.numbers import split_name, unit_for
 from jblast.report.view import Picture
 from jblast.report.world import ShotFit, WorldAnswer

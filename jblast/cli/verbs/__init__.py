@@ -28,7 +28,8 @@ analysis: other recordings, trajectories, and sensor layouts
 
 simulation: readings, recordings, worlds of blasts and Monte Carlo studies
   simulate   simulate the readings of a scene's sensors
-  listen     simulate recordings over time: sound, pressure, wind, ground motion
+  listen     simulate recordings over time: sound, pressure, wind, ground
+             motion
   world      simulate random blasts as all sensors of a scene record them
   report     write an HTML page for a run of `jblast world`
   serve      serve a world of blasts to other simulators and autopilots

@@ -10,7 +10,7 @@ from matplotlib.path import Path
 
 from jblast.inference.fitting.place import LEVELS
 from jblast.observations.places import Frame
-from jblast.report import maps
+from jblast.report import map_figures, maps
 from jblast.report.figures import figure_bytes
 from jblast.report.fit_map import fit_map, place_files
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
@@ -48,7 +48,7 @@ CASES = {
 def drawn(fit, accepted=None):
     shown = fit_map(fit, accepted)
     assert shown is not None
-    return maps.map_figure(shown)
+    return map_figures.map_figure(shown)
 
 
 @pytest.mark.parametrize("case", CASES)
