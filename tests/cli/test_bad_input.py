@@ -98,10 +98,11 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_fit(jblast, tmp_pa
     log = jblast.file("log.csv", TWO)
     (tmp_path / "full").mkdir()
     jblast.file("full/held", "mine")
+    jblast.file("full/fit.json", "mine")
     for out, words in (
-        ("full", "already holds files | --force"),
-        ("full/held", "a file"),
-        ("full/held/deeper", "is a file"),
+        ("full", "fit.json | exists already | --force"),
+        ("full/held", "File exists"),
+        ("full/held/deeper", "Not a directory"),
     ):
         says(jblast.refused("fit", log, "--out", jblast.path(out)), words)
     assert jblast.text("full/held") == "mine"
