@@ -55,7 +55,7 @@ from jblast.report.figures import (
     write_figure,
 )
 from jblast.report.tune import gains_answer
-from jblast.report.tune_figures import cut_words, draw_each, tune_figure
+from jblast.report.tune_figures import cut_words, draw_gains, tune_figure
 from jblast.report.view import aligned, terminal
 from jblast.scene import Scene
 from jblast.scene.reader.scene import scene_from_document
@@ -426,9 +426,8 @@ def gains() -> None:
         answer = gains_answer(found, "")
         print(f"# {name}: {cut_words(found)}")
         print(terminal(answer.view), flush=True)
-        draw_each(each, found)
+        draw_gains(each, found)
         draw_middle(over_time, found)
-        titled(each, name.capitalize(), cut_words(found))
         titled(over_time, "One of them", "of median peak before")
     write_figure(figure, asked.out)
 

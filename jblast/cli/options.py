@@ -6,12 +6,12 @@ JAX is imported inside functions only, so that `--help` does not load it.
 
 import argparse
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.files import refuse_existing
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ FIGURES = (".png", ".svg", ".pdf")
 """Suffixes of figures."""
 OTHERWISE = {
     "freed": "--free",
+    "recorded": "RECORDED",
     "laws": "--law",
     "full_scale_pa": "--full-scale",
     "high_pass_hz": "--high-pass",
@@ -41,6 +42,22 @@ OTHERWISE = {
     "moment_point_m": "moment_point_m (--profile-moments-about X,Y,Z)",
 }
 """Options of Python arguments with another name."""
+
+
+def refuse_unused(options: argparse.Namespace, names: Iterable[str], why: str) -> None:
+    """Refuse options that an answer does not use.
+
+    Args:
+        options: Options; None or an empty list for one that is not given.
+        names: Names of the unused options.
+        why: What is expected instead.
+
+    Raises:
+        InputError: One of them is given.
+    """
+    for name in names:
+        if (value := getattr(options, name)) is not None and value != []:
+            raise InputError(f"{argument(name)}: expected {why}, got {value!r}")
 
 
 def option_for(argument: str) -> str:

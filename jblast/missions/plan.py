@@ -134,7 +134,7 @@ class Item:
         auto_continue: True if the next item follows automatically.
     """
 
-    number: int
+    number: int = field(metadata={"key": "index"})
     command: int
     frame: int
     params: Parameters

@@ -1,37 +1,26 @@
 """Answers on flights: `jblast fly`, hovering or on a mission, and `jblast serve`."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from functools import partial
-from typing import Any
+from operator import itemgetter
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.autopilot.estimator import Thrown
 from jblast.missions.mission import geodetic
-from jblast.quantities import QUANTITIES
+from jblast.missions.plan import COMMANDS
 from jblast.report.flight_figures import distribution_figure, mission_map, time_figure
 from jblast.report.map_figures import map_figure
-from jblast.report.maps import Map, map_files
-from jblast.report.numbers import (
-    capitalised,
-    parameter_words,
-    printed_number,
-    significant,
-    unit_for,
-)
+from jblast.report.maps import map_files
+from jblast.report.messages import sentence, sentences_of
+from jblast.report.numbers import capitalised, parameter_words, printed_number
 from jblast.report.output import PROBLEM, Answer
-from jblast.report.view import (
-    Column,
-    Facts,
-    Lines,
-    Picture,
-    Table,
-    View,
-)
-from jblast.results import ABSENT, Document, among, filled
+from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
+from jblast.results import ABSENT, Document, entries, filled
 from jblast.study.flight_results import (
     EXPOSURES,
     METRICS,
@@ -39,13 +28,13 @@ from jblast.study.flight_results import (
     Flights,
     Flown,
     flies_on,
+    flight_notes,
     hold_words,
     metric,
     past_threshold,
     quantiles,
     share_interval,
     target_of,
-    warnings_of,
 )
 from jblast.study.flight_tables import flight_csv, flights_csv
 from jblast.study.mavlink_servers import serve_autopilot, serve_ground_station
@@ -54,27 +43,18 @@ from jblast.study.missions import (
     Disturbance,
     MissionFlight,
     Waypoint,
+    mission_notes,
 )
 from jblast.vehicle.metrics import THRESHOLDS, Threshold
 from jblast.world.remote.serving import serve_world
 
-WORDS = {
-    "error_before_m": "path error before",
-    "error_at_blast_m": "path error at arrival",
-    "error_after_m": "path error after",
-    "peak_deviation_m": "peak deviation",
-    "peak_time_s": "  time after arrival",
-    "recovery_time_s": "recovery time",
-    "peak_overpressure_pa": QUANTITIES["peak_overpressure_pa"].words,
-    "peak_acceleration_m_s2": "peak acceleration",
-    "fireball_time_s": "time in a fireball",
+T = TypeVar("T")
+ESTIMATED = {
+    "position": ("place_before_m", "place_m"),
+    "velocity": ("moves_before_m_s", "moves_m_s"),
+    "attitude": ("turn_before_rad", "turn_rad"),
 }
-MET = ("arrival_s", "distance_m", "scaled_distance", "overpressure_pa")
-"""Numbers of an `Encounter` in the document."""
-PARTS = {"place": "position", "moves": "velocity", "turn": "attitude"}
-"""Words of the parts of a state, by the beginning of their names in `Thrown`."""
-FLAGS = ("recovered", "settled", "crashed", "past_threshold", "in_range_share")
-"""Flags, which are shares over several vehicles."""
+"""Errors of the estimate before and after a blast, by part of the state."""
 NEGLIGIBLE = 1e-6
 """Rounding of the integration: far below what matters in any unit here."""
 MAX_NAMED = 100
@@ -255,7 +235,7 @@ class FlownAnswer(Document):
     tolerance_m: float
     load: str
     drawn: Mapping[str, Numbers]
-    blasts: tuple[BlastMet, ...]
+    blasts: Sequence[BlastMet]
     thresholds: Mapping[str, Threshold]
     estimator: str
     warnings: tuple[str, ...]
@@ -281,47 +261,7 @@ class FlightsAnswer(FlownAnswer):
     yaw_rad: float
     scene_hold: str | None
     holds: Mapping[str, Outcome]
-    estimates: Mapping[str, tuple[EstimateThrown, ...]]
-
-
-@dataclass(frozen=True)
-class BlastFlownThrough:
-    """Effect of one blast; null if it arrives before or after the flight.
-
-    Attributes:
-        of: Name of the charge.
-        waypoint: Number of the next item at its arrival.
-        rest: Path errors.
-        recovered: Whether the path error returned within the tolerance.
-    """
-
-    of: Disturbance = field(metadata=among("charge"))
-    waypoint: int | None
-    rest: Disturbance = field(
-        metadata=among(
-            *("error_before_m", "peak_deviation_m", "peak_time_s", "recovery_time_s")
-        )
-    )
-    recovered: bool | None
-
-
-@dataclass(frozen=True)
-class WaypointFlown:
-    """One item of the flight; an item that is flown again has another entry.
-
-    Attributes:
-        index: Number of the item in its plan.
-        command: MAVLink number of the command.
-        flown: Errors, and the time of arrival.
-    """
-
-    index: int
-    command: int
-    flown: Waypoint = field(
-        metadata=among(
-            *("reached", "time_s", "error_m", "path_error_rms_m", "path_error_max_m")
-        )
-    )
+    estimates: Mapping[str, Sequence[EstimateThrown]]
 
 
 @dataclass(frozen=True)
@@ -352,9 +292,9 @@ class MissionAnswer(FlownAnswer):
     disarmed_s: float
     crashed: bool
     crash: str
-    waypoints: tuple[WaypointFlown, ...]
-    disturbances: tuple[BlastFlownThrough, ...]
-    estimates: tuple[EstimateThrown, ...]
+    waypoints: tuple[Waypoint, ...]
+    disturbances: tuple[Disturbance, ...]
+    estimates: Sequence[EstimateThrown]
     peak_overpressure_pa: float
     peak_acceleration_m_s2: float
 
@@ -369,18 +309,22 @@ def fly_answer(
         scene: The scene's file.
         seed: Seed of the sampled parameters.
     """
+    over_time = Picture("flight.png", partial(time_figure, flown))
     if isinstance(flown, MissionFlight):
         mission = mission_answer(flown, scene=scene, seed=seed)
         shown = mission_map(flown)
         title = f"Mission: {mission.mission}"
         files = map_files("mission", shown.features, flown.mission.frame, title)
-        view = mission_view(mission, flown, shown)
+        pictures = [Picture("map.png", partial(map_figure, shown)), over_time]
+        view = mission_view(mission, pictures)
         return Answer(mission, view, {"flight.csv": flight_csv(flown), **files})
     document = flights_answer(flown, scene=scene, seed=seed)
-    view = flights_view(document, flown)
-    if flown.count > 1:
-        return Answer(document, view, {"flights.csv": flights_csv(flown)})
-    return Answer(document, view, {"flight.csv": flight_csv(flown)})
+    if flown.count == 1:
+        view = flights_view(document, [over_time])
+        return Answer(document, view, {"flight.csv": flight_csv(flown)})
+    shares = Picture("distribution.png", partial(distribution_figure, flown))
+    view = flights_view(document, [shares])
+    return Answer(document, view, {"flights.csv": flights_csv(flown)})
 
 
 def flights_answer(
@@ -388,30 +332,26 @@ def flights_answer(
 ) -> FlightsAnswer:
     """Return the document of flights; arguments as of `fly_answer`."""
     vehicle, held = flights.vehicle, flights.holds
+    first = next(iter(held.values()))
     return filled(
         FlightsAnswer,
+        _common(flights, scene, seed),
         flights,
         flights.options,
-        scene=scene,
-        seed=seed,
-        vehicle=vehicle.model,
         vehicles=flights.count,
         position_m=_place(vehicle.position),
         target_m=_place(target_of(vehicle)),
         yaw_rad=float(vehicle.yaw),
-        integrator="rk4",
-        load=flights.options.load_words,
-        drawn={name: _numbers(values) for name, values in flights.drawn.items()},
-        blasts=_blasts(next(iter(held.values())).encounter, flights.blasts),
+        blasts=_each(BlastMet, first.encounter, flights.blasts),
         thresholds=THRESHOLDS[vehicle.model],
         scene_hold=flights.own,
         holds={name: _outcome(vehicle.model, flown) for name, flown in held.items()},
         estimates={
-            name: _estimates(flown.thrown, flights.blasts)
+            name: _each(EstimateThrown, flown.thrown, flights.blasts)
             for name, flown in held.items()
             if flown.thrown is not None
         },
-        warnings=tuple(warnings_of(flights)),
+        warnings=tuple(sentences_of(flight_notes(flights))),
     )
 
 
@@ -419,58 +359,38 @@ def mission_answer(
     flight: MissionFlight, *, scene: str = "", seed: int = 0
 ) -> MissionAnswer:
     """Return the document of a mission; arguments as of `fly_answer`."""
-    mission, model = flight.mission, flight.vehicle.model
+    mission = flight.mission
     charges = [one.charge for one in flight.disturbances]
     judged = EXPOSURES[:2]
     return filled(
         MissionAnswer,
+        _common(flight, scene, seed),
+        {name: float(getattr(flight.exposure, name)) for name in judged},
         flight,
         flight.options,
-        {name: float(getattr(flight.exposure, name)) for name in judged},
-        scene=scene,
         mission=mission.plan.source,
-        seed=seed,
-        vehicle=model,
         home=_place(geodetic(mission.frame, mission.home_m)),
         home_m=_place(mission.home_m),
-        integrator="rk4",
-        load=flight.options.load_words,
         crashed=bool(flight.crash),
-        waypoints=tuple(
-            WaypointFlown(one.item.number, one.item.command, one)
-            for one in flight.waypoints
-        ),
-        blasts=_blasts(flight.encounter, charges),
-        disturbances=tuple(_through(flight, one) for one in flight.disturbances),
-        estimates=_estimates(flight.thrown, charges) if flight.thrown else (),
-        thresholds={name: THRESHOLDS[model][name] for name in judged},
-        warnings=tuple(_limitations(flight)),
+        blasts=_each(BlastMet, flight.encounter, charges),
+        estimates=_each(EstimateThrown, flight.thrown, charges)
+        if flight.thrown
+        else (),
+        thresholds={n: THRESHOLDS[flight.vehicle.model][n] for n in judged},
+        warnings=tuple(sentences_of(mission_notes(flight))),
     )
 
 
-def _limitations(flight: MissionFlight) -> Iterator[str]:
-    yield from flight.notes
-    if flight.mission.plan.ignored:
-        yield flight.mission.plan.ignored
-    if flight.crash:
-        yield f"the vehicle {flight.crash}; results after that are not meaningful"
-    elif math.isnan(flight.disarmed_s):
-        yield "the flight reached the time limit before landing"
-    by_law = flight.options.profile is None
-    limit = "range of the laws" if by_law else "cases of the profile"
-    for one, inside in zip(flight.disturbances, flight.encounter.in_range, strict=True):
-        name = f"blast {one.charge}" if one.charge else "the blast"
-        if one.waypoint < 0:
-            yield f"{name} arrives before or after the flight"
-        elif not inside:
-            yield f"{name} lies outside the {limit}: its load is not reliable"
-
-
-def _through(flight: MissionFlight, one: Disturbance) -> BlastFlownThrough:
-    if one.waypoint < 0:
-        return BlastFlownThrough(one, None, one, None)
-    number = flight.waypoints[one.waypoint].item.number
-    return BlastFlownThrough(one, number, one, math.isfinite(one.recovery_time_s))
+def _common(flown: Flights | MissionFlight, scene: str, seed: int) -> dict[str, Any]:
+    """Return the fields that flights and missions have in common."""
+    return {
+        "scene": scene,
+        "seed": seed,
+        "vehicle": flown.vehicle.model,
+        "integrator": "rk4",
+        "load": flown.options.load_words,
+        "drawn": {name: _summary(values) for name, values in flown.drawn.items()},
+    }
 
 
 def _place(at: ArrayLike) -> tuple[float, float, float]:
@@ -478,172 +398,219 @@ def _place(at: ArrayLike) -> tuple[float, float, float]:
     return first, second, third
 
 
-def _numbers(values: ArrayLike) -> Numbers:
-    """Return a number, or the quantiles of several, of which some may be infinite."""
+def _summary(values: ArrayLike) -> Any:
+    """Return a number or flag, or of several the quantiles or share."""
     known = np.asarray(values)
-    return Quantiles(*quantiles(known)) if known.ndim else float(known)
+    if not known.ndim:
+        return known.item()
+    return float(known.mean()) if known.dtype == bool else Quantiles(*quantiles(known))
 
 
-def _flag(flags: ArrayLike) -> bool | float:
-    """Return a flag, or the share of several."""
-    known = np.asarray(flags)
-    return float(np.mean(known)) if known.ndim else bool(known)
+def _summaries(values: Mapping[str, ArrayLike]) -> dict[str, Any]:
+    """Return the summary of each field; a share has a field of its own."""
+    found = {name: np.asarray(one) for name, one in values.items()}
+    return {
+        name + "_share" * (one.dtype == bool and one.ndim > 0): _summary(one)
+        for name, one in found.items()
+    }
 
 
-def _blasts(met: Encounter, charges: Sequence[str]) -> tuple[BlastMet, ...]:
-    flag = "in_range_share" if np.ndim(met.in_range) > 1 else "in_range"
-    found = []
-    for n, charge in enumerate(charges):
-        values: dict[str, Any] = {x: _numbers(getattr(met, x)[..., n]) for x in MET}
-        values[flag] = _flag(met.in_range[..., n])
-        found.append(filled(BlastMet, values, charge=charge))
-    return tuple(found)
-
-
-def _estimates(thrown: Thrown, charges: Iterable[str]) -> tuple[EstimateThrown, ...]:
-    return tuple(
-        EstimateThrown(charge, *(_numbers(values[..., n]) for values in thrown))
+def _each(
+    cls: Callable[..., T], found: Encounter | Thrown, charges: Iterable[str]
+) -> list[T]:
+    """Return a result for each blast, which are along the last axis."""
+    return [
+        cls(charge, **_summaries({k: x[..., n] for k, x in found._asdict().items()}))
         for n, charge in enumerate(charges)
-    )
+    ]
 
 
 def _outcome(model: str, flown: Flown) -> Outcome:
     on, lost = flies_on(flown), np.flatnonzero(flown.lost)
-    values = {name: _numbers(metric(flown, name)) for name in (*METRICS, *EXPOSURES)}
-    flags: dict[str, Any] = {
-        "recovered": _flag(np.isfinite(flown.metrics.recovery_time_s)),
-        "settled": _flag(flown.metrics.settled),
-        "crashed": _flag(flown.metrics.crashed),
-        "flies_on": _flag(on),
-        "past_threshold": {
-            name: None if past is None else _flag(past)
-            for name, past in past_threshold(model, flown).items()
-        },
+    past = {
+        name: None if values is None else _summary(values)
+        for name, values in past_threshold(model, flown).items()
     }
+    found = {name: metric(flown, name) for name in (*METRICS, *EXPOSURES)}
+    found = _summaries(
+        found
+        | {
+            "recovered": np.isfinite(found["recovery_time_s"]),
+            "settled": flown.metrics.settled,
+            "crashed": flown.metrics.crashed,
+            "flies_on": on,
+        }
+    )
     if not on.ndim:
-        return Outcome(**values, **flags, lost=bool(lost.size))
-    flags["flies_on"] = Share(flags["flies_on"], *share_interval(on))
-    flags = {f"{name}_share": value for name, value in flags.items()}
+        return Outcome(**found, past_threshold=past, lost=bool(lost.size))
+    found["flies_on_share"] = Share(found["flies_on_share"], *share_interval(on))
     few = tuple(lost[:MAX_NAMED].tolist())
-    return Outcome(**values, **flags, lost=lost.size, lost_vehicles=few)
+    return Outcome(
+        **found, past_threshold_share=past, lost=lost.size, lost_vehicles=few
+    )
 
 
-def flights_view(answer: FlightsAnswer, flights: Flights | None = None) -> View:
-    """Return results, blasts, sampled parameters, notes and figures of flights.
-
-    Args:
-        answer: The document.
-        flights: The flights; None for no figure.
-    """
-    several = answer.vehicles > 1
+def flights_view(answer: FlightsAnswer, pictures: Sequence[Picture] = ()) -> View:
+    """Return results, blasts, sampled parameters, figures and notes of flights."""
     place = ", ".join(f"{x:g}" for x in answer.target_m)
-    tolerance = printed_number("tolerance_m", answer.tolerance_m)
-    spread = "5 %, 50 %, 95 %" if several else ""
-    name, draw = ("flight.png", time_figure)
-    if several:
-        name, draw = ("distribution.png", distribution_figure)
-    notes = [
-        "Path errors are root mean squares. Recovery time: from the first blast's "
-        f"arrival until the path error stays within {tolerance}; 0 if it never exceeds "
-        "that. Flies on: did not hit the ground, turn over or diverge; structural "
-        "damage is not included.",
-        *(
-            f"Threshold of {WORDS[n]}: {x.source}."
-            for n, x in answer.thresholds.items()
-        ),
+    spread, number = ("", "")
+    if answer.vehicles > 1:
+        spread, number = ("5 %, 50 %, 95 %", f"{answer.vehicles:,} x ")
+    notes = [sentence(DEFINITIONS, answer)]
+    notes += [
+        f"Threshold of {parameter_words(name)}: {one.source}."
+        for name, one in answer.thresholds.items()
     ]
-    results = Table(
-        [
-            Column(spread, lambda row: row[0]),
-            *(_results_of(hold, answer) for hold in answer.holds),
-        ],
-        [*_result_rows(answer)],
-    )
-    blasts = Table(
-        [
-            Column("blast", lambda one: one.charge),
-            *_columns(arrival_s="arrives", distance_m="distance"),
-            *_columns(scaled_distance="scaled [m/kg^(1/3)]", overpressure_pa="peak"),
-            *_columns(in_range="in range", in_range_share="in range"),
-        ],
-        answer.blasts,
-        f"Blasts{f': {spread}' if several else ''}",
-    )
+    results = {
+        hold_words(name) + " (the scene's)" * (name == answer.scene_hold): _results(
+            outcome, answer.thresholds
+        )
+        for name, outcome in answer.holds.items()
+    }
+    columns = [Column(spread, str)]
+    columns += [Column(name, found.__getitem__) for name, found in results.items()]
+    met = [*BLAST, "scaled_distance", "overpressure_pa", "in_range", "in_range_share"]
     errors = [
-        (f"{_charge(one)}, {hold_words(hold)}", one)
+        (f"{one.charge} {hold_words(hold)}".lstrip(), one)
         for hold, found in answer.estimates.items()
         for one in found
     ]
     return View(
-        f"{f'{answer.vehicles:,} x ' if several else ''}{answer.vehicle.capitalize()} "
-        f"holding ({place}) m for {answer.seconds:g} s {_steps(answer)}",
+        f"{number}{answer.vehicle.capitalize()} holding ({place}) m for "
+        f"{answer.seconds:g} s {_steps(answer)}",
         [
-            results,
-            *_estimate_blocks(errors),
-            blasts,
-            _drawn(answer, f": {spread}" if several else ""),
-            *([Picture(name, partial(draw, flights))] if flights else []),
-            Lines("Definitions and assumptions", notes),
-            _warnings(answer),
+            Table(columns, [*next(iter(results.values()))]),
+            _estimate_table(errors),
+            Table(_columns(*met), [*map(vars, answer.blasts)], "Blasts"),
+            *_ending(answer, pictures, notes),
         ],
     )
 
 
-def mission_view(answer: MissionAnswer, flight: MissionFlight, shown: Map) -> View:
-    """Return waypoints, blasts, sampled parameters, notes and figures of a mission."""
-    reached = sum(one.reached for one in flight.waypoints)
+def mission_view(answer: MissionAnswer, pictures: Sequence[Picture] = ()) -> View:
+    """Return waypoints, blasts, sampled parameters, figures and notes of a mission."""
+    flown = answer.waypoints
+    reached = f"{sum(one.reached for one in flown)} of {len(flown)} waypoints reached"
     end = f"still in flight at the time limit, {answer.seconds:.4g} s"
     if answer.crashed:
         end = f"crashed ({answer.crash})"
     elif math.isfinite(answer.disarmed_s):
         end = f"landed, disarmed after {answer.disarmed_s:.4g} s"
-    tolerance = printed_number("tolerance_m", answer.tolerance_m)
-    waypoints = Table(
-        [
-            Column("waypoint", lambda one: one.item.words.removeprefix("item ")),
-            Column(
-                "reached", lambda one: f"{one.time_s:.2f} s" if one.reached else "no"
-            ),
-            *_columns(error_m="closest", path_error_rms_m="path error rms"),
-            *_columns(path_error_max_m="largest"),
-        ],
-        flight.waypoints,
-        marked=lambda one: not one.reached,
-    )
-    through = [(one.waypoint, one.rest) for one in answer.disturbances]
-    blasts = Table(
-        [
-            Column("blast", lambda row: _charge(row[0])),
-            *_columns(0, arrival_s="arrives"),
-            Column("leg to", lambda row: "-" if row[1] is None else f"{row[1]}"),
-            *_columns(0, distance_m="distance", overpressure_pa="peak"),
-            *_columns(2, error_before_m="path error before"),
-            *_columns(2, peak_deviation_m="peak deviation", recovery_time_s="recovery"),
-        ],
-        [(met, *one) for met, one in zip(answer.blasts, through, strict=True)],
-        caption="" if answer.blasts else "no blasts",
-    )
-    notes = (
-        "A waypoint is reached within its acceptance radius. Closest: least distance "
-        "from it. Path error: distance from the set point, which moves along the "
-        "plan's legs. Deviation and recovery are measured over the "
-        f"{WATCHED_S:g} s after a blast, or up to the next one; recovered: the path "
-        f"error stays within {tolerance}."
-    )
+    items = [entries(one) for one in flown]
+    errors = ("error_m", "path_error_rms_m", "path_error_max_m")
+    effect = ("overpressure_pa", "error_before_m", "peak_deviation_m")
+    pairs = zip(answer.blasts, answer.disturbances, strict=True)
+    blasts = [vars(met) | vars(through) for met, through in pairs]
     return View(
         f"{answer.vehicle.capitalize()} on {answer.mission} {_steps(answer)}",
         [
-            waypoints,
-            blasts,
-            *_estimate_blocks([(_charge(one), one) for one in answer.estimates]),
-            _drawn(answer),
-            Picture("map.png", partial(map_figure, shown)),
-            Picture("flight.png", partial(time_figure, flight)),
-            Lines("Definitions", [notes]),
-            _warnings(answer),
+            Table(
+                [
+                    Column("item", lambda row: str(row["index"])),
+                    Column("command", lambda row: COMMANDS[row["command"]].name),
+                    *_columns("reached", "time_s", *errors),
+                ],
+                items,
+                marked=lambda row: not row["reached"],
+            ),
+            Table(
+                _columns(*BLAST, "waypoint", *effect, "recovery_time_s"),
+                blasts,
+                "Blasts",
+            ),
+            _estimate_table([(one.charge, one) for one in answer.estimates]),
+            *_ending(answer, pictures, [sentence(OF_MISSIONS, answer)]),
         ],
-        subtitle=f"{end}; {reached} of {len(flight.waypoints)} waypoints reached",
+        subtitle=f"{end}; {reached}",
     )
+
+
+DEFINITIONS = (
+    "Path errors are root mean squares. Recovery time: from the first blast's arrival "
+    "until the path error stays within {tolerance_m}; 0 if it never exceeds that. "
+    "Flies on: did not hit the ground, turn over or diverge; structural damage is not "
+    "included. Scaled distances are in m/kg^(1/3)."
+)
+OF_MISSIONS = (
+    "A waypoint is reached within its acceptance radius. Error: least distance from "
+    "it. Path error: distance from the set point, which moves along the plan's legs. "
+    f"Deviation and recovery are measured over the {WATCHED_S:g} s after a blast, or "
+    "up to the next one, until the path error stays within {tolerance_m}."
+)
+BLAST = ("charge", "arrival_s", "distance_m")
+"""First columns of a table of blasts."""
+
+
+def _results(outcome: Outcome, thresholds: Mapping[str, Threshold]) -> dict[str, str]:
+    """Return the results with one controller as text, by their words."""
+    found = {}
+    for name, value in vars(outcome).items():
+        if isinstance(value, Mapping):
+            for exposure, past in value.items():
+                limit = thresholds[exposure].value
+                if limit is not None and past is not None:
+                    words = f"above {printed(exposure, limit, 3)}"
+                    found[f"{parameter_words(exposure)} {words}"] = printed(name, past)
+        elif value is not None and not name.startswith("lost"):
+            found[parameter_words(name.removesuffix("_share"))] = printed(name, value)
+    return found
+
+
+def _columns(*names: str) -> list[Column]:
+    """Return columns of rows that are mappings."""
+
+    def column(name: str) -> Column:
+        return Column(parameter_words(name), lambda row: printed(name, row[name]))
+
+    return [*map(column, names)]
+
+
+def _estimate_table(estimates: Iterable[tuple[str, EstimateThrown]]) -> Table:
+    """Return the errors of the estimate; none for flights with the true state."""
+    heads = ("", "part", "rms in 1 s before", "largest in 10 s after")
+    columns = [Column(head, itemgetter(n)) for n, head in enumerate(heads)]
+    rows = [
+        (label, part, *(printed(name, getattr(one, name)) for name in names))
+        for label, one in estimates
+        for part, names in ESTIMATED.items()
+    ]
+    return Table(columns, rows, "Error of the estimate")
+
+
+def _ending(
+    answer: FlownAnswer, pictures: Sequence[Picture], notes: Sequence[str]
+) -> list[Block]:
+    """Return the last blocks of all flights."""
+    drawn = [(parameter_words(n), printed(n, x)) for n, x in answer.drawn.items()]
+    return [
+        Facts(drawn, "Sampled, by --seed"),
+        *pictures,
+        Lines("Definitions and assumptions", notes),
+        Lines("Warnings", [f"{capitalised(one)}." for one in answer.warnings]),
+    ]
+
+
+def _steps(answer: FlownAnswer) -> str:
+    return f"(rk4, steps of {printed_number('step_s', answer.step_s)})"
+
+
+def printed(name: str, value: Any, digits: int = 4) -> str:
+    """Return a result as text: a flag, a share, a number or its quantiles."""
+    if value is None or isinstance(value, str):
+        return value or ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Share):
+        low, high = 100 * value.q05, 100 * value.q95
+        return f"{100 * value.value:.4g} % [{low:.4g} to {high:.4g} %]"
+    if isinstance(value, Quantiles):
+        words = [printed(name, one, 3) for one in astuple(value)]
+        return ", ".join(words if len({*words}) > 1 else words[:1])
+    if name.endswith("_share"):
+        return f"{100 * value:.4g} %"
+    if not math.isfinite(value):
+        return "-" if math.isnan(value) else "never"
+    return printed_number(name, 0.0 if abs(value) < NEGLIGIBLE else value, digits)
 
 
 def served(server: str, scene: str, *, seconds: float | None, **options: Any) -> Answer:
@@ -656,135 +623,37 @@ def served(server: str, scene: str, *, seconds: float | None, **options: Any) ->
         seconds: Duration; None: unlimited.
         options: Options of the server.
     """
-    if server == "mavlink":
-        flown = serve_autopilot(scene, seconds=seconds, **options)
-        place = ", ".join(f"{x:.3g}" for x in flown.position_m)
-        # a millisecond of tolerance: the time is a sum of periods in floating point
-        short = seconds is not None and flown.seconds < seconds - 1e-3
-        view = View(
-            f"{flown.vehicle.capitalize()} flown by an autopilot for "
-            f"{flown.seconds:g} s to ({place}) m: {flown.ended}",
-            [Lines("", [f"Written: {name}" for name in flown.files])],
-            subtitle=f"{flown.turns:,} steps, {flown.flown:,} of them in flight; late "
-            f"answers {flown.late:,}, lost messages {flown.lost:,}, damaged messages "
-            f"{flown.damaged:,}",
-        )
-        return Answer(flown, view, code=PROBLEM if short else 0)
-    if server == "ground_station":
-        watched = serve_ground_station(scene, seconds=seconds, **options)
-        view = View(
-            f"{watched.vehicle.capitalize()} for a ground station on "
-            f"{watched.address}: {watched.ended}",
-            subtitle=f"flights {watched.flights}, mission items {watched.items}, lost "
-            f"messages {watched.lost}, damaged messages {watched.damaged}",
-        )
-        return Answer(watched, view)
-    sent = serve_world(
-        scene, ends_s=math.inf if seconds is None else seconds, **options
-    )
-    lost = [f"disconnected {one.entity or one.peer}: {one.why}" for one in sent.dropped]
-    title = f"{sent.packets:,} packets sent, {sent.late:,} of them late"
-    return Answer(sent, View(title, [Lines("", lost)]))
-
-
-def _result_rows(answer: FlightsAnswer) -> Iterator[tuple[str, str, str]]:
-    """Yield words, field and entry of each result."""
-    for name in METRICS:
-        yield WORDS[name], name, ""
-    for name in ("recovered", "settled", "crashed", "flies_on"):
-        yield name.replace("_", " "), name, ""
-    for name in EXPOSURES:
-        limit = answer.thresholds[name].value
-        yield WORDS[name], name, ""
-        words = "a threshold" if limit is None else printed(name, limit, 3)
-        yield f"  above {words}", "past_threshold", name
-
-
-def _results_of(name: str, answer: FlightsAnswer) -> Column:
-    """Return the column of a position controller."""
-    outcome = answer.holds[name]
-
-    def cell(row: tuple[str, str, str]) -> str:
-        _, field_name, entry = row
-        value = getattr(outcome, field_name)
-        if value is None:
-            value = getattr(outcome, f"{field_name}_share")
-        return printed(field_name, value[entry] if entry else value)
-
-    own = " (the scene's)" if name == answer.scene_hold else ""
-    return Column(hold_words(name) + own, cell)
-
-
-def _columns(part: int | None = None, **heads: str) -> list[Column]:
-    """Return columns of fields of the rows, or of one part of each row, by field."""
-
-    def column(name: str, head: str) -> Column:
-        def cell(row: Any) -> str:
-            value = getattr(row if part is None else row[part], name)
-            # a flag of one vehicle, or a share of several, whose column is dropped
-            return "" if value is None else printed(name, value)
-
-        return Column(head, cell)
-
-    return [column(name, head) for name, head in heads.items()]
-
-
-def _estimate_blocks(estimates: Sequence[tuple[str, EstimateThrown]]) -> list[Table]:
-    """Return the errors of the estimate; none for flights with the true state."""
-    parts = [*zip(PARTS.items(), ("_m", "_m_s", "_rad"), strict=True)]
-    rows = [
-        (name, words, *(f"{part}{when}{unit}" for when in ("_before", "")), one)
-        for name, one in estimates
-        for (part, words), unit in parts
+    serve, title, counts = SERVERS[server]
+    answer = serve(scene, seconds=seconds, **options)
+    lines = [f"Written: {name}" for name in getattr(answer, "files", ())]
+    lines += [
+        f"disconnected {one.entity or one.peer}: {one.why}"
+        for one in getattr(answer, "dropped", ())
     ]
-    columns = [
-        Column("error of the estimate", lambda row: row[0]),
-        Column("", lambda row: row[1]),
-        Column("before", lambda row: printed(row[2], getattr(row[4], row[2]))),
-        Column("after", lambda row: printed(row[3], getattr(row[4], row[3]))),
-    ]
-    caption = (
-        "Before: root mean square in the second before the blast. After: largest until "
-        "the next blast, 10 s at most."
+    view = View(
+        capitalised(sentence(title, answer)),
+        [Lines("", lines)],
+        subtitle=sentence(counts, answer),
     )
-    return [Table(columns, rows, caption=caption)] if rows else []
+    # a millisecond of tolerance: the time is a sum of periods in floating point
+    flown = getattr(answer, "seconds", math.inf)
+    is_short = seconds is not None and flown < seconds - 1e-3
+    return Answer(answer, view, code=PROBLEM if is_short else 0)
 
 
-def _drawn(answer: FlownAnswer, spread: str = "") -> Facts:
-    words = [(parameter_words(n), printed(n, x)) for n, x in answer.drawn.items()]
-    return Facts(words, f"Sampled, by --seed{spread}")
-
-
-def _warnings(answer: FlownAnswer) -> Lines:
-    return Lines("Warnings", [f"{capitalised(one)}." for one in answer.warnings])
-
-
-def _steps(answer: FlownAnswer) -> str:
-    return f"(rk4, steps of {printed_number('step_s', answer.step_s)})"
-
-
-def _charge(one: BlastMet | EstimateThrown) -> str:
-    return one.charge or "the charge"
-
-
-def printed(name: str, value: Numbers | Share | bool | None, digits: int = 4) -> str:
-    """Return a result as text: a flag, a share, a number or its quantiles."""
-    if value is None or isinstance(value, bool):
-        return {True: "yes", False: "no", None: "unknown"}[value]
-    if isinstance(value, Share):
-        low, high = 100 * value.q05, 100 * value.q95
-        return f"{100 * value.value:.4g} % [{low:.4g} to {high:.4g} %]"
-    if isinstance(value, Quantiles):
-        each = [0.0 if abs(x) < NEGLIGIBLE else x for x in astuple(value)]
-        if not all(map(math.isfinite, each)):
-            words = [printed(name, one, 3) for one in each]
-            return ", ".join(words if len({*words}) > 1 else words[:1])
-        unit = unit_for(name, *each)
-        numbers = ", ".join(significant(one / unit.size, 3) for one in each)
-        return f"{numbers} {unit.symbol}".rstrip()
-    if name in FLAGS:
-        return f"{100 * value:.4g} %"
-    if not math.isfinite(value):
-        never = {"recovery_time_s": "not reached", "arrival_s": "never"}
-        return "-" if math.isnan(value) else never.get(name, "-")
-    return printed_number(name, 0.0 if abs(value) < NEGLIGIBLE else value, digits)
+SERVERS = {
+    "mavlink": (
+        serve_autopilot,
+        "{vehicle} flown by an autopilot for {seconds:g} s: {ended}",
+        "{turns:step}, {flown:,} of them in flight; {late:,} late answers, {lost:,} "
+        "messages lost, {damaged:,} damaged",
+    ),
+    "ground_station": (
+        serve_ground_station,
+        "{vehicle} for a ground station on {address}: {ended}",
+        "{flights:flight}, {items} mission items, {lost:,} messages lost, {damaged:,} "
+        "damaged",
+    ),
+    "listen": (serve_world, "{packets:packet} sent, {late:,} of them late", ""),
+}
+"""Function, title and counts of each server."""

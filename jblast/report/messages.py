@@ -285,8 +285,21 @@ MESSAGES = {
     "no_row.front_alone": "the record after the front is not a blast pulse",
     "no_row.duration_lost": "the pulse is too faint",
     "no_row.weaker": "weaker than another pick of the same bang: possibly an echo",
+    # flights and missions
+    "blast_out_of_range": "a blast{share:of_flights} is outside the range of the "
+    "{source}: its load is finite, but not reliable",
+    "blast_never": "a blast{share:of_flights} does not occur: the time of its charge "
+    "is infinite",
+    "blast_late": "a blast{share:of_flights} arrives after the end of the flight",
+    "blast_not_in_flight": "a blast arrives before or after the flight",
+    "not_settled": "{controller} the vehicle{share:of_flights} is outside the "
+    "tolerance before the first blast arrives; the results include the effect of start "
+    "and wind (a later time_s of the charge leaves time to settle)",
+    "lost": "{controller} the integration{share:of_flights} diverged",
+    "remark": "{text}",
+    "vehicle_crashed": "the vehicle {cause}; results after that are not meaningful",
+    "mission_unfinished": "the flight reached the time limit before landing",
     # tuned parameters and gains
-    "tune_reading": "{text}",
     "noise_added": "the scene has no noise: noise_pa is tuned as well",
     "blast_outside": "the record of {seconds:g} s contains no blast: it constrains the "
     "noise only",
@@ -483,6 +496,9 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     ),
     "ratio": lambda ratio: (
         f"{significant(ratio)} times" if ratio > 1 else f"1/{significant(1 / ratio)} of"
+    ),
+    "of_flights": lambda share: (
+        "" if share == 1 else f" of {100 * share:.3g} % of the flights"
     ),
     "shot": lambda shot: f"shot {shot}" if shot else "the shot",
     "estimates": lambda found: listed(_with_interval(*pair) for pair in found.items()),

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import compress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,11 +22,11 @@ from jblast.inference.tuning.unknowns import (
 )
 from jblast.parameters import CLOCK, CLOCK_OFFSET, PARAMETERS, Key
 from jblast.report.estimates import printed_estimate
-from jblast.report.messages import sentence_of
+from jblast.report.messages import sentence, sentences_of
 from jblast.report.numbers import capitalised, printed_number
 from jblast.report.output import Answer
 from jblast.report.tune_figures import cut_words, gains_figure, tune_figure
-from jblast.report.view import Column, Facts, Lines, Picture, Table, Text, View
+from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, Text, View
 from jblast.results import AMONG, Document, Note, among, filled, problem, warning
 from jblast.study.gains import (
     EvaluatedGains,
@@ -43,11 +44,6 @@ TESTS = {
     "error": "size of the residuals",
 }
 """Names of the tests of the residuals."""
-LEVELS = {
-    "ambient_level_pa": "level of the ambient sound on the ground",
-    "noise_pa": "noise of the sensor",
-}
-"""Levels that are also printed in decibels."""
 FILES = ("scene.toml", "tune.png")
 """Files besides document and page."""
 WRITTEN = ("scene.toml", "tune.json", "tune.png", "report.html")
@@ -242,7 +238,6 @@ def tune_answer(
         if tuned.kind in kinds and name not in tuned.numbers
     }
     notes, record = notes_of(tuned), Path(recorded).name
-    problems, warnings = _told(notes)
     document = filled(
         TuneAnswer,
         tuned,
@@ -253,37 +248,28 @@ def tune_answer(
         free=tuple(tuned.numbers),
         fixed={n: None if x is None else float(x) for n, x in fixed.items()},
         identifiable=tuned.is_identifiable,
-        warnings=tuple(map(sentence_of, notes)),
+        warnings=tuple(sentences_of(notes)),
         files=WRITTEN if out else (),
     )
     of = "the camera" if sensor is None else f"sensor {sensor!r}"
-    view = View(
-        f"{record}: {tuned.kind} of {of} of {scene}",
-        [
-            Table(ESTIMATES, [*estimates.items()]),
-            Facts([*_facts(document)]),
-            Picture("tune.png", partial(tune_figure, tuned)),
-            warnings,
-        ],
-        problems=problems,
-    )
-    if not out:
-        return Answer(document, view)
+    blocks = [
+        Table(ESTIMATES, [*estimates.items()]),
+        Facts([*_facts(document)]),
+        Picture("tune.png", partial(tune_figure, tuned)),
+    ]
+    view = _view(f"{record}: {tuned.kind} of {of} of {scene}", blocks, notes)
     unknown = [name for name, one in tuned.numbers.items() if not one.identified]
     comments = [f"{', '.join(estimates)} of {Path(scene).name} to {record}"]
     if unknown:
         comments.append(f"not identified by the record: {', '.join(unknown)}")
     values = {name: one.fitted for name, one in estimates.items()}
     change = partial(put_values, values=values, sensor=sensor)
-    return Answer(
-        document, view, {"scene.toml": tuned_scene(scene, out, change, comments)}
-    )
+    return Answer(document, view, _written(scene, out, change, comments))
 
 
 def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answer:
     """Return the answer on tuned gains; arguments as of `tune_answer`."""
     settings, notes = tuned.settings, gain_notes(tuned)
-    problems, warnings = _told(notes, tuned.notes)
     document = filled(
         GainsAnswer,
         settings,
@@ -297,7 +283,7 @@ def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answe
         after=_tried(tuned.after),
         cut=tuned.cut(),
         flights_of_the_search=len(tuned.ln_peaks),
-        warnings=(*tuned.notes, *map(sentence_of, notes)),
+        warnings=tuple(sentences_of(notes)),
         files=WRITTEN if out else (),
     )
     gains = document.after.gains
@@ -306,36 +292,46 @@ def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answe
     line = ", ".join(
         f"{key} = {tomlkit.item(value).as_string()}" for key, value in entries.items()
     )
-    required = (
-        f"Required margins: {settings.margin_db:g} dB and {settings.margin_deg:g} "
-        f"degrees, each loop opened at the rotors. Motor lag {document.motor_lag_s:g} "
-        f"s, dead time {document.dead_time_s:.3g} s."
-    )
-    view = View(
-        f"{document.vehicle}: gains tuned by gradient over {document.vehicles} blasts, "
-        f"validated with {document.unseen} unseen blasts: {cut_words(tuned)}",
-        [
-            Table(CHANGES, [*_changes(document.before, document.after)]),
-            Picture("tune.png", partial(gains_figure, tuned)),
-            Lines("", [required]),
-            warnings,
-            Text(
-                "Line for the scene's [vehicle]",
-                f"control = {{ {line} }}",
-                "everywhere",
-            ),
-        ],
-        problems=problems,
-    )
-    if not out:
-        return Answer(document, view)
+    before, after = map(_numbers, (document.before, document.after))
+    blocks = [
+        Table(CHANGES, [(name, before[name], after[name]) for name in after]),
+        Picture("tune.png", partial(gains_figure, tuned)),
+        Lines("", [sentence(REQUIRED, document)]),
+        Text("Line for the scene's [vehicle]", f"control = {{ {line} }}", "everywhere"),
+    ]
+    title = f"{sentence(SEARCHED, document)}: {cut_words(tuned)}"
 
     def change(tables: Any) -> None:
-        control = tables["vehicle"].setdefault("control", {})
-        control.update(entries)
+        tables["vehicle"].setdefault("control", {}).update(entries)
 
-    text = tuned_scene(scene, out, change, ["gains to the blasts of this scene"])
-    return Answer(document, view, {"scene.toml": text})
+    comments = ["gains to the blasts of this scene"]
+    files = _written(scene, out, change, comments)
+    return Answer(document, _view(title, blocks, notes), files)
+
+
+SEARCHED = (
+    "{vehicle}: gains tuned by gradient over {vehicles} blasts, validated with "
+    "{unseen} unseen blasts"
+)
+REQUIRED = (
+    "Required margins: {margin_db:g} dB and {margin_deg:g} degrees, each loop opened "
+    "at the rotors. Motor lag {motor_lag_s:g} s, dead time {dead_time_s:.3g} s."
+)
+
+
+def _view(title: str, blocks: Sequence[Block], notes: Sequence[Note]) -> View:
+    """Return a view with its problems first, and the other notes last."""
+    texts = [f"{capitalised(one)}." for one in sentences_of(notes)]
+    is_problem = [note.level == "problem" for note in notes]
+    problems = [*compress(texts, is_problem)]
+    others = Lines("Warnings", [one for one in texts if one not in problems])
+    return View(title, [*blocks, others], problems=problems)
+
+
+def _written(
+    scene: str, out: str | None, change: Any, comments: list[str]
+) -> dict[str, str]:
+    return {"scene.toml": tuned_scene(scene, out, change, comments)} if out else {}
 
 
 def parameters_view() -> View:
@@ -379,15 +375,10 @@ CHANGES = [
     Column("after", lambda row: f"{row[2]:.4g}", right=True),
     Column(
         "change",
-        lambda row: change_words(*row[1:]) if row[0] in MEASURED else "",
+        lambda row: change_words(*row[1:]) if "[m]" in row[0] else "",
         right=True,
     ),
 ]
-MEASURED = (
-    *(f"peak deviation, {words} [m]" for words in ("median", "90 %", "worst")),
-    "path error after, median [m]",
-)
-"""Results that are printed with their change."""
 
 
 def change_words(before: float, after: float) -> str:
@@ -397,31 +388,29 @@ def change_words(before: float, after: float) -> str:
     return f"{100 * (after / before - 1):+.1f} %"
 
 
-def _changes(before: TriedGains, after: TriedGains) -> Any:
-    """Yield words and numbers before and after."""
-    for key, words in GAINS.items():
-        if key not in after.gains:
-            continue
-        old, new = (np.atleast_1d(x.gains[key]) for x in (before, after))
-        parts = {", sideways": 0, ", upwards": 2} if new.size > 1 else {"": 0}
-        yield from ((words + part, old[n], new[n]) for part, n in parts.items())
-    yield "gain margin [dB]", before.gain_margin_db, after.gain_margin_db
-    yield "phase margin [deg]", before.phase_margin_deg, after.phase_margin_deg
-    peaks = (astuple(x.peak_deviation_m) for x in (before, after))
-    yield from zip(MEASURED[:3], *peaks, strict=True)
-    yield MEASURED[-1], before.error_after_m, after.error_after_m
-    yield "fly on [%]", 100 * before.flies_on_share, 100 * after.flies_on_share
+def _numbers(tried: TriedGains) -> dict[str, float]:
+    """Return gains and their results by printed names."""
+    found: dict[str, float] = {}
+    for key, value in tried.gains.items():
+        if isinstance(value, tuple):
+            found[f"{GAINS[key]}, sideways"] = value[0]
+            found[f"{GAINS[key]}, upwards"] = value[2]
+        else:
+            found[GAINS[key]] = value
+    peaks = tried.peak_deviation_m
+    return found | {
+        "gain margin [dB]": tried.gain_margin_db,
+        "phase margin [deg]": tried.phase_margin_deg,
+        "peak deviation, median [m]": peaks.q50,
+        "peak deviation, 90 % [m]": peaks.q90,
+        "peak deviation, worst [m]": peaks.worst,
+        "path error after, median [m]": tried.error_after_m,
+        "fly on [%]": 100 * tried.flies_on_share,
+    }
 
 
 def _facts(answer: TuneAnswer) -> Any:
-    """Yield levels in decibels, fixed parameters and the fit."""
-    for name, words in LEVELS.items():
-        one = answer.estimates.get(name)
-        # silence has no decibels
-        if one is not None and one.found.value > 0:
-            # 20 uPa is the reference pressure of sound levels in air (ISO 1683)
-            level = 20.0 * math.log10(one.found.value / 20e-6)
-            yield words, f"{level:.1f} dB re 20 µPa"
+    """Yield fixed parameters and the fit."""
     fixed = [f"{name} {x:.4g}" for name, x in answer.fixed.items() if x is not None]
     yield "fixed by the scene", ", ".join(fixed)
     left = answer.explained
@@ -471,6 +460,7 @@ def gain_notes(tuned: TunedGains) -> list[Note]:
         np.nanmedian(one.outcomes.metrics.error_after_m) for one in (before, after)
     )
     found = [
+        *((True, warning("remark", text=text)) for text in tuned.notes),
         (bool(short), warning("margins_short", margins=short)),
         (fewer > 0, warning("fewer_fly_on", percent=100 * fewer)),
         (tuned.cut(1.0) < 0 < tuned.cut(), warning("largest_peak_grew")),
@@ -479,14 +469,6 @@ def gain_notes(tuned: TunedGains) -> list[Note]:
         (not tuned.converged, problem("gains_not_converged")),
     ]
     return [note for holds, note in found if holds]
-
-
-def _told(notes: Sequence[Note], more: Sequence[str] = ()) -> tuple[list[str], Lines]:
-    """Return the sentences of problems, and a block of the other notes."""
-    sentences = [(note.level, f"{capitalised(sentence_of(note))}.") for note in notes]
-    others = [words for level, words in sentences if level != "problem"]
-    problems = [words for level, words in sentences if level == "problem"]
-    return problems, Lines("Warnings", [*(f"{capitalised(x)}." for x in more), *others])
 
 
 def key_words(name: str, sensor: str | None) -> str:

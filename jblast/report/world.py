@@ -23,6 +23,7 @@ from jblast.report.flights import (
     flights_answer,
     flights_view,
     mission_answer,
+    mission_view,
 )
 from jblast.report.listen import (
     Recordings,
@@ -32,7 +33,7 @@ from jblast.report.listen import (
 from jblast.report.numbers import capitalised, parameter_words, printed_number
 from jblast.report.provenance import provenance_of
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
-from jblast.results import Document, entries, filled, restored
+from jblast.results import Document, filled, restored
 from jblast.scene import Scene
 from jblast.study.flight_results import Flights
 from jblast.study.missions import MissionFlight
@@ -288,9 +289,9 @@ def run_view(
     if document.detections is not None:
         blocks.append(Lines("Detectors", [_detected(document.detections)]))
     if document.flight is not None:
-        blocks += _flight_blocks(document.flight)
+        blocks += _flight_blocks(flights_view(document.flight))
     if document.mission is not None:
-        blocks.append(_mission_table(document.mission))
+        blocks += _flight_blocks(mission_view(document.mission))
     if document.sound is not None:
         blocks.append(replace(sensors_table(document.sound), where="page"))
     blocks.append(Lines("Notes", document.warnings))
@@ -402,53 +403,18 @@ def _detected(found: Detections) -> str:
     return words
 
 
-def _number(head: str, name: str) -> Column:
-    """Return the column of a number of a result; a dash for a missing one."""
-
-    def cell(row: Mapping[str, Any]) -> str:
-        return "-" if row[name] is None else printed_number(name, row[name], 3)
-
-    return Column(head, cell, lambda row: row[name], right=True)
-
-
-def _flight_blocks(flight: FlightsAnswer) -> list[Block]:
+def _flight_blocks(view: View) -> list[Block]:
     """Return the tables of `jblast fly`, for the page."""
-    view = flights_view(flight)
+    title = "; ".join(filter(None, [view.title, view.subtitle]))
     return [
         replace(
             block,
             where="page",
-            title=f"{block.title} at the vehicle" if block.title else view.title,
+            title=f"{block.title} at the vehicle" if block.title else title,
         )
         for block in view.blocks
         if isinstance(block, Table)
     ]
-
-
-def _item(row: Mapping[str, Any]) -> str:
-    return "-" if row["waypoint"] is None else str(row["waypoint"])
-
-
-def _mission_table(mission: MissionAnswer) -> Table:
-    reached = sum(entries(one)["reached"] for one in mission.waypoints)
-    ending = "completed" if mission.completed else "not completed"
-    return Table(
-        [
-            Column("blast", lambda row: row["charge"]),
-            Column("flies to item", _item, right=True),
-            _number("error before", "error_before_m"),
-            _number("peak deviation", "peak_deviation_m"),
-            _number("time of peak", "peak_time_s"),
-            _number("recovery time", "recovery_time_s"),
-        ],
-        [entries(one) for one in mission.disturbances],
-        f"The {mission.vehicle.capitalize()} on its mission",
-        where="page",
-        caption=f"{reached} of {len(mission.waypoints)} waypoints reached; mission "
-        f"{ending}. Times are measured from the arrival of each blast. A dash means "
-        "that it arrives before or after the flight, or that the vehicle does not "
-        "recover.",
-    )
 
 
 def read_run(folder: str | os.PathLike[str]) -> WorldAnswer:

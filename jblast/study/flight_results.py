@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.autopilot.estimator import Followed, Thrown
+from jblast.results import Note, warning
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.sensors.camera.fireball import cloud
 from jblast.study.statistics import wilson_interval
@@ -249,49 +250,28 @@ class Flights:
     notes: tuple[str, ...] = ()
 
 
-def warnings_of(flights: Flights) -> list[str]:
-    """Return warnings about the validity of the results."""
-    warnings = list(flights.notes)
-    encounter = next(iter(flights.holds.values())).encounter
-    outside = np.mean(~encounter.in_range.all(axis=-1))
-    if outside:
-        whose = (
-            "" if flights.count == 1 else f" of {100 * outside:.3g} % of the flights"
-        )
-        source = "laws" if flights.options.profile is None else "profile"
-        warnings.append(
-            f"a blast{whose} is outside the range of the {source}: its load is finite, "
-            "but not reliable"
-        )
-    arrival = np.asarray(encounter.arrival_s)
-    never = np.isposinf(arrival).any(axis=-1)
-    if never.any():
-        warnings.append("a blast does not occur: the time of its charge is infinite")
-    late = np.mean(((arrival > flights.seconds) & (arrival < np.inf)).any(axis=-1))
-    if late:
-        warnings.append("a blast arrives after the end of the flight")
+def flight_notes(flights: Flights) -> list[Note]:
+    """Return notes on the validity of the results, with the share of such flights."""
+    met = next(iter(flights.holds.values())).encounter
+    arrival = np.asarray(met.arrival_s)
+    late = (arrival > flights.seconds) & (arrival < np.inf)
+    source = "laws" if flights.options.profile is None else "profile"
+    found: list[tuple[str, Any, dict[str, str]]] = [
+        ("blast_out_of_range", ~met.in_range.all(axis=-1), {"source": source}),
+        ("blast_never", np.isposinf(arrival).any(axis=-1), {}),
+        ("blast_late", late.any(axis=-1), {}),
+    ]
     for name, flown in flights.holds.items():
-        away = np.mean(flown.error_at_blast_m > flights.options.tolerance_m)
-        if away:
-            whose = (
-                "" if flights.count == 1 else f" in {100 * away:.3g} % of the flights"
-            )
-            warnings.append(
-                f"{hold_words(name)}: outside the tolerance{whose} before the first "
-                "blast arrives; the results include the effect of start and wind (a "
-                "later time_s of the charge leaves time to settle)"
-            )
-        lost = np.flatnonzero(flown.lost)
-        if lost.size:
-            which = ""
-            if flights.count > 1:
-                more = f" and {lost.size - 10} more" if lost.size > 10 else ""
-                which = f": {', '.join(map(str, lost[:10]))}{more}"
-            warnings.append(
-                f"{hold_words(name)}: {lost.size} of {flights.count} flights "
-                f"diverged{which}"
-            )
-    return warnings
+        away = flown.error_at_blast_m > flights.options.tolerance_m
+        controller = {"controller": hold_words(name)}
+        found += [("not_settled", away, controller), ("lost", flown.lost, controller)]
+    notes = [warning("remark", text=text) for text in flights.notes]
+    notes += [
+        warning(kind, share=float(np.mean(flags)), **names)
+        for kind, flags, names in found
+        if np.any(flags)
+    ]
+    return notes
 
 
 def target_of(vehicle: VehicleSpec) -> Float[np.ndarray, "3"]:

@@ -8,7 +8,6 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from types import FrameType
 
 from jblast.autopilot.ground_station import GroundStation
 from jblast.autopilot.lockstep import (
@@ -23,7 +22,7 @@ from jblast.autopilot.lockstep import (
 )
 from jblast.autopilot.mavlink import Link, TelemetryLog, read_address
 from jblast.autopilot.protocols import Missions
-from jblast.results import Document
+from jblast.results import Document, filled
 from jblast.scene import Place, UncertainScene, VehicleSpec
 from jblast.study.flights import checked_scene
 from jblast.study.missions import check_flown, flown_record, home_of, standing_record
@@ -35,65 +34,60 @@ AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 
 
 
 @dataclass(frozen=True)
-class LockstepAnswer(Document):
-    """Result of a flight with an autopilot in lockstep.
+class MavlinkAnswer(Document):
+    """Result of a connection over MAVLink.
 
     Attributes:
         scene: The scene's file.
         seed: Seed of all random draws.
         vehicle: The vehicle.
         address: Address of the connection.
-        turns: Number of steps, 250 per second.
-        flown: Number of steps since the autopilot armed.
-        seconds: Time of flight.
-        late: Number of ignored answers, which came for an earlier step.
-        lost: Number of missing messages, by the autopilot's count.
+        lost: Number of missing messages, by the sender's count.
         damaged: Number of messages with a wrong checksum.
-        ended: Reason for the end of the flight.
-        position_m: Final position of the vehicle: east, north, up.
-        files: Files that were written.
+        ended: Reason for the end.
     """
 
     scene: str
     seed: int
     vehicle: str
     address: str
+    lost: int
+    damaged: int
+    ended: str
+
+
+@dataclass(frozen=True)
+class LockstepAnswer(MavlinkAnswer):
+    """Result of a flight with an autopilot in lockstep.
+
+    Attributes:
+        turns: Number of steps, 250 per second.
+        flown: Number of steps since the autopilot armed.
+        seconds: Time of flight.
+        late: Number of ignored answers, which came for an earlier step.
+        position_m: Final position of the vehicle: east, north, up.
+        files: Files that were written.
+    """
+
     turns: int
     flown: int
     seconds: float
     late: int
-    lost: int
-    damaged: int
-    ended: str
     position_m: tuple[float, float, float]
     files: tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class WatchedAnswer(Document):
+class WatchedAnswer(MavlinkAnswer):
     """Result of serving a ground station.
 
     Attributes:
-        scene: The scene's file.
-        seed: Seed of all random draws.
-        vehicle: The vehicle.
-        address: Address of the connection.
         flights: Number of flights.
         items: Number of mission items at the end.
-        lost: Number of missing messages, by the station's count.
-        damaged: Number of messages with a wrong checksum.
-        ended: Reason for the end of the connection.
     """
 
-    scene: str
-    seed: int
-    vehicle: str
-    address: str
     flights: int
     items: int
-    lost: int
-    damaged: int
-    ended: str
 
 
 def serve_autopilot(
@@ -124,23 +118,20 @@ def serve_autopilot(
     flight = Lockstep()
     # the port is bound before programs compile: a client may connect meanwhile
     with contextlib.ExitStack() as stack:
-        uncertain, spec, place, link = stack.enter_context(
+        uncertain, spec, place, link, known = stack.enter_context(
             _served(scene, address, "mavlink", AUTOPILOT_PORT, seconds, seed)
         )
-        rotors = rotors_of(vehicle_of(spec))
         turns = turns_of(uncertain.scene, spec, place, seed, str(scene))
-        kept = None
-        if log:  # after the port is bound, so that a failure leaves no file
-            kept = stack.enter_context(TelemetryLog(log))
+        # after the port is bound, so that a failure leaves no file
+        kept = stack.enter_context(TelemetryLog(log)) if log else None
+        if kept is not None:
             link.keep = kept.keep
         made = programs(turns)
         listens = link.address.kind == "tcp"
-        waits = (
-            "waits for an autopilot on" if listens else "connects to an autopilot at"
-        )
+        waits = "waits for" if listens else "connects to"
         report(
-            f"{spec.model} in {scene} {waits} {link.address}: 250 samples a second in "
-            f"lockstep, motors {MOTOR_WORDS}"
+            f"{spec.model} in {scene} {waits} an autopilot on {link.address}: 250 "
+            f"samples a second in lockstep, motors {MOTOR_WORDS}"
         )
 
         def each() -> None:
@@ -150,38 +141,30 @@ def serve_autopilot(
                 kept.now_s = flight.turns * PERIOD_S
 
         stack.enter_context(_stopped_by_signal())
-        unconnected = False
         try:
             # one second at a time, so that Ctrl-C is handled while waiting
             while listens and not link.accept(1.0):
                 pass
         except KeyboardInterrupt:
-            # A flight of 0 s, so that log and summary are complete also in this case.
-            unconnected, seconds = True, 0.0
+            # a flight of 0 s, so that log and summary are complete also in this case
+            seconds = 0.0
         fly_lockstep(
             made,
             link,
-            rotors,
+            rotors_of(vehicle_of(spec)),
             flight=flight,
             seconds=seconds,
             patience_s=patience_s,
             each=each,
         )
     east, north, up = (float(x) for x in flight.rows[-1].state[:3])
-    return LockstepAnswer(
-        scene=str(scene),
-        seed=seed,
-        vehicle=spec.model,
-        address=str(link.address),
-        turns=flight.turns,
-        flown=flight.flown,
-        seconds=flight.seconds,
-        late=flight.late,
-        lost=link.receiver.lost,
-        damaged=link.receiver.damaged,
-        ended="interrupted before an autopilot connected"
-        if unconnected
-        else flight.ended,
+    never = {"ended": "interrupted before an autopilot connected"}
+    return filled(
+        LockstepAnswer,
+        never if seconds == 0 else {},
+        flight,
+        link.receiver,
+        known,
         position_m=(east, north, up),
         files=(log,) if log else (),
     )
@@ -213,7 +196,7 @@ def serve_ground_station(
     with _served(
         scene, address, "ground_station", GROUND_PORT, seconds, seed
     ) as served:
-        uncertain, spec, place, link = served
+        uncertain, spec, place, link, known = served
 
         def report_text(text: str) -> None:
             report(text)
@@ -239,17 +222,8 @@ def serve_ground_station(
         )
         with _stopped_by_signal():
             watched = station.serve(seconds)
-    return WatchedAnswer(
-        scene=str(scene),
-        seed=seed,
-        vehicle=spec.model,
-        address=str(link.address),
-        flights=watched.flights,
-        items=len(missions.items),
-        lost=link.receiver.lost,
-        damaged=link.receiver.damaged,
-        ended=watched.ended,
-    )
+    items = len(missions.items)
+    return filled(WatchedAnswer, watched, link.receiver, known, items=items)
 
 
 @contextlib.contextmanager
@@ -260,31 +234,28 @@ def _served(
     ports: dict[str, int],
     seconds: float | None,
     seed: int,
-) -> Iterator[tuple[UncertainScene, VehicleSpec, Place, Link]]:
-    """Yield a scene with its blasts sampled, and a link that is closed at the end."""
+) -> Iterator[tuple[UncertainScene, VehicleSpec, Place, Link, dict[str, object]]]:
+    """Yield a scene, its vehicle and place, a link, and entries of the document."""
     read = read_address(address, name, ports.get(address.partition(":")[0], 0))
     drawn = scene_to_run(scene, seconds=seconds, seed=seed)
-    whole = replace(drawn, place=PLACE if drawn.place is None else drawn.place)
+    place = PLACE if drawn.place is None else drawn.place
+    whole = replace(drawn, place=place)
     spec = checked_scene(whole, 1, False)
     with contextlib.closing(Link(read, name)) as link:
-        assert whole.place is not None
-        yield whole, spec, whole.place, link
+        known = {"scene": str(scene), "seed": seed, "vehicle": spec.model}
+        known["address"] = str(link.address)
+        yield whole, spec, place, link, known
 
 
 @contextlib.contextmanager
 def _stopped_by_signal() -> Iterator[None]:
     """Make SIGTERM end a flight as Ctrl-C does."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
     before = None
     with contextlib.suppress(ValueError):  # only the main thread may set a handler
-        before = signal.signal(signal.SIGTERM, stop)
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield
     finally:
-        # None also for a handler that was not set from Python and cannot be set from
-        # it.
+        # None also for a handler that was not set from Python
         if before is not None:
             signal.signal(signal.SIGTERM, before)

@@ -12,7 +12,7 @@ from the estimate, and the outcome is computed from the true rows of the flight.
 
 import itertools
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple
 
 import jax
@@ -38,6 +38,7 @@ from jblast.missions.guidance import ARMED, ENDED, FLYING
 from jblast.missions.mission import geodetic
 from jblast.observations.places import Frame
 from jblast.progress import counted
+from jblast.results import HIDDEN, Note, among, warning
 from jblast.scene import Place, Scene, UncertainScene, VehicleSpec
 from jblast.study.flight_results import (
     Encounter,
@@ -107,21 +108,23 @@ class Disturbance:
 
     Attributes:
         charge: Name of the charge; "" for a single one.
-        waypoint: Number of the waypoint flown to, from 0; -1 before or after the
+        waypoint: Number of the next item at its arrival; null before or after the
             flight.
         error_before_m: Path error at the arrival.
         peak_deviation_m: Largest path error until the next blast, 10 s at most.
         peak_time_s: Time of the peak after the arrival.
         recovery_time_s: Time from the arrival until the path error stays within the
             tolerance; 0 if it never leaves it, infinite if it does not return.
+        recovered: Whether it returned; null before or after the flight.
     """
 
     charge: str
-    waypoint: int
+    waypoint: int | None
     error_before_m: float
     peak_deviation_m: float
     peak_time_s: float
     recovery_time_s: float
+    recovered: bool | None
 
 
 @dataclass(frozen=True)
@@ -141,8 +144,8 @@ class Waypoint:
         path_error_max_m: Largest such distance.
     """
 
-    item: Item
-    goal_m: Float[np.ndarray, "3"]
+    item: Item = field(metadata=among("index", "command"))
+    goal_m: Float[np.ndarray, "3"] = field(metadata=HIDDEN)
     reached: bool
     time_s: float
     error_m: float
@@ -203,6 +206,25 @@ class MissionFlight:
         """True if each waypoint is reached and the flight ends without a crash."""
         reached = all(waypoint.reached for waypoint in self.waypoints)
         return not self.crash and bool(np.isfinite(self.disarmed_s)) and reached
+
+
+def mission_notes(flight: MissionFlight) -> list[Note]:
+    """Return notes on the validity of the results."""
+    ignored, met = flight.mission.plan.ignored, flight.encounter
+    source = "laws" if flight.options.profile is None else "profile"
+    missed = [one.waypoint is None for one in flight.disturbances]
+    unfinished = not flight.crash and math.isnan(flight.disarmed_s)
+    found = [(text, warning("remark", text=text)) for text in (*flight.notes, ignored)]
+    found += [
+        (flight.crash, warning("vehicle_crashed", cause=flight.crash)),
+        (unfinished, warning("mission_unfinished")),
+        (any(missed), warning("blast_not_in_flight")),
+        (
+            bool(np.any(~met.in_range & ~np.array(missed, bool))),
+            warning("blast_out_of_range", source=source, share=1.0),
+        ),
+    ]
+    return [note for holds, note in found if holds]
 
 
 def mission_record(flight: MissionFlight) -> FlightRecord:
@@ -669,6 +691,8 @@ def disturbances_of(
     time, arrivals = np.asarray(flight.time_s), np.asarray(arrival_s)
     flies = np.asarray(guided.phase) == FLYING
     visit = np.asarray(mission.guidance.legs.visit)[np.asarray(guided.leg)]
+    # of several stops of a visit the last one is its goal
+    items = {stop.visit: mission.plan.items[stop.item] for stop in mission.stops}
     found = []
     for name, came in zip(charges, arrivals, strict=True):
         later = arrivals[arrivals > came]
@@ -676,7 +700,8 @@ def disturbances_of(
         until = min(later.min() if later.size else np.inf, came + WATCHED_S)
         rows = np.flatnonzero(flies & (time >= came) & (time < until))
         if not (rows.size and flies[max(rows[0] - 1, 0)]):
-            found.append(Disturbance(name, -1, *[math.nan] * 4))
+            unknown = (math.nan, math.nan, math.nan, math.nan)
+            found.append(Disturbance(name, None, *unknown, None))
             continue
         error, since = error_m[rows], time[rows] - came
         # a diverged vehicle is infinitely far, so that its peak is there
@@ -691,11 +716,12 @@ def disturbances_of(
         found.append(
             Disturbance(
                 name,
-                int(visit[rows[0]]),
+                items[int(visit[rows[0]])].number,
                 float(error_m[max(rows[0] - 1, 0)]),
                 float(error[peak]),
                 float(since[peak]),
                 recovery,
+                math.isfinite(recovery),
             )
         )
     return tuple(found)

@@ -115,6 +115,12 @@ def test_numbers_are_printed_with_units_and_lists_are_short():
         ("{ratio:ratio}", {"ratio": 0.25}, "1/4.0 of"),
         ("reads{distance_m:at}", {"distance_m": None}, "reads"),
         ("reads{distance_m:at}", {"distance_m": 20.0}, "reads at 20 m"),
+        ("a blast{share:of_flights}", {"share": 1.0}, "a blast"),
+        (
+            "a blast{share:of_flights}",
+            {"share": 0.25},
+            "a blast of 25 % of the flights",
+        ),
     ],
 )
 def test_forms_of_a_template(template, numbers, text):

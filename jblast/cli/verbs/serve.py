@@ -43,68 +43,50 @@ advanced:
 """
 
 import argparse
-import gc
-import os
 
-from jblast.cli.options import given
-from jblast.errors import InputError, argument
+from jblast.cli.options import given, refuse_unused
+from jblast.errors import argument
 from jblast.files import refuse_existing
 from jblast.progress import serve_line
 
 PROGRESS = False
 """The server prints its own state."""
 UNUSED = {
-    "mavlink": ("listen", "rate", "lead", "speed"),
+    "mavlink": ("ground_station", "listen", "rate", "lead", "speed"),
     "ground_station": ("listen", "rate", "lead", "patience", "tlog"),
     "listen": ("tlog",),
 }
 """Options that a server does not use, by the option that selects it."""
-GARBAGE_THRESHOLDS = (700, 10, 10)
-"""Python's default thresholds of garbage collection, restored for the server.
-
-Under the threshold of `start_jax` a server that runs for days would collect rarely, and
-its memory would grow.
-"""
+ARGUMENTS = {
+    "listen": "address",
+    "rate": "packets_hz",
+    "lead": "lead_s",
+    "speed": "speed",
+    "patience": "patience_s",
+    "tlog": "log",
+}
+"""The server's arguments, by option."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Serve until interrupted; return the exit code."""
     from jblast.cli.jax_start import start_jax
 
-    server = check_server(options)
-    if server == "listen":
-        from jblast.world.remote.messages import grpc
-
-        # the server prints each disconnected client itself; gRPC's own lines repeat it
-        os.environ.setdefault("GRPC_VERBOSITY", "NONE")
-        grpc()  # fails here, before JAX starts, if gRPC is not installed
-        start_jax(quick=True)
-        # objects of the imports live to the end: they need not be visited again
-        gc.freeze()
-        gc.set_threshold(*GARBAGE_THRESHOLDS)
-    else:
-        from jblast.autopilot.mavlink import dialect
+    server = next((one for one in UNUSED if getattr(options, one)), "listen")
+    over = "gRPC" if server == "listen" else argument(server)
+    refuse_unused(options, UNUSED[server], f"no such option with a server over {over}")
+    if server == "ground_station":
         from jblast.missions.plan import check_mission
 
-        dialect()  # fails here, before JAX starts, if pymavlink is not installed
-        if server == "ground_station":
-            check_mission(options.scene)
-        if options.tlog:
-            refuse_existing(options.tlog, force=options.force)
-        # optimised code: the step of the vehicle has to keep up with the autopilot
-        start_jax()
+        check_mission(options.scene)
+    if options.tlog:
+        refuse_existing(options.tlog, force=options.force)
+    # over MAVLink the step of the vehicle has to keep up with the autopilot
+    start_jax(quick=server == "listen")
     from jblast.report.flights import served
     from jblast.report.output import deliver
 
-    taken = given(
-        options,
-        listen="address",
-        rate="packets_hz",
-        lead="lead_s",
-        speed="speed",
-        patience="patience_s",
-        tlog="log",
-    )
+    taken = given(options, **ARGUMENTS)
     if server != "listen":
         taken["address"] = getattr(options, server)
     answer = served(
@@ -116,25 +98,3 @@ def run(options: argparse.Namespace) -> int:
         **taken,
     )
     return deliver(answer, options)
-
-
-def check_server(options: argparse.Namespace) -> str:
-    """Return the option that selects the server.
-
-    Raises:
-        InputError: The options contradict one another.
-    """
-    if options.mavlink and options.ground_station:
-        raise InputError(
-            "--ground-station: expected --ground-station or --mavlink, got both; the "
-            "autopilot itself connects to ground stations"
-        )
-    server = next((x for x in UNUSED if getattr(options, x)), "listen")
-    over = "gRPC" if server == "listen" else argument(server)
-    for option in UNUSED[server]:
-        if (value := getattr(options, option)) is not None:
-            raise InputError(
-                f"--{option}: expected no such option with a server over {over}, which "
-                f"does not use it, got {value}"
-            )
-    return server

@@ -48,19 +48,28 @@ advanced:
 import argparse
 import sys
 
-from jblast.cli.options import given
+from jblast.cli.options import given, refuse_unused
 from jblast.errors import InputError
 from jblast.files import check_out
 
 OF_GAINS = ("margin_db", "margin_deg", "delay", "vehicles", "seed")
-OF_RECORDS = ("recorded", "sensor", "full_scale", "fps", "start", "background", "free")
+HOW = ("sensor", "full_scale", "fps", "start", "background")
+OF_RECORDS = ("recorded", "free", *HOW)
 """Options of one kind of tuning: the other kind rejects them."""
 
 
 def run(options: argparse.Namespace) -> int:
     """Read, tune, write, print; return the exit code."""
     # before JAX starts, as these mistakes depend on the options alone
-    check_kind(options)
+    if options.gains:
+        refuse_unused(options, OF_RECORDS, "no recording with --gains")
+    else:
+        refuse_unused(options, OF_GAINS, "it with --gains only")
+    if not (options.list or (options.scene and (options.recorded or options.gains))):
+        raise InputError(
+            "expected a scene and a recording: jblast tune SCENE.toml RECORDED "
+            "--free NAME,...; or SCENE.toml --gains; or --list"
+        )
     from jblast.cli.jax_start import start_jax
     from jblast.progress import stages
 
@@ -95,11 +104,7 @@ def run(options: argparse.Namespace) -> int:
             options.scene,
             options.recorded,
             options.free,
-            sensor=options.sensor,
-            full_scale=options.full_scale,
-            fps=options.fps,
-            start=options.start,
-            background=options.background,
+            **given(options, **{name: name for name in HOW}),
         )
     except NothingHeardError as nothing:
         sys.stderr.write(f"jblast: {nothing}\n")
@@ -107,31 +112,3 @@ def run(options: argparse.Namespace) -> int:
     begin("writing")
     answer = tune_answer(tuned, options.scene, options.recorded, options.out)
     return deliver(answer, options, folder=options.out, names=FILES)
-
-
-def check_kind(options: argparse.Namespace) -> None:
-    """Check that no option of a recording is given with gains, and the reverse.
-
-    Raises:
-        InputError: The options contradict one another, or a file is missing.
-    """
-    if options.list:
-        return
-    for option in OF_RECORDS if options.gains else OF_GAINS:
-        value = getattr(options, option)
-        # defaults are empty, so that an option of the wrong kind is found
-        if value is None or value == []:
-            continue
-        name = f"--{option.replace('_', '-')}"
-        if options.gains:
-            name = "RECORDED" if option == "recorded" else name
-            raise InputError(
-                f"{name}: expected no recording with --gains, which uses the scene's "
-                f"blasts, got {value!r}"
-            )
-        raise InputError(f"{name}: expected it with --gains only, got {value!r}")
-    if options.scene is None or not (options.recorded or options.gains):
-        raise InputError(
-            "expected a scene and a recording: jblast tune SCENE.toml RECORDED "
-            "--free NAME,...; or SCENE.toml --gains; or --list"
-        )

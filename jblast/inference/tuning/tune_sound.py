@@ -98,7 +98,7 @@ def tune_sound(
     index = recorded.sensor
     own = uncertain.scene.sensors[index]
     rate = (own.instrument or Instrument()).rate
-    notes = [warning("tune_reading", text=text) for text in recorded.notes]
+    notes = [warning("remark", text=text) for text in recorded.notes]
     # Whittle's likelihood divides by the spectrum of the noise: a scene without any
     # noise has no likelihood, so the noise of the sensor is tuned as well
     has_noise = not {"noise_pa", "ambient_level_pa"}.isdisjoint(names)

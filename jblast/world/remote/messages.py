@@ -8,6 +8,7 @@ time.
 """
 
 import functools
+import os
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
@@ -325,6 +326,8 @@ def grpc() -> Any:
     Raises:
         InputError: It is not installed.
     """
+    # the server prints each disconnected client itself; gRPC's own lines repeat it
+    os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     needed("google.protobuf", "serve", "jblast serve", "worlds are served")
     needed("grpc.aio", "serve", "jblast serve", "worlds are served")
     import grpc

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gc
 import math
 import os
 import signal
@@ -27,6 +28,10 @@ from jblast.world.server import (
 from jblast.world.server.registry import SENSES, packet_times
 
 ADDRESS = "127.0.0.1:50551"
+GARBAGE_THRESHOLDS = (700, 10, 10)
+"""Python's default thresholds of garbage collection, restored for the server: under
+those of commands a server that runs for days would collect rarely, and its memory would
+grow."""
 GRACE_S = 0.5
 """Time for open streams to end once the server stops [s]; declared."""
 
@@ -117,6 +122,7 @@ class ServedAnswer(Document):
 def serve_world(
     scene: str | os.PathLike[str],
     *,
+    seconds: float | None = None,
     seed: int = 0,
     report: Callable[[str], object] = lambda line: None,
     **options: Any,
@@ -125,6 +131,7 @@ def serve_world(
 
     Args:
         scene: Scene file.
+        seconds: Duration of the world; None: unlimited.
         seed: Seed of all random draws.
         report: Receives a line when clients can connect, and for each client that is
             disconnected.
@@ -133,11 +140,14 @@ def serve_world(
     Raises:
         InputError: As in `read_scene_or_world`, `draw_world` and `listening`.
     """
-    settings = Options(**options)
+    settings = Options(ends_s=math.inf if seconds is None else seconds, **options)
     # an address beyond this machine is refused before any work
     checked_address(settings)
     uncertain, spec = read_scene_or_world(scene)
     world = draw_world(uncertain, spec, seed, until_s=settings.ends_s)
+    # objects of the imports live to the end: they need not be visited again
+    gc.freeze()
+    gc.set_threshold(*GARBAGE_THRESHOLDS)
     return asyncio.run(_serve(world, settings, report))
 
 

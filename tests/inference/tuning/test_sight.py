@@ -70,7 +70,7 @@ def test_frames_tell_growth_and_exposure():
     assert within(tuned, "fireball_growth_s", 0.004)
     assert within(tuned, "camera_daylight_lux", 5e4)
     assert tuned.numbers["fireball_growth_s"].sd < 1e-5
-    assert len(tune_figure(tuned).axes) == 4
+    assert len(tune_figure(tuned).axes) == 3
 
 
 @pytest.mark.slow
@@ -85,7 +85,7 @@ def test_events_tell_thresholds_and_growth():
     assert within(tuned, "camera_threshold_brighter", 0.25)
     assert within(tuned, "camera_threshold_darker", 0.3)
     assert within(tuned, "fireball_growth_s", 0.004)
-    assert len(tune_figure(tuned).axes) == 4
+    assert len(tune_figure(tuned).axes) == 3
 
 
 @pytest.mark.slow

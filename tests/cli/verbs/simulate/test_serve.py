@@ -38,7 +38,7 @@ REFUSED = table("""
 --ground-station ANY --patience 1 => --patience: expected no such option with a server
 --ground-station ANY --tlog a.tlog => --tlog: expected no such option with a server
 --tlog a.tlog => --tlog: expected no such option with
---mavlink ANY --ground-station => expected --ground-station or
+--mavlink ANY --ground-station => --ground-station: expected no such
 --ground-station udp:10.0.0.1:14550 => --ground-station: expected a loopback address
 """)
 
