@@ -1,6 +1,5 @@
 """The answer of `jblast check`: faults of a log, and values that no law explains."""
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,8 +20,6 @@ from jblast.results import Document, Note
 from jblast.scene import UncertainScene
 from jblast.scene.uncertain import NO_SCENE
 
-KNOWN = re.compile(r"; expected (?:one|some) of [\w, ]+$")
-"""A list of all valid names, at the end of a message."""
 MAX_WARNINGS = 40
 """Largest number of printed warnings, about one screen; the JSON has all of them."""
 REFUSED = 2
@@ -180,7 +177,7 @@ def _view(found: CheckAnswer, faults: Sequence[InputError]) -> View:
 
 
 def _folded(faults: Sequence[InputError], source: str) -> list[str]:
-    """Return each fault once, with its lines, and each list of valid names once.
+    """Return each fault once, with its lines.
 
     The file's name is removed, as it is in the title. Of the rejected values only the
     first is printed.
@@ -188,17 +185,10 @@ def _folded(faults: Sequence[InputError], source: str) -> list[str]:
     word = row_word(source)
     lines: dict[str, list[int]] = {}
     rejected: dict[str, list[str]] = {}
-    lists: set[str] = set()
     for fault in faults:
         message, got, text = str(fault).removeprefix(f"{source}: "), "", ""
         if fault.line is not None:
             message = message.removeprefix(f"{word} {fault.line}")
-        known = KNOWN.search(message)
-        # a list of valid names takes a line or two; printed again it adds nothing
-        if known and known.group() in lists and message not in lines:
-            message = message.removesuffix(known.group())
-        elif known:
-            lists.add(known.group())
         if fault.line is not None:
             message, got, text = message.partition("; got ")
         lines.setdefault(message, []).extend([fault.line] if fault.line else [])

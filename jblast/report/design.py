@@ -2,7 +2,7 @@
 
 import math
 import textwrap
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -18,7 +18,7 @@ from jblast.report.estimates import printed_estimate
 from jblast.report.fit_report import (
     WORDED,
     determined_lines,
-    law_facts,
+    law_table,
     not_identified,
     quantities_by_law,
 )
@@ -71,7 +71,6 @@ def bound_view(bound: Bound) -> View:
         ),
     ]
     unknown = not_identified(found, estimates)
-    laws = law_facts(found, bound.plan.parameters.scene.scatter)
     return View(
         _title(bound),
         [
@@ -84,7 +83,7 @@ def bound_view(bound: Bound) -> View:
             *_added_table(found),
             Lines("Warnings", sentences_of(found.warnings)),
             Lines("Assumptions", _assumptions(bound)),
-            replace(laws, where="detail"),
+            law_table(found, bound.plan.parameters.scene.scatter),
         ],
     )
 

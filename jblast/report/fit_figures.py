@@ -5,8 +5,9 @@ is invisible in an arrival. In the reduced arrival the lead of the shock over so
 the residuals are visible.
 """
 
-import textwrap
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import cycle
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,13 +19,12 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from scipy.ndimage import gaussian_filter
 
 from jblast.constants import LIGHT_SPEED
-from jblast.inference.fitting.fit import Band, Fit
+from jblast.inference.fitting.fit import Fit
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.registry import law_words
 from jblast.report.estimates import (
     WIDE_LOG_SD,
     Accepted,
-    absent_note,
     drawn_parameters,
     outlier_rows,
     printed_estimate,
@@ -46,20 +46,17 @@ from jblast.report.figures import (
 from jblast.report.numbers import (
     Unit,
     capitalised,
-    finite,
     parameter_words,
     quantity_words,
     unit_for,
 )
 from jblast.waves.propagation import sound_speed_of
 
-BAND_MARGIN = 1.2
-"""Factor by which the band of a time extends past its readings: further out it would
-dwarf them."""
-OFFSET_FROM = 1e5
-"""Tick labels from this number on are too long to stand next to each other in full."""
+MARGIN = 1.2
+"""Factor by which a band extends past its readings: further out it would dwarf them."""
 MAX_NAME = 24
 """Longest sensor name that is written in full [characters]."""
+DASHES = (0, (4, 3))
 SHARES = (0.9, 0.5)
 """Shares of the posterior within its contours."""
 BINS, SMOOTH = 30, 1.2
@@ -72,71 +69,82 @@ def residuals_figure(fit: Fit) -> Figure:
     Radii at a time have a separate panel, against time.
     """
     quantities = list(dict.fromkeys(fit.observations.quantity))
-    parts = (
-        [q for q in quantities if q not in TIMED],
-        [q for q in quantities if q in TIMED],
-    )
-    panels = [part for part in parts if part]
+    timed = [q for q in quantities if q in TIMED]
+    others = [q for q in quantities if q not in TIMED]
+    panels = [some for some in (others, timed) if some]
     figure = new_figure(7.2, 3.6 * len(panels))
-    for i, panel in enumerate(panels, start=1):
-        axes = figure.add_subplot(len(panels), 1, i)
-        _residuals_panel(axes, fit, panel, quantities)
+    grid = figure.subplots(len(panels), 1, squeeze=False)
+    for axes, some in zip(grid.flat, panels, strict=True):
+        _residuals_panel(axes, fit, some)
     return figure
 
 
-def _residuals_panel(
-    axes: Axes, fit: Fit, panel: list[str], quantities: list[str]
-) -> None:
-    table, bounds, along = fit.observations, fit.observations.bounds(), fit.distance
-    against_time = panel[0] in TIMED
-    if against_time:
-        along = table.time - common_clock(fit) - fit.origin_time
-    here = np.isin(table.quantity, panel)
-    here &= np.isfinite(along) & np.isfinite(fit.residual)
-    unit = unit_for("_s" if against_time else "_m", *map(float, along[here]))
+def _residuals_panel(axes: Axes, fit: Fit, quantities: list[str]) -> None:
+    table, residual, bounds = fit.observations, fit.residual, fit.observations.bounds()
+    along, unit, words = _along(fit, quantities[0], fit.origin_time)
     axes.axhspan(-2, 2, color="#f3f3f3", linewidth=0, zorder=0)
     axes.axhline(0.0, color=MUTED, linewidth=1.0)
     for level in (-2, 2):
-        axes.axhline(level, color=MUTED, linewidth=1.0, linestyle=(0, (4, 3)))
-    # At residuals near 0 marks lie on one another: each shows the ones below it, and
-    # later ones are smaller.
-    sizes = np.linspace(6 + min(1.5 * (len(panel) - 1), 5), 6, len(panel))
-    for quantity, size in zip(panel, sizes, strict=True):
-        i = quantities.index(quantity)
-        rows, colour = here & np.isin(table.quantity, quantity), COLOURS[i % 6]
-        marker = MARKERS[i % len(MARKERS)]
-        for some, face, shape, label in (
-            (rows & ~bounds, to_rgba(colour, 0.25), marker, quantity_words(quantity)),
-            (rows & bounds, "white", "^", None),
+        axes.axhline(level, color=MUTED, linewidth=1.0, linestyle=DASHES)
+    here = np.isin(table.quantity, quantities)
+    here &= np.isfinite(along) & np.isfinite(residual)
+    for quantity, colour, marker in zip(quantities, cycle(COLOURS), cycle(MARKERS)):
+        rows = here & np.isin(table.quantity, quantity)
+        faint, style = to_rgba(colour, 0.25), dict[str, Any](markeredgecolor=colour)
+        for some, face, label in (
+            (rows & ~bounds, faint, quantity_words(quantity)),
+            (rows & bounds, "white", f"{quantity_words(quantity)}, lower bound"),
         ):
-            axes.plot(
-                along[some] / unit.size, fit.residual[some], shape, label=label,
-                markerfacecolor=face, markersize=size, markeredgecolor=colour,
-            )  # fmt: skip
+            style |= {"markerfacecolor": face, "label": label}
+            if some.any():
+                axes.plot(along[some], residual[some], marker, **style)
     for row in outlier_rows(fit):
         if here[row]:
-            at = float(along[row]) / unit.size, float(fit.residual[row])
+            at = float(along[row]), float(residual[row])
             _ringed(axes, at, table.sensor[row], INK, xytext=(11, 0), va="center")
     quiet(axes)
     axes.grid(False, axis="y")
-    if np.any(here) and np.all(along[here] > 0.0):
-        axes.set_xscale("log")
-        log_ticks(axes.xaxis, axes.get_xlim())
-    bottom, top = axes.get_ylim()
+    _scaled(axes, along[here])
     # both lines at 2 sd are in view, however good the fit
+    bottom, top = axes.get_ylim()
     axes.set_ylim(min(bottom, -3.2), max(top, 3.2))
     axes.set_ylabel("residual (sd)")
-    words = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(_with_unit(words, unit))
-    open_ones = "; open: lower bounds, at 0 if satisfied"
-    has_bounds = bool(np.any(bounds & here))
-    titled(axes, "Measured minus law", f"shaded: ± 2 sd{open_ones * has_bounds}")
-    if not np.any(here):
-        axes.text(0.5, 0.6, "no residuals", transform=axes.transAxes, ha="center")
-    elif len(quantities) > 1:
-        axes.legend(
-            loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=min(len(panel), 4),
-            frameon=False, fontsize=9, labelcolor=INK, handletextpad=0.2,
+    titled(axes, "Measured minus law", "shaded: ± 2 sd")
+    _legend(axes.figure, [axes], "outside lower center")
+
+
+def _along(
+    fit: Fit, quantity: str, origin_time: float | Float[np.ndarray, " row"]
+) -> tuple[Float[np.ndarray, " row"], Unit, str]:
+    """Return range or time since the detonation of each row, its unit and name."""
+    table, words = fit.observations, "slant range"
+    along = fit.distance
+    if is_timed := quantity in TIMED:
+        along = table.time - common_clock(fit) - origin_time
+        words = "time after detonation"
+    here = np.isfinite(along) & np.isin(table.quantity, quantity)
+    unit = unit_for("_s" if is_timed else "_m", *along[here].tolist())
+    return along / unit.size, unit, words
+
+
+def _scaled(axes: Axes, along: Float[np.ndarray, " row"]) -> None:
+    """Make the axis along range or time logarithmic."""
+    if along.size and np.all(along > 0.0):
+        axes.set_xscale("log")
+        log_ticks(axes.xaxis, axes.get_xlim())
+
+
+def _legend(figure: Any, panels: Iterable[Axes], place: str) -> None:
+    """Name each kind of mark of some panels once."""
+    named: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        named |= dict(zip(labels, handles, strict=True))
+    if named:
+        figure.legend(
+            named.values(), named.keys(), loc=place, ncols=min(len(named), 4),
+            frameon=False, fontsize=9, labelcolor=INK,
         )  # fmt: skip
 
 
@@ -145,7 +153,8 @@ def _ringed(
 ) -> None:
     """Draw a ring about a point, with the name of its sensor."""
     look: dict[str, Any] = {"markersize": 13, "markeredgewidth": 1.5, "zorder": 4}
-    axes.plot(*at, "o", markerfacecolor="none", markeredgecolor=colour, **look)
+    look |= {"markerfacecolor": "none", "markeredgecolor": colour}
+    axes.plot(*at, "o", label="suspected outlier", **look)
     short = name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…"
     # names come from logs: a "$" in one is no formula
     axes.annotate(
@@ -163,81 +172,97 @@ def recordings_figure(fit: Fit) -> Figure:
     panels = list(dict.fromkeys(zip(fit.observations.quantity, fit.shot, strict=True)))
     columns = min(len(panels), 2)
     rows = -(-len(panels) // columns)
-    key = _recordings_key(fit, columns)
-    width, foot = 7.2 if columns == 1 else 10.5, 0.8 + 0.15 * key.count("\n")
-    figure = fixed_figure(width, 4.0 * rows + 0.3, (0.95, 0.15, foot, 0.4))
+    width = 7.2 if columns == 1 else 10.5
+    figure = fixed_figure(width, 4.0 * rows + 0.3, (0.95, 0.15, 0.9, 0.4))
     # gaps for labels and titles, in mean widths and heights of a panel [inch]
     gaps = {"wspace": 1.1 / (width / columns - 1.1), "hspace": 0.9 / 3.1}
-    grid = figure.subplots(rows, columns, squeeze=False, gridspec_kw=gaps)
-    for axes, (quantity, shot) in zip(grid.flat, panels, strict=False):
+    grid = list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=gaps).flat)
+    for axes, (quantity, shot) in zip(grid, panels, strict=False):
         _recordings_panel(axes, fit, quantity, shot)
-    for axes in list(grid.flat)[len(panels) :]:
+    for axes in grid[len(panels) :]:
         axes.set_axis_off()
-    figure.supxlabel(key, fontsize=9, color=MUTED)
+    _legend(figure, grid, "lower center")
     return figure
 
 
 def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
-    table = fit.observations
-    here = np.isin(table.quantity, quantity) & (np.array(fit.shot) == shot)
-    rows = np.flatnonzero(here)
-    bands = [b for b in fit.bands if (b.quantity, b.shot) == (quantity, shot)]
-    against_time, additive = quantity in TIMED, quantity in ADDITIVE
-    less, clock = reduction(fit, quantity, shot), common_clock(fit)[rows]
+    table, additive = fit.observations, quantity in ADDITIVE
     t0 = float(fit.scene.charges[shot].time_s)
-    x, value, sd = fit.distance[rows], table.value[rows], fit.sd[rows]
-    if against_time:
-        x = table.time[rows] - clock - t0
-    elif less.label and quantity != "arrival_difference_s":
-        value = value - clock
+    less = reduction(fit, quantity, shot)
+    x, x_unit, along = _along(fit, quantity, t0)
+    value = table.value
+    if less.label and quantity != "arrival_difference_s":
+        value = value - common_clock(fit)
     # errors of times are in seconds, those of other quantities are of ln
-    ends = (
-        (value - sd, value + sd)
-        if additive
-        else (value / np.exp(sd), value * np.exp(sd))
-    )
-    y, low, high = (one - less.origin - x * less.slowness for one in (value, *ends))
-    x_unit = unit_for("_s" if against_time else "_m", *x[np.isfinite(x)].tolist())
-    y_unit = unit_for(quantity, *y[np.isfinite(y)].tolist())
-    x = x / x_unit.size
+    low, high = value - fit.sd, value + fit.sd
+    if not additive:
+        low, high = value / np.exp(fit.sd), value * np.exp(fit.sd)
+    taken = less.origin + x * x_unit.size * less.slowness
+    y, low, high = (one - taken for one in (value, low, high))
+    rows = np.isin(table.quantity, quantity) & (np.array(fit.shot) == shot)
+    rows &= np.isfinite(x) & np.isfinite(y)
+    y_unit = unit_for(quantity, *y[rows].tolist())
     y, low, high = (one / y_unit.size for one in (y, low, high))
-    drawn = np.isfinite(x) & np.isfinite(y)
-    seen = [low[drawn], high[drawn]]
-    for band in bands:
-        # radii are drawn against the time since detonation, as laws have it
-        band = replace(band, x=band.x - t0 if against_time else band.x)
-        within = _band_within(x * x_unit.size, band) if additive else band.x > 0.0
-        seen += _draw_band(axes, band, within, less, (x_unit, y_unit), not additive)
+    for band in fit.bands:
+        if (band.quantity, band.shot) == (quantity, shot) and rows.any():
+            # radii are drawn against the time since detonation, as laws have it
+            start = t0 if quantity in TIMED else 0.0
+            curves = (band.q05, band.answer, band.q95)
+            of = less.origin + band.x * less.slowness
+            drawn = [(one - of) / y_unit.size for one in curves]
+            _draw_band(axes, (band.x - start) / x_unit.size, drawn, band.valid, x[rows])
     bars = np.nan_to_num(np.stack([y - low, high - y]))
-    style = {"color": INK, "elinewidth": 1.1, "zorder": 3}
-    bound = table.bounds()[rows]
-    if (some := drawn & ~bound).any():
-        axes.errorbar(x[some], y[some], bars[:, some], fmt="o", markersize=4.5, **style)
-    # a lower bound has no error bar: the value was at least this
-    if (some := drawn & bound).any():
-        axes.plot(x[some], y[some], "^", color=INK, markerfacecolor="white", zorder=3)
-    for row in set(outlier_rows(fit)) & set(rows[drawn].tolist()):
-        at = int(np.flatnonzero(rows == row)[0])
-        place = {"xytext": (0, 10), "ha": "center", "va": "bottom"}
-        _ringed(axes, (x[at], y[at]), table.sensor[row], VERMILLION, **place)
+    for some, shape, face, label in (
+        (rows & ~table.bounds(), "o", INK, "recording ± 1 sd"),
+        # a lower bound has no error bar: the value was at least this
+        (rows & table.bounds(), "^", "white", "lower bound"),
+    ):
+        error = bars[:, some] if shape == "o" else None
+        style = {"color": INK, "elinewidth": 1.1, "zorder": 3, "markersize": 4.5}
+        style |= {"markerfacecolor": face, "label": label}
+        if some.any():
+            axes.errorbar(x[some], y[some], error, fmt=shape, **style)
+    for row in outlier_rows(fit):
+        if rows[row]:
+            place = {"xytext": (0, 10), "ha": "center", "va": "bottom"}
+            at = float(x[row]), float(y[row])
+            _ringed(axes, at, table.sensor[row], VERMILLION, **place)
     quiet(axes)
-    if drawn.any() and np.all(x[drawn] > 0.0):
-        axes.set_xscale("log")
-        log_ticks(axes.xaxis, axes.get_xlim())
+    _scaled(axes, x[rows])
     if not additive:
         axes.set_yscale("log")
         log_ticks(axes.yaxis, axes.get_ylim())
-    elif drawn.any():
-        # readings, law and its whole band are visible; a single reading has no extent
-        every = np.concatenate(seen)
-        margin = 0.08 * max(np.ptp(every), 1e-9)
-        axes.set_ylim(every.min() - margin, every.max() + margin)
     axes.set_ylabel(_with_unit(less.label or quantity_words(quantity), y_unit))
-    along = "time after detonation" if against_time else "slant range"
     axes.set_xlabel(_with_unit(along, x_unit))
     of = f" of {fit.scene.charges[shot].name}" if fit.scene.others else ""
     law = law_words(fit.summary.law.get(quantity, ""))
     titled(axes, capitalised(quantity_words(quantity)) + of, law)
+
+
+def _draw_band(
+    axes: Axes,
+    x: Float[np.ndarray, " point"],
+    curves: Sequence[Float[np.ndarray, " point"]],
+    valid: Bool[np.ndarray, " point"],
+    readings: Float[np.ndarray, " row"],
+) -> None:
+    """Draw the law and its band near the readings."""
+    low, middle, high = curves
+    within = (x >= readings.min() / MARGIN) & (x <= readings.max() * MARGIN)
+    within &= np.isfinite(low + middle + high)
+    for start, stop, is_valid in runs(valid):
+        part = np.arange(start, stop)
+        part = part[within[part]]
+        shade, style, label = 0.22, "-", "law at the answer"
+        if not is_valid:
+            shade, style, label = 0.10, DASHES, "outside the law's range"
+        look: dict[str, Any] = {"color": BLUE, "alpha": shade, "linewidth": 0}
+        if part.size:
+            label_of_band = "5 to 95 % of the posterior" if is_valid else None
+            axes.fill_between(
+                x[part], low[part], high[part], label=label_of_band, **look
+            )
+            axes.plot(x[part], middle[part], color=BLUE, linestyle=style, label=label)
 
 
 class Reduction(NamedTuple):
@@ -256,63 +281,6 @@ class Reduction(NamedTuple):
 
 def _with_unit(words: str, unit: Unit) -> str:
     return f"{words} ({unit.symbol})" if unit.symbol else words
-
-
-def _band_within(x: Float[np.ndarray, " n"], band: Band) -> Bool[np.ndarray, " point"]:
-    """Return the points of a band near the readings."""
-    some = x[np.isfinite(x)]
-    if not some.size:
-        return np.isfinite(band.x)
-    low, high = some.min() / BAND_MARGIN, some.max() * BAND_MARGIN
-    return (band.x >= low) & (band.x <= high)
-
-
-def _draw_band(
-    axes: Axes,
-    band: Band,
-    within: Bool[np.ndarray, " point"],
-    less: Reduction,
-    units: tuple[Unit, Unit],
-    positive: bool,
-) -> list[Float[np.ndarray, " point"]]:
-    """Draw the law and its band; return the drawn values."""
-    taken = less.origin + band.x * less.slowness
-    curves = (band.q05, band.answer, band.q95)
-    low, middle, high = ((one - taken) / units[1].size for one in curves)
-    within = within & np.isfinite(low + middle + high)
-    within &= (low > 0.0) | (not positive)
-    x = band.x / units[0].size
-    for start, stop, valid in runs(band.valid):
-        part = np.arange(start, stop)
-        part = part[within[part]]
-        # extrapolated parts are fainter and dashed
-        shade, line = (0.22, "-") if valid else (0.10, (0, (4, 2.5)))
-        look: dict[str, Any] = {"color": BLUE, "alpha": shade, "linewidth": 0}
-        axes.fill_between(x[part], low[part], high[part], **look)
-        axes.plot(x[part], middle[part], color=BLUE, linewidth=1.6, linestyle=line)
-    return [low[within], high[within]]
-
-
-def _recordings_key(fit: Fit, columns: int) -> str:
-    """Return the key of the marks, in a few lines."""
-    air, bands = fit.scene.air, fit.bands
-    windy = float(air.wind_east) != 0.0 or float(air.wind_north) != 0.0
-    key = [
-        words
-        for words, shown in (
-            ("points: recordings ± 1 sd", True),
-            ("line: the law at the answer", bands),
-            ("band: 5 to 95 % of the posterior", bands),
-            ("dashed: outside the law's range", any(not b.valid.all() for b in bands)),
-            ("band: in still air", bands and windy),
-            ("open triangles: lower bounds", fit.observations.bounds().any()),
-            ("ringed: suspected outlier", outlier_rows(fit)),
-        )
-        if shown
-    ]
-    a_line = 3 if columns == 1 else 5
-    lines = [key[i : i + a_line] for i in range(0, len(key), a_line)]
-    return "\n".join("   ·   ".join(line) for line in lines)
 
 
 def reduction(fit: Fit, quantity: str, shot: int) -> Reduction:
@@ -347,108 +315,70 @@ def common_clock(fit: Fit) -> Float[np.ndarray, " row"]:
     return np.array([by_name.get(clock, 0.0) for clock in fit.observations.clocks()])
 
 
-def corner_figure(fit: Fit, accepted: Accepted | None = None) -> Figure:
-    """Draw the posterior of every identified parameter, alone and in pairs.
-
-    Accepted values are lines.
-    """
-    names = drawn_parameters(fit)
-    every = [_Drawn.of(fit, name, accepted) for name in names]
-    count = len(names)
-    side = max(2.3 * count + 0.6, 5.4)
-    alone = count == 1
-    figure = (
-        new_figure(7.2, 3.6)
-        if alone
-        else fixed_figure(side, side, (0.95, 0.15, 0.65, 0.5))
-    )
-    gaps = None if alone else {"wspace": 0.05, "hspace": 0.05}
-    grid = figure.subplots(count, count, squeeze=False, gridspec_kw=gaps)
-    for i, row in enumerate(every):
-        for j, column in enumerate(every):
-            axes = grid[i, j]
-            if j > i:
-                axes.set_axis_off()
-                continue
-            _marginal(axes, row) if i == j else _joint(axes, column, row)
-            _corner_axes(axes, column, None if i == j else row)
-            axes.tick_params(labelbottom=i == count - 1, labelleft=0 == j < i)
-            if i == count - 1:
-                axes.set_xlabel(column.label)
-            if j == 0 < i:
-                axes.set_ylabel(row.label)
-        printed = row.printed
-        if alone:
-            quiet(grid[0, 0])
-            grid[0, 0].grid(False)
-            title = f"{capitalised(parameter_words(names[0]))} {printed.value}"
-            titled(grid[0, 0], title, f"90 %: {printed.interval}")
-        else:
-            text = f"{printed.value}\n{printed.interval}"
-            grid[i, i].set_title(text, fontsize=9, color=INK)
-    for axes in grid[:, 0] if count > 1 else ():
-        axes.yaxis.set_label_coords(-0.28, 0.5)
-    _corner_key(figure, count, any(one.truth is not None for one in every), fit)
-    return figure
-
-
-def _corner_key(figure: Figure, count: int, has_truths: bool, fit: Fit) -> None:
-    key = ["blue line: value" if count == 1 else "contours: 50 and 90 %"]
-    key += ["shaded: 90 % interval"]
-    key += ["orange: accepted value, if in view"] * has_truths
-    note = absent_note(fit)
-    # a histogram has no empty corner: its key is below
-    if count == 1:
-        lines = ["   ·   ".join(key), *textwrap.wrap(note, 90)]
-        figure.supxlabel("\n".join(lines), fontsize=9, color=MUTED)
-        return
-    # the key stands in the empty upper right, which is narrow for two parameters
-    lines = key + textwrap.wrap(note, 26 if count == 2 else 40)
-    place: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": 9, "color": MUTED}
-    figure.text(0.98, 0.98, "\n".join(lines), **place)
-
-
 class _Drawn(NamedTuple):
     """Draws of a parameter in its printed unit, with the edges of their bins."""
 
     draws: Float[np.ndarray, " draw"]
     edges: Float[np.ndarray, " edge"]
-    is_log: bool
+    scale: str
     label: str
-    printed: Any
+    title: str
     value: float
-    interval: tuple[float | None, float | None]
-    truth: float | None
+    accepted: float | None
 
-    @classmethod
-    def of(cls, fit: Fit, name: str, accepted: Accepted | None) -> "_Drawn":
-        estimate = fit.summary.estimates[name]
-        unit = unit_for(name, finite(estimate.value))
-        draws = np.asarray(fit.draws[name], float) / unit.size
-        wide = (finite(estimate.log_sd) or 0.0) > WIDE_LOG_SD
-        is_log = wide and bool(np.all(draws > 0.0))
-        # the outermost draws of a long tail would squeeze the others into a few bins
-        first, last = (float(q) for q in np.quantile(draws, [0.001, 0.999]))
-        # bins of equal width on a logarithmic axis
-        spaced = np.geomspace if is_log else np.linspace
-        low, high = finite(estimate.q05), finite(estimate.q95)
-        known = (accepted or {}).get(name)
-        return cls(
-            draws,
-            spaced(first, last, BINS + 1),
-            is_log,
-            _with_unit(parameter_words(name), unit),
-            printed_estimate(name, estimate),
-            estimate.value / unit.size,
-            (low and low / unit.size, high and high / unit.size),
-            None if known is None else float(known[0]) / unit.size,
-        )
 
-    @property
-    def middles(self) -> Float[np.ndarray, " bin"]:
-        """Middles of the bins."""
-        first, last = self.edges[:-1], self.edges[1:]
-        return np.sqrt(first * last) if self.is_log else 0.5 * (first + last)
+def _drawn(fit: Fit, name: str, accepted: Accepted) -> _Drawn:
+    estimate = fit.summary.estimates[name]
+    unit = unit_for(name, estimate.value)
+    draws = np.asarray(fit.draws[name], float) / unit.size
+    is_wide = estimate.log_sd > WIDE_LOG_SD and np.all(draws > 0.0)
+    # the outermost draws of a long tail would squeeze the others into a few bins
+    first, last = np.quantile(draws, [0.001, 0.999])
+    # bins of equal width on a logarithmic axis
+    edges = (np.geomspace if is_wide else np.linspace)(first, last, BINS + 1)
+    printed = printed_estimate(name, estimate)
+    known = accepted[name][0] / unit.size if name in accepted else None
+    return _Drawn(
+        draws,
+        edges,
+        "log" if is_wide else "linear",
+        _with_unit(parameter_words(name), unit),
+        f"{printed.value}\n{printed.interval}",
+        estimate.value / unit.size,
+        known,
+    )
+
+
+def corner_figure(fit: Fit, accepted: Accepted | None = None) -> Figure:
+    """Draw the posterior of every identified parameter, alone and in pairs.
+
+    Accepted values are lines.
+    """
+    every = [_drawn(fit, name, accepted or {}) for name in drawn_parameters(fit)]
+    count = len(every)
+    side = max(2.3 * count + 0.6, 4.0)
+    figure = fixed_figure(side, side, (0.95, 0.15, 0.65, 0.5))
+    gaps = {"wspace": 0.05, "hspace": 0.05}
+    grid = figure.subplots(count, count, squeeze=False, gridspec_kw=gaps)
+    for (i, j), axes in np.ndenumerate(grid):
+        up, along = every[i], every[j]
+        if j > i:
+            axes.set_axis_off()
+            continue
+        if i == j:
+            _marginal(axes, along)
+        else:
+            _joint(axes, along, up)
+            _corner_axis(axes, "y", up)
+        _corner_axis(axes, "x", along)
+        axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0, labelsize=8.5)
+        axes.spines[:].set_color(MUTED)
+        if i == count - 1:
+            axes.set_xlabel(along.label)
+        if j == 0 < i:
+            axes.set_ylabel(up.label)
+            axes.yaxis.set_label_coords(-0.28, 0.5)
+    return figure
 
 
 def _marginal(axes: Axes, one: _Drawn) -> None:
@@ -456,12 +386,12 @@ def _marginal(axes: Axes, one: _Drawn) -> None:
     counts = gaussian_filter(np.histogram(one.draws, one.edges)[0] * 1.0, SMOOTH)
     axes.stairs(counts, one.edges, color=BLUE, linewidth=1.2)
     axes.stairs(counts, one.edges, color=BLUE, fill=True, alpha=0.2)
-    low, high = one.interval
-    if low is not None and high is not None:
-        axes.axvspan(low, high, color=BLUE, alpha=0.10, lw=0)
+    axes.axvspan(*np.quantile(one.draws, [0.05, 0.95]), color=BLUE, alpha=0.10, lw=0)
     axes.axvline(one.value, color=BLUE, linewidth=1.6)
     axes.set_yticks([])
-    _accepted_line(axes.axvline, one)
+    axes.set_title(one.title, fontsize=9, color=INK)
+    if one.accepted is not None:
+        axes.axvline(one.accepted, color=VERMILLION, linewidth=1.5)
 
 
 def _joint(axes: Axes, along: _Drawn, up: _Drawn) -> None:
@@ -473,44 +403,25 @@ def _joint(axes: Axes, along: _Drawn, up: _Drawn) -> None:
     levels = [float(falling[np.searchsorted(within, share)]) for share in SHARES]
     # few draws may leave one level for both shares
     if levels[0] < levels[1] < falling[0]:
-        x, y = along.middles, up.middles
+        x, y = (0.5 * (one.edges[:-1] + one.edges[1:]) for one in (along, up))
         fills = [*levels, float(falling[0])]
         axes.contourf(x, y, density.T, fills, colors=["#cfe3f0", "#8dbfdf"])
         axes.contour(x, y, density.T, levels, colors=BLUE, linewidths=1.0)
     else:
         axes.plot(along.draws, up.draws, ".", color=BLUE, markersize=2)
-    _accepted_line(axes.axvline, along)
-    _accepted_line(axes.axhline, up)
+    for line, one in ((axes.axvline, along), (axes.axhline, up)):
+        if one.accepted is not None:
+            line(one.accepted, color=VERMILLION, linewidth=1.5)
 
 
-def _accepted_line(line: Any, one: _Drawn) -> None:
-    if one.truth is not None and one.edges[0] <= one.truth <= one.edges[-1]:
-        line(one.truth, color=VERMILLION, linewidth=1.5)
-
-
-def _corner_axes(axes: Axes, along: _Drawn, up: _Drawn | None) -> None:
-    """Set limits, scales and few tick labels, in full."""
-    for axis, one in ((axes.xaxis, along), (axes.yaxis, up)):
-        if one is None:
-            continue
-        limits = float(one.edges[0]), float(one.edges[-1])
-        scale, limit = (
-            (axes.set_xscale, axes.set_xlim)
-            if axis is axes.xaxis
-            else (axes.set_yscale, axes.set_ylim)
-        )
-        if one.is_log:
-            scale("log")
-            log_ticks(axis, limits)
-        else:
-            axis.set_major_locator(MaxNLocator(3))
-            formatter = axis.get_major_formatter()
-            # an offset text would overlap the panel above
-            if (
-                isinstance(formatter, ScalarFormatter)
-                and max(map(abs, limits)) < OFFSET_FROM
-            ):
-                formatter.set_useOffset(False)
-        limit(limits)
-    axes.tick_params(labelsize=8.5, color=MUTED)
-    axes.spines[:].set_color(MUTED)
+def _corner_axis(axes: Axes, name: str, one: _Drawn) -> None:
+    """Set limits, scale and few tick labels, in full."""
+    limits = float(one.edges[0]), float(one.edges[-1])
+    axes.set(**{f"{name}scale": one.scale, f"{name}lim": limits})
+    axis = axes.xaxis if name == "x" else axes.yaxis
+    if one.scale == "log":
+        log_ticks(axis, limits)
+    else:
+        axis.set_major_locator(MaxNLocator(3))
+        # an offset text would overlap the panel above
+        axis.set_major_formatter(ScalarFormatter(useOffset=False))

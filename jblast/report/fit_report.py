@@ -1,11 +1,12 @@
 """The answer of `jblast fit`: JSON, view and files."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,12 +19,6 @@ from jblast.inference.fitting.fit_input import log_names
 from jblast.inference.fitting.goodness_of_fit import POOR, p_value
 from jblast.inference.fitting.place import OnEarth, on_earth
 from jblast.inference.fitting.summary import Summary
-from jblast.inference.fitting.wrong import (
-    ExchangedSensors,
-    SuspectedOutlier,
-    WrongClock,
-    WrongSensor,
-)
 from jblast.inference.identify import (
     Cure,
     EstimableCombination,
@@ -31,7 +26,6 @@ from jblast.inference.identify import (
     OtherMode,
     PlaceRegion,
     ResolvingDatum,
-    requested,
 )
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations.rows import AT_LEAST
@@ -42,7 +36,6 @@ from jblast.registry import LAWS, law_words
 from jblast.report.choice import law_reason
 from jblast.report.estimates import (
     Accepted,
-    Printed,
     absent_note,
     drawn_parameters,
     log_name,
@@ -53,8 +46,6 @@ from jblast.report.estimates import (
 from jblast.report.messages import (
     alarm,
     alarm_name,
-    listed,
-    printed_p,
     sentence,
     sentence_of,
     sentences_of,
@@ -162,43 +153,12 @@ class Determined:
     note: str | None = field(metadata=ABSENT)
 
 
-@dataclass(frozen=True)
-class Explanation:
-    """A sensor, clock or pair of sensors that explains a log that does not fit.
-
-    Attributes:
-        kind: Kind of the explanation.
-        named: Its name.
-        pair: The second sensor of an exchanged pair.
-        clock: The offset of a clock.
-        rest: Results of the fit without it.
-    """
-
-    kind: Literal["clock", "sensor", "exchange"]
-    named: WrongSensor = field(metadata=among("name"))
-    pair: ExchangedSensors | None = field(metadata=among("other"))
-    clock: WrongClock | None = field(
-        metadata=among("offset_s", "offset_sd", "parameter")
-    )
-    rest: WrongSensor = field(
-        metadata=among("chi2", "dof", "p_value", "law_valid_rows", "estimates")
-    )
-
-
 def _ambiguity(of: OtherMode) -> Ambiguity:
     return Ambiguity(of, reason_words(of), datum_words(of.cure))
 
 
 def _determined(of: EstimableCombination) -> Determined:
     return Determined(of, NEAR_ALONE if of.is_local else None)
-
-
-def _explanation(of: WrongSensor) -> Explanation:
-    # keys of the other kinds are left out of the JSON
-    pair = of if isinstance(of, ExchangedSensors) else None
-    clock = of if isinstance(of, WrongClock) else None
-    kind = "exchange" if pair else "clock" if clock else "sensor"
-    return Explanation(kind, of, pair, clock, of)
 
 
 def cure_words(cure: Cure) -> str:
@@ -232,7 +192,6 @@ WORDED: Words = {
     Note: sentence_of,
     OtherMode: _ambiguity,
     TakenLaw: law_reason,
-    WrongSensor: _explanation,
 }
 """Results of inference that documents contain as text."""
 
@@ -392,215 +351,82 @@ def null_direction_sentence(direction: NullDirection) -> str:
 # Problems
 
 
-def problem_lines(fit: Fit) -> list[str]:
+def problem_lines(found: Summary) -> list[str]:
     """Return the problems of an answer, the most serious first, with their remedies."""
-    found = fit.summary
-    details = open_lines(found)
-    lines = [
-        alarm(problem)
-        for problem in found.problems
-        # the details contain it, with intervals
-        if problem.kind != "not_identifiable" or not details
-    ]
-    lines += [explanation(wrong) for wrong in found.explained_by]
-    lines += [_stated(note) for note in found.warnings if note.kind in REMEDIES]
-    return [*lines, *details] if lines or found.problems else []
-
-
-def open_lines(found: Summary) -> list[str]:
-    """Return sentences on a position or other parameters that are not identified."""
-    return bearing_lines(found) + region_lines(found) + unidentified_lines(found)
-
-
-def _stated(note: Note) -> str:
-    return f"{capitalised(sentence_of(note))}."
-
-
-def bearing_lines(found: Summary) -> list[str]:
-    """Return the answer of an array that identifies the bearing but not the range."""
-    distance = found.derived.get("range_m")
-    if distance is None:
-        return []
-    least = printed_number("range_m", distance.q05)
-    bounds = f"at least {least}"
-    if math.isfinite(distance.q95):
-        bounds = f"{least} to {printed_number('range_m', distance.q95)}"
-    several = len(found.bearing_arcs) > 1
-    named = [
-        f"{arc.bearing_deg.value:.1f} +- {arc.bearing_deg.sd:.1f} degrees"
-        + f" ({arc.share:.0%})" * several
-        for arc in found.bearing_arcs
-    ]
-    kind = "bearing_alone" if named else "range_alone"
-    return [sentence(kind, bearings=named, bounds=bounds) + "."]
-
-
-def region_lines(found: Summary) -> list[str]:
-    """Return the regions of a position if there are several, the first first."""
-    if not found.regions:
-        return []
-    named = [_region(one) for one in found.regions]
+    remedies = [note for note in found.warnings if note.kind in REMEDIES]
     return [
-        f"The position is one of {len(named)}: {'; or '.join(named)}. The estimates "
-        "are those of the first."
+        *map(alarm, found.problems),
+        *(
+            f"{capitalised(sentence(f'wrong.{wrong.kind}', wrong))}."
+            for wrong in found.explained_by
+        ),
+        *(f"{capitalised(text)}." for text in sentences_of(remedies)),
     ]
-
-
-def _region(region: PlaceRegion) -> str:
-    share = f"{region.share:.0%}"
-    if not region.is_place:
-        ends = region.range_m.q05, region.range_m.q95
-        far = " to ".join(printed_number("range_m", x) for x in ends)
-        return f"{far} from the centre of the sensors ({share})"
-    place = [
-        f"{parameter_words(name)} {printed_estimate(name, estimate).interval}"
-        for name, estimate in region.estimates.items()
-        if name.partition(".")[0] in CHARGE_POSITION[:2]
-    ]
-    mass = _mass({n: e for n, e in region.estimates.items() if e.identified})
-    return f"{', '.join([*place, *([mass] if mass else [])])} ({share})"
-
-
-def unidentified_lines(found: Summary) -> list[str]:
-    """Return a sentence on the requested parameters that are not identified, or none.
-
-    Coordinates that are all identified, or all not, are called the position.
-    """
-    known: dict[str, list[tuple[str, Estimate]]] = {}
-    unknown: dict[str, list[tuple[str, Estimate]]] = {}
-    for name in requested(found.free):
-        estimate = found.estimates[name]
-        by = known if estimate.identified else unknown
-        by.setdefault(_called(name), []).append((name, estimate))
-    if not unknown:
-        return []
-    # of a position with one identified coordinate each coordinate is named
-    for word in known.keys() & unknown.keys():
-        for by in (known, unknown):
-            by |= {parameter_words(one[0]): [one] for one in by.pop(word)}
-    parts = [f"{word}{_bounds(of)}" for word, of in unknown.items()]
-    verb = "is" if len(parts) == 1 else "are"
-    text = f"The {joined(parts)} {verb} not identified"
-    if known:
-        text += f"; {joined(list(known))} {'is' if len(known) == 1 else 'are'}"
-    return [f"{text}."]
-
-
-def _called(name: str) -> str:
-    """Return the short name of a parameter, for headlines."""
-    stem, dot, label = name.partition(".")
-    short = dict.fromkeys(CHARGE_POSITION, "position") | {"origin_time_s": "time"}
-    if stem not in short:
-        return parameter_words(name)
-    return f"{short[stem]} of {label}" if dot else short[stem]
-
-
-def _bounds(numbers: list[tuple[str, Estimate]]) -> str:
-    """Return the 90 % intervals of unidentified parameters, in brackets."""
-    printed = [printed_estimate(*one).interval for one in numbers]
-    if "-" in printed:
-        return ""
-    words = [parameter_words(name) + " " for name, _ in numbers]
-    named = words if len(numbers) > 1 else [""]
-    return f" ({', '.join(map(str.__add__, named, printed))})"
-
-
-def _mass(estimates: Mapping[str, Estimate]) -> str:
-    """Return the masses among estimates, with their intervals."""
-    stem = "charge_mass_kg"
-    masses = {n: e for n, e in estimates.items() if n.partition(".")[0] == stem}
-    return sentence("{masses:estimates}", masses=masses)
-
-
-def explanation(wrong: WrongSensor) -> str:
-    """Return the result of a fit without a wrong clock or sensor, and the remedy."""
-    kind, facts = "without_sensor", {"p": printed_p(wrong.p_value)}
-    if isinstance(wrong, ExchangedSensors):
-        kind = "exchanged"
-    elif isinstance(wrong, WrongClock):
-        kind = "without_clock"
-        offset, sd = wrong.offset_s, wrong.offset_sd
-        # two digits beyond the standard deviation; nine are all that a clock resolves
-        digits = 2 + int(math.log10(max(abs(offset) / sd, 1.0)))
-        facts["off"] = printed_number("_s", abs(offset), min(digits, 9))
-        facts["ahead"] = "ahead" if offset > 0 else "behind"
-        facts["sd"] = printed_number("_s", sd, 2)
-    text = sentence(kind, wrong, **facts) + "."
-    if mass := _mass(wrong.estimates):
-        outside = "" if wrong.law_valid_rows else ", outside the laws"
-        text += f" {'Then' if kind == 'exchanged' else 'Without it'}: {mass}{outside}."
-    if isinstance(wrong, WrongClock) and wrong.parameter:
-        return f"{text} To fit its clock: --free {wrong.parameter}."
-    remedy = "exchanged_remedy" if kind == "exchanged" else "comment_out"
-    return f"{text} {capitalised(sentence(remedy))}."
 
 
 # Tables and sections of the view
 
 
-@dataclass(frozen=True)
-class EstimateRow:
-    """An estimate in print.
-
-    Attributes:
-        name: Words of the parameter.
-        printed: Value and interval.
-        accepted: The accepted value, its source, and whether the interval contains it.
-        is_outside: Whether the interval does not contain the accepted value.
-        is_derived: Whether the estimate is computed from a mass.
-    """
-
-    name: str
-    printed: Printed
-    accepted: str
-    is_outside: bool
-    is_derived: bool
-
-
-ESTIMATES = [
-    Column("", lambda row: capitalised(row.name)),
-    Column("value", lambda row: row.printed.value_and_beside, right=True),
-    Column("90 % interval", lambda row: row.printed.interval, right=True),
-    Column("", lambda row: "derived" if row.is_derived else ""),
-    Column("accepted", lambda row: row.accepted),
-]
-
-
-def estimate_rows(found: Summary, accepted: Accepted | None) -> list[EstimateRow]:
+def estimate_table(found: Summary, accepted: Accepted | None) -> Table:
     """Return a row for each fitted parameter, then for each derived one."""
-    rows = []
-    for name, estimate in {**found.estimates, **found.derived}.items():
-        shown, inside = "", None
-        if accepted and name in accepted:
-            value, label = accepted[name]
-            low, high = finite(estimate.q05), finite(estimate.q95)
-            if low is not None and high is not None:
-                inside = bool(low <= value <= high)
-            verdict = {None: "no interval", True: "inside", False: "outside"}[inside]
-            shown = f"{printed_value(name, value)}, {label}: {verdict}"
-        words, printed = parameter_words(name), printed_estimate(name, estimate)
-        derived = name in found.derived
-        rows.append(EstimateRow(words, printed, shown, inside is False, derived))
-    return rows
+    known = accepted or {}
 
+    def is_outside(row: tuple[str, Estimate]) -> bool:
+        low, high = row[1].q05, row[1].q95
+        return row[0] in known and not (low <= known[row[0]][0] <= high)
 
-def accepted_not_fitted(found: Summary, accepted: Accepted | None) -> list[str]:
-    """Return a sentence for each accepted value of a parameter that was not fitted."""
-    return [
-        f"The accepted {parameter_words(name)} ({label}) was not fitted."
-        for name, (_, label) in (accepted or {}).items()
-        if name not in found.estimates and name not in found.derived
+    def published(row: tuple[str, Estimate]) -> str:
+        if row[0] not in known:
+            return ""
+        value, label = known[row[0]]
+        verdict = "outside" if is_outside(row) else "inside"
+        return f"{printed_value(row[0], value)}, {label}: {verdict}"
+
+    columns = [
+        Column("", lambda row: capitalised(parameter_words(row[0]))),
+        Column(
+            "value", lambda row: printed_estimate(*row).value_and_beside, right=True
+        ),
+        Column(
+            "90 % interval", lambda row: printed_estimate(*row).interval, right=True
+        ),
+        Column("", lambda row: "derived" if row[0] in found.derived else ""),
+        Column("accepted", published),
     ]
+    rows = [*found.estimates.items(), *found.derived.items()]
+    return Table(columns, rows, "Estimates", marked=is_outside)
 
 
-LAW = [
-    Column("Quantity", lambda row: quantity_words(row[0])),
-    Column("Law", lambda row: row[1]),
-    Column("Reason", lambda row: law_reason(row[2]) if row[2] else ""),
-    Column("Range of validity", lambda row: row[3].range if row[3] else ""),
-    Column("Source", lambda row: row[3].source if row[3] else ""),
-    Column("Scatter", lambda row: row[4]),
-]
+def region_table(found: Summary) -> Table:
+    """Return the regions of a position, if there are several."""
+    names = dict.fromkeys(
+        name
+        for region in found.regions
+        for name in region.estimates
+        if name.partition(".")[0] in (*CHARGE_POSITION[:2], "charge_mass_kg")
+    )
+
+    def interval(name: str, region: PlaceRegion) -> str:
+        # without a position only the range is limited
+        if not region.is_place or name not in region.estimates:
+            return ""
+        return printed_estimate(name, region.estimates[name]).interval
+
+    def distance(region: PlaceRegion) -> str:
+        return (
+            "" if region.is_place else printed_estimate("_m", region.range_m).interval
+        )
+
+    return Table(
+        [
+            Column("share", lambda region: f"{region.share:.0%}", right=True),
+            *(Column(parameter_words(n), partial(interval, n)) for n in names),
+            Column("from the centre of the sensors", distance),
+        ],
+        found.regions,
+        "Regions of the position",
+        caption="The estimates are those of the first." if found.regions else "",
+    )
 
 
 def law_table(found: Summary | BoundSummary, has_scatter: bool) -> Table:
@@ -610,23 +436,24 @@ def law_table(found: Summary | BoundSummary, has_scatter: bool) -> Table:
         found: Results of a fit, or of a bound.
         has_scatter: Whether the model includes the scatter of the laws.
     """
-    rows = []
-    for quantity, name in found.law.items():
-        law = LAWS.get((quantity, name))
-        scatter = law.scatter_words() if law and has_scatter else "no model error"
-        reason = found.law_reason.get(quantity)
-        rows.append((quantity, name, reason, law, scatter if law else ""))
-    return Table(LAW, rows, "Laws", where="page")
 
+    def reason(quantity: str) -> str:
+        taken = found.law_reason.get(quantity)
+        return law_reason(taken) if taken else ""
 
-def law_facts(found: Summary | BoundSummary, has_scatter: bool) -> Facts:
-    """Return law, reason and scatter of each quantity, for a terminal."""
-    facts = []
-    for row in law_table(found, has_scatter).rows:
-        quantity, law, reason, _, _, scatter = (one.cell(row) for one in LAW)
-        why = "; ".join(part for part in (reason, scatter) if part)
-        facts.append((quantity, f"{law}: {why}" if why else law))
-    return Facts(facts, "Laws", where="terminal")
+    def note(quantity: str) -> str:
+        law = LAWS.get((quantity, found.law[quantity]))
+        if law is None:
+            return ""
+        scatter = law.scatter_words() if has_scatter else "no model error"
+        return "; ".join((law.range, scatter, law.source))
+
+    columns = [
+        Column("quantity", quantity_words),
+        Column("law", lambda quantity: found.law[quantity]),
+        Column("reason", reason),
+    ]
+    return Table(columns, list(found.law), "Laws", where="detail", note=note)
 
 
 def quantities_by_law(law: Mapping[str, str], has_scatter: bool) -> str:
@@ -657,150 +484,102 @@ def goodness_sentence(found: Summary) -> str:
     return capitalised(sentence(kind, p=p)) + "."
 
 
-def validity_sentence(fit: Fit) -> str:
-    """Return a sentence on the range of validity of the laws."""
-    if fit.summary.law_valid:
-        return "The answer lies within the laws' range of validity."
-    table, outside = fit.observations, []
-    for band in fit.bands:
-        # a band extends past the readings: its validity counts at the readings only
-        along = table.time if band.axis == "time_s" else fit.distance
-        x = along[np.isin(table.quantity, band.quantity) & np.isfinite(along)]
-        nearest = np.abs(band.x[None, :] - x[:, None]).argmin(axis=1)
-        if np.any(~band.valid[nearest]):
-            outside.append(quantity_words(band.quantity))
-    where = f" ({joined(outside)})" if outside else ""
-    return (
-        f"The answer lies outside the range of a law it uses{where}: it is an "
-        "extrapolation, whose error the intervals do not include."
+def reliability_lines(fit: Fit) -> list[str]:
+    """Return sentences on goodness of fit, validity and identifiability."""
+    found, table = fit.summary, fit.observations
+    rows = np.flatnonzero(table.bounds())
+    bounds = sentence(
+        "lower_bounds",
+        bounds=len(rows),
+        of=len(table),
+        sensors=dict.fromkeys(table.sensor[row] for row in rows),
+        kept=int(np.sum(fit.residual[rows] <= 0)),
     )
-
-
-def lower_bound_sentence(fit: Fit) -> str:
-    """Return a sentence on the lower bounds and their agreement with the law, or ""."""
-    bounds = fit.observations.bounds()
-    rows, n = np.flatnonzero(bounds), len(bounds)
-    if not len(rows):
-        return ""
-    sensors = listed(dict.fromkeys(fit.observations.sensor[row] for row in rows))
-    missed = int(np.sum(fit.residual[rows] > 0))
-    which = "it" if len(rows) == 1 else f"{missed or 'all'} of them"
-    kept = f"predicts less than {which}" if missed else f"satisfies {which}"
-    # a lower bound alone cannot exclude a large charge
-    if len(rows) == n:
-        return (
-            f"All recordings are lower bounds ({sensors}): they exclude small charges "
-            f"only. The law {kept}."
-        )
-    one = "is a lower bound" if len(rows) == 1 else "are lower bounds"
-    return f"{len(rows)} of {n} recordings {one} ({sensors}); the law {kept}."
-
-
-def outlier_lines(outliers: Iterable[SuspectedOutlier]) -> list[str]:
-    """Return one line for each suspected outlier."""
     return [
-        f"{o.sensor}, {quantity_words(o.quantity)}: {o.sds:+.1f} sd" for o in outliers
+        goodness_sentence(found),
+        f"{capitalised(sentence('valid' if found.law_valid else 'not_valid'))}.",
+        f"{bounds}." if len(rows) else "",
+        *(
+            not_identified(found, found.estimates)
+            or ["All fitted parameters are identified."]
+        ),
     ]
 
 
-@dataclass(frozen=True)
-class Row:
-    """A row of the log with the answer, in print.
-
-    For a lower bound `measured` begins with ">", and `residual` is "satisfied" if the
-    law predicts at least that value.
-    """
-
-    line: str
-    sensor: str
-    quantity: str
-    range: str
-    measured: str
-    predicted: str
-    sd: str
-    residual: str
-    suspected: bool
-
-
-RESIDUALS = [
-    Column("Sensor", lambda row: row.sensor),
-    Column("", lambda row: "suspected outlier" if row.suspected else ""),
-    Column("Line", lambda row: row.line, right=True),
-    Column("Quantity", lambda row: row.quantity),
-    Column("Range", lambda row: row.range, right=True),
-    Column("Measured", lambda row: row.measured, right=True),
-    Column("Law", lambda row: row.predicted, right=True),
-    Column("Sd", lambda row: row.sd, right=True),
-    Column("Residual (sd)", lambda row: row.residual, right=True),
-]
+RESIDUALS = {
+    "Sensor": False,
+    "": False,
+    "Line": True,
+    "Quantity": False,
+    "Range": True,
+    "Measured": True,
+    "Law": True,
+    "Sd": True,
+    "Residual (sd)": True,
+}
+"""Columns of the residuals, and whether they are aligned right."""
 
 
 def residual_table(fit: Fit) -> Table:
-    """Return the rows of the log in order; of a long log the largest residuals."""
-    caption = (
-        "Sd: the recording's own error and the law's scatter from record to record. "
-        "The error that the rows of a shot or a path share is subtracted from the "
-        "residuals."
-    )
-    n = len(fit.observations)
-    if n > MAX_ROWS:
-        caption = f"The {MAX_ROWS} rows with the largest residuals of {n}. {caption}"
-    return Table(
-        RESIDUALS,
-        residual_rows(fit),
-        "Recordings and residuals",
-        where="page",
-        marked=lambda row: row.suspected,
-        caption=caption,
-    )
+    """Return the rows of the log in order; of a long log the largest residuals.
 
-
-def residual_rows(fit: Fit) -> list[Row]:
-    """Return the log's rows in order; for a long log only the largest residuals."""
+    A measured lower bound begins with ">", and its residual is "satisfied" if the law
+    predicts at least that value.
+    """
     rows = np.arange(len(fit.observations))
+    caption = RESIDUAL_CAPTION
     if len(rows) > MAX_ROWS:
+        caption = f"The {MAX_ROWS} largest residuals of {len(rows)} rows. {caption}"
         # rows without a residual count as the largest: readers search for them
         worst = np.argsort(-np.abs(np.nan_to_num(fit.residual, nan=np.inf)))
         rows = np.sort(worst[:MAX_ROWS])
     suspected = outlier_rows(fit)
-    return [_row(fit, int(i), int(i) in suspected) for i in rows]
+    return Table(
+        [
+            Column(head, itemgetter(n), right=right)
+            for n, (head, right) in enumerate(RESIDUALS.items())
+        ],
+        [_cells(fit, int(i), int(i) in suspected) for i in rows],
+        "Recordings and residuals",
+        where="detail",
+        marked=itemgetter(1),
+        caption=caption,
+    )
 
 
-def _row(fit: Fit, i: int, suspected: bool) -> Row:
+def _cells(fit: Fit, i: int, suspected: bool) -> tuple[str, ...]:
+    """Return the cells of a row of the log, in the order of `RESIDUALS`."""
     table = fit.observations
     quantity, value, sd = table.quantity[i], float(table.value[i]), float(fit.sd[i])
-    predicted, residual = float(fit.predicted[i]), float(fit.residual[i])
+    residual, distance = float(fit.residual[i]), float(fit.distance[i])
     # errors of positive quantities are shares of the value
-    in_unit = sd if quantity in ADDITIVE else abs(value) * sd
-    unit = unit_for(quantity, value, predicted if np.isfinite(predicted) else None)
+    of_value = quantity not in ADDITIVE
+    in_unit = abs(value) * sd if of_value else sd
 
     def show(number: float) -> str:
+        # beside a measured value, so that both have its unit and digits
+        unit = unit_for(quantity, value)
         if not np.isfinite(number):
             return "-"
         if not (np.isfinite(in_unit) and in_unit > 0.0):
             return f"{significant(number / unit.size, 4)} {unit.symbol}"
         return f"{rounded(number / unit.size, in_unit / unit.size)} {unit.symbol}"
 
-    shown_sd = "-"
-    if np.isfinite(sd):
-        of_value = f"{significant(100.0 * sd)} %"
-        shown_sd = printed_number(quantity, sd, 2) if quantity in ADDITIVE else of_value
-    shown_residual = f"{residual:+.2f}" if np.isfinite(residual) else "-"
-    distance, is_bound = float(fit.distance[i]), bool(table.bounds()[i])
-    # radii at a time have no range; next to a charge it may be 0
-    has_range = np.isfinite(distance) and quantity not in TIMED
+    is_bound = bool(table.bounds()[i])
     # the residual of a lower bound is exactly 0 where the law predicts at least it
     is_satisfied = is_bound and residual == 0.0
-    return Row(
-        line=str(table.line[i]) if i < len(table.line) else str(i + 1),
-        sensor=table.sensor[i],
-        quantity=quantity_words(quantity),
-        range=printed_number("_m", distance) if has_range else "",
-        measured=(AT_LEAST if is_bound else "") + show(value),
-        predicted=show(predicted),
-        sd=shown_sd,
-        residual="satisfied" if is_satisfied else shown_residual,
-        suspected=suspected,
+    # radii at a time have no range; next to a charge it may be 0
+    has_range = np.isfinite(distance) and quantity not in TIMED
+    return (
+        table.sensor[i],
+        "suspected outlier" if suspected else "",
+        str(table.line[i]) if i < len(table.line) else str(i + 1),
+        quantity_words(quantity),
+        printed_number("_m", distance) if has_range else "",
+        (AT_LEAST if is_bound else "") + show(value),
+        show(float(fit.predicted[i])),
+        f"{significant(100 * sd)} %" if of_value else printed_number(quantity, sd, 2),
+        "satisfied" if is_satisfied else f"{residual:+.2f}",
     )
 
 
@@ -812,8 +591,6 @@ def fit_view(
     accepted: Accepted | None = None,
     made: Provenance | None = None,
     more: Sequence[Block] = (),
-    *,
-    verbose: bool = False,
 ) -> View:
     """Return the view of a fit.
 
@@ -823,63 +600,35 @@ def fit_view(
             to the estimates, inside or outside the interval.
         made: Provenance, for a page.
         more: Blocks after the estimates, as those of picks.
-        verbose: Whether a terminal shows the laws with their reasons.
     """
     # imported here, as it loads what a map needs
     from jblast.report.fit_map import earth_lines
 
     found, name = fit.summary, log_name(fit)
-    n, fitted = found.n_observations, list(map(parameter_words, found.free))
-    count = f"{len(fitted)} parameters"
-    names = count if len(fitted) > MAX_TITLE else joined(fitted) or "nothing"
-    problems = problem_lines(fit)
-    # beside ranges the origin, where a charge is assumed, is only a convention
-    has_places = np.isfinite(fit.observations.position).all()
-    assumed = [
-        _stated(note)
-        for note in found.assumptions
-        if has_places and note.kind == "no_scene_nor_place"
-    ]
-    reliability = [
-        goodness_sentence(found),
-        validity_sentence(fit),
-        lower_bound_sentence(fit),
-        *(
-            not_identified(found, found.estimates)
-            or ["All fitted parameters are identified."]
-        ),
-    ]
+    fitted = list(map(parameter_words, found.free))
+    names = joined(fitted) or "nothing"
+    if len(fitted) > MAX_TITLE:
+        names = f"{len(fitted)} parameters"
+    # they name the path of the log: a page may be passed on, and a path can be private
+    commands = [note for note in found.warnings if note.kind == "look_closer"]
+    hidden = ("look_closer", *REMEDIES)
+    warnings = [note for note in found.warnings if note.kind not in hidden]
     laws = quantities_by_law(found.law, fit.scene.scatter)
-    warnings = sentences_of(n for n in found.warnings if n.kind not in REMEDIES)
-    warnings = list(map(capitalised, warnings))
-    # a page may be passed on, and a path can contain private names
-    source = fit.observations.source or name
-    private = [text.replace(source, name) if source else text for text in warnings]
     assumptions = [f"laws used: {laws}", *sentences_of(found.assumptions)]
-    chi2 = "unknown" if finite(found.chi2) is None else f"{found.chi2:.1f}"
-    p = goodness_p(found)
-    goodness = f"chi2 = {chi2} on {found.dof} degrees of freedom"
-    goodness += "" if p is None else f", p {printed_p(p)}"
     reason = fit.posterior_reason
+    outliers = [sentence("outlier", one) for one in found.suspected_outliers]
     return View(
         f"Fit of {name}" if name else "Fit",
         [
-            Lines("", assumed),
-            Lines("", [] if problems else open_lines(found)),
             Lines("Place and time", earth_lines(fit)),
-            Table(
-                ESTIMATES,
-                estimate_rows(found, accepted),
-                "Estimates",
-                marked=lambda row: row.is_outside,
-            ),
-            Lines("", accepted_not_fitted(found, accepted)),
+            estimate_table(found, accepted),
+            region_table(found),
             *more,
-            Lines("Reliability", reliability),
+            Lines("Reliability", reliability_lines(fit)),
             Lines("Identified combinations", determined_lines(found.determined)),
-            Lines("Suspected outliers", outlier_lines(found.suspected_outliers)),
-            Lines("Warnings", warnings, where="terminal"),
-            Lines("Warnings", private, where="page"),
+            Lines("Suspected outliers", outliers),
+            Lines("Warnings", list(map(capitalised, sentences_of(warnings)))),
+            Lines("", list(map(capitalised, sentences_of(commands))), where="terminal"),
             *pictures(fit, accepted),
             Lines("Assumptions", list(map(capitalised, assumptions))),
             Lines(
@@ -888,13 +637,9 @@ def fit_view(
                 most=MAX_CONVERSIONS,
             ),
             law_table(found, fit.scene.scatter),
-            *([law_facts(found, fit.scene.scatter)] if verbose else []),
             Facts(
                 [
-                    (
-                        "Goodness of fit",
-                        goodness,
-                    ),
+                    ("Goodness of fit", sentence("chi2", found)),
                     ("Intervals", capitalised(sentence_of(reason)) if reason else ""),
                 ],
                 where="detail",
@@ -902,17 +647,27 @@ def fit_view(
             residual_table(fit),
             Text("Comments of the log", "\n".join(fit.observations.comments)),
         ],
-        subtitle=f"{n} recording{'s' * (n != 1)}; fitted: {names}",
-        problems=problems,
+        subtitle=sentence(
+            "{n_observations:recording}; fitted: {names}", found, names=names
+        ),
+        problems=problem_lines(found),
         made=made,
         footer=SAFETY,
     )
 
 
+RESIDUAL_CAPTION = (
+    "Sd: the recording's own error and the law's scatter from record to record. The "
+    "error that the rows of a shot or a path share is subtracted from the residuals."
+)
+POSTERIOR = (
+    "Draws of the posterior: histograms with the value and the shaded 90 % interval; "
+    "the areas of a pair contain 50 and 90 % of the draws. Orange: accepted value."
+)
 RECORDINGS = (
-    "The band is the posterior uncertainty, without model error. Error bars include "
-    "the recording's error and the law's scatter from record to record. The scatter "
-    "that a shot or path shares shifts all its points to one side."
+    "The band is the posterior uncertainty, in still air and without model error. "
+    "Error bars include the recording's error and the law's scatter from record to "
+    "record. The scatter that a shot or path shares shifts all its points to one side."
 )
 
 
@@ -920,16 +675,9 @@ def pictures(fit: Fit, accepted: Accepted | None = None) -> list[Block]:
     """Return the figures of a fit, and the reason for each that is missing."""
     from jblast.report.fit_map import absent_map_note, map_alt, map_caption
 
-    found, absent = fit.summary, absent_note(fit)
-    quantities = joined([quantity_words(q) for q in found.law])
     # only shock radii are readings at a time; next to any other quantity the range is
     # the axis
-    along = "time" if list(found.law) == ["shock_radius_m"] else "range"
-    printed = {n: printed_estimate(n, found.estimates[n]) for n in found.free}
-    values = "; ".join(
-        f"{parameter_words(name)} {one.value} (90 %: {one.interval})"
-        for name, one in printed.items()
-    )
+    along = "time" if list(fit.summary.law) == ["shock_radius_m"] else "range"
     has_map = np.isfinite(fit.observations.position).all(axis=1)
     has_map &= ~np.isfinite(fit.observations.slant_range)
     blocks: list[Block] = [
@@ -947,29 +695,22 @@ def pictures(fit: Fit, accepted: Accepted | None = None) -> list[Block]:
             partial(_figure, "recordings_figure", fit),
             f"Recordings against {along}",
             RECORDINGS,
-            f"Plot of {quantities} against {along}: recordings with error bars, the "
-            "law at the answer and its 5 to 95 % band.",
+            "Recordings with error bars, the law at the answer and its 90 % band.",
         ),
         Picture(
             "residuals.png",
             partial(_figure, "residuals_figure", fit),
             "Residuals",
             "About 95 % should lie between the dashed lines, without a trend.",
-            f"Plot of residuals in standard deviations against {along}, with lines at "
-            f"plus and minus 2. {goodness_sentence(found)}",
+            f"Residuals in standard deviations against {along}.",
         ),
+        Lines("", [absent_note(fit)], where="page"),
     ]
     if drawn_parameters(fit):
-        corner = Picture(
-            "corner.png",
-            partial(_figure, "corner_figure", fit, accepted),
-            "Posterior",
-            "Draws of the posterior: the uncertainty of each parameter, and the "
-            "correlations between parameters.",
-            f"Posterior of the fitted parameters: {values}. {absent}".strip(),
-        )
-        return [*blocks, corner]
-    return [*blocks, Lines("", [f"No posterior plot. {absent}".strip()], where="page")]
+        draw = partial(_figure, "corner_figure", fit, accepted)
+        alt = "Histograms of the draws of each parameter, and of each pair."
+        blocks.insert(-1, Picture("corner.png", draw, "Posterior", POSTERIOR, alt))
+    return blocks
 
 
 def _figure(name: str, *args: Any) -> "Figure":
@@ -999,7 +740,7 @@ def summary(
         verbose: Whether to add the reasons for the laws, the computation of the
             intervals and all conversions of the log.
     """
-    return terminal(fit_view(fit, accepted, verbose=verbose), verbose=verbose)
+    return terminal(fit_view(fit, accepted), verbose=verbose)
 
 
 def fit_report(
@@ -1007,8 +748,6 @@ def fit_report(
     accepted: Accepted | None = None,
     made: Provenance | None = None,
     of: "PickedFiles | None" = None,
-    *,
-    verbose: bool = False,
 ) -> Answer:
     """Return the answer of one log: document, view and files.
 
@@ -1017,7 +756,6 @@ def fit_report(
         accepted: As for `fit_view`.
         made: Provenance.
         of: Picks of the log, if it was picked.
-        verbose: As for `fit_view`.
     """
     picks, more, files = _picks(of)
     own: dict[str, Content] = {}
@@ -1038,7 +776,7 @@ def fit_report(
         own |= place_files(fit, accepted)
     return Answer(
         fit_answer(fit, picks=picks),
-        fit_view(fit, accepted, made, more, verbose=verbose),
+        fit_view(fit, accepted, made, more),
         files=own | files,
         filed=fit_answer(fit, made, picks),
         code=fit.exit_code,
@@ -1131,23 +869,27 @@ def fits_view(
     """Return the view of several logs: a row each, and the logs that failed."""
     fits = {name: fit for name, fit in answers.items() if isinstance(fit, Fit)}
     failed = [f"{n}: {e}" for n, e in answers.items() if isinstance(e, InputError)]
-    # a row for each parameter; name and quality of the fit stand in the first
     rows = [
-        (name, fit.summary, parameter, nth == 0)
+        (name, fit.summary, parameter, estimate)
         for name, fit in fits.items()
-        for nth, parameter in enumerate(fit.summary.estimates)
+        for parameter, estimate in fit.summary.estimates.items()
     ]
 
-    def printed(row) -> Printed:
-        return printed_estimate(row[2], row[1].estimates[row[2]])
+    def of_log(cell: Callable[[str, Summary], str]) -> Callable[[Any], str]:
+        # name and quality of a fit stand beside its first parameter
+        return lambda row: (
+            cell(row[0], row[1]) if row[2] == next(iter(row[1].estimates)) else ""
+        )
 
     columns = [
-        Column("log", lambda row: row[0] if row[3] else ""),
+        Column("log", of_log(lambda name, found: name)),
         Column("", lambda row: parameter_words(row[2])),
-        Column("value", lambda row: printed(row).value, right=True),
-        Column("90 % interval", lambda row: printed(row).interval, right=True),
-        Column("chi2 (chance)", lambda row: _chance(row[1]) if row[3] else ""),
-        Column("", lambda row: _faults(row[1]) if row[3] else ""),
+        Column("value", lambda row: printed_estimate(*row[2:]).value, right=True),
+        Column(
+            "90 % interval", lambda row: printed_estimate(*row[2:]).interval, right=True
+        ),
+        Column("chi2 (chance)", of_log(lambda name, found: _chance(found))),
+        Column("", of_log(lambda name, found: _faults(found))),
     ]
     return View(
         f"{len(fits)} of {len(answers)} logs fitted",
@@ -1162,12 +904,9 @@ def _chance(found: Summary) -> str:
 
 
 def _faults(found: Summary) -> str:
-    warnings = [alarm_name(problem) for problem in found.problems]
-    if not found.law_valid and found.law_valid_rows and not found.extrapolated:
-        warnings.append("outside its law's range")
-    if found.suspected_outliers:
-        warnings.append("outliers")
-    return ", ".join(warnings)
+    outside = [] if found.law_valid else ["outside its law's range"]
+    outliers = ["outliers"] if found.suspected_outliers else []
+    return ", ".join([*map(alarm_name, found.problems), *outside, *outliers])
 
 
 def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:

@@ -136,18 +136,22 @@ MESSAGES = {
     "fits_too_well": "the recordings lie closer to the law than their errors allow "
     "(p {p:p}): the errors may be overstated",
     "fits": "the recordings agree with the law within their errors (p {p:p})",
-    # what a log leaves open, and fits without a part of it
-    "bearing_alone": "Only the bearing of the charge is identified: {bearings:or} "
-    "clockwise from north, from the centre of the sensors; the range is {bounds}",
-    "range_alone": "The position of the charge is not identified: from the centre of "
-    "the sensors its range is {bounds}, its bearing any",
-    "exchanged": "With the positions of {name} and {other} exchanged all recordings "
-    "fit (p {p})",
-    "exchanged_remedy": "if they were swapped, exchange their positions in the log",
-    "without_clock": "Without the times of {name} the others fit (p {p}): its clock is "
-    "{off} {ahead} (± {sd}), or its times are wrong",
-    "without_sensor": "Without the sensor {name} the others fit (p {p})",
-    "comment_out": "to leave it out, put a # before its rows",
+    "chi2": "chi2 = {chi2:.1f} on {dof} degrees of freedom",
+    "valid": "the answer lies within the laws' range of validity",
+    "not_valid": "the answer lies outside the range of a law it uses: it is an "
+    "extrapolation, whose error the intervals do not include",
+    "lower_bounds": "{bounds} of {of} recordings are lower bounds ({sensors:names}); "
+    "the law satisfies {kept} of them",
+    "outlier": "{sensor}, {quantity:quantity}: {sds:+.1f} sd",
+    # fits without a part of a log
+    "wrong.exchange": "with the positions of {name} and {other} exchanged all "
+    "recordings fit (p {p_value:p}){estimates:masses}; if they were swapped, exchange "
+    "their positions in the log",
+    "wrong.clock": "without the times of {name} the others fit (p "
+    "{p_value:p}){estimates:masses}; its clock is {offset_s:fast} (± "
+    "{offset_sd:time}), or its times are wrong{parameter:free}",
+    "wrong.sensor": "without the sensor {name} the others fit (p "
+    "{p_value:p}){estimates:masses}; to leave it out, put a # before its rows",
     # how a log was read
     "format": "read as {format}",
     "sheet": "read as {format}: sheet {sheet}",
@@ -431,12 +435,9 @@ def listed(parts: Iterable[str]) -> str:
 
 def _named(wrong: Any) -> str:
     """Return what is wrong of a log: a clock, a sensor, or the order of two."""
-    from jblast.inference.fitting.wrong import ExchangedSensors, WrongClock
-
-    if isinstance(wrong, ExchangedSensors):
+    if wrong.kind == "exchange":
         return f"the order of {wrong.name} and {wrong.other}"
-    kind = "clock" if isinstance(wrong, WrongClock) else "sensor"
-    return f"the {kind} {wrong.name}"
+    return f"the {wrong.kind} {wrong.name}"
 
 
 def _hours_or_less(seconds: float) -> str:
@@ -502,6 +503,12 @@ FORMS: Mapping[str, Callable[[Any], str]] = {
     ),
     "shot": lambda shot: f"shot {shot}" if shot else "the shot",
     "estimates": lambda found: listed(_with_interval(*pair) for pair in found.items()),
+    "free": lambda parameter: f"; to fit it: --free {parameter}" if parameter else "",
+    "masses": lambda found: "".join(
+        f": {_with_interval(name, estimate)}"
+        for name, estimate in found.items()
+        if name.startswith("charge_mass_kg")
+    ),
 }
 """Forms of numbers and names in a template, beside those of Python."""
 

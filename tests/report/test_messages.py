@@ -37,6 +37,8 @@ def made():
             name = getattr(node.func, "id", "")
             if name in (*MAKERS, "sentence") and isinstance(kind, ast.Constant):
                 names = {word.arg for word in node.keywords}
+                # fields of an object are not known without running it
+                names |= {None} if node.args[1:] else set()
                 names |= OF_ROWS if name == "doubt" or path.stem == "sanity" else set()
                 found.setdefault(kind.value, set()).update(names)
     return found

@@ -45,6 +45,7 @@ compilation; a longer one gains by optimised code.
 def run(options: argparse.Namespace) -> int:
     """Fit, report, and return the exit code."""
     import os
+    import sys
     from pathlib import Path
 
     from jblast.cli.jax_start import start_jax
@@ -87,6 +88,12 @@ def run(options: argparse.Namespace) -> int:
     made = provenance_of(whole, options.scene or "", options.words) if out else None
     begin("reading")
     of = picked(files, options, keep_samples=bool(out)) if options.positions else None
+    if of and of.found.refused and not options.json:
+        # the files are refused below; the picks of the others are not lost
+        from jblast.report.picks import picks_report
+        from jblast.report.view import terminal
+
+        sys.stdout.write(terminal(picks_report(of).view))
     logs, uncertain = fit_input(
         of or files,
         scene,
@@ -108,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
         ((name, log),) = logs.items()
         found = fit(log, uncertain, **settings)
         made = by_log.get(name)
-        answer = fit_report(found, made=made, of=of, verbose=options.verbose)
+        answer = fit_report(found, made=made, of=of)
     else:
 
         def done(answers):

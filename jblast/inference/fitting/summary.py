@@ -27,7 +27,12 @@ from jblast.inference.fitting.suspects import (
     other_explanations,
 )
 from jblast.inference.fitting.warnings import notes_of
-from jblast.inference.fitting.wrong import SuspectedOutlier, WrongSensor
+from jblast.inference.fitting.wrong import (
+    ExchangedSensors,
+    SuspectedOutlier,
+    WrongClock,
+    WrongSensor,
+)
 from jblast.inference.identify import (
     BearingArc,
     EstimableCombination,
@@ -110,7 +115,7 @@ class Summary:
     n_observations: int
     n_lower_bounds: int = field(default=0, kw_only=True)
     suspected_outliers: tuple[SuspectedOutlier, ...]
-    explained_by: tuple[WrongSensor, ...]
+    explained_by: tuple[WrongClock | ExchangedSensors | WrongSensor, ...]
     problems: tuple[Note, ...] = field(init=False)
     warnings: tuple[Note, ...]
     assumptions: tuple[Note, ...] = ()

@@ -1,9 +1,12 @@
 """Readings, sensors and clocks that a fit calls wrong."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 from jblast.inference.posterior.parameters import Estimate
+
+Kind = Literal["clock", "sensor", "exchange"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,7 @@ class WrongSensor:
     """A sensor without which a log fits.
 
     Attributes:
+        kind: Kind of the explanation.
         name: Name of the sensor.
         chi2: Chi squared of the other rows.
         dof: Degrees of freedom of the other rows.
@@ -34,6 +38,7 @@ class WrongSensor:
         estimates: Estimates from the other rows, by parameter.
     """
 
+    kind: Kind = field(default="sensor", init=False)
     name: str
     chi2: float
     dof: int
@@ -52,6 +57,7 @@ class WrongClock(WrongSensor):
         parameter: Parameter to free; None for the common clock.
     """
 
+    kind: Kind = field(default="clock", init=False)
     offset_s: float
     offset_sd: float
     parameter: str | None
@@ -65,4 +71,5 @@ class ExchangedSensors(WrongSensor):
         other: Name of the second sensor.
     """
 
+    kind: Kind = field(default="exchange", init=False)
     other: str

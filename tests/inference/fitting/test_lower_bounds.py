@@ -10,7 +10,7 @@ from jblast.inference import batch_of, fit
 from jblast.inference.answer import Answer
 from jblast.inference.density import LEFT_OUT_SIGMA, density_of
 from jblast.inference.fitting.goodness_of_fit import chi_squared, suspected_outliers
-from jblast.report.fit_report import fit_document, residual_rows
+from jblast.report.fit_report import fit_document, residual_table
 from jblast.scene import Scene, UncertainScene, freed, with_laws
 from jblast.sensors import layout_of, record
 from jblast.sensors.simulated_readings import Noise
@@ -128,5 +128,5 @@ def test_a_fit_of_a_clipped_log_has_the_interval_of_quadrature():
     assert mass.q95 == pytest.approx(high, rel=0.03)
     assert found.exit_code == 0
     assert fit_document(found)["n_lower_bounds"] == 4
-    rows = residual_rows(found)
-    assert [row.residual == "satisfied" for row in rows] == [True] * 4 + [False] * 4
+    rows = residual_table(found).rows
+    assert [row[-1] == "satisfied" for row in rows] == [True] * 4 + [False] * 4
