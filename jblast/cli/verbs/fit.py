@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from jblast.cli.jax_start import start_jax
-    from jblast.files import check_log_paths, check_out, write_text
+    from jblast.files import check_log_paths, check_out, write_text, writing
     from jblast.progress import stages
 
     files, out = options.observations, options.out
@@ -131,6 +131,9 @@ def run(options: argparse.Namespace) -> int:
     if out:
         begin("writing")
     if out and of:
-        write(Path(out) / "picks" / "picks.csv", of.observations())
+        picks = Path(out) / "picks"
+        with writing(picks):
+            picks.mkdir(parents=True, exist_ok=True)
+            write(picks / "picks.csv", of.observations())
     kind = "fit" if len(logs) == 1 else "fits"
     return deliver(answer, options, folder=out, names=NAMES, name=kind)
