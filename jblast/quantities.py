@@ -14,6 +14,7 @@ from typing import Any, Literal
 UNITS = {
     "": "",
     "_m": "m",
+    "_m_kg13": "m/kg^(1/3)",
     "_s": "s",
     "_kg": "kg",
     "_pa": "Pa",

@@ -7,7 +7,7 @@ it: `33lb`, `100ft`. argparse adds the option's name to a message.
 import math
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -51,6 +51,13 @@ def path(word: str) -> str:
 def names(word: str) -> list[str]:
     """Return the names in a list with commas."""
     return [name.strip() for name in word.split(",") if name.strip()]
+
+
+def choice(word: str, words: Sequence[str]) -> str:
+    """Return one of some words."""
+    if word not in words:
+        raise ArgumentTypeError(f"expected {' or '.join(words)}, got {shown(word)}")
+    return word
 
 
 def number(word: str) -> float:
@@ -176,9 +183,12 @@ def kind(name: str, metavar: str) -> Callable[[str], Any]:
         name: Name in `KINDS`; after "positive" or "several" its values are positive;
             "numbers" has as many as `metavar` names, and those in brackets are
             optional.
-        metavar: Name of the value in the help, as "LAT,LON[,ALT]".
+        metavar: Name of the value in the help, as "LAT,LON[,ALT]"; for "choice" the
+            words, as "rgb|events".
     """
     first, _, rest = name.partition(" ")
+    if name == "choice":
+        return partial(choice, words=metavar.split("|"))
     if name == "numbers":
         least, most = metavar.split("[")[0].count(",") + 1, metavar.count(",") + 1
         return lambda word: _numbers(word, ",", metavar, least, most)

@@ -208,10 +208,7 @@ def _add_option(group: Any, name: str, metavar: str, words: str) -> None:
     if default is not None and "(default" not in text:
         text += f" (default: {default})"
     values: dict[str, Any] = {"metavar": metavar, "help": _escaped(text)}
-    if of == "choice":
-        values["choices"] = metavar.split("|")
-    else:
-        values["type"] = kind(of, metavar)
+    values["type"] = kind(of, metavar)
     if repeated:
         # argparse copies the list before it appends, so that commands in one process
         # do not share it

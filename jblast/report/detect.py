@@ -7,7 +7,7 @@ from functools import partial
 from itertools import groupby, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,15 +15,12 @@ from jblast.files import Content
 from jblast.observations import Observations
 from jblast.observations.log_io import log_text
 from jblast.observations.records.sound import write_sound
-from jblast.report.numbers import joined
+from jblast.report.messages import sentence
+from jblast.report.numbers import joined, printed_number, rounded
 from jblast.report.output import NOT_FOUND, Answer
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
 from jblast.results import AMONG, Document, among, filled
-from jblast.signals.arrival_log import (
-    LEAST_PLANE_PROBABILITY,
-    MAX_ARRAY_WIDTH,
-    ArrayFinding,
-)
+from jblast.signals.arrival_log import ArrayFinding
 from jblast.signals.detect_files import (
     ClipDetections,
     Film,
@@ -41,13 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PICTURE, LOG, FILTERED = "detection.png", "observations.csv", "filtered.wav"
-LAYOUTS = {
-    "coplanar": "microphones in one plane",
-    "spatial": "microphones in space",
-    "collinear": "microphones in a line",
-    "two": "two microphones",
-}
-ANGLES = {"bearing_rad": "the bearing", "elevation_rad": "the elevation"}
 CAUSES = {
     "faint": "below the threshold",
     "grows_on": "its growth did not slow down as a fireball's of up to 1 t does",
@@ -56,9 +46,25 @@ CAUSES = {
 """Reasons for which a bright spot is not reported as a blast."""
 MAX_LISTED = 5
 """Largest number of such spots in the text; the document has all of them."""
-MAX_FLASHES, MAX_CHANNELS, MAX_LABELS = 4, 8, 5
-"""Largest number of flashes in a figure, of channels (8 are 29 inches high), and of
-labelled arrivals, the loudest: more labels would overlap."""
+MAX_FLASHES, MAX_CHANNELS = 4, 8
+"""Largest number of flashes in a figure, and of channels (8 are 29 inches high)."""
+OTHERS = (
+    "{others:sound} without the form of a blast, such as doors, clicks, thunder, or "
+    "reverberant blasts{option}"
+)
+ECHO = (
+    "{sensor}: the arrival at {arrival_s:6} is not in the log: weaker than another one "
+    "of the same bang, possibly an echo"
+)
+SLOW = (
+    "{rate:g} frames/s: a fireball grows within a few milliseconds, and the test is "
+    "calibrated at 1,000 frames/s; at lower rates a lamp looks like a blast, and the "
+    "false-alarm rate is not the requested one"
+)
+SPOT = (
+    "frame {frame} ({seconds:.5g} s) at x {x_px:.0f}, y {y_px:.0f} px: {why}, "
+    "statistic {statistic:.3g}"
+)
 
 
 @dataclass(frozen=True)
@@ -231,21 +237,6 @@ class FlashSeen:
 
 
 @dataclass(frozen=True)
-class Method:
-    """Method of the search.
-
-    Attributes:
-        name: Name of the test.
-        false_alarms_per_hour: False-alarm rate in scenes that look like a blast.
-        threshold: Threshold of the statistic.
-    """
-
-    name: Literal["growth_cusum"]
-    false_alarms_per_hour: float
-    threshold: float
-
-
-@dataclass(frozen=True)
 class FlashAnswer(Document):
     """The answer of `jblast detect` for film.
 
@@ -255,7 +246,8 @@ class FlashAnswer(Document):
         threshold_snr_db: The threshold, in the unit of `snr_db`.
         latency_s: Largest delay from first light to detection; without a flash the
             least possible one.
-        method: Method of the search.
+        method: Name of the test, accepted false alarms per hour in scenes that look
+            like a blast, and threshold of the statistic.
         recording: The searched film.
         flashes: Each flash in full.
         warnings: Warnings, as sentences.
@@ -268,7 +260,7 @@ class FlashAnswer(Document):
     arrivals: tuple[Arrival, ...]
     threshold_snr_db: float
     latency_s: float
-    method: Method
+    method: Mapping[str, Any]
     recording: Film
     flashes: tuple[FlashSeen, ...]
     warnings: tuple[str, ...]
@@ -295,7 +287,8 @@ def detect_answer(found: SoundDetections | FilmDetections | ClipDetections) -> A
     files: dict[str, Content] = {}
     log = found.log
     if isinstance(found, SoundDetections):
-        document, view = _sound_document(found), _sound_view(found)
+        document = _sound_document(found)
+        view = _sound_view(found, document)
         files |= _filtered(found.searched)
         log = found.log and found.log.observations
     elif isinstance(found, ClipDetections):
@@ -321,10 +314,10 @@ def _filtered(searched: Sequence[Searched]) -> dict[str, Content]:
     found: dict[str, Content] = {}
     for members in groups:
         name = f"{Path(members[0].channel.record).stem}.{FILTERED}"
+        outputs = np.array([one.statistic for one in members])
         # a sound file is written by its suffix, which a temporary file does not have
         with TemporaryDirectory() as folder:
             file = Path(folder, FILTERED)
-            outputs = np.array([one.statistic for one in members])
             write_sound(file, outputs, members[0].channel.rate_hz)
             found[name if len(groups) > 1 else FILTERED] = file.read_bytes()
     return found
@@ -379,22 +372,23 @@ def _array(finding: ArrayFinding) -> ArrayAnswer:
     came, direction = finding.direction, None
     if came is not None:
         bearing_sd, elevation_sd = came.covariance.diagonal() ** 0.5
-        direction = ArrayDirection(
-            layout=came.layout,
+        direction = filled(
+            ArrayDirection, came,
             bearing_rad=came.bearing,
             bearing_sd_rad=bearing_sd,
             elevation_rad=came.elevation,
             elevation_sd_rad=elevation_sd,
-            undetermined=tuple(came.undetermined),
             mirror_rad=came.mirror,
             p_plane_wave=finding.probability,
-        )
+        )  # fmt: skip
     return ArrayAnswer(finding.array, finding.bang + 1, finding.used, direction)
 
 
 ARRIVALS = [
     Column("sensor", lambda a: a.sensor),
-    Column("arrival [s]", lambda a: _time(a.found), right=True),
+    Column(
+        "arrival [s]", lambda a: rounded(a.found.time_s, a.found.sigma_s), right=True
+    ),
     Column("sigma [s]", lambda a: f"{a.found.sigma_s:.2g}", right=True),
     Column("SNR [dB]", lambda a: f"{a.found.snr_db:.1f}", right=True),
     Column("misfit", lambda a: f"{a.form.misfit:.2f}" if a.form else "", right=True),
@@ -404,59 +398,76 @@ ARRIVALS = [
         right=True,
     ),
 ]
+ARRAYS = [
+    Column("array", lambda one: one.array),
+    Column("bang", lambda one: f"{one.bang}", right=True),
+    Column("layout", lambda one: one.direction.layout if one.direction else "no wave"),
+    Column("bearing [deg]", lambda one: _angle("bearing", one.direction), right=True),
+    Column(
+        "elevation [deg]", lambda one: _angle("elevation", one.direction), right=True
+    ),
+    Column(
+        "p of a plane wave",
+        lambda one: f"{one.direction.p_plane_wave:.2g}" if one.direction else "",
+        right=True,
+    ),
+    Column("in the log", lambda one: "one row" if one.in_log else "a row each"),
+]
 
 
-def _time(found: Any) -> str:
-    """Return a time to the second significant digit of its standard error."""
-    digits = min(max(1 - math.floor(math.log10(found.sigma_s)), 1), 9)
-    return f"{found.time_s:.{digits}f}"
+def _angle(name: str, found: Any) -> str:
+    """Return an angle with its standard error [degrees]; "" if not identified."""
+    radians = getattr(found, f"{name}_rad", math.nan)
+    if math.isnan(radians):
+        return ""
+    return _with_sd(
+        math.degrees(radians), math.degrees(getattr(found, f"{name}_sd_rad"))
+    )
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number or 'No'} {noun}{'s' * (number > 1)}"
+def _delay(answer: DetectionAnswer | FlashAnswer) -> str:
+    return printed_number("_s", answer.latency_s, 3)
 
 
-def _sound_view(found: SoundDetections) -> View:
+def _with_sd(value: float, sd: float) -> str:
+    return f"{rounded(value, sd)} ± {sd:.2g}"
+
+
+def _sound_view(found: SoundDetections, answer: DetectionAnswer) -> View:
     searched, dead, target, log = found
-    arrivals = _arrivals(searched)
-    levels = [one.threshold_snr_db for one in searched]
-    low, high = min(levels), max(levels)
-    # the difference of one printed digit
-    span = f"{high:.1f}" if high - low < 0.05 else f"{low:.1f} to {high:.1f}"
-    latency = max(one.latency_s for one in searched)
-    others = _other_sounds(searched)
-    listed = any(one.others for one in searched)
-    seconds = sum(map(_seconds, searched))
+    option = " (--all-sounds)" * bool(answer.rejected_arrivals)
+    others = sentence(OTHERS, others=answer.other_sounds, option=option)
+    title = sentence(
+        "{arrivals:arrival} in {channels:channel}, {seconds:.6g} s of sound",
+        arrivals=len(answer.arrivals),
+        channels=len(searched),
+        seconds=sum(one.seconds for one in answer.channels),
+    )
+    left_out = log.left_out if log else ()
     return View(
-        f"{_count(len(arrivals), 'arrival')} in {_count(len(searched), 'channel')}, "
-        f"{seconds:.6g} s of sound",
+        title,
         [
-            Table(ARRIVALS, arrivals),
+            Table(ARRIVALS, answer.arrivals),
             Facts(
                 [
                     ("search target", target.words),
-                    ("threshold", f"{span} dB (2E/N0)"),
-                    ("delay", f"{1e3 * latency:.3g} ms from the first sample"),
+                    ("threshold", f"{answer.threshold_snr_db:.1f} dB (2E/N0)"),
+                    (
+                        "delay",
+                        f"{_delay(answer)} from the first sample",
+                    ),
                     ("skipped", f"{joined(dead)}: constant" if dead else ""),
                 ]
             ),
+            Table(ARRAYS, answer.arrays, "Directions"),
             Lines(
                 "",
                 [
-                    f"{_count(others, 'other impulsive sound')} without the form of a "
-                    "blast, such as doors, clicks, thunder, or reverberant blasts"
-                    + " (--all-sounds)"
-                    * listed
-                ]
-                * bool(others),
-            ),
-            Lines("", map(_of_array, log.arrays) if log else ()),
-            Lines(
-                "",
-                [
-                    f"{sensor}: the arrival at {one.time_s:.6g} s is not in the log: "
-                    "weaker than another one of the same bang, possibly an echo"
-                    for sensor, one in (log.left_out if log else ())
+                    others * bool(answer.other_sounds),
+                    *(
+                        sentence(ECHO, sensor=sensor, arrival_s=one.time_s)
+                        for sensor, one in left_out
+                    ),
                 ],
             ),
             Picture(
@@ -469,45 +480,10 @@ def _sound_view(found: SoundDetections) -> View:
     )
 
 
-def _of_array(finding: ArrayFinding) -> str:
-    came = finding.direction
-    name = f"Array {finding.array}, bang {finding.bang + 1}"
-    if came is None:
-        return f"{name}: no common wave was found; each microphone has its own row"
-    sds = came.covariance.diagonal() ** 0.5
-    pairs = zip(
-        ("bearing", "elevation"), (came.bearing, came.elevation), sds, strict=True
-    )
-    angles = [
-        f"{word} {_angle(value, sd)}" for word, value, sd in pairs if value == value
-    ]
-    text = f"{name} ({LAYOUTS[came.layout]}): {', '.join(angles) or 'no direction'}"
-    if lost := [ANGLES[key] for key in came.undetermined]:
-        text += f"; not identified: {joined(lost)}"
-    if finding.used:
-        text += (
-            f"; within {MAX_ARRAY_WIDTH:g} m of each other, so one arrival row for all"
-        )
-    elif finding.probability <= LEAST_PLANE_PROBABILITY:
-        text += (
-            f"; the times contradict a plane wave (p = {finding.probability:.1g}), so "
-            "each microphone has its own row"
-        )
-    return text
-
-
-def _angle(value: float, sd: float) -> str:
-    return f"{math.degrees(value):.2f} ± {math.degrees(sd):.2g} degrees"
-
-
 def _film_document(found: FilmDetections) -> FlashAnswer:
     watched, bang = found.flashes, found.bang
     late = [f.alarm_s - f.growth.time_s for f in watched.flashes]
-    slow = (
-        f"{found.film.frames_hz:g} frames/s: a fireball grows within a few "
-        "milliseconds, and the test is calibrated at 1,000 frames/s; at lower rates a "
-        "lamp looks like a blast, and the false-alarm rate is not the requested one",
-    )
+    slow = (sentence(SLOW, rate=found.film.frames_hz),)
     return FlashAnswer(
         detected=found.detected,
         arrivals=tuple(
@@ -520,7 +496,11 @@ def _film_document(found: FilmDetections) -> FlashAnswer:
         ),
         threshold_snr_db=in_decibels(watched.threshold),
         latency_s=max(late, default=watched.latency_s),
-        method=Method("growth_cusum", found.false_alarms_per_hour, watched.threshold),
+        method={
+            "name": "growth_cusum",
+            "false_alarms_per_hour": found.false_alarms_per_hour,
+            "threshold": watched.threshold,
+        },
         recording=found.film,
         flashes=tuple(
             FlashSeen(flash.growth, flash, to, tuple(map(GrownTo, flash.silhouettes)))
@@ -534,42 +514,43 @@ def _film_document(found: FilmDetections) -> FlashAnswer:
 
 
 def _film_view(found: FilmDetections, answer: FlashAnswer, picture: str) -> View:
-    count, film = len(answer.flashes), answer.recording
-    nothing = "No blast" if answer.bang_s is None else "No flash"
-    seen = f"{film.frames:,} frames of {film.width} x {film.height} pixels, "
-    seen += f"{film.seconds:.6g} s at {film.frames_hz:g} frames/s"
-    if film.kind == "events":
-        seen = f"{film.seconds:.6g} s of events of {film.width} x {film.height} pixels"
+    film, blasts = answer.recording, answer.flashes
+    title = sentence(
+        "{blasts:blast} detected in {seconds:.6g} s of {kind}, {width} x {height} "
+        "pixels at {frames_hz:g} Hz",
+        film,
+        blasts=len(blasts),
+    )
     bang = "" if answer.bang_s is None else f"{answer.bang_s:.4f} s in the sound track"
-    if bang and answer.arrivals:
-        later = (answer.bang_s or 0.0) - answer.arrivals[0].time_s
+    if answer.bang_s and blasts:
+        later = answer.bang_s - answer.arrivals[0].time_s
         bang += f", {later:.4f} s after the first light"
-    threshold, rate = answer.method.threshold, answer.method.false_alarms_per_hour
-    strongest = sorted(answer.candidates, key=lambda one: -one.statistic)
+    spots = sorted(answer.candidates, key=lambda one: -one.statistic)
     return View(
-        f"{_count(count, 'blast') if count else nothing} detected in {seen}",
+        title,
         [
             *(
-                Facts(_flash(flash), f"Blast {number}" if count > 1 else "")
-                for number, flash in enumerate(answer.flashes, 1)
+                Facts(_flash(flash), f"Blast {number}" if len(blasts) > 1 else "")
+                for number, flash in enumerate(blasts, 1)
             ),
-            Facts([("bang", bang)]),
+            Facts(
+                [
+                    ("bang", bang),
+                    ("search target", "a bright spot that grows in all directions"),
+                    ("threshold", f"{answer.method['threshold']:.3g} (statistic)"),
+                    (
+                        "delay",
+                        f"{_delay(answer)} from the first light",
+                    ),
+                ]
+            ),
             Lines(
                 "Other bright spots",
                 [
-                    f"frame {one.frame} ({one.time_s:.5g} s) at x {one.x_px:.0f}, "
-                    f"y {one.y_px:.0f} px: {CAUSES[one.cause]}, statistic "
-                    f"{one.statistic:.3g} of {threshold:.3g}"
-                    for one in strongest
+                    sentence(SPOT, one, seconds=one.time_s, why=CAUSES[one.cause])
+                    for one in spots
                 ],
                 most=MAX_LISTED,
-            ),
-            Lines(
-                "",
-                [
-                    "search target: a bright spot that grows in all directions and "
-                    f"stays; false-alarm rate {rate:g} per hour"
-                ],
             ),
             Lines("", [f"Warning: {warning}" for warning in answer.warnings]),
             Picture(
@@ -585,23 +566,22 @@ def _film_view(found: FilmDetections, answer: FlashAnswer, picture: str) -> View
 def _flash(flash: FlashSeen) -> list[tuple[str, str]]:
     """Return the facts on a flash."""
     grown, seen_from = flash.grown, flash.direction
-    late = 1e3 * (flash.alarm.alarm_s - grown.time_s)
-    last = flash.alarm.silhouettes[-1]
-    radius = f"{last.radius_px:.1f} px at {last.time_s:.6g} s; the growth could not be "
-    radius += "fitted"
-    if grown.radius_px is not None and grown.growth_s is not None:
-        tau, tau_sd = 1e3 * grown.growth_s, 1e3 * (grown.growth_sigma_s or 0.0)
-        radius = f"{grown.radius_px:.1f} ± {grown.radius_sigma_px:.1f} px, "
-        radius += f"time constant {tau:.2f} ± {tau_sd:.2g} ms"
-    direction = ""
-    if seen_from is not None:
-        east, east_sd, up, up_sd = seen_from
-        direction = f"bearing {_angle(east, east_sd)}, elevation {_angle(up, up_sd)}"
+    direction = radius = ""
+    if seen_from:
+        angles = (_angle(name, seen_from) for name in ("bearing", "elevation"))
+        direction = "bearing {}, elevation {} degrees".format(*angles)
+    # both are identified, or none
+    if grown.radius_px and grown.radius_sigma_px and grown.growth_s:
+        radius = (
+            f"{grown.radius_px:.1f} ± {grown.radius_sigma_px:.1f} px, time constant "
+        )
+        radius += (
+            f"{_with_sd(1e3 * grown.growth_s, 1e3 * (grown.growth_sigma_s or 0))} ms"
+        )
     return [
         (
             "first light",
-            f"{_time(grown)} ± {grown.sigma_s:.2g} s, frame {flash.alarm.frame}, "
-            f"detected {late:.3g} ms later",
+            f"{_with_sd(grown.time_s, grown.sigma_s)} s, frame {flash.alarm.frame}",
         ),
         (
             "position",
@@ -627,28 +607,19 @@ def _sound_figure(searched: Sequence[Searched]) -> "Figure":
         for found in one.detections:
             above.axvline(found.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
             below.plot(found.time_s, found.statistic, "v", color=of.VERMILLION, ms=6)
-        loudest = sorted(one.detections, key=lambda found: -found.statistic)
-        for found in loudest[:MAX_LABELS]:
-            text = f"  {found.time_s:.4f} s, {found.snr_db:.0f} dB"
-            at = (found.time_s, found.statistic)
-            below.annotate(text, at, fontsize=8, color=of.INK, va="center")
         below.axhline(one.threshold, color=of.INK, linewidth=0.9, linestyle="--")
         of.quiet(above)
         of.quiet(below)
         above.set_ylabel("recording")
         below.set_ylabel("output [sigma]")
-        count = _count(len(one.detections), "arrival")
-        of.titled(above, f"{one.channel.sensor}: {count[:1].lower()}{count[1:]}")
         note = f"dashed: threshold, {one.threshold_snr_db:.1f} dB"
-        below.set_title(note, loc="right", fontsize=9, color=of.MUTED)
+        of.titled(above, one.channel.sensor, note)
     grid[-1].set_xlabel("time of the recording [s]")
-    if left := len(searched) - len(shown):
-        figure.supxlabel(f"{left} more channels are not drawn", fontsize=9)
     return figure
 
 
 def _film_figure(found: FilmDetections) -> "Figure":
-    """Draw each flash, and the statistic of the search below."""
+    """Draw each flash and its growth, and the statistic of the search below."""
     from jblast.report import figures as of
 
     watched = found.flashes
@@ -656,59 +627,51 @@ def _film_figure(found: FilmDetections) -> "Figure":
     figure = of.new_figure(10.0, 2.4 + 3.4 * len(shown))
     ratios = [*([1.4] * len(shown)), 1.0]
     grid = figure.add_gridspec(len(shown) + 1, 2, height_ratios=ratios)
+    axes = figure.add_subplot(grid[-1, :])
     for row, flash in enumerate(shown):
         _draw_flash(figure.add_subplot(grid[row, 0]), flash, found.film)
         _draw_growth(figure.add_subplot(grid[row, 1]), flash)
-    axes = figure.add_subplot(grid[-1, :])
+        axes.axvline(flash.growth.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
     axes.plot(watched.times, watched.statistic, color=of.BLUE, linewidth=1.0)
     axes.axhline(watched.threshold, color=of.INK, linewidth=0.9, linestyle="--")
-    for flash in watched.flashes:
-        axes.axvline(flash.growth.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
     axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
     of.quiet(axes)
-    count = len(watched.flashes)
-    title = f"{count} detected" if count else "no flash detected"
-    of.titled(axes, title, f"dashed: threshold, {watched.threshold:.1f}")
+    of.titled(axes, "search", f"dashed: threshold, {watched.threshold:.1f}")
     return figure
 
 
 def _draw_flash(axes: "Axes", flash: Flash, film: Film) -> None:
     from matplotlib.patches import Circle
 
-    from jblast.report.figures import BLUE, VERMILLION, titled
+    from jblast.report.figures import VERMILLION, titled
 
     extent = (-0.5, film.width - 0.5, film.height - 0.5, -0.5)
-    if flash.picture is None:
-        axes.set_facecolor("#cccccc")
-    else:
+    if flash.picture is not None:
         # linear light is drawn with the gamma of a display, 1 / 2.2
         shown = np.clip(flash.picture, 0.0, 1.0) ** 0.45
         axes.imshow(shown, cmap="gray", vmin=0.0, vmax=1.0, extent=extent)
-    grown = flash.growth
-    last = flash.silhouettes[min(15, len(flash.silhouettes) - 1)]
-    middle = (last.x_px, grown.y_px)
+    last = flash.silhouettes[:16][-1]
+    middle = (last.x_px, flash.growth.y_px)
     axes.add_patch(Circle(middle, last.radius_px, fill=False, ec=VERMILLION))
-    axes.plot(grown.x_px, grown.y_px, "+", color=BLUE, ms=12, mew=1.6)
-    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal", xlabel="x [px]")
-    axes.set_ylabel("y [px]")
-    titled(axes, f"{1e3 * (last.time_s - grown.time_s):.0f} ms after first light")
+    axes.set(xlim=extent[:2], ylim=extent[2:], aspect="equal")
+    axes.set(xlabel="x [px]", ylabel="y [px]")
+    late = 1e3 * (last.time_s - flash.growth.time_s)
+    titled(axes, f"{late:.0f} ms after first light")
 
 
 def _draw_growth(axes: "Axes", flash: Flash) -> None:
-    from jblast.report.figures import BLUE, INK, MUTED, quiet, titled
+    from jblast.report.figures import BLUE, INK, quiet, titled
 
     grown = flash.growth
-    spots = [(one.time_s, one.radius_px, one.cut) for one in flash.silhouettes]
-    time, radius, cut = (np.array(values) for values in zip(*spots, strict=True))
-    since = 1e3 * (time - grown.time_s)
-    axes.plot(since[~cut], radius[~cut], "o", color=INK, ms=3)
-    axes.plot(since[cut], radius[cut], "o", mfc="none", mec=MUTED, ms=3)
+    for one in flash.silhouettes:
+        face = "white" if one.cut else INK
+        since = 1e3 * (one.time_s - grown.time_s)
+        axes.plot(since, one.radius_px, "o", color=INK, mfc=face, ms=3)
     if grown.radius_px is not None and grown.growth_s is not None:
-        fine = np.linspace(0.0, since.max(), 200)
+        fine = np.linspace(0.0, axes.get_xlim()[1], 200)
         law = -grown.radius_px * np.expm1(-1e-3 * fine / grown.growth_s)
         axes.plot(fine, law, color=BLUE, linewidth=1.2)
     axes.set(xlabel="since first light [ms]", ylabel="radius [px]", ylim=(0, None))
     quiet(axes)
-    note = "open: cut by an edge" if cut.any() else ""
-    sigma = f"{1e3 * grown.sigma_s:.2g} ms"
-    titled(axes, f"first light {grown.time_s:.5f} s ± {sigma}", note)
+    first = _with_sd(grown.time_s, grown.sigma_s)
+    titled(axes, f"first light {first} s", "open: cut by an edge")

@@ -9,6 +9,7 @@ from jblast.constants import FOOT, PSI
 from jblast.parameters import described
 from jblast.quantities import UNITS, quantity_named, unit_suffix
 
+POUND = 0.45359237
 System = Literal["si", "us"]
 """System of printed units: SI, or feet, pounds and pounds per square inch."""
 
@@ -52,8 +53,9 @@ LADDERS = {
 }
 """Units of a suffix; other suffixes have the SI unit alone."""
 CUSTOMARY = {
-    "_kg": (Unit("lb", 0.45359237),),
+    "_kg": (Unit("lb", POUND),),
     "_m": (Unit("in", 0.0254), Unit("ft", FOOT, 0.1)),
+    "_m_kg13": (Unit("ft/lb^(1/3)", FOOT / POUND ** (1 / 3)),),
     "_m_s": (Unit("in/s", 0.0254), Unit("ft/s", FOOT, 0.3)),
     "_pa": (Unit("psi", PSI),),
     "_pa_s": (Unit("psi ms", PSI * 1e-3),),

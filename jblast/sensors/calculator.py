@@ -86,6 +86,13 @@ class Question:
     defaults: frozenset[str] = frozenset()
     units: Literal["si", "us"] = "si"
 
+    @property
+    def unknown(self) -> Literal["", "range_m", "charge_mass_kg"]:
+        """Name of the unknown; "" if ranges and masses are given."""
+        if not self.quantity:
+            return ""
+        return "range_m" if self.charge_mass else "charge_mass_kg"
+
     def rows(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ranges and masses of all combinations; ranges vary fastest."""
         masses, ranges = np.meshgrid(self.charge_mass, self.slant_range, indexing="ij")
@@ -643,12 +650,13 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
         question: States a quantity, its target, and one range or one mass.
         by_law: From `roots`.
     """
-    unknown = "range_m" if question.charge_mass else "charge_mass_kg"
     best = {name: found.best() for name, found in by_law.items()}
     best = {name: root for name, root in best.items() if root is not None}
     holding = {name: value for name, (value, valid) in best.items() if valid}
     if not holding:
-        return Recommended(unknown, "", math.nan, False, math.nan, solutions=())
+        return Recommended(
+            question.unknown, "", math.nan, False, math.nan, solutions=()
+        )
     # median of logarithms: one outlying law does not decide where laws are compared
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
     named = {question.quantity: tuple(by_law)}
@@ -664,7 +672,7 @@ def recommended_root(question: Question, by_law: Mapping[str, Roots]) -> Recomme
     scatter = float(law_scatters(_at(question, value), [key])[key][0])
     slope = _slope(question, value, law)
     return Recommended(
-        quantity=unknown,
+        quantity=question.unknown,
         law=law,
         value=value,
         valid=True,

@@ -61,6 +61,7 @@ def test_the_help_shows_names_defaults_and_sections():
     ("name", "metavar", "word", "message"),
     [
         ("path", "", " ", "a path"),
+        ("choice", "a|b|c", "d", "expected a or b or c, got 'd'"),
         ("number", "", "nan", "a finite number"),
         ("number", "", "1e300", "a size between"),
         ("positive", "", "-1", "a positive number"),

@@ -58,7 +58,7 @@ advanced:
 import argparse
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -71,7 +71,9 @@ from jblast.parameters import PARAMETERS
 from jblast.quantities import QUANTITIES
 
 if TYPE_CHECKING:  # --help needs none of them
-    from jblast.scene import Air, Scene
+    from collections.abc import Mapping
+
+    from jblast.scene import Scene
     from jblast.sensors.calculator import Question, Roots
 
 # Options have the words of handbooks; logs and laws have one name with a unit.
@@ -84,12 +86,18 @@ MEASURED = {
     "reflected-impulse": "reflected_impulse_pa_s",
 }
 """Quantity of each option with a value to find."""
+EXCLUSIVE = (
+    *(("json", "csv"), ("json", "all-laws"), ("csv", "all-laws")),
+    *(("altitude", "pressure"), ("altitude", "temperature")),
+    *(("quantity", name) for name in MEASURED),
+)
+"""Pairs of options of which one is expected."""
 AIR = {
     "temperature": ("temperature", "air_temperature_k"),
     "pressure": ("pressure", "air_pressure_pa"),
     "altitude": ("altitude", "air_altitude_m"),
     "humidity": ("relative_humidity", "air_relative_humidity"),
-    "sound_speed": ("sound_speed", "air_sound_speed_m_s"),
+    "sound-speed": ("sound_speed", "air_sound_speed_m_s"),
 }
 """Field of the air and parameter of a scene file, by option."""
 
@@ -98,8 +106,7 @@ def run(options: argparse.Namespace) -> int:
     """Calculate, print, and return the exit code."""
     from jblast.cli.jax_start import start_jax
 
-    given, measured = _given(options)
-    _check_options(options, given, measured)
+    _check_options(options)
     # a calculation compiles for longer than it computes
     start_jax(quick=True)
     from jblast.files import save
@@ -107,11 +114,9 @@ def run(options: argparse.Namespace) -> int:
     from jblast.report.output import Answer, deliver, figure_file
     from jblast.report.view import View
 
-    question = question_of(options)
-    quantity, law = selection(options)
-    calculation = Calc(question, quantity, law)
-    if measured:
-        check_roots(question, calculation.roots)
+    calculation = Calc(question_of(options), *selection(options))
+    if calculation.question.quantity:
+        check_roots(calculation.question, calculation.roots)
     saved = {}
     if options.plot:
         saved[options.plot] = figure_file(calculation.figure, options.plot)
@@ -126,10 +131,10 @@ def run(options: argparse.Namespace) -> int:
     return deliver(answer, options)
 
 
-def _given(options: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
-    """Return the given options, and those of them with a value to find."""
-    given = {name: value for name, value in vars(options).items() if value is not None}
-    return given, [name for name in MEASURED if name.replace("-", "_") in given]
+def _given(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the given options by name."""
+    found = {name.replace("_", "-"): value for name, value in vars(options).items()}
+    return {name: value for name, value in found.items() if value not in (None, False)}
 
 
 def question_of(options: argparse.Namespace) -> "Question":
@@ -140,21 +145,11 @@ def question_of(options: argparse.Namespace) -> "Question":
     """
     from jblast.sensors.calculator import Question, charge_radius, with_burst
 
-    given, measured = _given(options)
+    given = _given(options)
+    measured = next((name for name in MEASURED if name in given), "")
     ranges, masses = (tuple(chain(*(x or ()))) for x in (options.range, options.mass))
-    related = {"air": AIR, "ground": ["p_speed"], "burst": ["burst"]}
+    related = {"air": AIR, "ground": ["p-speed"], "burst": ["burst"]}
     related |= {"explosive": ["explosive"]}
-    question = Question(
-        scene=_scene(options, given),
-        slant_range=ranges,
-        charge_mass=masses,
-        quantity=MEASURED[measured[0]] if measured else "",
-        target=given[measured[0].replace("-", "_")] if measured else math.nan,
-        defaults=frozenset(
-            name for name, of in related.items() if not {*of} & {*given}
-        ),
-        units=options.units,
-    )
     if not measured:
         # the largest charge and the shortest range are the worst of all combinations
         radius = float(charge_radius(max(masses)))
@@ -164,6 +159,17 @@ def question_of(options: argparse.Namespace) -> "Question":
                 f"{radius:.4g} m ({max(masses):g} kg as a sphere of TNT at 1630 "
                 f"kg/m3); got {min(ranges):g} m"
             )
+    question = Question(
+        scene=_scene(options, given),
+        slant_range=ranges,
+        charge_mass=masses,
+        quantity=MEASURED.get(measured, ""),
+        target=given.get(measured, math.nan),
+        defaults=frozenset(
+            name for name, of in related.items() if not {*of} & {*given}
+        ),
+        units=options.units,
+    )
     return with_burst(question)
 
 
@@ -178,52 +184,38 @@ def check_roots(question: "Question", found: "Mapping[str, Roots]") -> None:
     # A root outside the validity range is printed only beside a valid one.
     if any(root.valid.any() for root in found.values()):
         return
-    spans = [root.attained for root in found.values() if root.attained]
     # The message names the option that the user typed.
     option = next(name for name, of in MEASURED.items() if of == question.quantity)
     printed = partial(printed_number, question.quantity, system=question.units)
-    target = printed(question.target)
-    if not spans:
-        raise InputError(
-            f"--{option}: no law that is valid here gives it; got {target}"
-        )
-    low, high = min(low for low, _ in spans), max(high for _, high in spans)
+    ends = [end for root in found.values() for end in root.attained or ()]
+    span = f", from {printed(min(ends), 3)} to {printed(max(ends), 3)}" if ends else ""
     raise InputError(
-        f"--{option}: expected a value of some law inside its validity range, "
-        f"from {printed(low, 3)} to {printed(high, 3)}; got {target}"
+        f"--{option}: expected a value of some law inside its validity range{span}; "
+        f"got {printed(question.target)}"
     )
 
 
-def _check_options(
-    options: argparse.Namespace, given: Mapping, measured: list[str]
-) -> None:
+def _check_options(options: argparse.Namespace) -> None:
     """Check that options are complete and do not contradict one another."""
-    choices = ", ".join(f"--{name}" for name in MEASURED)
-    sides = [name for name in ("range", "mass") if name in given]
+    given = _given(options)
+    measured = [name for name in MEASURED if name in given]
+    stated = [name for name in ("range", "mass") if name in given] + measured
+    if len(stated) != 2 or len(measured) > 1:
+        raise InputError(
+            "expected --mass and --range, or one of them and one of "
+            f"{', '.join(f'--{name}' for name in MEASURED)}; got "
+            f"{' and '.join(f'--{name}' for name in stated) or 'neither'}"
+        )
+    for one, other in EXCLUSIVE:
+        if one in given and other in given:
+            raise InputError(f"--{one}: expected it or --{other}, got both")
+    if options.units == "us" and (options.json or options.csv):
+        raise InputError("--units: expected si with --json and --csv, got us")
     ranges, masses = (sum(map(len, x or ())) for x in (options.range, options.mass))
-    got = " and ".join(f"--{name}" for name in sides) or "neither"
-    if len(measured) > 1:
-        both = " and ".join(f"--{name}" for name in measured)
-        raise InputError(f"expected one of {choices}; got {both}")
-    if measured and len(sides) != 1:
-        raise InputError(
-            f"--{measured[0]}: expected --mass (to find the range) or --range (to find "
-            f"the mass); got {'both' if sides else 'neither'}"
-        )
-    if measured and options.quantity:
-        raise InputError(
-            f"--quantity: expected --mass and --range, got --{measured[0]}, which "
-            "finds the range or the mass"
-        )
     if measured and ranges + masses > 1:
         raise InputError(
-            f"--{measured[0]}: expected one --mass or one --range; "
+            f"--{measured[0]}: expected one --mass or one --range, "
             f"got {ranges + masses}"
-        )
-    if not measured and len(sides) < 2:
-        raise InputError(
-            f"expected --mass and --range, or one of them and one of {choices}; "
-            f"got {got}{' alone' if sides else ''}"
         )
     if ranges * masses > MOST_ROWS:
         raise InputError(
@@ -233,32 +225,18 @@ def _check_options(
     if options.plot:
         check_figure("--plot", options.plot, force=options.force)
         # a figure against range has one curve a law, so that several masses do not fit
-        if not measured and masses > 1:
+        if masses > 1:
             raise InputError(f"--plot: expected one --mass, got {masses}")
-    outputs = [name for name in ("json", "csv", "all_laws") if given[name]]
-    if len(outputs) > 1:
-        words = " and ".join(f"--{name.replace('_', '-')}" for name in outputs)
-        raise InputError(f"expected one of --json, --csv and --all-laws; got {words}")
-    if options.units == "us" and (options.json or options.csv):
-        raise InputError(
-            f"--units: expected si with --{outputs[0]}, whose names end in SI units; "
-            "got us"
-        )
-    rivals = [name for name in ("pressure", "temperature") if name in given]
-    if "altitude" in given and rivals:
-        raise InputError(
-            "--altitude: expected --altitude, or --temperature and --pressure; "
-            f"got --altitude and --{rivals[0]}"
-        )
 
 
-def _scene(options: argparse.Namespace, given: Mapping) -> "Scene":
+def _scene(options: argparse.Namespace, given: "Mapping[str, Any]") -> "Scene":
     from jblast.scene import Air, Charge, Ground, Scene
     from jblast.scene.charge import explosive_named
+    from jblast.waves.propagation import water_vapour_fraction
 
     ground = Ground()
-    if "p_speed" in given:
-        ground = Ground(p_speed=_bounded("p_speed", given, "ground_p_speed_m_s"))
+    if "p-speed" in given:
+        ground = Ground(p_speed=_bounded("p-speed", given, "ground_p_speed_m_s"))
     # Masses without an explosive are those of TNT, as in the tables of handbooks.
     explosive = "TNT"
     if options.explosive is not None:
@@ -272,36 +250,24 @@ def _scene(options: argparse.Namespace, given: Mapping) -> "Scene":
     }
     # dry air, as in the standard atmosphere of the tables; that of a scene is humid
     air = replace(Air(), **{"relative_humidity": 0.0} | fields)
-    _check_vapour(air)
+    # the standard atmosphere is never warm or thin enough to boil water
+    most = 1.0 / water_vapour_fraction(air.temperature, air.pressure, 1.0).item()
+    if air.altitude is None and air.relative_humidity.item() >= most:
+        raise InputError(
+            f"--humidity: expected less than {most:.3g}, where water boils at "
+            f"{air.temperature.item():g} K and {air.pressure.item():g} Pa; "
+            f"got {options.humidity:g}"
+        )
     return Scene(charge=charge, air=air, ground=ground)
 
 
-def _check_vapour(air: "Air") -> None:
-    """Check that the air is not steam, for which the sound speed has no meaning."""
-    from jblast.waves.propagation import water_vapour_fraction
-
-    kelvin, pascal, humidity = (
-        x.item() for x in (air.temperature, air.pressure, air.relative_humidity)
-    )
-    # the standard atmosphere is never warm or thin enough to boil water
-    if not humidity or air.altitude is not None:
-        return
-    # the fraction is linear in humidity: 1 is pure vapour
-    most = 1.0 / water_vapour_fraction(kelvin, pascal, 1.0).item()
-    if humidity >= most:
-        raise InputError(
-            f"--humidity: expected less than {most:.3g}, where water boils at "
-            f"{kelvin:g} K and {pascal:g} Pa; got {humidity:g}"
-        )
-
-
-def _bounded(option: str, given: Mapping, parameter: str) -> float:
+def _bounded(option: str, given: "Mapping[str, Any]", parameter: str) -> float:
     """Return an option within the bounds of the same parameter of a scene file."""
     bounds, value = PARAMETERS[parameter].bounds, given[option]
     if not bounds.allows(value):
         raise InputError(
-            f"--{option.replace('_', '-')}: expected a number that is "
-            f"{bounds.words()}, got {value:g}{bounds.hint(value)}"
+            f"--{option}: expected a number that is {bounds.words()}, "
+            f"got {value:g}{bounds.hint(value)}"
         )
     return value
 
@@ -314,26 +280,30 @@ def selection(options: argparse.Namespace) -> tuple[str, str]:
     """
     from jblast.sensors.calculator import COMBINATIONS, calculated_laws
 
-    _, measured = _given(options)
-    quantity, law = options.quantity or "", options.law or ""
     laws = calculated_laws()
     known = {one.quantity for one in laws} | set(COMBINATIONS)
-    quantity = MEASURED.get(quantity, quantity)
-    if quantity and quantity not in known:
-        # In the order of the table: readings first, then quantities of laws only.
-        names = [name for name in QUANTITIES if name in known]
-        names += sorted(known - set(names))
-        raise InputError(
-            f"--quantity: expected one of {', '.join(names)}, or "
-            f"{', '.join(MEASURED)}; got {shown(quantity)}{nearest(quantity, known)}"
-        )
+    quantity = MEASURED.get(options.quantity, options.quantity or "")
+    # in the order of the table: readings first, then quantities of laws only
+    _check_name(
+        "quantity",
+        quantity,
+        [
+            *filter(known.__contains__, QUANTITIES),
+            *MEASURED,
+            *sorted(known - {*QUANTITIES}),
+        ],
+    )
     # A reflected or other combined quantity has the laws of its parts.
-    of = MEASURED[measured[0]] if measured else quantity
+    of = next((MEASURED[one] for one in MEASURED if one in _given(options)), quantity)
     parts = COMBINATIONS[of].parts if of in COMBINATIONS else (of,)
     names = sorted({one.name for one in laws if not of or one.quantity in parts})
-    if law and law not in names:
+    _check_name("law", options.law or "", names)
+    return quantity, options.law or ""
+
+
+def _check_name(option: str, name: str, known: Collection[str]) -> None:
+    if name and name not in known:
         raise InputError(
-            f"--law: expected one of {', '.join(names)}; got {shown(law)}"
-            f"{nearest(law, names)}"
+            f"--{option}: expected one of {', '.join(known)}; got {shown(name)}"
+            f"{nearest(name, known)}"
         )
-    return quantity, law

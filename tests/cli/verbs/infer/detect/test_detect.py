@@ -39,7 +39,7 @@ def test_nothing_is_found_in_noise_and_the_code_says_so(jblast):
     code, found = answer(jblast, file, "--template", template(jblast))
     assert code == 3
     assert (found["detected"], found["arrivals"]) == (False, [])
-    assert "No arrival in" in jblast("detect", file, "--template", template(jblast))[1]
+    assert "0 arrivals in" in jblast("detect", file, "--template", template(jblast))[1]
 
 
 def test_a_dead_channel_is_named_and_the_others_are_used(jblast):
