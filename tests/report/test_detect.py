@@ -55,7 +55,7 @@ def test_several_flashes_of_a_slow_film_are_numbered_with_a_warning():
     text = terminal(detect_answer(FilmDetections(two, slow, 1.0, WHERE)).view)
     assert text.startswith("2 blasts detected in 0.079 s of frames, 80 x 60 pixels")
     assert "Blast 1\n  first light  0.03040 ± 0.0001 s, frame 31" in text
-    assert "bearing 28.65 ± 0.57 degrees, elevation -5.7 ± 1.1 degrees" in text
+    assert "bearing 28.65 ± 0.57, elevation -5.7 ± 1.1 degrees" in text
     assert "Warning: 30 frames/s" in text
 
 
