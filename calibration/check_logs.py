@@ -280,7 +280,7 @@ def named(rng: np.random.Generator, laws: dict) -> list[str]:
             continue
         case, touched = made
         found = doubts(case.log, case.scene)
-        at = {case.log.sensor[row] for doubt in found for row in doubt.rows}
+        at = {case.log.sensor[row] for doubt in found for row in doubt["rows"]}
         rows[name][0] += 1
         rows[name][1] += bool(found)
         rows[name][2] += bool(at & touched)

@@ -172,7 +172,7 @@ def test_air_and_noise_come_back_and_what_one_microphone_cannot_tell_is_named():
     (direction,) = tuned.null_directions
     assert set(direction.parameters) == {"ambient_level_pa", "ambient_height_m"}
     answer = tune_answer(tuned, "scene.toml", "mic.wav")
-    assert not answer.document.identifiable
+    assert not answer.document.to_dict()["identifiable"]
     assert answer.exit_code == 4
     said = terminal(answer.view)
     assert "does not separate ambient_level_pa and ambient_height_m" in said

@@ -20,7 +20,7 @@ FIJI = Frame(-16.5, 179.9995, 0.0)
 EAST, NORTH = 685_800.0, 3_752_000.0
 
 
-def five(frame=BEIRUT, **other):
+def five(frame: Frame | None = BEIRUT, **other):
     draws = normal_draws((12.0, -30.0), COVARIANCE)
     return located(around(5, 220.0), draws, centre=(12.0, -30.0), frame=frame, **other)
 
