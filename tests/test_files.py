@@ -189,7 +189,6 @@ ALLOWED = {
     "autopilot/mavlink.py": "a log, which is added to as a flight goes on",
     "cli/main.py": "into os.devnull",
     "report/detect.py": "clips in a temporary folder, whose bytes the answer has",
-    "report/listen.py": "samples in a temporary file, for spectrograms",
     "observations/records/arrays.py": "to the standard output of a reader process",
     **dict.fromkeys(
         (

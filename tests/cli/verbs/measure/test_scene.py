@@ -47,7 +47,7 @@ def test_a_scene_is_printed_or_written_and_never_over_another(jblast):
     assert "exists already" in jblast.refused("scene", log, "--out", out)
     assert jblast("scene", log, "--out", out, "--force")[0] == 0
     assert "cannot be written" in jblast.refused(
-        "scene", log, "--out", jblast.path("no/scene.toml")
+        "scene", log, "--out", jblast.path("log.csv/scene.toml")
     )
 
 
