@@ -126,6 +126,7 @@ def test_where_slope_and_variance_disagree_the_reason_is_told(outcome, by_slope,
     u = np.random.default_rng(5).normal(size=(3000, 2))
     inputs = {"x": u[:, 0], "y": u[:, 1]}
     found = shares_from_samples(inputs, outcome(*u.T), resamples=5)
+    assert found is not None
     one = found.numbers[0]
     reason = disagreement(one.first, one.total, by_slope)
     assert words in (reason or "")
