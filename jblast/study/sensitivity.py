@@ -408,6 +408,7 @@ def lane_shares(columns: StudyColumns) -> tuple[Shares, ...]:
     found = [
         shares_from_samples(inputs, lane.values, lane.name, lane.sensor or None)
         for lane in columns.lanes[:MAX_LANES]
+        if len(lane.values)  # a store of statistics has no samples
     ]
     return tuple(shares for shares in found if shares is not None)
 
