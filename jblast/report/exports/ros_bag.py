@@ -39,7 +39,7 @@ Message = dict[str, Any]
 DEFINITIONS = Path(__file__).with_name("ros_messages.msg")
 WORLD, BODY, LENS = "map", "base_link", "camera_optical_frame"
 TAKEN = {"camera", "vehicle", "jblast", "tf", "tf_static", "clock", WORLD, BODY, LENS}
-SAMPLES_HZ, MOTION_HZ = 1000, 100
+SAMPLES_HZ, MOTION_HZ = 1000, 100.0
 """Largest rates of messages of sensors and of the vehicle; declared. ROS has a message
 for each sample: 48 kHz would be 300 MB a minute."""
 PATH_POSES, PATH_STEP_S = 200, 0.2

@@ -87,7 +87,7 @@ def test_by_its_instruments_it_lands_as_well_and_each_blast_is_told(jblast):
     errors = [one["path_error_rms_m"] for one in document["waypoints"]]
     assert 0.02 < max(errors) < 0.8
     words = jblast("fly", scene(jblast), "--estimator", "ekf")[1]
-    assert "error of the estimate" in words
+    assert "Error of the estimate" in words
 
 
 # what of the scene is changed to what, then options
