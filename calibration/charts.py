@@ -48,7 +48,7 @@ from calibration.timing import best_of, machine, seconds
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
 from jblast.fidelity import errors
-from jblast.files import write_text
+from jblast.files import table_text, write_text
 from jblast.inference import solve
 from jblast.inference.answer import unconstrained
 from jblast.inference.density import Density, density_of
@@ -71,7 +71,7 @@ from jblast.report.figures import (
     write_figure,
 )
 from jblast.report.numbers import capitalised
-from jblast.report.view import Column, Table, comma_separated, markdown
+from jblast.report.view import Column, Table, markdown
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
 from jblast.sensors import planned_layout
 from jblast.sensors.camera.events.exact import frameless_events
@@ -1214,7 +1214,7 @@ def table(kept: Mapping[str, Sequence[Point]], measured_on: str) -> str:
         for name, points in kept.items()
         for p in points
     ]
-    return f"# {measured_on}\n" + comma_separated([COLUMNS, *rows])
+    return table_text([COLUMNS, *rows], [measured_on])
 
 
 def main() -> None:

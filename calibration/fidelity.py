@@ -81,9 +81,8 @@ from jblast.fidelity.errors import (
     standard_path,
     value_of,
 )
-from jblast.files import write_text
+from jblast.files import table_text, write_text
 from jblast.registry import call, law_for, total_scatter
-from jblast.report.view import comma_separated
 from jblast.scene.charge import Burst, tnt_factor
 from jblast.study.statistics import wilson_interval
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
@@ -165,7 +164,7 @@ def write(name: str, what: str, header: Sequence[str], rows: Iterable) -> None:
     """Write a table beneath a head that says of what, when and on what machine."""
     today = datetime.date.today().isoformat()
     head = f"# {what}\n# Written by calibration/fidelity.py on {today}: {machine()}.\n"
-    write_text(DATA / f"{name}.csv", head + comma_separated([header, *rows]))
+    write_text(DATA / f"{name}.csv", head + table_text([header, *rows]))
     print(f"{name}.csv")
 
 

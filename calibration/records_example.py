@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from jblast.cli.jax_start import start_jax
-from jblast.files import write_text
+from jblast.files import table_text, write_text
 from jblast.observations.places import Frame
-from jblast.report.view import comma_separated
 from jblast.scene import read_scene
 from jblast.sensors.listening import Listening, instrument_of, packets, plan
 from jblast.sensors.record_writer import CLOCK, record_comments
@@ -52,8 +51,7 @@ def record_csv(listening: Listening, number: int) -> str:
         ),
         "cut from 25 ms before the front to 90 ms after it; one clock for all gauges",
     ]
-    head = "".join(f"# {line}\n" for line in comments)
-    return head + comma_separated([["time_s", "overpressure_pa"], *rows])
+    return table_text([["time_s", "overpressure_pa"], *rows], comments)
 
 
 def stations_csv(listening: Listening) -> str:
@@ -62,7 +60,7 @@ def stations_csv(listening: Listening) -> str:
         [sensor.name, *(f"{x:g}" for x in np.asarray(sensor.position_m).tolist())]
         for sensor in listening.sensors
     ]
-    return HEAD + comma_separated([["sensor", "east_m", "north_m", "up_m"], *rows])
+    return HEAD + table_text([["sensor", "east_m", "north_m", "up_m"], *rows])
 
 
 def stations_degrees_csv(listening: Listening) -> str:
@@ -73,7 +71,7 @@ def stations_degrees_csv(listening: Listening) -> str:
         [sensor.name, f"{lat:.8f}", f"{lon:.8f}", f"{alt:.3f}"]
         for sensor, (lat, lon, alt) in zip(listening.sensors, places, strict=True)
     ]
-    return HEAD + comma_separated([["sensor", "lat_deg", "lon_deg", "alt_m"], *rows])
+    return HEAD + table_text([["sensor", "lat_deg", "lon_deg", "alt_m"], *rows])
 
 
 def main() -> None:

@@ -39,13 +39,12 @@ from scipy.stats import chisquare
 
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
-from jblast.files import write_text
+from jblast.files import table_text, write_text
 from jblast.inference.density import density_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.sample import solve
 from jblast.observations import Observations
 from jblast.report.figures import BLUE, INK, new_figure, quiet, titled
-from jblast.report.view import comma_separated
 from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.sensors import observe, planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names
@@ -177,7 +176,7 @@ def keep(ranked: dict[str, Ranked]) -> None:
         for log, reliable in enumerate(r.reliable)
         for i, name in enumerate(r.names)
     )
-    write_text(RESULTS / "sbc.csv", comma_separated([columns, *rows]))
+    write_text(RESULTS / "sbc.csv", table_text([columns, *rows]))
 
 
 def main(logs: int = LOGS) -> None:

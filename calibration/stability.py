@@ -43,7 +43,7 @@ from jblast.constants import (
     TNT_SPECIFIC_ENERGY,
 )
 from jblast.errors import InputError, whole_number
-from jblast.files import write_text
+from jblast.files import table_text, write_text
 from jblast.inference.fitting.warnings import POINT_SOURCES, charge_is_no_point
 from jblast.observations import observed, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
@@ -62,7 +62,7 @@ from jblast.report.figures import (
     write_figure,
 )
 from jblast.report.numbers import capitalised, printed_number, quantity_words
-from jblast.report.view import Column, Table, comma_separated, markdown
+from jblast.report.view import Column, Table, markdown
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import (
@@ -1198,7 +1198,7 @@ def main() -> None:
         modes[area] = getattr(importlib.import_module(module), function)()
         modes = {name: modes[name] for name in AREAS if name in modes}
         rows = [mode for found in modes.values() for mode in found]
-        write_text(KEPT, comma_separated([Mode._fields, *rows]))
+        write_text(KEPT, table_text([Mode._fields, *rows]))
     write_text(KEPT.with_suffix(".md"), page(modes))
     write_figure(figure_of(modes), KEPT.with_suffix(".png"))
 

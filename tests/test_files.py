@@ -1,5 +1,6 @@
 """What is written is there whole, or what was there before is."""
 
+import csv
 import os
 import re
 import signal
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import jblast
-from jblast.files import replacing, write_bytes, write_text
+from jblast.files import replacing, table_text, write_bytes, write_text
 
 PACKAGE = Path(jblast.__file__).parent
 OLD, NEW = b"the old content", b"the new content, which is longer"
@@ -26,6 +27,16 @@ def old(tmp_path):
 
 def permissions(path):
     return stat.S_IMODE(path.stat().st_mode)
+
+
+def test_csv_reads_back_whatever_a_cell_contains():
+    rows = [["log", "error"], ['a "b", c', "two\nlines"], ["", 0.1]]
+    text = table_text(rows, ["a comment\nof one line"])
+    comment, *lines = text.splitlines(keepends=True)
+    assert comment == "# a comment of one line\n"
+    assert list(csv.reader(lines))[1] == rows[1]
+    assert "\r" not in text
+    assert table_text([["a"], [None]]) == 'a\n""\n'
 
 
 def test_text_is_utf_8_and_its_lines_end_in_one_byte(tmp_path):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from jblast.files import table_text
 from jblast.report.choice import choice_reason
 from jblast.report.messages import sentence
 from jblast.report.numbers import (
@@ -27,8 +28,6 @@ from jblast.report.view import (
     Lines,
     Table,
     View,
-    comma_separated,
-    commented,
 )
 from jblast.results import ABSENT, AMONG, Document, filled
 from jblast.sensors.calculator import (
@@ -300,7 +299,7 @@ class Calc:
             if not math.isnan(row.value)
         ]
         cells = [[row[name] for name in names] for row in rows]
-        return commented(comments) + comma_separated([heads, *cells])
+        return table_text([heads, *cells], comments)
 
     def view(self, *, all_laws: bool) -> View:
         """Return the recommended values as text, or those of all laws."""

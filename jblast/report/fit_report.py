@@ -12,7 +12,7 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.fidelity import TakenLaw
-from jblast.files import check_out
+from jblast.files import check_out, table_text
 from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.fit_input import log_names
@@ -72,7 +72,6 @@ from jblast.report.view import (
     Table,
     Text,
     View,
-    comma_separated,
     terminal,
 )
 from jblast.results import ABSENT, AMONG, Document, Note, Words, among
@@ -921,7 +920,7 @@ def answers_csv(answers: Mapping[str, Fit | InputError]) -> str:
             # a cell without a number is empty in CSV, not "nan"
             numbers = {k: x for k, x in asdict(estimate).items() if not math.isnan(x)}
             rows.append({"log": name, "parameter": parameter} | numbers | of_log)
-    return comma_separated([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
+    return table_text([COLUMNS, *([row.get(c) for c in COLUMNS] for row in rows)])
 
 
 def fits_report(

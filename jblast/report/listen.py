@@ -205,14 +205,11 @@ def sensors_table(recordings: Recordings) -> Table:
     """Return a row for each record."""
 
     def number(name: str, head: str) -> Column:
-        def raw(row: tuple[str, RecordAnswer]) -> float:
-            return row[1].values.get(name, np.nan)
-
         def cell(row: tuple[str, RecordAnswer]) -> str:
-            value = raw(row)
+            value = row[1].values.get(name, np.nan)
             return printed_number(name, value) if np.isfinite(value) else "never"
 
-        return Column(head, cell, raw, right=True)
+        return Column(head, cell, right=True)
 
     several = any(one.blasts for one in recordings.sensors.values())
     return Table(

@@ -310,7 +310,7 @@ def _found(name: str, head: str, digits: int = 4) -> Column:
         shown = printed_share if name == "share" else printed
         return shown(value, digits)
 
-    return Column(head, cell, lambda one: one.found[name], right=True)
+    return Column(head, cell, right=True)
 
 
 def _tables(found: Sequence[OutcomeAnswer], title: str, **shown: Any) -> list[Block]:

@@ -1,12 +1,10 @@
-"""Views: blocks of an answer, and their text for terminals, Markdown and CSV.
+"""Views: blocks of an answer, and their text for terminals and in Markdown.
 
 A result becomes a `View` once. `terminal` prints it, `jblast.report.page` makes a page
 of the same blocks, and `jblast.report.output` writes their figures. A block without
 content is not shown, so that a view lists all blocks of its kind of answer.
 """
 
-import csv
-import io
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -32,14 +30,11 @@ class Column:
     Attributes:
         head: Its title.
         cell: Function that returns the printed cell of a row.
-        raw: Function that returns the value of a row with all digits, for CSV; None
-            for the printed cell.
         right: Whether it is aligned right, as numbers are.
     """
 
     head: str
     cell: Callable[[Any], str]
-    raw: Callable[[Any], Any] | None = None
     right: bool = False
 
 
@@ -317,30 +312,3 @@ def markdown(table: Table) -> str:
     rows = zip(*(cells for _, cells in kept), strict=True)
     lines = [" | ".join(cell.replace("|", r"\|") for cell in row) for row in rows]
     return "\n".join([f"|{heads}|", f"|{rules}|", *(f"| {line} |" for line in lines)])
-
-
-def csv_text(table: Table) -> str:
-    """Return all rows and columns of a table as CSV, with all digits."""
-    return comma_separated(
-        [
-            [column.head for column in table.columns],
-            *(
-                [(column.raw or column.cell)(row) for column in table.columns]
-                for row in table.rows
-            ),
-        ]
-    )
-
-
-def commented(comments: Iterable[str]) -> str:
-    """Return comments as lines that precede a CSV table."""
-    # a line break in a comment would begin a row of the table
-    return "".join(f"# {' '.join(line.split())}\n" for line in comments)
-
-
-def comma_separated(rows: Iterable[Iterable[Any]]) -> str:
-    """Return rows as CSV; the first holds the names of the columns."""
-    text = io.StringIO()
-    # the default of csv is CR LF on all systems
-    csv.writer(text, lineterminator="\n").writerows(rows)
-    return text.getvalue()

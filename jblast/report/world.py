@@ -313,7 +313,7 @@ def blasts_table(document: WorldAnswer) -> Table:
     """Return a row for each blast."""
 
     def number(head: str, of: Callable[[BlastDrawn], float], form: str) -> Column:
-        return Column(head, lambda blast: format(of(blast), form), of, right=True)
+        return Column(head, lambda blast: format(of(blast), form), right=True)
 
     return Table(
         [

@@ -1,7 +1,6 @@
-"""Views: the same blocks on a terminal, on a page, in Markdown and in CSV."""
+"""Views: the same blocks on a terminal, on a page and in Markdown."""
 
 import argparse
-import csv
 import json
 from dataclasses import dataclass
 
@@ -19,8 +18,6 @@ from jblast.report.view import (
     Text,
     View,
     aligned,
-    comma_separated,
-    csv_text,
     markdown,
     terminal,
 )
@@ -47,7 +44,7 @@ def line():
 ROWS = [("a|b", 1.23456), ("<c>", 2.0)]
 COLUMNS = [
     Column("name", lambda row: row[0]),
-    Column("mass", lambda row: f"{row[1]:.2f}", lambda row: row[1], right=True),
+    Column("mass", lambda row: f"{row[1]:.2f}", right=True),
     Column("empty", lambda row: ""),
 ]
 VIEW = View(
@@ -84,10 +81,9 @@ def test_a_long_last_column_is_broken_behind_the_others():
     assert {line[:5] for line in lines[3:5]} == {"     ", "a|b  "}
 
 
-def test_markdown_escapes_bars_and_csv_has_all_digits():
+def test_markdown_escapes_bars():
     table = Table(COLUMNS, ROWS, most=1)
     assert markdown(table) == "| name | mass |\n|---|---:|\n| a\\|b | 1.23 |"
-    assert csv_text(table) == "name,mass,empty\na|b,1.23456,\n<c>,2.0,\n"
 
 
 def test_an_answer_is_written_as_document_figures_and_page(tmp_path, capsys):
@@ -139,14 +135,6 @@ def test_aligned_rows_end_in_no_space():
         "wu_hao   12 %  the reference",
     ]
     assert aligned([]) == []
-
-
-def test_csv_reads_back_whatever_a_cell_contains():
-    rows = [["log", "error"], ['a "b", c', "two\nlines"], ["", 0.1]]
-    text = comma_separated(rows)
-    assert list(csv.reader(text.splitlines(keepends=True)))[1] == rows[1]
-    assert "\r" not in text
-    assert comma_separated([["a"], [None]]) == 'a\n""\n'
 
 
 def test_a_word_at_the_right_margin_is_not_broken():
