@@ -48,6 +48,24 @@ class InputError(ValueError):
         return "".join(option(p) if i % 2 else p for i, p in enumerate(parts))
 
 
+def require(condition: Any, where: str, expected: str, got: Any = "") -> None:
+    """Reject input unless a condition is satisfied.
+
+    Args:
+        condition: Condition of valid input.
+        where: File, table, key or argument, as in "scene.toml: [camera] hfov_deg".
+        expected: Expected input, in words.
+        got: Actual input; text is printed as it is, other values as `shown`.
+
+    Raises:
+        InputError: "WHERE: expected EXPECTED, got GOT".
+    """
+    if condition:
+        return
+    actual = got if isinstance(got, str) else shown(got)
+    raise InputError(f"{where}: expected {expected}{actual and f', got {actual}'}")
+
+
 def argument(name: str) -> str:
     """Mark an argument in a message, so that the command line can rename it."""
     return f"{MARK}{name}{MARK}"
