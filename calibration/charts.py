@@ -60,16 +60,8 @@ from jblast.observations.table import RECORD_QUANTITIES
 from jblast.progress import in_words
 from jblast.quantities import QUANTITIES
 from jblast.registry import call, law_for
-from jblast.report.figures import (
-    BLUE,
-    INK,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import BLUE, INK, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.numbers import capitalised
 from jblast.report.view import Column, Table, markdown
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws

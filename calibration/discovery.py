@@ -55,14 +55,8 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.discovery.discover import Discovery, discover, replay
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.files import write_text
-from jblast.report.figures import (
-    COLOURS,
-    MARKERS,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import COLOURS
+from jblast.report.figures import MARKERS, log_ticks, new_figure, quiet, titled
 from jblast.report.view import aligned
 
 NOISES = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3)

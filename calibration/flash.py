@@ -22,17 +22,8 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from calibration import run_part
-from jblast.report.figures import (
-    BLUE,
-    COLOURS,
-    GRID,
-    INK,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import BLUE, COLOURS, GRID, INK, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera import Appearance, Events, landscape, render, render_events

@@ -24,17 +24,8 @@ from matplotlib.figure import Figure
 from calibration.thesis.physics import CODED, PRINTED, Physics
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figures import (
-    BLUE,
-    COLOURS,
-    INK,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import BLUE, COLOURS, INK, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.view import aligned
 from jblast.report.world import run_world
 from jblast.study.missions import MissionFlight

@@ -50,14 +50,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
-from jblast.report.figures import (
-    COLOURS,
-    MUTED,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import COLOURS, MUTED
+from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.report.flight_figures import distribution_figure
 from jblast.report.view import aligned
 from jblast.scene import Air, Charge, Scene, read_scene

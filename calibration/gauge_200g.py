@@ -26,7 +26,8 @@ from scipy.optimize import root_scalar
 
 from jblast.cli.jax_start import start_jax
 from jblast.constants import PSI
-from jblast.report.figures import BLUE, INK, VERMILLION, new_figure, quiet, titled
+from jblast.report.colours import BLUE, INK, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene.charge import EXPLOSIVES
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,

@@ -90,15 +90,8 @@ from calibration.leave_out import (
 from calibration.likelihood import Marginal, likelihood_maximum, marginal, print_forms
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figures import (
-    COLOURS,
-    INK,
-    MARKERS,
-    new_figure,
-    quiet,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import COLOURS, INK
+from jblast.report.figures import MARKERS, new_figure, quiet, titled, write_figure
 from jblast.waves.laws.ground_motion import (
     GroundMotionCurve,
     log_curve,

@@ -37,15 +37,8 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.files import write_text
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
 from jblast.registry import LAWS, Law, call
-from jblast.report.figures import (
-    COLOURS,
-    INK,
-    MUTED,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import COLOURS, INK, MUTED
+from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.report.numbers import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst

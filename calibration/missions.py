@@ -57,15 +57,8 @@ from jblast.missions import (
 from jblast.missions.mission import geodetic
 from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from jblast.observations.places import Frame
-from jblast.report.figures import (
-    COLOURS,
-    INK,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import COLOURS, INK, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.report.flight_figures import mission_map
 from jblast.report.map_figures import draw_features, view_of
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec

@@ -39,7 +39,8 @@ from matplotlib.figure import Figure
 from calibration import run_part
 from calibration.world_round_trip import Fitted, fits, worlds
 from jblast.cli.jax_start import start_jax
-from jblast.report.figures import BLUE, VERMILLION, new_figure, quiet, titled
+from jblast.report.colours import BLUE, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.report.view import aligned
 from jblast.scene.reader.scene import world_from_document
 from jblast.world import scene_of_one_blast

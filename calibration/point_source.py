@@ -23,16 +23,8 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figures import (
-    BLUE,
-    INK,
-    MUTED,
-    VERMILLION,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import BLUE, INK, MUTED, VERMILLION
+from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.waves.curves import log_sound_fraction
 from jblast.waves.euler import (
     Decay,

@@ -44,7 +44,8 @@ from jblast.inference.density import density_of
 from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.sample import solve
 from jblast.observations import Observations
-from jblast.report.figures import BLUE, INK, new_figure, quiet, titled
+from jblast.report.colours import BLUE, INK
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.sensors import observe, planned_layout, resolve_laws
 from jblast.sensors.law_choice import law_names

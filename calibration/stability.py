@@ -49,18 +49,8 @@ from jblast.observations import observed, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.progress import in_words
 from jblast.registry import LAWS, Law, call
-from jblast.report.figures import (
-    BLUE,
-    GRID,
-    INK,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    runs,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import BLUE, GRID, INK, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, runs, titled, write_figure
 from jblast.report.numbers import capitalised, printed_number, quantity_words
 from jblast.report.view import Column, Table, markdown
 from jblast.scene import Camera, Charge, Scene

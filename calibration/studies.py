@@ -27,14 +27,8 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figures import (
-    COLOURS,
-    MARKERS,
-    log_ticks,
-    new_figure,
-    quiet,
-    write_figure,
-)
+from jblast.report.colours import COLOURS
+from jblast.report.figures import MARKERS, log_ticks, new_figure, quiet, write_figure
 from jblast.report.study_figures import contour_figure
 from jblast.report.view import aligned
 from jblast.study.columns import StudyColumns, read_columns

@@ -25,14 +25,8 @@ from jaxtyping import Array, ArrayLike, Float, Int
 from matplotlib.ticker import NullLocator
 
 from jblast.cli.jax_start import start_jax
-from jblast.report.figures import (
-    BLUE,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import BLUE, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera.events.ideal import (

@@ -46,14 +46,8 @@ from jblast.inference.tuning.scene_file import put_values
 from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
-from jblast.report.figures import (
-    BLUE,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import BLUE, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.tune import gains_answer
 from jblast.report.tune_figures import cut_words, draw_gains, tune_figure
 from jblast.report.view import aligned, terminal

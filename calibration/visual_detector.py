@@ -30,16 +30,8 @@ from calibration.flash_trials import (
     without_a_blast,
 )
 from jblast.files import write_text
-from jblast.report.figures import (
-    BLUE,
-    COLOURS,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    quiet,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import BLUE, COLOURS, MUTED, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.view import aligned
 from jblast.signals.flash.search import Tail
 from jblast.signals.matched_filter import HOUR_S

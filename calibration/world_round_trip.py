@@ -59,7 +59,8 @@ from jblast.inference.posterior.parameters import Parameters
 from jblast.inference.sample import RELIABLE, Mixture, pareto_smoothed
 from jblast.observations import Observations
 from jblast.observations.table import some_rows
-from jblast.report.figures import BLUE, INK, VERMILLION, new_figure, quiet, titled
+from jblast.report.colours import BLUE, INK, VERMILLION
+from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import UncertainScene, WorldSpec
 from jblast.scene.reader.scene import world_from_document
 from jblast.scene.uncertain import value_of

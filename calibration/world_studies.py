@@ -30,14 +30,8 @@ from matplotlib.figure import Figure
 
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
-from jblast.report.figures import (
-    COLOURS,
-    MUTED,
-    new_figure,
-    quiet,
-    titled,
-    write_figure,
-)
+from jblast.report.colours import COLOURS, MUTED
+from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.view import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import microphone

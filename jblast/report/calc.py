@@ -10,6 +10,7 @@ import numpy as np
 
 from jblast.files import table_text
 from jblast.report.choice import choice_reason
+from jblast.report.colours import COLOURS, INK, MUTED
 from jblast.report.messages import sentence
 from jblast.report.numbers import (
     System,
@@ -760,7 +761,7 @@ def _figure(
         found: Values of the laws there.
         answers: The answers.
     """
-    from jblast.report.figures import COLOURS, new_figure, titled
+    from jblast.report.figures import new_figure, titled
 
     shown = [name for name in found if len(found) == 1 or name in MAIN_HEADS]
     laws = dict.fromkeys(law for name in shown for law in found[name])
@@ -793,7 +794,7 @@ def _panel(
     marks: list[tuple[float, CalcRow]],
     looks: Mapping[str, tuple[str, str]],
 ) -> None:
-    from jblast.report.figures import INK, MUTED, log_ticks, quiet
+    from jblast.report.figures import log_ticks, quiet
 
     quiet(axes)
     axes.set(xscale="log", yscale="log", xlim=(x[0], x[-1]))

@@ -14,6 +14,7 @@ from jblast.inference.design.cramer_rao import Bound, BoundSummary
 from jblast.inference.design.sensor_map import BoundMap
 from jblast.inference.posterior.parameters import NORMAL_Q95, Estimate, Spread
 from jblast.quantities import ADDITIVE
+from jblast.report.colours import INK, MUTED
 from jblast.report.estimates import printed_estimate
 from jblast.report.fit_report import (
     WORDED,
@@ -275,7 +276,7 @@ class BoundAnswer(Document):
 
 def bound_figure(drawn: BoundMap) -> "Figure":
     """Draw the sd of ln mass and of the position over the position of a next sensor."""
-    from jblast.report.figures import MUTED, new_figure, titled
+    from jblast.report.figures import new_figure, titled
     from jblast.report.map_figures import write_names
 
     panels = []
@@ -327,7 +328,6 @@ def _panel(axes: "Axes", drawn: BoundMap, values: Any, unit: str) -> None:
     from matplotlib.ticker import LogLocator, MaxNLocator
     from matplotlib.transforms import Bbox
 
-    from jblast.report.figures import INK
     from jblast.report.map_figures import draw_features
 
     east, north = drawn.east, drawn.north

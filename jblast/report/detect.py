@@ -15,6 +15,7 @@ from jblast.files import Content
 from jblast.observations import Observations
 from jblast.observations.log_io import log_text
 from jblast.observations.records.sound import write_sound
+from jblast.report.colours import BLUE, INK, MUTED, VERMILLION
 from jblast.report.messages import sentence
 from jblast.report.numbers import joined, printed_number, rounded
 from jblast.report.output import NOT_FOUND, Answer
@@ -602,12 +603,12 @@ def _sound_figure(searched: Sequence[Searched]) -> "Figure":
     grid = figure.subplots(2 * len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for one, above, below in zip(shown, grid[::2], grid[1::2], strict=True):
         rate = one.channel.rate_hz
-        of.envelope(above, one.channel.samples, rate, colour=of.MUTED)
+        of.envelope(above, one.channel.samples, rate, colour=MUTED)
         of.envelope(below, one.statistic, rate)
         for found in one.detections:
-            above.axvline(found.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
-            below.plot(found.time_s, found.statistic, "v", color=of.VERMILLION, ms=6)
-        below.axhline(one.threshold, color=of.INK, linewidth=0.9, linestyle="--")
+            above.axvline(found.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
+            below.plot(found.time_s, found.statistic, "v", color=VERMILLION, ms=6)
+        below.axhline(one.threshold, color=INK, linewidth=0.9, linestyle="--")
         of.quiet(above)
         of.quiet(below)
         above.set_ylabel("recording")
@@ -631,9 +632,9 @@ def _film_figure(found: FilmDetections) -> "Figure":
     for row, flash in enumerate(shown):
         _draw_flash(figure.add_subplot(grid[row, 0]), flash, found.film)
         _draw_growth(figure.add_subplot(grid[row, 1]), flash)
-        axes.axvline(flash.growth.time_s, color=of.VERMILLION, linewidth=0.9, zorder=0)
-    axes.plot(watched.times, watched.statistic, color=of.BLUE, linewidth=1.0)
-    axes.axhline(watched.threshold, color=of.INK, linewidth=0.9, linestyle="--")
+        axes.axvline(flash.growth.time_s, color=VERMILLION, linewidth=0.9, zorder=0)
+    axes.plot(watched.times, watched.statistic, color=BLUE, linewidth=1.0)
+    axes.axhline(watched.threshold, color=INK, linewidth=0.9, linestyle="--")
     axes.set(xlabel="time [s]", ylabel="statistic", ylim=(0, None))
     of.quiet(axes)
     of.titled(axes, "search", f"dashed: threshold, {watched.threshold:.1f}")
@@ -643,7 +644,7 @@ def _film_figure(found: FilmDetections) -> "Figure":
 def _draw_flash(axes: "Axes", flash: Flash, film: Film) -> None:
     from matplotlib.patches import Circle
 
-    from jblast.report.figures import VERMILLION, titled
+    from jblast.report.figures import titled
 
     extent = (-0.5, film.width - 0.5, film.height - 0.5, -0.5)
     if flash.picture is not None:
@@ -660,7 +661,7 @@ def _draw_flash(axes: "Axes", flash: Flash, film: Film) -> None:
 
 
 def _draw_growth(axes: "Axes", flash: Flash) -> None:
-    from jblast.report.figures import BLUE, INK, quiet, titled
+    from jblast.report.figures import quiet, titled
 
     grown = flash.growth
     for one in flash.silhouettes:

@@ -18,6 +18,7 @@ from jblast.discovery.discover import (
     Replay,
 )
 from jblast.discovery.law_search import LawSearch, certain
+from jblast.report.colours import BLUE, VERMILLION
 from jblast.report.messages import sentence
 from jblast.report.numbers import joined, significant
 from jblast.report.output import PROBLEM, Answer
@@ -394,7 +395,7 @@ def discovery_figure(
     states: Float[np.ndarray, "row state"],
 ) -> "Figure":
     """Draw each state with its integrated equation, and the inclusion of each term."""
-    from jblast.report.figures import BLUE, VERMILLION, new_figure, quiet, titled
+    from jblast.report.figures import new_figure, quiet, titled
 
     rows = len(found.states)
     figure = new_figure(11.0, 0.8 + 3.0 * rows)
@@ -424,7 +425,7 @@ def discovery_figure(
 
 def _inclusion(axes: "Axes", found: Discovery, state: int) -> None:
     """Draw a bar a term: its share of the ensemble."""
-    from jblast.report.figures import BLUE, quiet
+    from jblast.report.figures import quiet
 
     quiet(axes)
     kept, share = found.coefficients[state] != 0.0, found.inclusion[state]

@@ -25,14 +25,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from matplotlib.transforms import Bbox
 
 from jblast.files import replacing
-from jblast.report.colours import (
-    BLUE as BLUE,
-    COLOURS as COLOURS,
-    GRID as GRID,
-    INK as INK,
-    MUTED as MUTED,
-    VERMILLION as VERMILLION,
-)
+from jblast.report.colours import BLUE, GRID, INK, MUTED
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 HALO = [withStroke(linewidth=2.5, foreground="white")]

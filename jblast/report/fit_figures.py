@@ -22,6 +22,7 @@ from jblast.constants import LIGHT_SPEED
 from jblast.inference.fitting.fit import Fit
 from jblast.quantities import ADDITIVE, TIMED
 from jblast.registry import law_words
+from jblast.report.colours import BLUE, COLOURS, INK, MUTED, VERMILLION
 from jblast.report.estimates import (
     WIDE_LOG_SD,
     Accepted,
@@ -30,12 +31,7 @@ from jblast.report.estimates import (
     printed_estimate,
 )
 from jblast.report.figures import (
-    BLUE,
-    COLOURS,
-    INK,
     MARKERS,
-    MUTED,
-    VERMILLION,
     fixed_figure,
     log_ticks,
     new_figure,

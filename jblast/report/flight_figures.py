@@ -7,16 +7,8 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from jblast.autopilot.estimator import PLACE
-from jblast.report.figures import (
-    COLOURS,
-    GRID,
-    INK,
-    MUTED,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import COLOURS, GRID, INK, MUTED
+from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.report.maps import Feature, Map, point
 from jblast.report.numbers import printed_number, unit_for
 from jblast.study.flight_results import (

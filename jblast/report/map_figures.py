@@ -15,15 +15,8 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
-from jblast.report.figures import (
-    INK,
-    MUTED,
-    VERMILLION,
-    new_figure,
-    place_names,
-    quiet,
-    titled,
-)
+from jblast.report.colours import INK, MUTED, VERMILLION
+from jblast.report.figures import new_figure, place_names, quiet, titled
 from jblast.report.maps import LAYERS, Feature, Map, degrees
 from jblast.report.numbers import unit_for
 

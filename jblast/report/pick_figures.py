@@ -8,16 +8,8 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jblast.report.figures import (
-    BLUE,
-    COLOURS,
-    INK,
-    MUTED,
-    VERMILLION,
-    fixed_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import BLUE, COLOURS, INK, MUTED, VERMILLION
+from jblast.report.figures import fixed_figure, quiet, titled
 from jblast.report.numbers import Unit, unit_for
 from jblast.signals.picks import RecordPick
 

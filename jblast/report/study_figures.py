@@ -9,18 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from jblast.report.figures import (
-    BLUE,
-    COLOURS,
-    INK,
-    MARKERS,
-    MUTED,
-    VERMILLION,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import BLUE, COLOURS, INK, MUTED, VERMILLION
+from jblast.report.figures import MARKERS, log_ticks, new_figure, quiet, titled
 from jblast.study.columns import ALL, Lane, StudyAxis, StudyColumns, Which, total
 from jblast.study.sensitivity import Shares, rest_name
 from jblast.study.statistics import wilson_interval

@@ -10,15 +10,8 @@ from matplotlib.figure import Figure
 from jblast.inference.tuning.result import Tuned
 from jblast.inference.tuning.sound import SoundEvidence
 from jblast.inference.tuning.tune_sight import EventsEvidence, FramesEvidence, camera_of
-from jblast.report.figures import (
-    BLUE,
-    INK,
-    VERMILLION,
-    log_ticks,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import BLUE, INK, VERMILLION
+from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.study.gains import TunedGains, known_peaks
 
 GREY = "#b0b0b0"

@@ -13,15 +13,8 @@ from matplotlib.figure import Figure
 
 from jblast.inference import Fit
 from jblast.inference.fitting.place import charge_ellipse
-from jblast.report.figures import (
-    COLOURS,
-    INK,
-    MUTED,
-    envelope,
-    new_figure,
-    quiet,
-    titled,
-)
+from jblast.report.colours import COLOURS, INK, MUTED
+from jblast.report.figures import envelope, new_figure, quiet, titled
 from jblast.report.listen import pictures, read_samples, read_table
 from jblast.report.map_figures import map_figure
 from jblast.report.maps import Feature, Map, point

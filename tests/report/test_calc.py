@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.colors import to_hex
 
 from jblast.report.calc import Calc, level
-from jblast.report.figures import INK
+from jblast.report.colours import INK
 from jblast.scene import Air, Charge, Scene
 from jblast.sensors.calculator import Question
 
