@@ -18,6 +18,8 @@ from jblast.errors import InputError, argument
 
 Content = str | bytes | Callable[[Path], object]
 """Content of a file: text, bytes, or a function that writes to a path."""
+PAGE = "report.html"
+"""Page of an answer, in each output folder that has one."""
 NAMED_AFTER = 40
 """Characters of a file's name in that of its temporary file: names have limits, often
 255 bytes."""
@@ -128,16 +130,16 @@ def check_out(
 
     Args:
         directory: Output folder.
-        names: Names of the files to write.
+        names: Names of the files to write, besides the page.
         force: Whether existing files may be overwritten.
 
     Raises:
-        InputError: The folder is not writable, or has one of the files.
+        InputError: The folder is not writable, or has the page or one of the files.
     """
     with writing(directory):
         # made before the work: a missing permission would otherwise appear after it
         Path(directory).mkdir(parents=True, exist_ok=True)
-    for name in names:
+    for name in (*names, PAGE):
         refuse_existing(Path(directory) / name, force=force)
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 import jblast
-from jblast.files import replacing, table_text, write_bytes, write_text
+from jblast.errors import InputError
+from jblast.files import check_out, replacing, table_text, write_bytes, write_text
 
 PACKAGE = Path(jblast.__file__).parent
 OLD, NEW = b"the old content", b"the new content, which is longer"
@@ -37,6 +38,15 @@ def test_csv_reads_back_whatever_a_cell_contains():
     assert list(csv.reader(lines))[1] == rows[1]
     assert "\r" not in text
     assert table_text([["a"], [None]]) == 'a\n""\n'
+
+
+@pytest.mark.parametrize("name", ["fly.json", "report.html"])
+def test_files_of_an_answer_and_its_page_are_not_overwritten(tmp_path, name):
+    check_out(tmp_path / "new", ["fly.json"], force=False)
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=f"{name}: exists already"):
+        check_out(tmp_path, ["fly.json"], force=False)
+    check_out(tmp_path, ["fly.json"], force=True)
 
 
 def test_text_is_utf_8_and_its_lines_end_in_one_byte(tmp_path):

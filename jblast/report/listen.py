@@ -32,6 +32,8 @@ MAX_DRAWN, ROW_INCHES = 8, 2.2
 BEFORE, AFTER = 0.25, 6.0
 """Extent of the enlarged waveform: before the first arrival, as a share of the time to
 the end of the positive phase; after that end, in positive durations."""
+PICTURES = ("waveforms.png", "spectrograms.png")
+"""Files of the figures."""
 ARRIVALS = {"ground_arrival_s": (0, (1, 1.5)), "air_arrival_s": (0, (4, 3))}
 """Line of each arrival."""
 
@@ -236,7 +238,7 @@ def pictures(recordings: Recordings, directory: Path) -> list[Picture]:
         return []
     return [
         Picture(
-            "waveforms.png",
+            PICTURES[0],
             partial(waveform_figure, recordings, directory),
             "Waveforms",
             "Whole, and around the first blast. Dashed: arrival of the wave in air; "
@@ -244,7 +246,7 @@ def pictures(recordings: Recordings, directory: Path) -> list[Picture]:
             "Samples of each sensor against time.",
         ),
         Picture(
-            "spectrograms.png",
+            PICTURES[1],
             partial(spectrogram_figure, recordings, directory),
             "Spectrograms",
             "Power density by time and frequency.",

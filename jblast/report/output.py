@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jblast.files import Content, save, writing
+from jblast.files import PAGE, Content, save, writing
 from jblast.progress import clear
 from jblast.report.view import Picture, View, terminal
 from jblast.results import Document
@@ -25,7 +25,6 @@ PROBLEM = 4
 """Exit code of an answer that is computed, but must not be used as it is."""
 NOT_FOUND = 3
 """Exit code of a search that found nothing."""
-PAGE = "report.html"
 
 
 @dataclass(frozen=True)

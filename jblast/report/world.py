@@ -1,4 +1,4 @@
-"""The answers of `jblast world`, `jblast report` and `jblast serve`."""
+"""The answers of `jblast world` and `jblast report`."""
 
 import json
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from jblast.errors import InputError, argument
-from jblast.files import check_out, save
+from jblast.files import PAGE, check_out, save
 from jblast.inference import Fit, fit_each
 from jblast.inference.fitting.summary import Estimate
 from jblast.observations import read
@@ -39,13 +39,17 @@ from jblast.study.flight_results import Flights
 from jblast.study.missions import MissionFlight
 from jblast.study.run_files import (
     BLASTS,
+    FILM,
+    PERCEIVED,
     READINGS,
+    SOUND,
     BlastDrawn,
     Detections,
     FilmMade,
     ImuWritten,
     RecordedRun,
     drawn_blasts,
+    earlier_tables,
     record_files,
 )
 from jblast.study.running import Run, Subscriber, prepare_run
@@ -55,12 +59,6 @@ RUN, FITS = "run.json", "fits.json"
 MAX_ROWS = 12
 """Largest number of printed blasts and senses: both tables fit one screen, and the
 files have all rows."""
-MAX_WAVEFORMS = 6
-"""Largest number of sensors in the timeline; the page draws more by themselves."""
-BINS = 400
-"""Bins of the event rate over the whole run: about two pixels each."""
-LOAD_PERCENTILE = 99.5
-"""Percentile of loads that fills half of their plot: blasts would hide all else."""
 TRUTH: dict[str, Callable[[BlastDrawn], float]] = {
     "charge_mass_kg": lambda blast: blast.mass_kg,
     "charge_east_m": lambda blast: blast.position_m[0],
@@ -170,7 +168,9 @@ def run_world(
         `jblast.report.run_world("scene.toml", "run", seed=3)`
     """
     directory, source = Path(out), os.fspath(scene)
-    check_out(directory, (RUN, BLASTS, READINGS), force=force)
+    earlier = [file.name for file in earlier_tables(directory)]
+    names = (RUN, FITS, BLASTS, PERCEIVED, SOUND, FILM, *earlier)
+    check_out(directory, names, force=force)
     begin = begin or stages({"flying": 6.0, "recording": 9.0})
     made = provenance_of((), source, tuple(command))
     begin("flying")
@@ -182,7 +182,8 @@ def run_world(
         controllers=controllers,
     )
     begin("recording")
-    (directory / RUN).unlink(missing_ok=True)  # of an earlier run it would mislead
+    for name in (RUN, FITS, PAGE):  # of an earlier run they would mislead
+        (directory / name).unlink(missing_ok=True)
     recorded = record_files(run, directory, detect=detect, watched=watched(run))
     sound, flown, options = None, run.flown, {"scene": source, "seed": seed}
     if run.listening is not None:

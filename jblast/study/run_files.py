@@ -209,6 +209,13 @@ def record_files(
     )
 
 
+def earlier_tables(directory: Path) -> list[Path]:
+    """Return the tables of an earlier run that a new one may not have."""
+    named = [directory / name for name in (READINGS, FLIGHT, DETECTIONS)]
+    named += [directory / "imu.csv", *directory.glob("imu_*.csv")]
+    return [file for file in named if file.exists()]
+
+
 def run_comments(world: DrawnWorld) -> list[str]:
     """Return the provenance of a world, for the comments of every table."""
     return [f"SIMULATED, not measured: {world.source}, seed {world.seed}"]
@@ -301,10 +308,9 @@ class RunWriter:
         self.directory, self._run, head = directory, run, run_comments(run.world)
         self.detections: list[RunDetection] = []
         directory.mkdir(parents=True, exist_ok=True)
-        # tables of an earlier run next to new ones would mislead
-        stale = [directory / name for name in (READINGS, FLIGHT, DETECTIONS)]
-        for file in (*stale, *directory.glob("imu*.csv")):
-            file.unlink(missing_ok=True)
+        # next to new tables they would mislead
+        for file in earlier_tables(directory):
+            file.unlink()
         save(directory / BLASTS, blasts_csv(run.world, head))
         clock = "times are on the common clock, of the laws, without errors"
         columns = ("shot", "entity", "sense", "time_s")

@@ -57,7 +57,6 @@ from jblast.files import check_out
 
 FILES = (
     "detect.json",
-    "report.html",
     "detection.png",
     "observations.csv",
     "filtered.wav",

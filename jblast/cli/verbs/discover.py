@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     # checked before the output folder is made
     check_search(degree=options.degree, members=options.ensemble)
     if options.out:
-        names = ("discover.json", "discover.png", "report.html")
+        names = ("discover.json", "discover.png")
         check_out(options.out, names, force=options.force)
     search = discover_law(
         options.trajectory,

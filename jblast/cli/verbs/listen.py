@@ -40,9 +40,19 @@ def run(options: argparse.Namespace) -> int:
     begin("starting")
     start_jax(quick=True)
     from jblast.files import check_out, writing
-    from jblast.report.listen import ListenAnswer, listen_view, recordings_answer
+    from jblast.report.listen import (
+        PICTURES,
+        ListenAnswer,
+        listen_view,
+        recordings_answer,
+    )
     from jblast.report.output import Answer, deliver
-    from jblast.sensors.record_writer import TRUTH, record_comments, write_records
+    from jblast.sensors.record_writer import (
+        TRUTH,
+        record_comments,
+        record_names,
+        write_records,
+    )
     from jblast.study.running import listening_of
 
     out = Path(options.out)
@@ -50,6 +60,9 @@ def run(options: argparse.Namespace) -> int:
     listening, notes = listening_of(
         options.scene, options.seconds, options.seed, options.ambient
     )
+    # the names of the records are known only now, and a recording is not overwritten
+    names = record_names(listening.sensors).values()
+    check_out(out, (*names, *PICTURES), force=options.force)
     comments = [*record_comments(listening, options.scene, options.seed), *notes]
     begin("recording")
     with writing(out):

@@ -36,8 +36,8 @@ def run(options: argparse.Namespace) -> int:
     begin = stages(shares | {"drawing": 3.0})
     begin("starting")
     start_jax(quick=True)
-    from jblast.files import refuse_existing
-    from jblast.report.output import PAGE, Answer, deliver, page_of
+    from jblast.files import PAGE, refuse_existing
+    from jblast.report.output import Answer, deliver, page_of
     from jblast.report.world import FITS, fits_of, read_run, run_view, scene_of_run
     from jblast.report.world_figures import run_pictures
 

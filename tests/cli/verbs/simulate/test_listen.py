@@ -100,6 +100,12 @@ def test_every_sensor_writes_what_the_laws_say(jblast):
     assert "exists already" in jblast.refused(
         "listen", scene, "--out", jblast.path("o")
     )
+    # recordings of another origin, in a folder without records of jblast
+    (jblast.directory / "own").mkdir()
+    own = jblast.file("own/phone.wav", "a recording")
+    out = jblast.path("own")
+    assert f"{own}: exists already" in jblast.refused("listen", scene, "--out", out)
+    assert jblast.text("own/phone.wav") == "a recording"
 
 
 OPTIONS = table("""

@@ -153,6 +153,12 @@ def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
         sd = 1e-4 if quantity == "air_arrival_s" else 0.05 * exact
         assert abs(value - exact) < 5.0 * sd
     assert "run.json: exists already" in jblast.refused(*words)
+    # what a run removes is refused, too, in a folder without a run
+    for name in ("flight.csv", "imu_1.csv", "report.html", "sound"):
+        own = jblast.directory / f"own {name}" / name
+        own.mkdir(parents=True)
+        again = ("world", scene, "--out", str(own.parent))
+        assert f"{own}: exists already" in jblast.refused(*again)
 
 
 @pytest.mark.parametrize(
