@@ -59,7 +59,7 @@ from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from jblast.observations.places import Frame
 from jblast.report.colours import COLOURS, INK, MUTED, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
-from jblast.report.flight_figures import mission_map
+from jblast.report.flights import mission_map
 from jblast.report.map_figures import draw_features, view_of
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
 from jblast.study.flight_results import Options, Profile

@@ -29,7 +29,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.colours import COLOURS
 from jblast.report.figures import MARKERS, log_ticks, new_figure, quiet, write_figure
-from jblast.report.study_figures import contour_figure
+from jblast.report.study_figures import contours_figure
 from jblast.report.view import aligned
 from jblast.study.columns import StudyColumns, read_columns
 
@@ -176,7 +176,7 @@ def survival(columns: StudyColumns) -> tuple[list[str], Figure]:
         rows += contours(columns, name, labels, first_even, "charge_east_m")
         lines += ["", name, *aligned(rows, right=(1, 2, 3, 4))]
     kept = tuple(one for one in columns.lanes if one.name == "flies_on")
-    figure = contour_figure(replace(columns, lanes=kept))
+    figure = contours_figure(replace(columns, lanes=kept))
     return lines, figure
 
 

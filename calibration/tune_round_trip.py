@@ -48,8 +48,8 @@ from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
 from jblast.report.colours import BLUE, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled, write_figure
-from jblast.report.tune import gains_answer
-from jblast.report.tune_figures import cut_words, draw_gains, tune_figure
+from jblast.report.tune import cut_words, gains_answer
+from jblast.report.tune_figures import draw_gains, tune_figure
 from jblast.report.view import aligned, terminal
 from jblast.scene import Scene
 from jblast.scene.reader.scene import scene_from_document

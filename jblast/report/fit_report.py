@@ -61,7 +61,7 @@ from jblast.report.numbers import (
     significant,
     unit_for,
 )
-from jblast.report.output import PAGE, PROBLEM, Answer, Content, write_answer
+from jblast.report.output import PROBLEM, Answer, Content, write_answer
 from jblast.report.provenance import Provenance, provenance_of
 from jblast.report.view import (
     Block,
@@ -72,6 +72,7 @@ from jblast.report.view import (
     Table,
     Text,
     View,
+    drawn_by,
     terminal,
 )
 from jblast.results import ABSENT, AMONG, Document, Note, Words, among
@@ -691,14 +692,14 @@ def pictures(fit: Fit, accepted: Accepted | None = None) -> list[Block]:
         else Lines("", [absent_map_note(fit)], where="page"),
         Picture(
             "recordings.png",
-            partial(_figure, "recordings_figure", fit),
+            drawn_by("fit_figures.recordings_figure", fit),
             f"Recordings against {along}",
             RECORDINGS,
             "Recordings with error bars, the law at the answer and its 90 % band.",
         ),
         Picture(
             "residuals.png",
-            partial(_figure, "residuals_figure", fit),
+            drawn_by("fit_figures.residuals_figure", fit),
             "Residuals",
             "About 95 % should lie between the dashed lines, without a trend.",
             f"Residuals in standard deviations against {along}.",
@@ -706,17 +707,10 @@ def pictures(fit: Fit, accepted: Accepted | None = None) -> list[Block]:
         Lines("", [absent_note(fit)], where="page"),
     ]
     if drawn_parameters(fit):
-        draw = partial(_figure, "corner_figure", fit, accepted)
+        draw = drawn_by("fit_figures.corner_figure", fit, accepted)
         alt = "Histograms of the draws of each parameter, and of each pair."
         blocks.insert(-1, Picture("corner.png", draw, "Posterior", POSTERIOR, alt))
     return blocks
-
-
-def _figure(name: str, *args: Any) -> "Figure":
-    # imported here, so that an answer without figures does not load Matplotlib
-    from jblast.report import fit_figures
-
-    return getattr(fit_figures, name)(*args)
 
 
 def _map(fit: Fit, accepted: Accepted | None) -> "Figure":
@@ -853,7 +847,7 @@ def write_report(
             cannot be written.
     """
     directory = Path(directory)
-    check_out(directory, ("fit.json", *NAMES, PAGE), force=force)
+    check_out(directory, ("fit.json", *NAMES), force=force)
     made = made or provenance_of([fit.observations.source])
     report = fit_report(fit, accepted, made)
     return [directory / n for n in write_answer(report, directory, "fit", names=NAMES)]

@@ -1,4 +1,4 @@
-"""Figures of flights: one flight over time, many vehicles, and the map of a mission."""
+"""Figures of flights: one flight over time, and many vehicles."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jblast.autopilot.estimator import PLACE
 from jblast.report.colours import COLOURS, GRID, INK, MUTED
 from jblast.report.figures import log_ticks, new_figure, quiet, titled
-from jblast.report.maps import Feature, Map, point
+from jblast.report.flights import MAX_POINTS
 from jblast.report.numbers import printed_number, unit_for
 from jblast.study.flight_results import (
     Flights,
@@ -22,8 +22,6 @@ from jblast.study.flight_results import (
 from jblast.study.missions import MissionFlight, above_ground
 from jblast.vehicle import Trajectory, path_error
 
-MAX_POINTS = 4000
-"""Largest number of points of a plot: about two for each pixel."""
 BEFORE_S, AFTER_S = 0.01, 0.05
 """Enlarged interval before and after the first blast's arrival [s]: the positive phases
 of kilograms at metres last a few milliseconds."""
@@ -163,29 +161,3 @@ def _distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
     where = np.asarray(encounter.scaled_distance if scaled else encounter.distance_m)
     label = "scaled distance [m/kg$^{1/3}$]" if scaled else "distance of the charge [m]"
     return np.take_along_axis(where, first, axis=-1)[:, 0], label
-
-
-def mission_map(flight: MissionFlight) -> Map:
-    """Return the map of a mission: plan, flown path, waypoints, home and blasts."""
-    flown = np.asarray(flight.trajectory.position_m)
-    paths = {
-        "planned": np.asarray(above_ground(flight.guided.set_point_m)),
-        # up to a divergence
-        "flown": flown[np.isfinite(flown).all(axis=1)],
-    }
-    features = [
-        Feature(kind, kind, [[path[:: max(1, len(path) // MAX_POINTS)]]])
-        for kind, path in paths.items()
-    ]
-    features.append(point("home", "home", flight.mission.home_m))
-    # one mark for an item that is flown again
-    for number, one in {one.item.number: one for one in flight.waypoints}.items():
-        kind, words = ("waypoint", "reached") if one.reached else ("missed", "missed")
-        # the label of one at home would hide it
-        label = str(number) * bool(np.hypot(*one.goal_m[:2]) > 0.5)
-        name = f"{one.item.words}: {words}"
-        features.append(point(kind, name, one.goal_m, label=label))
-    for one, place in zip(flight.disturbances, flight.places_m, strict=True):
-        features.append(point("blast", one.charge or "blast", place, label=one.charge))
-    title = f"Mission of the {flight.vehicle.model.capitalize()}"
-    return Map(features, flight.mission.frame, title, flight.crash)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field
-from functools import partial
 from operator import itemgetter
 from typing import Any, TypeVar
 
@@ -13,13 +12,20 @@ from numpy.typing import ArrayLike
 from jblast.autopilot.estimator import Thrown
 from jblast.missions.mission import geodetic
 from jblast.missions.plan import COMMANDS
-from jblast.report.flight_figures import distribution_figure, mission_map, time_figure
-from jblast.report.map_figures import map_figure
-from jblast.report.maps import map_files
+from jblast.report.maps import Feature, Map, map_files, point
 from jblast.report.messages import sentence, sentences_of
 from jblast.report.numbers import capitalised, parameter_words, printed_number
 from jblast.report.output import PROBLEM, Answer
-from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
+from jblast.report.view import (
+    Block,
+    Column,
+    Facts,
+    Lines,
+    Picture,
+    Table,
+    View,
+    drawn_by,
+)
 from jblast.results import ABSENT, Document, entries, filled
 from jblast.study.flight_results import (
     EXPOSURES,
@@ -43,6 +49,7 @@ from jblast.study.missions import (
     Disturbance,
     MissionFlight,
     Waypoint,
+    above_ground,
     mission_notes,
 )
 from jblast.vehicle.metrics import THRESHOLDS, Threshold
@@ -57,6 +64,8 @@ ESTIMATED = {
 """Errors of the estimate before and after a blast, by part of the state."""
 NEGLIGIBLE = 1e-6
 """Rounding of the integration: far below what matters in any unit here."""
+MAX_POINTS = 4000
+"""Largest number of points of a plot: about two for each pixel."""
 MAX_NAMED = 100
 """Largest number of lost vehicles listed in the JSON: the table has all of them."""
 FILES = ("flight.csv", "flights.csv", "flight.png", "distribution.png", "map.png")
@@ -309,22 +318,53 @@ def fly_answer(
         scene: The scene's file.
         seed: Seed of the sampled parameters.
     """
-    over_time = Picture("flight.png", partial(time_figure, flown))
+    over_time = Picture("flight.png", drawn_by("flight_figures.time_figure", flown))
     if isinstance(flown, MissionFlight):
         mission = mission_answer(flown, scene=scene, seed=seed)
         shown = mission_map(flown)
         title = f"Mission: {mission.mission}"
         files = map_files("mission", shown.features, flown.mission.frame, title)
-        pictures = [Picture("map.png", partial(map_figure, shown)), over_time]
+        pictures = [
+            Picture("map.png", drawn_by("map_figures.map_figure", shown)),
+            over_time,
+        ]
         view = mission_view(mission, pictures)
         return Answer(mission, view, {"flight.csv": flight_csv(flown), **files})
     document = flights_answer(flown, scene=scene, seed=seed)
     if flown.count == 1:
         view = flights_view(document, [over_time])
         return Answer(document, view, {"flight.csv": flight_csv(flown)})
-    shares = Picture("distribution.png", partial(distribution_figure, flown))
+    shares = Picture(
+        "distribution.png", drawn_by("flight_figures.distribution_figure", flown)
+    )
     view = flights_view(document, [shares])
     return Answer(document, view, {"flights.csv": flights_csv(flown)})
+
+
+def mission_map(flight: MissionFlight) -> Map:
+    """Return the map of a mission: plan, flown path, waypoints, home and blasts."""
+    flown = np.asarray(flight.trajectory.position_m)
+    paths = {
+        "planned": np.asarray(above_ground(flight.guided.set_point_m)),
+        # up to a divergence
+        "flown": flown[np.isfinite(flown).all(axis=1)],
+    }
+    features = [
+        Feature(kind, kind, [[path[:: max(1, len(path) // MAX_POINTS)]]])
+        for kind, path in paths.items()
+    ]
+    features.append(point("home", "home", flight.mission.home_m))
+    # one mark for an item that is flown again
+    for number, one in {one.item.number: one for one in flight.waypoints}.items():
+        kind, words = ("waypoint", "reached") if one.reached else ("missed", "missed")
+        # the label of one at home would hide it
+        label = str(number) * bool(np.hypot(*one.goal_m[:2]) > 0.5)
+        name = f"{one.item.words}: {words}"
+        features.append(point(kind, name, one.goal_m, label=label))
+    for one, place in zip(flight.disturbances, flight.places_m, strict=True):
+        features.append(point("blast", one.charge or "blast", place, label=one.charge))
+    title = f"Mission of the {flight.vehicle.model.capitalize()}"
+    return Map(features, flight.mission.frame, title, flight.crash)
 
 
 def flights_answer(

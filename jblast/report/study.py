@@ -4,16 +4,24 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.report import study_figures as figures
 from jblast.report.output import Answer
-from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, Text, View
+from jblast.report.view import (
+    Block,
+    Column,
+    Facts,
+    Lines,
+    Picture,
+    Table,
+    Text,
+    View,
+    drawn_by,
+)
 from jblast.results import Document, filled
 from jblast.study.columns import Lane, StudyColumns, read_columns
 from jblast.study.engine.merge import merged, summary_of
@@ -40,8 +48,8 @@ CAPTIONS = {
     "the variance that no parameter explains.",
     "convergence": "Estimates against the number of samples, with 90 % intervals.",
 }
-NAMES = ("study.json", "report.html", *(f"{name}.png" for name in CAPTIONS))
-"""Files of a report."""
+NAMES = ("study.json", *(f"{name}.png" for name in CAPTIONS))
+"""Files of a report, besides the page."""
 HOW_SHARES = (
     "First order: share of the variance that a parameter explains alone. Total: share "
     "with its interactions. Elasticity: change of the outcome in per cent for one per "
@@ -441,29 +449,22 @@ def _pictures(columns: StudyColumns, shares: Sequence[Shares]) -> list[Picture]:
     columns = replace(columns, lanes=tuple(known))
     kinds, grid = {one.kind for one in known}, len(columns.numeric_axes) > 1
     limits = thresholds(columns.attributes)
-    response = bool(columns.numeric_axes and known)
-    drawn = [
-        (response, "response", partial(figures.response_figure, columns, limits)),
-        (
-            grid and "yes_no" in kinds,
-            "contours",
-            partial(figures.contour_figure, columns),
-        ),
-        (
-            "number" in kinds,
-            "exceedance",
-            partial(figures.exceedance_figure, columns, limits),
-        ),
-        (
-            bool(shares),
-            "sensitivity",
-            partial(figures.sensitivity_figure, columns, shares),
-        ),
-        (bool(known), "convergence", partial(figures.convergence_figure, columns)),
+    drawn: list[tuple[bool, str, tuple[Any, ...]]] = [
+        (bool(columns.numeric_axes and known), "response", (columns, limits)),
+        (grid and "yes_no" in kinds, "contours", (columns,)),
+        ("number" in kinds, "exceedance", (columns, limits)),
+        (bool(shares), "sensitivity", (columns, shares)),
+        (bool(known), "convergence", (columns,)),
     ]
     return [
-        Picture(f"{name}.png", draw, name.capitalize(), CAPTIONS[name], CAPTIONS[name])
-        for there, name, draw in drawn
+        Picture(
+            f"{name}.png",
+            drawn_by(f"study_figures.{name}_figure", *arguments),
+            name.capitalize(),
+            CAPTIONS[name],
+            CAPTIONS[name],
+        )
+        for there, name, arguments in drawn
         if there
     ]
 

@@ -130,7 +130,7 @@ def _curves(
     ]
 
 
-def contour_figure(columns: StudyColumns) -> Figure:
+def contours_figure(columns: StudyColumns) -> Figure:
     """Draw each yes-or-no over the first two numeric axes, a panel for each word.
 
     The share is a half on the solid line. Between the dashed lines its 90 % interval

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 import tomlkit
 
+from jblast.files import PAGE
 from jblast.inference.posterior.parameters import Estimate
 from jblast.inference.tuning.result import POOR, Explained, NotIdentified, Tuned
 from jblast.inference.tuning.scene_file import put_values, tuned_scene
@@ -25,8 +26,17 @@ from jblast.report.estimates import printed_estimate
 from jblast.report.messages import sentence, sentences_of
 from jblast.report.numbers import capitalised, printed_number
 from jblast.report.output import Answer
-from jblast.report.tune_figures import cut_words, gains_figure, tune_figure
-from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, Text, View
+from jblast.report.view import (
+    Block,
+    Column,
+    Facts,
+    Lines,
+    Picture,
+    Table,
+    Text,
+    View,
+    drawn_by,
+)
 from jblast.results import AMONG, Document, Note, among, filled, problem, warning
 from jblast.study.gains import (
     EvaluatedGains,
@@ -46,7 +56,7 @@ TESTS = {
 """Names of the tests of the residuals."""
 FILES = ("scene.toml", "tune.png")
 """Files besides document and page."""
-WRITTEN = ("scene.toml", "tune.json", "tune.png", "report.html")
+WRITTEN = ("scene.toml", "tune.json", "tune.png", PAGE)
 GAINS = {
     "kp_pos": "position [1/s2]",
     "kd_pos": "velocity [1/s]",
@@ -255,7 +265,7 @@ def tune_answer(
     blocks = [
         Table(ESTIMATES, [*estimates.items()]),
         Facts([*_facts(document)]),
-        Picture("tune.png", partial(tune_figure, tuned)),
+        Picture("tune.png", drawn_by("tune_figures.tune_figure", tuned)),
     ]
     view = _view(f"{record}: {tuned.kind} of {of} of {scene}", blocks, notes)
     unknown = [name for name, one in tuned.numbers.items() if not one.identified]
@@ -295,7 +305,7 @@ def gains_answer(tuned: TunedGains, scene: str, out: str | None = None) -> Answe
     before, after = map(_numbers, (document.before, document.after))
     blocks = [
         Table(CHANGES, [(name, before[name], after[name]) for name in after]),
-        Picture("tune.png", partial(gains_figure, tuned)),
+        Picture("tune.png", drawn_by("tune_figures.gains_figure", tuned)),
         Lines("", [sentence(REQUIRED, document)]),
         Text("Line for the scene's [vehicle]", f"control = {{ {line} }}", "everywhere"),
     ]
@@ -469,6 +479,14 @@ def gain_notes(tuned: TunedGains) -> list[Note]:
         (not tuned.converged, problem("gains_not_converged")),
     ]
     return [note for holds, note in found if holds]
+
+
+def cut_words(tuned: TunedGains) -> str:
+    """Return the change of the median peak deviation, as text."""
+    cut = tuned.cut()
+    if not np.isfinite(cut):
+        return "median peak deviation not comparable"
+    return f"median {100 * abs(cut):.0f} % {'less' if cut >= 0 else 'more'}"
 
 
 def key_words(name: str, sensor: str | None) -> str:

@@ -12,6 +12,7 @@ from jblast.inference.tuning.sound import SoundEvidence
 from jblast.inference.tuning.tune_sight import EventsEvidence, FramesEvidence, camera_of
 from jblast.report.colours import BLUE, INK, VERMILLION
 from jblast.report.figures import log_ticks, new_figure, quiet, titled
+from jblast.report.tune import cut_words
 from jblast.study.gains import TunedGains, known_peaks
 
 GREY = "#b0b0b0"
@@ -196,11 +197,3 @@ def draw_gains(axes: Axes, tuned: TunedGains) -> None:
     model, unseen = tuned.vehicle.model.capitalize(), tuned.settings.unseen
     titled(axes, f"{model}: {unseen} unseen blasts", cut_words(tuned))
     quiet(axes)
-
-
-def cut_words(tuned: TunedGains) -> str:
-    """Return the change of the median peak deviation, as text."""
-    cut = tuned.cut()
-    if not np.isfinite(cut):
-        return "median peak deviation not comparable"
-    return f"median {100 * abs(cut):.0f} % {'less' if cut >= 0 else 'more'}"

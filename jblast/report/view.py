@@ -8,6 +8,7 @@ content is not shown, so that a view lists all blocks of its kind of answer.
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -146,6 +147,23 @@ class Picture:
     title: str = ""
     caption: str = ""
     alt: str = ""
+
+
+def drawn_by(figure: str, *arguments: Any) -> "Callable[[], Figure]":
+    """Return a function that imports and calls a function of a figure.
+
+    Matplotlib takes a second to import, without use in an answer without files.
+
+    Args:
+        figure: Module of `jblast.report` and function, as "module.function".
+        arguments: Arguments of the function.
+    """
+
+    def draw() -> "Figure":
+        module, _, function = figure.partition(".")
+        return getattr(import_module(f"jblast.report.{module}"), function)(*arguments)
+
+    return draw
 
 
 Block = Table | Facts | Lines | Text | Picture
