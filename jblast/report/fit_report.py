@@ -61,7 +61,13 @@ from jblast.report.numbers import (
     significant,
     unit_for,
 )
-from jblast.report.output import PROBLEM, Answer, Content, write_answer
+from jblast.report.output import (
+    FIT_FILES,
+    PROBLEM,
+    Answer,
+    Content,
+    write_answer,
+)
 from jblast.report.provenance import Provenance, provenance_of
 from jblast.report.view import (
     Block,
@@ -113,10 +119,6 @@ SAFETY = (
     "For safety engineering, forensics and sensing; it designs no explosives. "
     "Decide nothing that concerns lives from this page alone."
 )
-DRAWS, CSV = "posterior.nc", "answers.csv"
-NAMES = ("map.png", "records.png", "recordings.png", "residuals.png", "corner.png")
-NAMES += ("place.geojson", "place.kml", DRAWS)
-"""Files that a report may contain besides the document and the page."""
 OF_LOG = ("converged", "identifiable", "law_valid", "chi2", "dof", "n_observations")
 NUMBERS = ("value", "sd", "log_sd", "q05", "q50", "q95", "identified")
 COLUMNS: tuple[str, ...] = ("log", "parameter", *NUMBERS, *OF_LOG, "error")
@@ -751,7 +753,7 @@ def fit_report(
         of: Picks of the log, if it was picked.
     """
     picks, more, files = _picks(of)
-    own: dict[str, Content] = {}
+    own: dict[str, Content | None] = {}
     if (ensemble := fit.ensemble) is not None:
 
         def draws(path: Path) -> None:
@@ -762,7 +764,7 @@ def fit_report(
                 inference_data(ensemble, fit.observations, notes), path
             )
 
-        own[DRAWS] = draws
+        own["posterior.nc"] = draws
     if fit.observations.frame is not None:
         from jblast.report.fit_map import place_files
 
@@ -778,7 +780,7 @@ def fit_report(
 
 def _picks(
     of: "PickedFiles | None",
-) -> tuple[Sequence[Any] | None, list[Block], dict[str, Content]]:
+) -> tuple[Sequence[Any] | None, list[Block], dict[str, Content | None]]:
     """Return document, blocks and files of the picks of a log."""
     if of is None:
         return None, [], {}
@@ -786,7 +788,9 @@ def _picks(
 
     document = picks_answer(of.found, of.log)
     blocks = picks_blocks(of, title=picks_title(of.found))
-    return document.picks, blocks, {"picks/picks.json": document.to_json()}
+    # the log is written by the command, before the fit
+    files = {"picks/picks.json": document.to_json(), "picks/picks.csv": None}
+    return document.picks, blocks, files
 
 
 def made_each(
@@ -847,17 +851,20 @@ def write_report(
             cannot be written.
     """
     directory = Path(directory)
-    check_out(directory, ("fit.json", *NAMES), force=force)
+    check_out(directory, FIT_FILES, force=force)
     made = made or provenance_of([fit.observations.source])
     report = fit_report(fit, accepted, made)
-    return [directory / n for n in write_answer(report, directory, "fit", names=NAMES)]
+    written = write_answer(report, directory, "fit", names=FIT_FILES)
+    return [directory / name for name in written]
 
 
 # Several logs
 
 
 def fits_view(
-    answers: Mapping[str, Fit | InputError], more: Sequence[Block] = ()
+    answers: Mapping[str, Fit | InputError],
+    more: Sequence[Block] = (),
+    made: Provenance | None = None,
 ) -> View:
     """Return the view of several logs: a row each, and the logs that failed."""
     fits = {name: fit for name, fit in answers.items() if isinstance(fit, Fit)}
@@ -887,6 +894,7 @@ def fits_view(
     return View(
         f"{len(fits)} of {len(answers)} logs fitted",
         [Table(columns, rows), Lines("Not fitted", failed), *more],
+        made=made,
         footer=SAFETY,
     )
 
@@ -921,8 +929,15 @@ def fits_report(
     answers: Mapping[str, Fit | InputError],
     made: Mapping[str, Provenance] | None = None,
     of: "PickedFiles | None" = None,
+    together: Provenance | None = None,
 ) -> Answer:
-    """Return the answer of several logs; provenance by log, else as for `fit_report`.
+    """Return the answer of several logs.
+
+    Args:
+        answers: Fits or errors by log.
+        made: Provenance by log, for the document.
+        of: As for `fit_report`.
+        together: Provenance of all logs, for the page.
 
     Raises:
         InputError: No log could be fitted.
@@ -930,14 +945,15 @@ def fits_report(
     fits = [fit for fit in answers.values() if isinstance(fit, Fit)]
     # one bad log must not hide the answers of the others
     if not fits:
-        raise InputError(f"none of {len(answers)} logs could be fitted")
+        why = "; ".join(map(str, answers.values()))
+        raise InputError(f"none of {len(answers)} logs could be fitted: {why}")
     # the worst code of all fits, so that one doubtful answer is visible to a script
     worst = max(fit.exit_code for fit in fits)
     picks, more, files = _picks(of)
     return Answer(
         fits_answer(answers, picks=picks),
-        fits_view(answers, more),
-        files={CSV: answers_csv(answers), **files},
+        fits_view(answers, more, together),
+        files={"answers.csv": answers_csv(answers), **files},
         filed=fits_answer(answers, made, picks),
         code=PROBLEM if len(fits) < len(answers) else worst,
     )

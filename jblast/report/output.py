@@ -25,6 +25,14 @@ PROBLEM = 4
 """Exit code of an answer that is computed, but must not be used as it is."""
 NOT_FOUND = 3
 """Exit code of a search that found nothing."""
+RECORDS = tuple(f"records_{n}.png" for n in range(1, 11))
+"""Figures of picked records: ten show 240 records, and nobody reads more."""
+FIT_FILES = ("fit.json", "fits.json", "answers.csv", "posterior.nc")
+FIT_FILES += ("map.png", "recordings.png", "residuals.png", "corner.png", *RECORDS)
+FIT_FILES += ("place.geojson", "place.kml")
+"""Files of `jblast fit` besides the page; known here before JAX is imported."""
+PICKS = ("picks/picks.json", "picks/picks.csv")
+"""Files of `jblast fit --positions`; never removed, as a log to fit may be one."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +42,8 @@ class Answer:
     Attributes:
         document: Its JSON.
         view: Its text, page and figures.
-        files: Content of further files in the output folder, by name; those with a
-            folder in their names may already be written (None).
+        files: Content of further files in the output folder, by name; None for those
+            that are written already.
         saved: Content of files with an option of their own, by path.
         filed: Its JSON in the output folder, if it has more there.
         code: Exit code; a problem in the view makes 0 to 4.

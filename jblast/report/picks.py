@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from jblast.report.messages import listed, sentence, sentences_of
 from jblast.report.numbers import capitalised, quantity_words, rounded, unit_for
-from jblast.report.output import NOT_FOUND, Answer
+from jblast.report.output import NOT_FOUND, RECORDS, Answer
 from jblast.report.view import Block, Column, Lines, Picture, Table, Text, View
 from jblast.results import Document, filled
 from jblast.signals.picks import (
@@ -31,13 +31,10 @@ if TYPE_CHECKING:
     from jblast.report.provenance import Provenance
 
 LOG = "picks.csv"
-PICTURE = "records_{}.png"
-MAX_PICTURES = 10
-"""Largest number of figures on a page, 240 records: nobody reads more of them."""
 MAX_RECORDS = 24
 """Largest number of records in one figure: twelve rows are about three screens."""
-FILES = (LOG, *(PICTURE.format(n + 1) for n in range(MAX_PICTURES)))
-"""Files that a report may contain besides the document and the page."""
+FILES = ("picks.json", LOG, *RECORDS)
+"""Files that a report may contain besides the page."""
 TITLES = {"decay": "Decay", "rise_time_s": "Rise time"}
 """Column titles of values that are not quantities of a log."""
 SHORT = {
@@ -211,26 +208,24 @@ def picks_blocks(of: PickedFiles, *, title: str = "") -> list[Block]:
         return row[1].quality != "good"
 
     table = partial(Table, rows=named, title=title, caption=caption, marked=is_marked)
-    firsts = range(0, len(named), MAX_RECORDS)[:MAX_PICTURES]
-    drawn = [named[first : first + MAX_RECORDS] for first in firsts]
     has_samples = any(one.record.samples.size for _, one in named)
+    firsts = range(0, len(named), MAX_RECORDS) if has_samples else ()
+    drawn = [named[first : first + MAX_RECORDS] for first in firsts]
     return [
         table(PICKS, where="terminal", note=lambda row: _faulty(row[1])),
         table(ALL_VALUES, where="page"),
         *(
-            Picture(PICTURE.format(n), partial(_records, some), "", CAPTION, ALT)
-            for n, some in enumerate(drawn if has_samples else [], start=1)
+            Picture(name, partial(_records, some), "", CAPTION, ALT)
+            for name, some in zip(RECORDS, drawn, strict=False)
         ),
         Lines("Notes", _notes(named)),
         Lines(
             "Log",
             [
                 *_of_log(log),
-                *(
-                    f"nothing found in {listed(found.silent)}"
-                    for _ in named[:1]
-                    if found.silent
-                ),
+                f"nothing found in {listed(found.silent)}"
+                if named and found.silent
+                else "",
                 *(
                     sentence("{name}: {n:quieter onset} ignored", name=name, n=n)
                     for name, n in found.quieter.items()

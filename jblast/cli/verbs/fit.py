@@ -51,11 +51,15 @@ def run(options: argparse.Namespace) -> int:
     from jblast.cli.jax_start import start_jax
     from jblast.files import check_log_paths, check_out, write_text, writing
     from jblast.progress import stages
+    from jblast.report.output import FIT_FILES, PICKS, deliver
 
     files, out = options.observations, options.out
     # With --positions folders are valid; without, the message names the option.
     if not options.positions:
         check_log_paths(files)
+    if out:
+        names = (*FIT_FILES, *PICKS) if options.positions else FIT_FILES
+        check_out(out, names, force=options.force)
     picking = 6.0 if options.positions else 0.3
     # Approximate durations; picking reads and filters whole records, a log is short.
     shares = {"starting": 3.0, "reading": picking, "fitting": 9.0}
@@ -70,18 +74,13 @@ def run(options: argparse.Namespace) -> int:
     from jblast.inference.fitting.fit_input import fit_input, scene_named
     from jblast.observations import write
     from jblast.report.fit_report import (
-        CSV,
-        NAMES,
         answers_csv,
         fit_report,
         fits_report,
         made_each,
     )
-    from jblast.report.output import deliver
     from jblast.report.provenance import provenance_of
 
-    if out:
-        check_out(out, ("fit.json", "fits.json", CSV, *NAMES), force=options.force)
     scene = scene_named(options.scene) if options.scene else None
     # Digests are taken before the fit: a file may change while it runs.
     whole = [*files, *([options.positions] if options.positions else [])]
@@ -102,6 +101,11 @@ def run(options: argparse.Namespace) -> int:
         laws=options.law,
         **reading_options(options),
     )
+    if out and of:
+        picks = Path(out) / "picks"
+        with writing(picks):
+            picks.mkdir(parents=True, exist_ok=True)
+            write(picks / "picks.csv", of.observations())
     begin("fitting")
     settings = {
         "noise": options.noise,
@@ -120,20 +124,15 @@ def run(options: argparse.Namespace) -> int:
 
         def done(answers):
             if out:
-                write_text(Path(out) / CSV, answers_csv(answers))
+                write_text(Path(out) / "answers.csv", answers_csv(answers))
 
         fits = fit_each(logs, uncertain, done=done, **settings)
         fits = {
             name: in_options(one) if isinstance(one, InputError) else one
             for name, one in fits.items()
         }
-        answer = fits_report(fits, by_log, of=of)
+        answer = fits_report(fits, by_log, of, made)
     if out:
         begin("writing")
-    if out and of:
-        picks = Path(out) / "picks"
-        with writing(picks):
-            picks.mkdir(parents=True, exist_ok=True)
-            write(picks / "picks.csv", of.observations())
     kind = "fit" if len(logs) == 1 else "fits"
-    return deliver(answer, options, folder=out, names=NAMES, name=kind)
+    return deliver(answer, options, folder=out, names=FIT_FILES, name=kind)

@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:
         refuse_existing(options.out, force=options.force)
     if options.report:
-        check_out(options.report, ("picks.json", *FILES), force=options.force)
+        check_out(options.report, FILES, force=options.force)
     logs = [options.out] if options.out else []
     logs += [Path(options.report) / LOG] if options.report else []
 

@@ -213,15 +213,20 @@ def test_radii_at_a_time_have_no_range(pages):
 
 
 def test_a_report_is_refused_where_one_is_and_force_replaces_it(tmp_path):
-    for name in ("notes.txt", "corner.png", "fit.json"):
+    # the log of picks may be what is fitted
+    kept = ("notes.txt", "picks/picks.csv")
+    # they would show another fit
+    removed = ("corner.png", "fits.json", "answers.csv", "records_2.png")
+    (tmp_path / "picks").mkdir()
+    for name in ("fit.json", *kept, *removed):
         (tmp_path / name).write_text("old")
     with pytest.raises(InputError, match=r"fit\.json: exists already") as caught:
         write_report(example.no_draws(), tmp_path)
     assert "--force" not in str(caught.value)
     assert (tmp_path / "fit.json").read_text() == "old"
     write_report(example.no_draws(), tmp_path, force=True)
-    assert (tmp_path / "notes.txt").read_text() == "old"
-    assert not (tmp_path / "corner.png").exists()  # it would show another fit
+    assert all((tmp_path / name).read_text() == "old" for name in kept)
+    assert not any((tmp_path / name).exists() for name in removed)
     assert json.loads((tmp_path / "fit.json").read_text())["converged"] is False
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
@@ -281,7 +286,7 @@ def test_several_logs_have_a_row_each_and_the_worst_exit_code():
     rows = answers_csv(fits | {"bad": bad}).splitlines()
     assert len(rows) == 1 + 3 + 1 + 1
     assert rows[-1].endswith("expected a number")
-    with pytest.raises(InputError, match="none of 1 logs"):
+    with pytest.raises(InputError, match=r"none of 1 logs.*: bad\.csv: line 2"):
         fits_report({"bad": bad})
 
 

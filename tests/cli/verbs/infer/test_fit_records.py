@@ -24,6 +24,16 @@ def test_a_record_that_cannot_be_read_is_not_left_out_in_silence(jblast):
     assert "b.csv: line 3, column p_pa: expected a number, got nothing" in said
 
 
+def test_the_picks_of_an_earlier_fit_are_refused(jblast):
+    out = jblast.directory / "out"
+    (out / "picks").mkdir(parents=True)
+    old = jblast.file("out/picks/picks.csv", "old")
+    words = ("fit", jblast.file("a.csv", SILENT), "--out", str(out))
+    stations = jblast.file("stations", STATIONS)
+    refused = jblast.refused(*words, "--positions", stations)
+    assert f"{old}: exists already" in refused
+
+
 @pytest.mark.slow  # the fit of a pulse is compiled
 def test_ten_records_tell_mass_place_and_time(jblast):
     out = jblast.path("out")

@@ -106,3 +106,4 @@ def test_no_log_at_all_that_can_be_fitted_exits_2(jblast):
     code, _, err = jblast("fit", *bad)
     assert code == 2
     assert "none of 2 logs" in err
+    assert err.count("expected") == 2  # the reason of each
