@@ -7,7 +7,7 @@ read by an IMU of 1 kHz, 5 cm ahead of the centre of mass. Its jolt is picked, o
 without errors and once with those of the default IMU, and held against
 `jolt_velocity_m_s` and its direction by `sensors.record`, which lets the wave come to a
 vehicle that hovers on, its rotors as they were. What is between is the share that
-`sensors.imu.MODEL_SHARE` declares: turning, rotors, hold, and the flight's steps.
+`sensors.jolt_pick.MODEL_SHARE` declares: turning, rotors, hold, and the flight's steps.
 """
 
 import jax
@@ -17,7 +17,8 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.scene import Charge, Imu, Scene, Sensor, VehicleSpec
 from jblast.sensors import planned_layout, record
-from jblast.sensors.imu import Felt, JoltPick, felt, pick_jolt, read
+from jblast.sensors.imu import Inertial, inertial_of, states_at, with_errors
+from jblast.sensors.jolt_pick import JoltPick, pick_jolt
 from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 
 QUANTITIES: tuple[str, ...] = (
@@ -46,7 +47,7 @@ def scene_of(model: str, mass: float, distance: float) -> Scene:
     )
 
 
-def picked(scene: Scene, seeds: int) -> list[JoltPick]:
+def picked(scene: Scene, seeds: int) -> list[JoltPick | str]:
     """Return the jolt without errors, then with those of some seeds."""
     spec = scene.vehicle
     assert spec is not None
@@ -60,14 +61,12 @@ def picked(scene: Scene, seeds: int) -> list[JoltPick]:
         ground_up_m=0.0,
     )
     edges = jnp.arange(SAMPLES + 1.0) / imu.rate
-    true = felt(flight, edges, OFFSET, LEVEL)
+    true = inertial_of(flight, edges, OFFSET, LEVEL)
     middle = (edges[1:] + edges[:-1]) / 2
-    turns = jax.vmap(jnp.interp, (None, None, 1), 1)(
-        middle, flight.time_s, flight.rotor_speed_rad_s
-    )
-    tries: list[tuple[Felt, Imu]] = [(true, imu)]
+    turns = states_at(flight, middle).rotor_speed_rad_s
+    tries: list[tuple[Inertial, Imu]] = [(true, imu)]
     real = Imu()
-    tries += [(read(jax.random.key(n), real, true), real) for n in range(seeds)]
+    tries += [(with_errors(jax.random.key(n), real, true), real) for n in range(seeds)]
     return [
         pick_jolt(samples, one, vehicle, start, turns, OFFSET, LEVEL)
         for samples, one in tries
@@ -93,16 +92,17 @@ def main() -> None:
             laws = dict.fromkeys(QUANTITIES, "blast_load")
             speed, bearing, elevation = np.asarray(record(scene, layout, laws).value)
             true, *tries = picked(scene, 8)
-            if not true.found:
-                print(f"{model:12}{mass:4.0f}{distance:5.0f}{speed:8.4f}  {true.why}")
+            if isinstance(true, str):
+                print(f"{model:12}{mass:4.0f}{distance:5.0f}{speed:8.4f}  {true}")
                 continue
             share = true.speed_m_s[0] / speed - 1
             worst = max(worst, abs(share))
-            found = [one for one in tries if one.found and not one.clipped]
+            picks = [one for one in tries if isinstance(one, JoltPick)]
+            found = [one for one in picks if not one.clipped]
             off = [(one.speed_m_s[0] - true.speed_m_s[0]) / one.sd_m_s for one in found]
             noise = np.mean([one.sd_m_s for one in found]) if found else np.nan
             spread = np.sqrt(np.mean(np.square(off))) if found else np.nan
-            why = {"clipped" if one.found else one.why for one in tries}
+            why = {one if isinstance(one, str) else "clipped" for one in tries}
             print(
                 f"{model:12}{mass:4.0f}{distance:5.0f}{speed:8.4f}{share:8.1%}"
                 f"{true.bearing_rad[0] - bearing:9.4f}"

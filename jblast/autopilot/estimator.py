@@ -54,13 +54,12 @@ from jblast.scene import Imu, quaternion_matrix
 from jblast.scene.camera import quaternion_product
 from jblast.sensors.flight_sensors import (
     CALIBRATED,
-    Biases,
     Held,
     Sample,
     Suite,
     height_of,
 )
-from jblast.sensors.imu import rotation_between, rotation_quaternion
+from jblast.sensors.imu import Inertial, rotation_between, rotation_quaternion
 from jblast.types import as_float_array
 from jblast.vehicle import State, Trajectory, Vehicle
 
@@ -691,7 +690,7 @@ def moved_on(estimate: Estimate, error: Float[Array, "15"]) -> Estimate:
     )
 
 
-def error_of(estimate: Estimate, true: State, biases: Biases) -> Float[Array, "15"]:
+def error_of(estimate: Estimate, true: State, biases: Inertial) -> Float[Array, "15"]:
     """Return the error vector from an estimate to the truth.
 
     Args:

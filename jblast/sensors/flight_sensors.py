@@ -5,11 +5,8 @@ sensors at some of the turns. All noise of a turn is drawn with one key, the `fo
 of the turn's number. A sample therefore does not depend on earlier calls, and a turn
 costs one draw.
 
-Accelerometer and gyroscope measure specific force and rate as in `sensors.imu`, at the
-centre of mass. A sample is the mean over its time, so that the samples sum to the
-change of velocity and attitude, however short a blast's push is. Their errors are those
-of `sensors.imu` without quantisation: a bias at power-on with a random walk, white
-noise, and a range.
+Accelerometer and gyroscope measure specific force and rate as in `sensors.imu`, with
+its errors, at the centre of mass.
 
 The barometer measures static pressure through a lag. The pressure of air at rest falls
 with height as in the standard atmosphere, from its value at the scene's ground,
@@ -42,14 +39,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
-from jblast.constants import FLIGHT_GRAVITY
+from jblast.errors import require
 from jblast.scene import Imu, quaternion_matrix
-from jblast.scene.camera import quaternion_product
-from jblast.sensors.imu import rotation_between, rotation_quaternion
+from jblast.sensors.imu import (
+    Inertial,
+    inertial_between,
+    power_on_bias,
+    sampled,
+    walked,
+)
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State
 from jblast.vehicle.loads.blast import map_grouped
-from jblast.vehicle.loads.blast_wave import Blast, overpressure
+from jblast.vehicle.loads.blast_wave import Blast, Wave, overpressure
 from jblast.waves.propagation import HYDROSTATIC_GRADIENT, LAPSE_RATE
 
 CALIBRATED = 0.1
@@ -83,63 +85,6 @@ class Fix(NamedTuple):
     velocity_m_s: Float[Array, "3"]
 
 
-class Gps(eqx.Module):
-    """A satellite receiver.
-
-    Rate and delay are those of PX4's plugin for Gazebo (PX4-SITL_gazebo-classic,
-    gazebo_gps_plugin: 5 Hz, 0.12 s). The noise of the velocity is that of a u-blox
-    NEO-M8 (data sheet: 0.05 m/s for half of all samples). That of the position is
-    declared.
-
-    Attributes:
-        rate: Fixes per second [Hz].
-        delay: Time from a fix to its report, shorter than that between two fixes [s].
-        horizontal_noise: Standard deviation of a fix, east and north each [m].
-        vertical_noise: Likewise, up [m].
-        velocity_noise: Likewise, along each axis [m/s].
-    """
-
-    rate: float = eqx.field(static=True, converter=float, default=5.0)
-    delay: float = eqx.field(static=True, converter=float, default=0.12)
-    horizontal_noise: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=0.4
-    )
-    vertical_noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.8)
-    velocity_noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.05)
-
-    def __check_init__(self):
-        if not self.rate > 0:
-            raise ValueError(f"rate: expected a positive rate, got {self.rate:g} Hz")
-        if not 0 <= self.delay < 1 / self.rate:
-            raise ValueError(
-                f"delay: expected 0 s to less than the time between two fixes, "
-                f"{1 / self.rate:g} s; got {self.delay:g} s"
-            )
-
-    def noise(self) -> Float[Array, "6"]:
-        """Return the standard deviation of each number of a fix [m, m/s]."""
-        place = [self.horizontal_noise, self.horizontal_noise, self.vertical_noise]
-        return jnp.stack([*place, *[self.velocity_noise] * 3])
-
-
-def fix(
-    noise: Float[Array, "6"],
-    gps: Gps,
-    position_m: Float[Array, "3"],
-    velocity_m_s: Float[Array, "3"],
-) -> Fix:
-    """Return a fix with noise.
-
-    Args:
-        noise: Standard normal numbers of position and velocity.
-        gps: The receiver.
-        position_m: True position [m].
-        velocity_m_s: True velocity [m/s].
-    """
-    off = gps.noise() * noise
-    return Fix(position_m + off[:3], velocity_m_s + off[3:])
-
-
 class Sample(NamedTuple):
     """Readings of a vehicle's instruments at a turn.
 
@@ -166,18 +111,6 @@ class Sample(NamedTuple):
     takes_fix: Bool[Array, ""]
 
 
-class Biases(NamedTuple):
-    """Biases of accelerometer and gyroscope.
-
-    Attributes:
-        force: Bias of the accelerometer [m/s2].
-        rate: Bias of the gyroscope [rad/s].
-    """
-
-    force: Float[Array, "3"]
-    rate: Float[Array, "3"]
-
-
 class Held(NamedTuple):
     """State of the instruments from turn to turn.
 
@@ -187,9 +120,39 @@ class Held(NamedTuple):
         fix: Last fix taken.
     """
 
-    biases: Biases
+    biases: Inertial
     port_pa: Float[Array, ""]
     fix: Fix
+
+
+class Gps(eqx.Module):
+    """A satellite receiver.
+
+    Rate and delay are those of PX4's plugin for Gazebo (PX4-SITL_gazebo-classic,
+    gazebo_gps_plugin: 5 Hz, 0.12 s). The noise of the velocity is that of a u-blox
+    NEO-M8 (data sheet: 0.05 m/s for half of all samples). That of the position is
+    declared.
+
+    Attributes:
+        rate: Fixes per second [Hz].
+        delay: Time from a fix to its report, shorter than that between two fixes [s].
+        horizontal_noise: Standard deviation of a fix, east and north each [m].
+        vertical_noise: Likewise, up [m].
+        velocity_noise: Likewise, along each axis [m/s].
+    """
+
+    rate: float = eqx.field(static=True, converter=float, default=5.0)
+    delay: float = eqx.field(static=True, converter=float, default=0.12)
+    horizontal_noise: Float[Array, ""] = eqx.field(
+        converter=as_float_array, default=0.4
+    )
+    vertical_noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.8)
+    velocity_noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.05)
+
+    def noise(self) -> Float[Array, "6"]:
+        """Return the standard deviation of each number of a fix [m, m/s]."""
+        place = [self.horizontal_noise, self.horizontal_noise, self.vertical_noise]
+        return jnp.stack([*place, *[self.velocity_noise] * 3])
 
 
 class Barometer(eqx.Module):
@@ -208,10 +171,6 @@ class Barometer(eqx.Module):
     noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.2)
     lag: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.02)
 
-    def __check_init__(self):
-        if not self.rate > 0:
-            raise ValueError(f"rate: expected a positive rate, got {self.rate:g} Hz")
-
 
 class Magnetometer(eqx.Module):
     """A magnetometer.
@@ -226,10 +185,6 @@ class Magnetometer(eqx.Module):
     field_gauss: Float[Array, "3"] = eqx.field(converter=as_float_array)
     rate: float = eqx.field(static=True, converter=float, default=50.0)
     noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.009)
-
-    def __check_init__(self):
-        if not self.rate > 0:
-            raise ValueError(f"rate: expected a positive rate, got {self.rate:g} Hz")
 
 
 class Suite(eqx.Module):
@@ -263,12 +218,12 @@ class Suite(eqx.Module):
 
     def __check_init__(self):
         for name in ("gps", "barometer", "magnetometer"):
-            rate = getattr(self, name).rate
-            if rate > self.imu.rate:
-                raise ValueError(
-                    f"{name}: expected a rate of at most that of the imu, "
-                    f"{self.imu.rate:g} Hz, got {rate:g} Hz"
-                )
+            rate, most = getattr(self, name).rate, self.imu.rate
+            rates = f"a rate above 0 and at most that of the imu, {most:g} Hz"
+            require(0 < rate <= most, name, rates, f"{rate:g} Hz")
+        delay, between = self.gps.delay, 1 / self.gps.rate
+        delays = f"a delay shorter than the time between two fixes, {between:g} s"
+        require(0 <= delay < between, "gps", delays, f"{delay:g} s")
 
     def turns(self, rate: float) -> int:
         """Return the number of turns between two samples of an instrument."""
@@ -286,11 +241,9 @@ class Suite(eqx.Module):
             key: Random key of all draws.
             state: State of the vehicle.
         """
-        drawn = drawn_biases(jax.random.fold_in(key, _BIASES), self.imu, CALIBRATED)
-        pressure = pressure_at(
-            state.position_m[2], self.ground_pressure_pa, self.ground_temperature_k
-        )
-        return Held(drawn, pressure, Fix(state.position_m, state.velocity_m_s))
+        biases = power_on_bias(jax.random.fold_in(key, _BIASES), self.imu, CALIBRATED)
+        pressure = self._at_rest(state.position_m[2])
+        return Held(biases, pressure, Fix(state.position_m, state.velocity_m_s))
 
     def __call__(
         self,
@@ -317,32 +270,33 @@ class Suite(eqx.Module):
         drawn = jax.random.normal(jax.random.fold_in(key, turn), (_PARTS[-1] + 1,))
         walk, inertial, of_fix, of_field, of_pressure = jnp.split(drawn, _PARTS)
         biases = walked(walk, self.imu, held.biases, period_s)
-        true = felt_between(before, now, period_s)
-        force, rate = sampled(inertial, self.imu, biases, true)
-        port = lagging(
-            held.port_pa,
-            self._outside(before, now, time_s, period_s),
-            self.barometer.lag,
-            period_s,
-        )
-        noise = self.barometer.noise * of_pressure[0]
+        true = inertial_between(before, now, period_s)
+        read = sampled(inertial, self.imu, biases, true)
+        outside = self._outside(before, now, time_s, period_s)
+        port = lagging(held.port_pa, outside, self.barometer.lag, period_s)
+        to_body = quaternion_matrix(now.quaternion).T
+        field = to_body @ self.magnetometer.field_gauss
         every, late = self.turns(self.gps.rate), self.turns_late
         takes = turn % every == 0
-        taken = fix(of_fix, self.gps, now.position_m, now.velocity_m_s)
+        off = self.gps.noise() * of_fix
+        new = Fix(now.position_m + off[:3], now.velocity_m_s + off[3:])
         # between fixes the last one is kept for its delayed report
-        taken = jax.tree.map(lambda a, b: jnp.where(takes, a, b), taken, held.fix)
+        fix = jax.tree.map(lambda a, b: jnp.where(takes, a, b), new, held.fix)
         sample = Sample(
-            force,
-            rate,
-            port + noise,
-            turn % self.turns(self.barometer.rate) == 0,
-            field_read(of_field, self.magnetometer, now.quaternion),
-            turn % self.turns(self.magnetometer.rate) == 0,
-            taken,
-            (turn >= late) & ((turn - late) % every == 0),
-            takes,
+            *read,
+            pressure_pa=port + self.barometer.noise * of_pressure[0],
+            has_pressure=turn % self.turns(self.barometer.rate) == 0,
+            field_gauss=field + self.magnetometer.noise * of_field,
+            has_field=turn % self.turns(self.magnetometer.rate) == 0,
+            fix=fix,
+            has_fix=(turn >= late) & ((turn - late) % every == 0),
+            takes_fix=takes,
         )
-        return sample, Held(biases, port, taken)
+        return sample, Held(biases, port, fix)
+
+    def _at_rest(self, up_m: Float[Array, "..."]) -> Float[Array, "..."]:
+        """Return the pressure of air at rest at a height [Pa]."""
+        return pressure_at(up_m, self.ground_pressure_pa, self.ground_temperature_k)
 
     def _outside(
         self,
@@ -356,18 +310,13 @@ class Suite(eqx.Module):
         shares = jnp.linspace(0.5, MOMENTS - 0.5, MOMENTS) / MOMENTS
         displacement = now.position_m - before.position_m
         places = before.position_m[None, :] + jnp.outer(shares, displacement)
-        rest = pressure_at(
-            places[:, 2], self.ground_pressure_pa, self.ground_temperature_k
-        )
-        if self.blasts is None:
+        rest, blasts = self._at_rest(places[:, 2]), self.blasts
+        if blasts is None:
             return rest
         times = time_s - (1 - shares) * period_s
-        blasts = self.blasts
         # Arrival and end of a wave change by at most 4.7/c per metre, so a margin of
         # 5/c per metre of displacement misses none.
-        slowest = (
-            5 / blasts.sound_speed_m_s * jnp.sqrt(jnp.sum(jnp.square(displacement)))
-        )
+        slowest = 5 / blasts.sound_speed_m_s * jnp.linalg.norm(displacement)
         # waves are expensive: skipped while none can be near
         over = jax.lax.cond(
             may_press(blasts, time_s, now.position_m, 2 * period_s + slowest),
@@ -375,75 +324,6 @@ class Suite(eqx.Module):
             lambda: jnp.zeros_like(rest),
         )
         return rest + over
-
-
-def drawn_biases(key: PRNGKeyArray, imu: Imu, share: float = 1.0) -> Biases:
-    """Return the biases at power-on.
-
-    Args:
-        key: Random key.
-        imu: Standard deviations of the biases.
-        share: Share of the biases that a calibration on the ground leaves.
-    """
-    of_force, of_rate = jax.random.split(key)
-    return Biases(
-        share * imu.accelerometer_bias * jax.random.normal(of_force, (3,)),
-        share * imu.gyroscope_bias * jax.random.normal(of_rate, (3,)),
-    )
-
-
-def walked(
-    noise: Float[Array, "6"], imu: Imu, biases: Biases, period_s: Float[Array, ""]
-) -> Biases:
-    """Return the biases after a period of random walk.
-
-    Args:
-        noise: Standard normal numbers of force and rate.
-        imu: Random walk of the biases.
-        biases: Biases at the beginning.
-        period_s: Length of the period [s].
-    """
-    step = jnp.sqrt(period_s)
-    return Biases(
-        biases.force + step * imu.accelerometer_walk * noise[:3],
-        biases.rate + step * imu.gyroscope_walk * noise[3:],
-    )
-
-
-def felt_between(
-    before: State, now: State, period_s: Float[Array, ""]
-) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-    """Return specific force [m/s2] and rate [rad/s] between two states, body axes."""
-    turn = rotation_between(before.quaternion, now.quaternion)
-    # the mean force is resolved at the attitude halfway through the period
-    half = quaternion_product(before.quaternion, rotation_quaternion(turn / 2))
-    gained = (now.velocity_m_s - before.velocity_m_s) / period_s
-    gained = gained + jnp.array([0.0, 0.0, FLIGHT_GRAVITY])
-    return quaternion_matrix(half).T @ gained, turn / period_s
-
-
-def sampled(
-    noise: Float[Array, "6"],
-    imu: Imu,
-    biases: Biases,
-    true: tuple[Float[Array, "3"], Float[Array, "3"]],
-) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-    """Return a sample with its errors.
-
-    Args:
-        noise: Standard normal numbers of force and rate.
-        imu: Noise, rate and range.
-        biases: Biases of the instruments.
-        true: True specific force and rate.
-    """
-    # a noise density of n per root hertz has the variance n^2 over the band rate / 2
-    half = math.sqrt(imu.rate / 2)
-    force = true[0] + biases.force
-    force = force + half * imu.accelerometer_noise * noise[:3]
-    rate = true[1] + biases.rate
-    rate = rate + half * imu.gyroscope_noise * noise[3:]
-    most, fastest = imu.accelerometer_range, imu.gyroscope_range
-    return jnp.clip(force, -most, most), jnp.clip(rate, -fastest, fastest)
 
 
 def pressure_at(
@@ -476,8 +356,7 @@ def blast_overpressure(
 
     def of(blast: Blast) -> Float[Array, ""]:
         # a blast that never detonates has a wave without pressure
-        wave = load.wave_of(blast, position_m)
-        return overpressure(wave, _since_front(load, blast, time_s, position_m))
+        return overpressure(*_wave_at(load, blast, time_s, position_m))
 
     return load.pressure_pa * sum(map_grouped(of, load.waves), jnp.zeros_like(time_s))
 
@@ -498,8 +377,7 @@ def may_press(
     """
 
     def of(blast: Blast) -> Bool[Array, ""]:
-        since = _since_front(load, blast, time_s, position_m)
-        wave = load.wave_of(blast, position_m)
+        wave, since = _wave_at(load, blast, time_s, position_m)
         lasts = wave.duration_s + wave.suction_s
         return ~blast.never & (since >= -slack_s) & (since <= lasts + slack_s)
 
@@ -508,16 +386,16 @@ def may_press(
     )
 
 
-def _since_front(
+def _wave_at(
     load: BlastLoad,
     blast: Blast,
     time_s: Float[Array, ""],
     position_m: Float[Array, "3"],
-) -> Float[Array, ""]:
-    """Return the time since a front's arrival; if it never detonates, as if now."""
+) -> tuple[Wave, Float[Array, ""]]:
+    """Return a wave, and the time since its front; if it never detonates, as if now."""
     # not from the arrival time, which float32 rounds on a clock of many minutes
     travel = blast.travel_time_s(load.surroundings(), position_m)
-    return time_s - blast.by(time_s).time_s - travel
+    return load.wave_of(blast, position_m), time_s - blast.by(time_s).time_s - travel
 
 
 def lagging(
@@ -559,17 +437,3 @@ def dipole_field(lat_deg: float, lon_deg: float) -> Float[np.ndarray, "3"]:
     north = -g_0 * math.cos(lat) + across * math.sin(lat)
     up = 2 * (g_0 * math.sin(lat) + across * math.cos(lat))
     return np.array([east, north, up])
-
-
-def field_read(
-    noise: Float[Array, "3"], magnetometer: Magnetometer, quaternion: Float[Array, "4"]
-) -> Float[Array, "3"]:
-    """Return a sample along the body's axes [gauss].
-
-    Args:
-        noise: Standard normal numbers.
-        magnetometer: Field and noise.
-        quaternion: Body to world (x, y, z, w), of length 1.
-    """
-    true = quaternion_matrix(quaternion).T @ magnetometer.field_gauss
-    return true + magnetometer.noise * noise

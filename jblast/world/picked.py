@@ -23,7 +23,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.observations import Observations, observed
@@ -31,11 +31,18 @@ from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.observations.table import stacked
 from jblast.scene import Charge, Imu, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
-from jblast.sensors.imu import Felt, JoltPick, base_of, felt, pick_jolt, read
+from jblast.sensors.imu import (
+    Inertial,
+    clipped,
+    inertial_of,
+    states_at,
+    with_errors,
+)
+from jblast.sensors.jolt_pick import JoltPick, base_of, pick_jolt
 from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.pick_log import kept_quantities, log_value
-from jblast.vehicle import State, Trajectory, vehicle_of
+from jblast.vehicle import Trajectory, vehicle_of
 from jblast.vehicle.quadrotor import required_body
 from jblast.waves import kingery_bulmash_blast_wind
 from jblast.world.drawn import DrawnWorld
@@ -63,7 +70,7 @@ class ImuRecord(NamedTuple):
     sensor: Sensor
     imu: Imu
     stamps_s: Float[np.ndarray, " sample"]
-    samples: Felt
+    samples: Inertial
     flight: Trajectory
 
     @property
@@ -74,16 +81,7 @@ class ImuRecord(NamedTuple):
     @property
     def clipped(self) -> bool:
         """True if a sample is at a limit of the unit's range."""
-        # The largest code of an n-bit converter is one step below full scale; without
-        # bits, float64 has 53.
-        step = 2.0 ** (1 - (self.imu.bits or 53))
-        return any(
-            bool(jnp.any(jnp.abs(column) >= full_scale * (1 - step) * (1 - 1e-6)))
-            for column, full_scale in (
-                (self.samples.force, self.imu.accelerometer_range),
-                (self.samples.rate, self.imu.gyroscope_range),
-            )
-        )
+        return bool(clipped(self.samples, self.imu).any())
 
     @property
     def row_s(self) -> float:
@@ -118,7 +116,7 @@ def picked_jolts(
         ends = record.common_s[-1] + 1 / record.imu.rate
         for shot in np.flatnonzero(comes < ends).tolist():
             pick, first = _pick(world, record, comes, shot)
-            if pick is None or not pick.found:
+            if not isinstance(pick, JoltPick):
                 # Waves below the noise are counted, so that a report can state how many
                 # were lost.
                 missed += 1
@@ -163,45 +161,34 @@ def _log(
 
 def _pick(
     world: DrawnWorld, record: ImuRecord, comes_s: np.ndarray, shot: int
-) -> tuple[JoltPick | None, int]:
+) -> tuple[JoltPick | str, int]:
     """Return the jolt of one blast and the first sample of its search interval."""
     spec = world.scene.vehicle
     if spec is None:
-        return None, 0
+        return "expected a vehicle", 0
     start, stop = interval_about(comes_s, shot)
     common = record.common_s
     some = np.flatnonzero((common >= start) & (common < stop))
     if not some.size:
-        return None, 0
+        return "expected samples within the search interval", 0
     part, flight = slice(some[0], some[-1] + 1), record.flight
     middle = jnp.asarray(common[part] + 0.5 / record.imu.rate)
-    begin = jnp.asarray(common[part][:1])
-    motion = State(
-        *(
-            _at(begin, flight.time_s, column)[0]
-            for column in (
-                flight.position_m,
-                flight.velocity_m_s,
-                flight.quaternion,
-                flight.body_rate_rad_s,
-                flight.rotor_speed_rad_s,
-            )
-        )
-    )
+    first = states_at(flight, jnp.asarray(common[part][:1]))
+    begin = jax.tree.map(lambda column: column[0], first)
     air = world.scene.air
     # The vehicle's estimator would remove the gyroscope's bias; here it is the mean
     # difference from the truth over the first samples.
     rates = record.samples.rate[part]
     base = base_of(len(rates))
     edges = jnp.asarray(common[some[0]] + np.arange(base + 1) / record.imu.rate)
-    true = felt(flight, edges, record.sensor.offset_m, record.sensor.quaternion)
+    true = inertial_of(flight, edges, record.sensor.offset_m, record.sensor.quaternion)
     off = jnp.mean(rates[:base] - true.rate[: len(rates)], axis=0)
     pick = pick_jolt(
-        Felt(record.samples.force[part], rates - off[None]),
+        Inertial(record.samples.force[part], rates - off[None]),
         record.imu,
         vehicle_of(spec),
-        motion,
-        _at(middle, flight.time_s, flight.rotor_speed_rad_s),
+        begin,
+        states_at(flight, middle).rotor_speed_rad_s,
         record.sensor.offset_m,
         record.sensor.quaternion,
         wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
@@ -213,8 +200,8 @@ def _hovers(
     flight: Trajectory, charge: Charge, comes_s: float, place_m: np.ndarray
 ) -> bool:
     """Return whether a vehicle is slow, compared with the wind of a blast."""
-    when = jnp.asarray([comes_s])
-    speed = float(jnp.linalg.norm(_at(when, flight.time_s, flight.velocity_m_s)))
+    state = states_at(flight, jnp.asarray([comes_s]))
+    speed = float(jnp.linalg.norm(state.velocity_m_s))
     distance = np.linalg.norm(place_m - np.asarray(charge.position_m))
     mass = charge.tnt_mass("peak_overpressure_pa")
     return speed < MAX_SPEED_SHARE * float(kingery_bulmash_blast_wind(distance, mass))
@@ -260,14 +247,6 @@ def _readings(
     return readings
 
 
-def _at(
-    when: Float[Array, " time"],
-    times: Float[Array, " row"],
-    rows: Float[Array, "row axis"],
-) -> Float[Array, "time axis"]:
-    return jax.vmap(jnp.interp, (None, None, 1), 1)(when, times, rows)
-
-
 def imu_records(
     world: DrawnWorld, flight: Trajectory | None, seconds: float
 ) -> list[ImuRecord]:
@@ -301,11 +280,13 @@ def imu_records(
         common = jnp.asarray(edges - offset)
         # Evaluated at the edges of samples, because a sample is the mean over its
         # interval.
-        true = felt(flight, common, sensor.offset_m, sensor.quaternion)
+        true = inertial_of(flight, common, sensor.offset_m, sensor.quaternion)
         # The key follows from the name, so other sensors do not change the noise.
         number = zlib.crc32(f"imu {sensor.name}".encode())
         key = jax.random.fold_in(world.noise_key, number)
-        records.append(ImuRecord(sensor, imu, edges[:-1], read(key, imu, true), flight))
+        records.append(
+            ImuRecord(sensor, imu, edges[:-1], with_errors(key, imu, true), flight)
+        )
     return records
 
 

@@ -19,7 +19,7 @@ from jblast.autopilot.estimator import (
     predicted,
     transition,
 )
-from jblast.sensors.flight_sensors import Biases
+from jblast.sensors.imu import Inertial
 from jblast.vehicle import State
 from tests.autopilot.estimator.estimates import (
     FIELD,
@@ -43,7 +43,7 @@ def apart(from_one: Estimate, to_other: Estimate) -> jnp.ndarray:
         jnp.zeros(3),
         jnp.zeros(4),
     )
-    return error_of(from_one, true, Biases(to_other.force_bias, to_other.rate_bias))
+    return error_of(from_one, true, Inertial(to_other.force_bias, to_other.rate_bias))
 
 
 def differences(function) -> np.ndarray:
