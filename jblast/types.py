@@ -1,23 +1,89 @@
-"""Shared converters to float arrays, and a base of modules that check keywords."""
+"""Values of a scene: frozen dataclasses with array fields, with and without JAX.
 
-from dataclasses import fields
-from typing import Any
+A scene, its paths and the laws are needed by commands that answer in less time than
+JAX takes to import. A `Module` is therefore a plain frozen dataclass, which becomes a
+PyTree as soon as JAX is imported, by whomever. Its numbers are NumPy arrays before, and
+JAX arrays from then on. A function of both kinds of arrays takes its operations from
+`namespace`.
+"""
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
+import functools
+import sys
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field as dataclass_field, fields
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, dataclass_transform
+
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Float
 
 from jblast.errors import nearest, shown
 
+# jaxtyping imports JAX for these names. At run time a shape and a type of numbers are
+# checked by `Float[Any, "..."]` for the arrays of both.
+if TYPE_CHECKING:
+    from jaxtyping import Array as Array, ArrayLike as ArrayLike
+else:
+    Array = ArrayLike = Any
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def jax_is_loaded() -> bool:
+    """Return whether JAX is imported, so that numbers become JAX arrays."""
+    return not _WAITING.waits
+
+
+def namespace(*values: Any) -> Any:
+    """Return `jax.numpy` if a value is a JAX array, also a traced one; else NumPy."""
+    if jax_is_loaded():
+        jax = sys.modules["jax"]
+        if any(isinstance(value, jax.Array) for value in values):
+            return sys.modules["jax.numpy"]
+    return np
+
+
+def is_traced(value: Any) -> bool:
+    """Return whether a value stands for one that JAX traces, and cannot be checked."""
+    return jax_is_loaded() and isinstance(value, sys.modules["jax"].core.Tracer)
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function of arrays run as one program for JAX arrays, plainly for NumPy's.
+
+    Its operations are those of `namespace`.
+    """
+
+    @functools.cache
+    def program() -> Callable[P, R]:
+        import jax
+
+        return jax.jit(function)
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        in_numpy = namespace(*args, *kwargs.values()) is np
+        return (function if in_numpy else program())(*args, **kwargs)
+
+    return call
+
 
 def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
-    """Convert a number to a float array of JAX's default precision.
+    """Convert a number to a float array: of JAX, in its default precision, if loaded.
 
     A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
     and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
     """
+    if not jax_is_loaded():
+        array = np.asarray(value)
+        return array if np.issubdtype(array.dtype, np.floating) else array.astype(float)
+    import jax
+    import jax.numpy as jnp
+
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
         # A vehicle has thirty such fields per flight, and `asarray` takes 0.1 ms each.
         return value
@@ -37,7 +103,141 @@ def as_float_arrays(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
     return tuple(as_float_array(value) for value in values)
 
 
-class Described(eqx.Module):
+def field(
+    *,
+    converter: Callable[[Any], Any] | None = None,
+    static: bool = False,
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+) -> Any:
+    """Return a field of a `Module`.
+
+    Args:
+        converter: Function that is applied to the value of the constructor.
+        static: Whether it is part of the structure of the PyTree, not a leaf.
+        default: Value if none is given.
+        default_factory: Function that returns that value.
+    """
+    return dataclass_field(
+        default=default,
+        default_factory=default_factory,
+        metadata={"static": static, "converter": converter},
+    )
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+class Module:
+    """Base of values: a subclass is a frozen dataclass, and a PyTree in JAX.
+
+    Fields are leaves or PyTrees, unless they are `field(static=True)`. A method
+    `__check_init__` checks the converted values.
+    """
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, eq=False)(cls)
+        _WAITING.add(cls)
+
+    def __post_init__(self) -> None:
+        """Convert and check the values."""
+        for one in fields(self):  # type: ignore[arg-type]
+            if (converter := one.metadata.get("converter")) is not None:
+                converted = converter(getattr(self, one.name))
+                object.__setattr__(self, one.name, converted)
+        self.__check_init__()
+
+    def __check_init__(self) -> None:
+        """Check the values; nothing here."""
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all values are equal, numbers by their arrays."""
+        return type(self) is type(other) and all(
+            _equal(getattr(self, one.name), getattr(other, one.name))
+            for one in fields(self)  # type: ignore[arg-type]
+        )
+
+    __hash__ = None  # type: ignore[assignment]  # like an array
+
+
+def _equal(a: Any, b: Any) -> bool:
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(_equal(a[key], b[key]) for key in a)
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(map(_equal, a, b))
+    if hasattr(a, "dtype") and hasattr(b, "dtype"):
+        return np.array_equal(np.asarray(a), np.asarray(b))
+    return a == b
+
+
+def _register(cls: type) -> None:
+    """Register a dataclass as a PyTree."""
+    from jax.tree_util import GetAttrKey, register_pytree_with_keys
+
+    names: dict[bool, list[str]] = {False: [], True: []}
+    for one in fields(cls):
+        names[one.metadata.get("static", False)].append(one.name)
+    leaves, words = names[False], names[True]
+    keys = [GetAttrKey(name) for name in leaves]
+
+    def flatten(value: Any) -> tuple[list[Any], tuple[Any, ...]]:
+        return (
+            [getattr(value, name) for name in leaves],
+            tuple(getattr(value, name) for name in words),
+        )
+
+    def flatten_with_keys(value: Any) -> tuple[list[Any], tuple[Any, ...]]:
+        children, static = flatten(value)
+        return list(zip(keys, children, strict=True)), static
+
+    def unflatten(static: tuple[Any, ...], children: Any) -> Any:
+        # without conversion and checks: children may be anything that JAX puts there
+        value = object.__new__(cls)
+        for name, child in zip(leaves + words, (*children, *static), strict=True):
+            object.__setattr__(value, name, child)
+        return value
+
+    register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
+
+
+class _Waiting(MetaPathFinder):
+    """Registration of classes, at once or when JAX is imported.
+
+    It is the first finder of modules until then.
+    """
+
+    def __init__(self) -> None:
+        self.waits = "jax" not in sys.modules
+        self.classes: list[type] = []
+        if self.waits:
+            sys.meta_path.insert(0, self)
+
+    def add(self, cls: type) -> None:
+        if self.waits:
+            self.classes.append(cls)
+        else:
+            _register(cls)
+
+    def find_spec(self, name: str, path: Any, target: Any = None) -> ModuleSpec | None:
+        if name != "jax":
+            return None
+        sys.meta_path.remove(self)
+        spec = find_spec(name)
+        if spec is not None and spec.loader is not None:
+            execute = spec.loader.exec_module
+
+            def exec_module(module: ModuleType) -> None:
+                execute(module)
+                self.waits = False
+                for cls in self.classes:
+                    _register(cls)
+
+            spec.loader.exec_module = exec_module  # a loader belongs to one module
+        return spec
+
+
+_WAITING = _Waiting()
+
+
+class Described(Module):
     """Base of parts of a scene; keywords are the keys of its table in a scene file."""
 
     def __new__(cls, *values: Any, **named: Any):

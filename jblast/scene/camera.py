@@ -6,19 +6,27 @@ y to its bottom, z into the scene. A rotation takes camera axes to world axes.
 A quaternion is (x, y, z, w), scalar last, in all of jblast: for cameras and vehicles,
 in files, arrays and columns, as in SciPy and ROS.
 
-Each function of quaternions is compiled as a whole. Otherwise, reading one pose from a
-file would compile some sixty programs.
+For JAX arrays each function of quaternions is compiled as a whole; as separate
+operations one pose would compile some sixty programs.
 """
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
+import math
+
 import numpy as np
-from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Float
 
 from jblast.errors import InputError, shown
-from jblast.types import as_float_array, as_optional_float_array
+from jblast.types import (
+    Array,
+    ArrayLike,
+    Module,
+    as_float_array,
+    as_optional_float_array,
+    compiled,
+    field,
+    is_traced,
+    namespace,
+)
 
 FRAMES_HZ = 1000.0
 """Default frame rate [1/s]."""
@@ -30,7 +38,7 @@ FORWARD = (-0.5, 0.5, -0.5, 0.5)
 NUMBERS = ("position", "quaternion", "center", "distortion", "exposure_s", *POSITIVE)
 
 
-class Camera(eqx.Module):
+class Camera(Module):
     """A pinhole camera with OpenCV's radial-tangential distortion.
 
     World axes are east, north, up; camera axes are x right, y down, z into the scene.
@@ -59,24 +67,24 @@ class Camera(eqx.Module):
             Inside jit numbers are not checked.
     """
 
-    position: Float[Array, "3"] = eqx.field(converter=as_float_array)
-    quaternion: Float[Array, "4"] = eqx.field(converter=as_float_array)
-    focal: Float[Array, "2"] = eqx.field(converter=as_float_array)
-    center: Float[Array, "2"] = eqx.field(converter=as_float_array)
-    width: int = eqx.field(static=True)
-    height: int = eqx.field(static=True)
-    distortion: Float[Array, "5"] = eqx.field(
-        converter=as_float_array, default_factory=lambda: jnp.zeros(5)
+    position: Float[Array, "3"] = field(converter=as_float_array)
+    quaternion: Float[Array, "4"] = field(converter=as_float_array)
+    focal: Float[Array, "2"] = field(converter=as_float_array)
+    center: Float[Array, "2"] = field(converter=as_float_array)
+    width: int = field(static=True)
+    height: int = field(static=True)
+    distortion: Float[Array, "5"] = field(
+        converter=as_float_array, default_factory=lambda: np.zeros(5)
     )
-    frames_hz: Float[Array, ""] = eqx.field(converter=as_float_array, default=FRAMES_HZ)
-    exposure_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    threshold: Float[Array, "2"] = eqx.field(
-        converter=as_float_array, default_factory=lambda: jnp.full(2, 0.2)
+    frames_hz: Float[Array, ""] = field(converter=as_float_array, default=FRAMES_HZ)
+    exposure_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    threshold: Float[Array, "2"] = field(
+        converter=as_float_array, default_factory=lambda: np.full(2, 0.2)
     )
-    daylight: Float[Array, ""] | None = eqx.field(
+    daylight: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    mount: str = eqx.field(static=True, default="")
+    mount: str = field(static=True, default="")
 
     def __check_init__(self):
         for name in ("width", "height"):
@@ -87,7 +95,7 @@ class Camera(eqx.Module):
                 )
         for name in NUMBERS:
             value = getattr(self, name)
-            if isinstance(value, Tracer):
+            if is_traced(value):
                 continue
             # NumPy, because JAX operations on constants inside jit would be traced.
             number = np.asarray(value)
@@ -107,7 +115,7 @@ def _refused(name: str, expected: str, value: Array) -> InputError:
     )
 
 
-@jax.jit
+@compiled
 def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     r"""Matrix of a rotation given as a quaternion.
 
@@ -124,12 +132,13 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     """
     x, y, z, w = q = as_float_array(quaternion)
     # 0 * w, so that the entries have the type and tracer of the others.
-    cross = jnp.array([[0 * w, -z, y], [z, 0 * w, -x], [-y, x, 0 * w]])
+    xp = namespace(q)
+    cross = xp.asarray([[0 * w, -z, y], [z, 0 * w, -x], [-y, x, 0 * w]])
     turned = w * cross + cross @ cross
-    return jnp.eye(3, dtype=q.dtype) + 2.0 / jnp.sum(jnp.square(q)) * turned
+    return xp.eye(3, dtype=q.dtype) + 2.0 / xp.sum(xp.square(q)) * turned
 
 
-@jax.jit
+@compiled
 def quaternion_product(
     after: Float[ArrayLike, "4"], before: Float[ArrayLike, "4"]
 ) -> Float[Array, "4"]:
@@ -140,11 +149,12 @@ def quaternion_product(
         before: The earlier one.
     """
     a, b = as_float_array(after), as_float_array(before)
-    vector = a[3] * b[:3] + b[3] * a[:3] + jnp.cross(a[:3], b[:3])
-    return jnp.append(vector, a[3] * b[3] - jnp.dot(a[:3], b[:3]))
+    xp = namespace(a, b)
+    vector = a[3] * b[:3] + b[3] * a[:3] + xp.cross(a[:3], b[:3])
+    return xp.append(vector, a[3] * b[3] - xp.dot(a[:3], b[:3]))
 
 
-@jax.jit
+@compiled
 def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     r"""Unit quaternion (x, y, z, w) of a rotation matrix, with $w \ge 0$.
 
@@ -155,12 +165,13 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
         matrix: Orthonormal, of determinant 1.
     """
     m = as_float_array(matrix)
+    xp = namespace(m)
     # Only four of ten entries are used, but all are computed: a branch would depend on
     # data.
-    (a, b, c), skew, even = jnp.diagonal(m), m - m.T, m + m.T
+    (a, b, c), skew, even = xp.diagonal(m), m - m.T, m + m.T
     wx, wy, wz = skew[2, 1], skew[0, 2], skew[1, 0]
     xy, xz, yz = even[0, 1], even[0, 2], even[1, 2]
-    outer = jnp.array(
+    outer = xp.asarray(
         [
             [1 + a - b - c, xy, xz, wx],
             [xy, 1 - a + b - c, yz, wy],
@@ -169,12 +180,12 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
         ]
     )
     # The row with the largest diagonal has the best relative precision.
-    unit = _unit(outer[jnp.argmax(jnp.diagonal(outer))])
+    unit = _unit(outer[xp.argmax(xp.diagonal(outer))])
     # q and -q are one rotation; the sign makes written scenes comparable.
-    return jnp.where(unit[3] < 0, -unit, unit)
+    return xp.where(unit[3] < 0, -unit, unit)
 
 
-@jax.jit
+@compiled
 def look_at(
     position: Float[ArrayLike, "3"], target: Float[ArrayLike, "3"]
 ) -> Float[Array, "4"]:
@@ -193,19 +204,22 @@ def look_at(
         the two positions are equal.
     """
     ahead = as_float_array(target) - as_float_array(position)
-    apart = jnp.any(ahead != 0)
+    xp = namespace(ahead)
+    apart = xp.any(ahead != 0)
     # The input is replaced, not the result, so that no branch has a NaN gradient.
-    forward = _unit(jnp.where(apart, ahead, 1.0))
-    level = jnp.array([forward[1], -forward[0], 0.0], forward.dtype)
-    tilted = jnp.any(level != 0)
-    right = _unit(jnp.where(tilted, level, jnp.array([1.0, 0.0, 0.0], forward.dtype)))
-    down = jnp.cross(forward, right)
-    turned = matrix_quaternion(jnp.stack([right, down, forward], axis=-1))
-    return jnp.where(apart, turned, jnp.nan)
+    forward = _unit(xp.where(apart, ahead, 1.0))
+    level = xp.asarray([forward[1], -forward[0], 0.0], forward.dtype)
+    tilted = xp.any(level != 0)
+    east = xp.asarray([1.0, 0.0, 0.0], forward.dtype)
+    right = _unit(xp.where(tilted, level, east))
+    down = xp.cross(forward, right)
+    turned = matrix_quaternion(xp.stack([right, down, forward], axis=-1))
+    return xp.where(apart, turned, math.nan)
 
 
 def _unit(vector: Float[Array, " axis"]) -> Float[Array, " axis"]:
     """Return a vector of length one; scaled first, so that no square underflows."""
-    # The scale cancels, so that its gradient is not needed.
-    scaled = vector / jax.lax.stop_gradient(jnp.max(jnp.abs(vector)))
-    return scaled / jnp.sqrt(jnp.sum(jnp.square(scaled)))
+    xp = namespace(vector)
+    # a power of two, whose gradient is zero as that of `floor`
+    scaled = vector / xp.exp2(xp.floor(xp.log2(xp.max(xp.abs(vector)))))
+    return scaled / xp.sqrt(xp.sum(xp.square(scaled)))

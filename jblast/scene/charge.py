@@ -11,16 +11,22 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, nearest, shown
 from jblast.parameters import PARAMETERS
 from jblast.quantities import quantity_named
-from jblast.types import Described, as_float_array, as_optional_float_array
+from jblast.types import (
+    Array,
+    ArrayLike,
+    Described,
+    as_float_array,
+    as_optional_float_array,
+    field,
+    is_traced,
+    namespace,
+)
 
 Burst = Literal["surface", "free-air"]
 BURSTS: tuple[Burst, ...] = ("surface", "free-air")
@@ -83,24 +89,24 @@ class Charge(Described):
         `jblast.Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.5), explosive="C4")`
     """
 
-    mass_kg: Float[Array, ""] = eqx.field(
+    mass_kg: Float[Array, ""] = field(
         converter=as_float_array, default=PARAMETERS["charge_mass_kg"].default
     )
-    position_m: EastNorthUp = eqx.field(converter=_place, default=(0.0, 0.0, 0.0))
-    time_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    range_m: Float[Array, ""] | None = eqx.field(
+    position_m: EastNorthUp = field(converter=_place, default=(0.0, 0.0, 0.0))
+    time_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    range_m: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    burst: Burst | None = eqx.field(static=True, default=None)
-    by_height: bool = eqx.field(static=True, default=False)
-    explosive: str = eqx.field(static=True, default="TNT")
-    tnt_factor: Float[Array, ""] | None = eqx.field(
+    burst: Burst | None = field(static=True, default=None)
+    by_height: bool = field(static=True, default=False)
+    explosive: str = field(static=True, default="TNT")
+    tnt_factor: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    name: str = eqx.field(static=True, default="")
+    name: str = field(static=True, default="")
 
     def __check_init__(self):
-        if isinstance(self.time_s, Tracer):
+        if is_traced(self.time_s):
             return
         # NumPy, because JAX operations on constants inside jit would be traced.
         time = np.asarray(self.time_s)
@@ -128,7 +134,7 @@ class Charge(Described):
     @property
     def never(self) -> Bool[Array, ""]:
         """True if it never happens."""
-        return jnp.isposinf(self.time_s)
+        return namespace(self.time_s).isposinf(self.time_s)
 
     def as_if_at_zero(self) -> "Charge":
         """Return a charge that never happens with time 0; other charges as they are.
@@ -137,7 +143,8 @@ class Charge(Described):
         gradients, masked or not.
         """
         # 0 * inf is NaN in a gradient, even where a mask removes the value.
-        return replace(self, time_s=jnp.where(self.never, 0.0, self.time_s))
+        xp = namespace(self.time_s)
+        return replace(self, time_s=xp.where(self.never, 0.0, self.time_s))
 
     def since(self, time: Float[Array, "..."]) -> Float[Array, "..."]:
         """Return the time since detonation [s]; negative if it never happens.
@@ -146,7 +153,8 @@ class Charge(Described):
             time: On the common clock [s].
         """
         # A negative time is before the detonation, and has no effect.
-        return jnp.where(self.never, -1.0, time - self.as_if_at_zero().time_s)
+        elapsed = time - self.as_if_at_zero().time_s
+        return namespace(elapsed).where(self.never, -1.0, elapsed)
 
     def tnt_mass(self, quantity: str) -> Float[Array, ""]:
         """Return the TNT-equivalent mass for a quantity [kg]."""

@@ -3,13 +3,12 @@
 import math
 from typing import Literal, NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+import numpy as np
+from jaxtyping import Float
 
 from jblast.parameters import POSITIVE, Bounds, Key, Parameter, Spread
 from jblast.scene.uncertain import Prior, Uniform
-from jblast.types import as_float_array
+from jblast.types import Array, ArrayLike, Module, as_float_array, field
 
 About = Literal["world", "vehicle"]
 ABOUT: tuple[About, ...] = ("world", "vehicle")
@@ -68,7 +67,7 @@ def _number(value: ArrayLike | Prior) -> Number:
     return value if isinstance(value, Prior) else as_float_array(value)
 
 
-class Box(eqx.Module):
+class Box(Module):
     """Region of positions, uniform between two corners.
 
     Attributes:
@@ -76,11 +75,11 @@ class Box(eqx.Module):
         high: Maximum east, north, up [m]; up may equal the minimum.
     """
 
-    low: Float[Array, "3"] = eqx.field(converter=as_float_array)
-    high: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    low: Float[Array, "3"] = field(converter=as_float_array)
+    high: Float[Array, "3"] = field(converter=as_float_array)
 
 
-class Ring(eqx.Module):
+class Ring(Module):
     """Region of positions on the ground, uniform over the area of a ring.
 
     Attributes:
@@ -88,28 +87,28 @@ class Ring(eqx.Module):
         outer: Maximum horizontal distance [m].
     """
 
-    inner: Float[Array, ""] = eqx.field(converter=as_float_array)
-    outer: Float[Array, ""] = eqx.field(converter=as_float_array)
+    inner: Float[Array, ""] = field(converter=as_float_array)
+    outer: Float[Array, ""] = field(converter=as_float_array)
 
 
-class ByCount(eqx.Module):
+class ByCount(Module):
     """A fixed number of blasts, with uniform times given the gaps.
 
     Attributes:
         count: Number of blasts.
     """
 
-    count: int = eqx.field(static=True)
+    count: int = field(static=True)
 
 
-class ByRate(eqx.Module):
+class ByRate(Module):
     """Waiting times beyond the gap are exponential.
 
     Attributes:
         rate: Rate of the exponential distribution, 1 over its mean [1/s].
     """
 
-    rate: Number = eqx.field(converter=_number)
+    rate: Number = field(converter=_number)
 
 
 class ByTick(NamedTuple):
@@ -124,7 +123,7 @@ class ByTick(NamedTuple):
     tick: float
 
 
-class WorldSpec(eqx.Module):
+class WorldSpec(Module):
     """Distribution of random blasts, which `jblast.world` samples.
 
     Attributes:
@@ -137,21 +136,19 @@ class WorldSpec(eqx.Module):
         gap: Minimum time between two blasts [s]; one number per world.
     """
 
-    occurrence: ByCount | ByRate | ByTick = ByCount(COUNT)
-    region: Box | Ring = eqx.field(
+    occurrence: ByCount | ByRate | ByTick = field(
+        default_factory=lambda: ByCount(COUNT)
+    )
+    region: Box | Ring = field(
         default_factory=lambda: Box(
-            jnp.array([-50.0, -50.0, 0.0]), jnp.array([50.0, 50.0, 0.0])
+            np.array([-50.0, -50.0, 0.0]), np.array([50.0, 50.0, 0.0])
         )
     )
-    about: About = eqx.field(static=True, default="world")
-    mass: Number = eqx.field(
-        converter=_number, default_factory=lambda: Uniform(5.0, 15.0)
-    )
-    time: Number = eqx.field(
-        converter=_number, default_factory=lambda: Uniform(1.0, 20.0)
-    )
+    about: About = field(static=True, default="world")
+    mass: Number = field(converter=_number, default_factory=lambda: Uniform(5.0, 15.0))
+    time: Number = field(converter=_number, default_factory=lambda: Uniform(1.0, 20.0))
     # The gap keeps the waves of two blasts apart in a record.
-    gap: Number = eqx.field(converter=_number, default=WORLD_NUMBERS["gap_s"].default)
+    gap: Number = field(converter=_number, default=WORLD_NUMBERS["gap_s"].default)
 
     @property
     def window(self) -> tuple[float, float]:
@@ -159,6 +156,6 @@ class WorldSpec(eqx.Module):
         # Only a uniform prior has bounds: others may give any time.
         if isinstance(self.time, Uniform):
             return float(self.time.lo), float(self.time.hi)
-        if isinstance(self.time, Array):
+        if not isinstance(self.time, Prior):
             return float(self.time), float(self.time)
         return -math.inf, math.inf

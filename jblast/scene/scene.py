@@ -7,15 +7,14 @@ speed, density, absorption) are computed in `waves`.
 import math
 from typing import Literal
 
-import equinox as eqx
-import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Float
 
 from jblast.parameters import PARAMETERS
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
 from jblast.scene.sensor import Clock, Sensor
-from jblast.types import as_float_array, as_optional_float_array
+from jblast.types import Array, Module, as_float_array, as_optional_float_array, field
 
 GroundPath = Literal["head", "thesis"]
 HEIGHT_M = 30.0
@@ -23,7 +22,7 @@ HEIGHT_M = 30.0
 trees and houses as sources."""
 
 
-class Air(eqx.Module):
+class Air(Module):
     """Uniform air.
 
     Attributes:
@@ -41,30 +40,28 @@ class Air(eqx.Module):
         absorption_scale: Absorption over that of ISO 9613-1 [-].
     """
 
-    temperature: Float[Array, ""] = eqx.field(
+    temperature: Float[Array, ""] = field(
         converter=as_float_array, default=PARAMETERS["air_temperature_k"].default
     )
-    pressure: Float[Array, ""] = eqx.field(
+    pressure: Float[Array, ""] = field(
         converter=as_float_array, default=PARAMETERS["air_pressure_pa"].default
     )
-    relative_humidity: Float[Array, ""] = eqx.field(
+    relative_humidity: Float[Array, ""] = field(
         converter=as_float_array, default=PARAMETERS["air_relative_humidity"].default
     )
-    altitude: Float[Array, ""] | None = eqx.field(
+    altitude: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    sound_speed: Float[Array, ""] | None = eqx.field(
+    sound_speed: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    wind_east: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    wind_north: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    absorption: bool = eqx.field(static=True, default=False)
-    absorption_scale: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=1.0
-    )
+    wind_east: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    wind_north: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    absorption: bool = field(static=True, default=False)
+    absorption_scale: Float[Array, ""] = field(converter=as_float_array, default=1.0)
 
 
-class Ambient(eqx.Module):
+class Ambient(Module):
     """Ambient sound: a recording in a loop, or coloured noise.
 
     Attributes:
@@ -77,15 +74,15 @@ class Ambient(eqx.Module):
         loop_rate: Their sample rate [Hz].
     """
 
-    level: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    slope: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    height: Float[Array, ""] = eqx.field(converter=as_float_array, default=HEIGHT_M)
-    file: str = eqx.field(static=True, default="")
-    full_scale: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.0)
-    loop: Float[Array, " sample"] | None = eqx.field(
+    level: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    slope: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    height: Float[Array, ""] = field(converter=as_float_array, default=HEIGHT_M)
+    file: str = field(static=True, default="")
+    full_scale: Float[Array, ""] = field(converter=as_float_array, default=1.0)
+    loop: Float[Array, " sample"] | None = field(
         converter=as_optional_float_array, default=None
     )
-    loop_rate: float = eqx.field(static=True, converter=float, default=math.nan)
+    loop_rate: float = field(static=True, converter=float, default=math.nan)
 
     def __check_init__(self):
         # The loop is read later: a scene file names only the recording.
@@ -101,7 +98,7 @@ class Ambient(eqx.Module):
             )
 
 
-class Ground(eqx.Module):
+class Ground(Module):
     """Uniform rock.
 
     Attributes:
@@ -110,13 +107,13 @@ class Ground(eqx.Module):
             "thesis" (then up at the mean speed of the air shock).
     """
 
-    p_speed: Float[Array, ""] = eqx.field(
+    p_speed: Float[Array, ""] = field(
         converter=as_float_array, default=PARAMETERS["ground_p_speed_m_s"].default
     )
-    path: GroundPath = eqx.field(static=True, default="head")
+    path: GroundPath = field(static=True, default="head")
 
 
-class VehicleSpec(eqx.Module):
+class VehicleSpec(Module):
     """A vehicle with position control, or on a mission.
 
     Its model is defined in `jblast.vehicle`.
@@ -134,17 +131,17 @@ class VehicleSpec(eqx.Module):
         placed: True if `position` is given; else a mission starts at its plan's home.
     """
 
-    model: str = eqx.field(static=True)
-    position: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    model: str = field(static=True)
+    position: Float[Array, "3"] = field(converter=as_float_array)
     target: Float[Array, "3"] | None = None
-    velocity: Float[Array, "3"] = eqx.field(
-        converter=as_float_array, default_factory=lambda: jnp.zeros(3)
+    velocity: Float[Array, "3"] = field(
+        converter=as_float_array, default_factory=lambda: np.zeros(3)
     )
-    yaw: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    integral: bool | None = eqx.field(static=True, default=None)
-    gains: dict[str, Float[Array, "..."]] = eqx.field(default_factory=dict)
-    mission: str | None = eqx.field(static=True, default=None)
-    placed: bool = eqx.field(static=True, default=True)
+    yaw: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    integral: bool | None = field(static=True, default=None)
+    gains: dict[str, Float[Array, "..."]] = field(default_factory=dict)
+    mission: str | None = field(static=True, default=None)
+    placed: bool = field(static=True, default=True)
 
     @property
     def held(self) -> Float[Array, "3"]:
@@ -152,7 +149,7 @@ class VehicleSpec(eqx.Module):
         return self.position if self.target is None else self.target
 
 
-class Scene(eqx.Module):
+class Scene(Module):
     """All inputs of the records of the sensors.
 
     Attributes:
@@ -176,23 +173,23 @@ class Scene(eqx.Module):
         `jblast.Scene(jblast.Charge(15.0), air=jblast.scene.Air(altitude=800.0))`
     """
 
-    charge: Charge = eqx.field(default_factory=Charge)
+    charge: Charge = field(default_factory=Charge)
     others: tuple[Charge, ...] = ()
-    air: Air = eqx.field(default_factory=Air)
-    ground: Ground = eqx.field(default_factory=Ground)
+    air: Air = field(default_factory=Air)
+    ground: Ground = field(default_factory=Ground)
     sensors: tuple[Sensor, ...] = ()
     ambient: Ambient | None = None
     camera: Camera | None = None
     vehicle: VehicleSpec | None = None
     clocks: tuple[Clock, ...] = ()
-    law: tuple[tuple[str, str], ...] = eqx.field(static=True, default=())
-    scatter: bool = eqx.field(static=True, default=True)
-    instant_light: bool = eqx.field(static=True, default=False)
-    sedov_gamma: Float[Array, ""] = eqx.field(
+    law: tuple[tuple[str, str], ...] = field(static=True, default=())
+    scatter: bool = field(static=True, default=True)
+    instant_light: bool = field(static=True, default=False)
+    sedov_gamma: Float[Array, ""] = field(
         converter=as_float_array, default=PARAMETERS["sedov_gamma"].default
     )
     # None differs from a number: a fit can free it only if it is given.
-    fireball_growth: Float[Array, ""] | None = eqx.field(
+    fireball_growth: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
 

@@ -8,15 +8,22 @@ import math
 from collections.abc import Sequence
 from typing import Literal
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Float
 
 from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import InputError
-from jblast.types import Described, as_float_array, as_optional_float_array
+from jblast.types import (
+    Array,
+    ArrayLike,
+    Described,
+    Module,
+    as_float_array,
+    as_optional_float_array,
+    field,
+    jax_is_loaded,
+    namespace,
+)
 
 VECTORS = {
     "position_m": ("east", "north", "up"),
@@ -33,10 +40,14 @@ Saturation = Literal["clip", "compress"]
 
 def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
     # A tuple may have traced and plain numbers, as in a fit of a position.
-    return as_float_array(jnp.asarray(value))
+    if jax_is_loaded():
+        import jax.numpy as jnp
+
+        value = jnp.asarray(value)
+    return as_float_array(value)
 
 
-class Imu(eqx.Module):
+class Imu(Module):
     """Accelerometer and gyroscope of three axes; samples are means over their interval.
 
     The defaults are those of a Bosch BMI088, which is on Crazyflie 2.1 and Pixhawk
@@ -62,33 +73,33 @@ class Imu(eqx.Module):
         bits: Bits of a sample; None: floating-point numbers.
     """
 
-    rate: float = eqx.field(static=True, converter=float, default=1000.0)
-    accelerometer_range: Float[Array, ""] = eqx.field(
+    rate: float = field(static=True, converter=float, default=1000.0)
+    accelerometer_range: Float[Array, ""] = field(
         converter=as_float_array, default=24 * STANDARD_GRAVITY
     )
-    gyroscope_range: Float[Array, ""] = eqx.field(
+    gyroscope_range: Float[Array, ""] = field(
         converter=as_float_array, default=math.radians(2000)
     )
-    accelerometer_noise: Float[Array, ""] = eqx.field(
+    accelerometer_noise: Float[Array, ""] = field(
         converter=as_float_array, default=160e-6 * STANDARD_GRAVITY
     )
-    gyroscope_noise: Float[Array, ""] = eqx.field(
+    gyroscope_noise: Float[Array, ""] = field(
         converter=as_float_array, default=math.radians(0.014)
     )
-    accelerometer_bias: Float[Array, ""] = eqx.field(
+    accelerometer_bias: Float[Array, ""] = field(
         converter=as_float_array, default=20e-3 * STANDARD_GRAVITY
     )
-    gyroscope_bias: Float[Array, ""] = eqx.field(
+    gyroscope_bias: Float[Array, ""] = field(
         converter=as_float_array, default=math.radians(1)
     )
-    accelerometer_walk: Float[Array, ""] = eqx.field(
+    accelerometer_walk: Float[Array, ""] = field(
         converter=as_float_array,
         default=20e-3 * STANDARD_GRAVITY / 10 / math.sqrt(1000),
     )
-    gyroscope_walk: Float[Array, ""] = eqx.field(
+    gyroscope_walk: Float[Array, ""] = field(
         converter=as_float_array, default=math.radians(1) / 10 / math.sqrt(1000)
     )
-    bits: int | None = eqx.field(static=True, default=16)
+    bits: int | None = field(static=True, default=16)
 
     def sample_noise(self) -> Float[Array, "2"]:
         """Return standard deviations of a sample's noise: accelerometer, gyroscope.
@@ -97,10 +108,11 @@ class Imu(eqx.Module):
         spectrum.
         """
         half = math.sqrt(self.rate / 2)
-        return half * jnp.stack([self.accelerometer_noise, self.gyroscope_noise])
+        noise = self.accelerometer_noise, self.gyroscope_noise
+        return half * namespace(*noise).stack(noise)
 
 
-class Instrument(eqx.Module):
+class Instrument(Module):
     """Response and errors of an instrument; the default is an ideal one.
 
     Full scale and noise are in the unit of the sensor's kind: Pa for a microphone, m/s
@@ -121,25 +133,25 @@ class Instrument(eqx.Module):
             square of its speed [-]; None: no pressure.
     """
 
-    rate: float = eqx.field(static=True, converter=float, default=RATE_HZ)
-    full_scale: Float[Array, ""] | None = eqx.field(
+    rate: float = field(static=True, converter=float, default=RATE_HZ)
+    full_scale: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    noise: Float[Array, ""] | None = eqx.field(
+    noise: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    bits: int | None = eqx.field(static=True, default=None)
-    high_pass: Float[Array, ""] | None = eqx.field(
+    bits: int | None = field(static=True, default=None)
+    high_pass: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    low_pass: Float[Array, ""] | None = eqx.field(
+    low_pass: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    saturation: Saturation = eqx.field(static=True, default="clip")
-    noise_slope: Float[Array, ""] | None = eqx.field(
+    saturation: Saturation = field(static=True, default="clip")
+    noise_slope: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
-    wind_noise: Float[Array, ""] | None = eqx.field(
+    wind_noise: Float[Array, ""] | None = field(
         converter=as_optional_float_array, default=None
     )
 
@@ -183,25 +195,23 @@ class Sensor(Described):
         `Sensor("gate", (20.0, 0.0, 1.5), records=(("air_arrival_s", 1e-3),))`
     """
 
-    name: str = eqx.field(static=True)
-    position_m: Float[Array, "3"] = eqx.field(converter=_vector)
-    kind: str = eqx.field(static=True, default="")
-    clock_offset_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
-    records: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
-    times_s: tuple[float, ...] = eqx.field(static=True, default=())
+    name: str = field(static=True)
+    position_m: Float[Array, "3"] = field(converter=_vector)
+    kind: str = field(static=True, default="")
+    clock_offset_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    records: tuple[tuple[str, float], ...] = field(static=True, default=())
+    times_s: tuple[float, ...] = field(static=True, default=())
     instrument: Instrument | None = None
     imu: Imu | None = None
-    mount: str = eqx.field(static=True, default="")
-    offset_m: Float[Array, "3"] = eqx.field(
-        # `device_put` of a NumPy array: `jnp.zeros` would compile a program at the
-        # first import of a scene.
+    mount: str = field(static=True, default="")
+    offset_m: Float[Array, "3"] = field(
         converter=_vector,
-        default_factory=lambda: jax.device_put(np.zeros(3)),
+        default_factory=lambda: np.zeros(3),
     )
-    quaternion: Float[Array, "4"] = eqx.field(
-        converter=_vector, default_factory=lambda: jax.device_put(np.eye(4)[3])
+    quaternion: Float[Array, "4"] = field(
+        converter=_vector, default_factory=lambda: np.eye(4)[3]
     )
-    settings: dict[str, Float[Array, ""]] = eqx.field(
+    settings: dict[str, Float[Array, ""]] = field(
         converter=lambda numbers: {k: as_float_array(v) for k, v in numbers.items()},
         default_factory=dict,
     )
@@ -227,5 +237,5 @@ class Clock(Described):
         TypeError: A keyword that no attribute has.
     """
 
-    name: str = eqx.field(static=True)
-    offset_s: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.0)
+    name: str = field(static=True)
+    offset_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)

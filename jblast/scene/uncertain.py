@@ -9,19 +9,14 @@ its $z$, which is its logarithm for positive numbers.
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from statistics import NormalDist
 from types import SimpleNamespace
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
-import jax.scipy.special
 import numpy as np
-from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray
+from jaxtyping import Float
 
 from jblast.errors import InputError, argument, nearest
 from jblast.parameters import (
@@ -33,7 +28,18 @@ from jblast.parameters import (
 )
 from jblast.scene.scene import Scene
 from jblast.scene.sensor import Clock
-from jblast.types import as_float_array
+from jblast.types import (
+    Array,
+    ArrayLike,
+    Module,
+    as_float_array,
+    field,
+    is_traced,
+    namespace,
+)
+
+if TYPE_CHECKING:
+    from jaxtyping import PRNGKeyArray
 
 SQRT_2 = math.sqrt(2.0)
 NO_SCENE = "the default scene"
@@ -87,13 +93,15 @@ def default_scene() -> UncertainScene:
     return UncertainScene(Scene(), {"charge_mass_kg": Free(positive=True)}, NO_SCENE)
 
 
-def draw_scene(key: PRNGKeyArray, uncertain: UncertainScene) -> Scene:
+def draw_scene(key: "PRNGKeyArray", uncertain: UncertainScene) -> Scene:
     """Sample every uncertain number of a scene from its prior.
 
     Raises:
         InputError: A number is free, so it has no distribution.
     """
     names = list(uncertain.beliefs)
+    import jax
+
     values = {}
     # At least one key, as `split` into none is an error; strict=False for that case.
     for name, key_ in zip(
@@ -206,6 +214,8 @@ def names_in(scene: Scene) -> tuple[str, ...]:
 
 def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
     """Return the scene with some of its numbers replaced."""
+    import equinox as eqx
+
     names = list(values)
     return eqx.tree_at(
         lambda s: [value_of(s, name) for name in names],
@@ -242,7 +252,7 @@ def _each(nodes: Any) -> tuple[Any, ...]:
     return nodes if isinstance(nodes, tuple) else ()
 
 
-class Free(eqx.Module):
+class Free(Module):
     """Free: flat in ln of a positive number, flat otherwise.
 
     A fit limits it by the weak prior of `inference.coordinates`.
@@ -251,7 +261,7 @@ class Free(eqx.Module):
         positive: Whether the number is positive.
     """
 
-    positive: bool = eqx.field(static=True)
+    positive: bool = field(static=True)
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
@@ -266,14 +276,14 @@ class Free(eqx.Module):
 
     def log_density(self, z):
         """Return zero: the density is improper."""
-        return jnp.zeros_like(z)
+        return 0.0 * z
 
 
-class Normal(eqx.Module):
+class Normal(Module):
     """Normal about `mean` with standard deviation `sd`."""
 
-    mean: Float[Array, ""] = eqx.field(converter=as_float_array)
-    sd: Float[Array, ""] = eqx.field(converter=as_float_array)
+    mean: Float[Array, ""] = field(converter=as_float_array)
+    sd: Float[Array, ""] = field(converter=as_float_array)
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
@@ -290,11 +300,11 @@ class Normal(eqx.Module):
         return _standard_normal(z)
 
 
-class LogNormal(eqx.Module):
+class LogNormal(Module):
     """Normal in ln about `median`, with standard deviation ln `factor`."""
 
-    median: Float[Array, ""] = eqx.field(converter=as_float_array)
-    factor: Float[Array, ""] = eqx.field(converter=as_float_array)
+    median: Float[Array, ""] = field(converter=as_float_array)
+    factor: Float[Array, ""] = field(converter=as_float_array)
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
@@ -312,11 +322,11 @@ class LogNormal(eqx.Module):
         return _standard_normal(z)
 
 
-class Uniform(eqx.Module):
+class Uniform(Module):
     """Uniform from `lo` to `hi`, fitted as the normal score of its quantile."""
 
-    lo: Float[Array, ""] = eqx.field(converter=as_float_array)
-    hi: Float[Array, ""] = eqx.field(converter=as_float_array)
+    lo: Float[Array, ""] = field(converter=as_float_array)
+    hi: Float[Array, ""] = field(converter=as_float_array)
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
@@ -334,11 +344,11 @@ class Uniform(eqx.Module):
         return _standard_normal(z)
 
 
-class LogUniform(eqx.Module):
+class LogUniform(Module):
     """Uniform in ln from `lo` to `hi`, fitted as the normal score of its quantile."""
 
-    lo: Float[Array, ""] = eqx.field(converter=as_float_array)
-    hi: Float[Array, ""] = eqx.field(converter=as_float_array)
+    lo: Float[Array, ""] = field(converter=as_float_array)
+    hi: Float[Array, ""] = field(converter=as_float_array)
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
@@ -364,22 +374,25 @@ def _by(first, *others) -> tuple[Any, tuple[Any, ...]]:
     In NumPy nothing is compiled, which JAX would do for each shape.
     """
     every = (first, *others)
-    traced = any(isinstance(one, Tracer) for one in every)
-    xp = jnp if traced or isinstance(first, jax.Array) else np
+    xp = namespace(first, *(one for one in others if is_traced(one)))
     return xp, tuple(xp.asarray(one) for one in every)
 
 
 def _ndtr(xp, z):
     """Return the standard normal distribution function."""
-    if xp is jnp:
-        return jax.scipy.special.ndtr(z)
+    if xp is not np:
+        from jax.scipy.special import ndtr
+
+        return ndtr(z)
     return np.vectorize(lambda x: 0.5 * math.erfc(-x / SQRT_2), otypes=[float])(z)
 
 
 def _ndtri(xp, p):
     """Return its inverse; infinite at 0 and 1, NaN beyond."""
-    if xp is jnp:
-        return jax.scipy.special.ndtri(p)
+    if xp is not np:
+        from jax.scipy.special import ndtri
+
+        return ndtri(p)
 
     def one(x):
         if 0 < x < 1:
@@ -390,10 +403,12 @@ def _ndtri(xp, p):
 
 
 def _standard_normal(z):
-    return -0.5 * jnp.square(z) - 0.5 * jnp.log(2 * jnp.pi)
+    return -0.5 * z**2 - 0.5 * math.log(2 * math.pi)
 
 
-def draw(key: PRNGKeyArray, prior: Prior) -> Float[Array, ""]:
+def draw(key: "PRNGKeyArray", prior: Prior) -> Float[Array, ""]:
     """Sample one number from a prior."""
+    import jax
+
     # Every prior is a standard normal in its coordinate.
-    return jnp.asarray(prior.constrain(jax.random.normal(key)))
+    return jax.numpy.asarray(prior.constrain(jax.random.normal(key)))

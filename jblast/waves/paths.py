@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -18,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
 from jblast.scene.scene import GroundPath
-from jblast.types import as_float_array
+from jblast.types import Module, as_float_array, field
 from jblast.waves.height_of_burst import bursts_in_free_air
 from jblast.waves.propagation import (
     air_density,
@@ -29,7 +28,7 @@ from jblast.waves.propagation import (
 
 
 def _optional() -> Any:
-    return eqx.field(converter=as_float_array, default=math.nan)
+    return field(converter=as_float_array, default=math.nan)
 
 
 def slant_range(
@@ -48,7 +47,7 @@ def slant_range(
     return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
 
 
-class Path(eqx.Module):
+class Path(Module):
     r"""One path from charge to sensor, or many: fields broadcast.
 
     A law's arguments are named after these fields.
@@ -106,8 +105,8 @@ class Path(eqx.Module):
     jolt_north: Float[Array, "..."] = _optional()
     jolt_up: Float[Array, "..."] = _optional()
     free_air: Bool[Array, "..."] | None = None
-    burst: Burst | None = eqx.field(static=True, default="surface")
-    ground_path: GroundPath = eqx.field(static=True, default="head")
+    burst: Burst | None = field(static=True, default="surface")
+    ground_path: GroundPath = field(static=True, default="head")
 
     def one_burst(self) -> Burst:
         """Return the common curve set of all positions.

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-from jaxtyping import Array
-
 from jblast.errors import InputError, shown
 from jblast.scene.random_blasts import (
     ABOUT,
@@ -26,7 +24,7 @@ from jblast.scene.reader.tables import (
     read_number,
     table,
 )
-from jblast.scene.uncertain import Free, Uniform
+from jblast.scene.uncertain import Free, Prior, Uniform
 from jblast.types import as_float_array
 
 MAX_BLASTS = 10_000
@@ -179,7 +177,7 @@ def _region(region: dict[str, Any], where: str) -> Box | Ring:
 def _check_times(world: WorldSpec, where: str) -> None:
     """Reject times that do not fit the requested blasts."""
     gap = world.gap
-    least = float(gap) if isinstance(gap, Array) else float(getattr(gap, "lo", 0.0))
+    least = float(getattr(gap, "lo", 0.0) if isinstance(gap, Prior) else gap)
     first, last = world.window
     if not isinstance(world.occurrence, ByCount):
         if not isinstance(world.time, Uniform):
@@ -188,9 +186,8 @@ def _check_times(world: WorldSpec, where: str) -> None:
                 "probability, the interval with blasts, got another form"
             )
         return
-    if not isinstance(world.time, Array | Uniform) and (
-        least > 0 or not isinstance(gap, Array)
-    ):
+    drawn_freely = isinstance(world.time, Prior) and not isinstance(world.time, Uniform)
+    if drawn_freely and (least > 0 or isinstance(gap, Prior)):
         # Sampling sorts uniform times within the interval less the gaps; for another
         # distribution that changes its shape.
         raise not_yet(f"{where} gap_s", "a gap between times that are not uniform")
