@@ -79,7 +79,7 @@ def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
     and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
     """
     if not jax_is_loaded():
-        array = np.asarray(value)
+        array: Any = np.asarray(value)
         return array if np.issubdtype(array.dtype, np.floating) else array.astype(float)
     import jax
     import jax.numpy as jnp
@@ -164,8 +164,8 @@ def _equal(a: Any, b: Any) -> bool:
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(map(_equal, a, b))
     if hasattr(a, "dtype") and hasattr(b, "dtype"):
-        return np.array_equal(np.asarray(a), np.asarray(b))
-    return a == b
+        return np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True)
+    return a is b or a == b  # NaN, which means "not given", is itself
 
 
 def _register(cls: type) -> None:

@@ -5,8 +5,7 @@ sample rate, range, noise, filters. Several sensors may share a clock.
 """
 
 import math
-from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +14,6 @@ from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import InputError
 from jblast.types import (
     Array,
-    ArrayLike,
     Described,
     Module,
     as_float_array,
@@ -38,7 +36,7 @@ FEWEST_BITS, MOST_BITS = 8, 32
 Saturation = Literal["clip", "compress"]
 
 
-def _vector(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
+def _vector(value: Any) -> Float[Array, "..."]:
     # A tuple may have traced and plain numbers, as in a fit of a position.
     if jax_is_loaded():
         import jax.numpy as jnp
