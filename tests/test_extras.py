@@ -45,7 +45,7 @@ def video(folder):
 def aedat4(folder):
     from jblast.sensors.camera.files.aedat4 import read_aedat4
 
-    read_aedat4(folder / "x.aedat4", None)
+    read_aedat4(folder / "x.aedat4")
 
 
 def scheduler(folder):
@@ -95,7 +95,7 @@ USES = [
     ("seismic", "obspy", seismic),
     ("tdms", "nptdms", tdms),
     ("video", "av", video),
-    ("aedat4", "dv_processing", aedat4),
+    ("aedat4", "faery", aedat4),
     ("cluster", "distributed", scheduler),
     ("environments", "gymnasium", environment),
     ("serve", "grpc", serve),

@@ -213,9 +213,8 @@ ALLOWED = {
     "observations/records/arrays.py": "to the standard output of a reader process",
     **dict.fromkeys(
         (
-            "sensors/camera/files/recorded_events.py",
+            "sensors/camera/files/event_tables.py",
             "sensors/camera/files/evt3.py",
-            "sensors/camera/files/aedat4.py",
         ),
         "what `files/event_files.py` replaces the file by",
     ),

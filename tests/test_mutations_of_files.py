@@ -13,7 +13,7 @@ from jblast.errors import InputError
 from jblast.observations.records.formats import open_record
 from jblast.observations.records.sound import read_sound, write_sound
 from jblast.sensors.camera.files.event_files import read_events, write_events
-from tests.sensors.camera.files.events.test_read import events_of
+from tests.sensors.camera.files.test_events import events_of
 
 MUTATIONS = 2000
 

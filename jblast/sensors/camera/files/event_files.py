@@ -11,23 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jblast.errors import InputError, reading
+from jblast.errors import read_bytes, reading, require
 from jblast.files import replacing
 from jblast.registry import Registry
 from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.files import aedat4, evt3
+from jblast.sensors.camera.files import aedat4, event_tables, evt3
 from jblast.sensors.camera.files.recorded_events import (
-    TYPES,
     Columns,
+    Content,
+    NewFile,
     RecordedEvents,
-    check_place,
-    check_rising,
-    read_arrays,
-    read_hdf5,
-    read_lines,
-    write_arrays,
-    write_dsec,
-    write_text,
+    checked,
+    recorded,
 )
 
 
@@ -36,27 +31,27 @@ class EventFormat(NamedTuple):
 
     Attributes:
         name: Suffix of its files.
-        read: Reader: path, and size for files that do not state it, to events.
-        write: Writer: empty file, columns, width and height, last millisecond of an
-            index; None for a format that is only read.
+        read: Reader of a file as it is; the checks follow.
+        write: Writer of columns, block by block, to an empty file; None for a format
+            that is only read.
         largest: Largest number of columns or rows [px].
     """
 
     name: str
-    read: Callable[[Path, tuple[int, int] | None], RecordedEvents]
-    write: Callable[[Path, Iterable[Columns], tuple[int, int], int], None] | None = None
+    read: Callable[[Path], Content]
+    write: Callable[[NewFile, Iterable[Columns]], None] | None = None
     largest: int = 1 << 16
 
 
 EVENT_FORMATS = Registry[EventFormat](
     "format of events",
-    EventFormat(".h5", read_hdf5, write_dsec),
-    EventFormat(".hdf5", read_hdf5, write_dsec),
-    EventFormat(".npz", read_arrays, write_arrays),
+    EventFormat(".h5", event_tables.read_hdf5, event_tables.write_dsec),
+    EventFormat(".hdf5", event_tables.read_hdf5, event_tables.write_dsec),
+    EventFormat(".npz", event_tables.read_npz, event_tables.write_npz),
     EventFormat(".raw", evt3.read_raw, evt3.write_evt3, evt3.MAX_SIDE),
     EventFormat(".aedat4", aedat4.read_aedat4, aedat4.write_aedat4, aedat4.MAX_SIDE),
-    EventFormat(".txt", read_lines, write_text),
-    EventFormat(".csv", partial(read_lines, order="xypt")),
+    EventFormat(".txt", event_tables.read_lines, event_tables.write_text),
+    EventFormat(".csv", partial(event_tables.read_lines, order="xypt")),
     EventFormat(".dat", evt3.read_dat),
 )
 """Formats by the suffix of their files; `register` adds one from any module."""
@@ -79,13 +74,10 @@ def read_events(
     """
     path = Path(path)
     suffix = check_suffix(path)
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; expected an event file")
-    if not path.stat().st_size:
-        raise InputError(f"{path}: is empty; expected an event file")
-    with reading(path, f"a complete {suffix} file of events"):
-        return EVENT_FORMATS[suffix].read(path, size)
+    expected = f"a complete {suffix} file of events"
+    require(read_bytes(path, expected, 1), path, expected, "an empty file")
+    with reading(path, expected):
+        return recorded(path, EVENT_FORMATS[suffix].read(path), size)
 
 
 class Written(NamedTuple):
@@ -127,18 +119,19 @@ def write_events(
     """
     form = EVENT_FORMATS[check_suffix(path, writing=True)]
     assert form.write is not None
-    if max(width, height) > form.largest:
-        raise InputError(
-            f"{path}: expected images of at most {form.largest:,} pixels per side, the "
-            f"limit of this format; got {width} x {height}"
-        )
+    require(
+        max(width, height) <= form.largest,
+        path,
+        f"images of at most {form.largest:,} pixels per side, the limit of this format",
+        f"{width} x {height}",
+    )
     last_ms = math.ceil(1e3 * duration_s - 1e-6)  # 8 ms, not 8.0000000001
-    counts = {"events": 0, "brighter": 0}
+    counts = [0, 0]
     columns = _counted(path, blocks, (width, height), counts)
     with replacing(path) as temporary:
-        form.write(temporary, columns, (width, height), last_ms)
-    darker = counts["events"] - counts["brighter"]
-    return Written(**counts, darker=darker)
+        form.write(NewFile(temporary, width, height, last_ms), columns)
+    brighter, darker = counts
+    return Written(brighter + darker, brighter, darker)
 
 
 def check_suffix(path: str | Path, *, writing: bool = False) -> str:
@@ -153,42 +146,28 @@ def check_suffix(path: str | Path, *, writing: bool = False) -> str:
     """
     suffix = Path(path).suffix.lower()
     known = [one.name for one in EVENT_FORMATS.values() if one.write or not writing]
-    if suffix not in known:
-        raise InputError(
-            f"{path}: expected a name ending in {', '.join(known[:-1])} or "
-            f"{known[-1]}, got {suffix or 'no suffix'}"
-        )
+    expected = f"a name ending in {', '.join(known[:-1])} or {known[-1]}"
+    require(suffix in known, path, expected, suffix or "no suffix")
     return suffix
 
 
 def _counted(
-    path: str | Path,
-    blocks: Iterable[Events],
-    size: tuple[int, int],
-    counts: dict[str, int],
+    path: str | Path, blocks: Iterable[Events], size: tuple[int, int], counts: list[int]
 ) -> Iterator[Columns]:
-    """Yield the columns of each non-empty block, checked and counted."""
+    """Yield the columns of each non-empty block, checked; count brighter and darker."""
     last = 0
     for block in blocks:
-        columns = _columns(block)
-        if not len(columns["t"]):
+        count = int(block.count)
+        if not count:
             continue
-        for name, limit in zip("xy", size, strict=True):
-            check_place(path, name, columns[name], limit)
-        check_rising(path, columns["t"], last)
+        fields = {"x": block.x, "y": block.y, "t": block.time, "p": block.polarity}
+        columns = {name: np.asarray(field)[:count] for name, field in fields.items()}
+        # all formats have whole microseconds
+        columns["t"] = np.rint(1e6 * columns["t"]).astype(np.int64)
+        columns["p"] = columns["p"] > 0
+        columns = checked(path, columns, size, last)
         last = int(columns["t"][-1])
-        counts["events"] += len(columns["t"])
-        counts["brighter"] += int(columns["p"].sum())
-        yield {name: columns[name].astype(dtype) for name, dtype in TYPES.items()}
-
-
-def _columns(events: Events) -> Columns:
-    """Return the events of a block as columns, before conversion to a file's types."""
-    count = int(events.count)
-    x, y, time, sign = (
-        np.asarray(field)[:count]
-        for field in (events.x, events.y, events.time, events.polarity)
-    )
-    # all formats have whole microseconds
-    t = np.rint(1e6 * time).astype(np.int64)
-    return {"x": x, "y": y, "t": t, "p": sign > 0}
+        brighter = int(columns["p"].sum())
+        counts[0] += brighter
+        counts[1] += count - brighter
+        yield columns

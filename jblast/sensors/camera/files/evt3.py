@@ -23,24 +23,22 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO
 
 import numpy as np
-from jaxtyping import Bool, Int64, UInt16, UInt32
+from jaxtyping import Bool, Int64, UInt16
 
-from jblast.errors import InputError, shown, whole_number
+from jblast.errors import require, shown, whole_number
 from jblast.sensors.camera.files.recorded_events import (
-    TYPES,
     Columns,
-    RecordedEvents,
-    recorded,
+    Content,
+    NewFile,
+    joined,
 )
 
 BLOCK = 1 << 18
 """Words that are decoded together: some 100 MB with the decoder's temporary arrays if
 all are full vectors."""
-NOWHERE = -1 << 40
-"""Column of vectors before any word sets it: adding columns never makes it valid."""
 LONGEST_US = 24 * 3600 * 10**6
 """Longest time without an event [us]. The time is counted up in steps of 4,096 us, as
 cameras do: a day is 21 million words."""
@@ -54,191 +52,134 @@ VECT_BASE_X = 0x3
 """Column and sign of the vectors that follow, in the same bits."""
 VECT_12, VECT_8 = 0x4, 0x5
 """Mask of the events in the next 12 or 8 columns; the next vector continues there."""
-# EVT 3.0 sends time in two halves of 12 bits, each in a word of its own.
-TIME_LOW = 0x6
-TIME_HIGH = 0x8
+TIME_LOW, TIME_HIGH = 0x6, 0x8
 """Lower and upper 12 bits of 24 bits of microseconds, which then begin again at 0."""
-WITHOUT_EVENTS = (0x7, 0xA, 0xE, 0xF)
-"""Triggers of other devices, and extensions of vendors."""
-KNOWN = (ADDR_Y, ADDR_X, VECT_BASE_X, VECT_12, VECT_8, TIME_LOW, TIME_HIGH)
+STATE = TIME_HIGH, TIME_LOW, ADDR_Y, VECT_BASE_X
+"""Words that hold until the next of their kind."""
+EVT3_KINDS = *STATE, ADDR_X, VECT_12, VECT_8, 0x7, 0xA, 0xE, 0xF
+"""Kinds of words of EVT 3.0. The last four have no events: triggers of other devices,
+and extensions of vendors."""
 MAX_SIDE = 1 << 11
 """Largest number of columns or rows [px]: they have 11 bits."""
 PERIOD = 1 << 12
 """Microseconds per step of `TIME_HIGH`, and number of steps until it begins again."""
-EVT2_TIME, EVT2_EVENTS, EVT2_OTHERS = 0x8, (0x0, 0x1), (0xA, 0xE, 0xF)
-"""Kinds of words of EVT 2.0: upper bits of the time; an event, darker or brighter;
-triggers and extensions of vendors."""
-DAT_EVENTS = b"\x0c\x08"
-"""Type of events, those of change detection, and their size, in a DAT file."""
+EVT2_TIME, EVT2_EVENTS = 0x8, (0x0, 0x1)
+"""Words of EVT 2.0: upper bits of the time; an event, darker or brighter."""
+EVT2_KINDS = *EVT2_EVENTS, EVT2_TIME, 0xA, 0xE, 0xF
 EVT2_STEP, EVT2_STEPS = 1 << 6, 1 << 28
 """Microseconds per step of the upper bits, and number of steps until they begin again,
 after 4.8 hours."""
+DAT_EVENTS = b"\x0c\x08"
+"""Type of events, those of change detection, and their size, in a DAT file."""
 
 
-class DecoderState(NamedTuple):
-    """State set by the words so far; -1 for values that no word has set.
+def evt3_columns(blocks: Iterable[np.ndarray]) -> Iterator[Columns]:
+    """Yield the events of blocks of EVT 3.0 words.
 
-    Attributes:
-        high: Steps of 4,096 us, continued where their 12 bits begin again.
-        low: Microseconds after that.
-        y: Row.
-        base: Column and sign of the next vector, as in its word.
+    Events before the first time and row are omitted, as by the manufacturer's own
+    reader, because their time or row is unknown.
     """
-
-    high: int = -1
-    low: int = 0
-    y: int = -1
-    base: int = -1
-
-
-class Decoder:
-    """Decoder of words, block by block.
-
-    Attributes:
-        state: State set by the words so far.
-    """
-
-    def __init__(self):
-        self.state = DecoderState()
-
-    def columns(self, words: UInt16[np.ndarray, " word"]) -> Columns:
-        """Return the events of a block of words.
-
-        Events before the first time and row are omitted, as by the manufacturer's own
-        reader, because their time or row is unknown.
-        """
+    # the words that still hold at the end of a block are put before the next
+    state, loops = np.zeros(0, np.uint16), 0
+    for block in blocks:
+        words = np.append(state, block)
         kind, value = words >> 12, (words & 0xFFF).astype(np.int64)
-        high, low = self._times(kind, value)
-        y = _last(kind == ADDR_Y, value & 0x7FF, self.state.y)
-        base = self._bases(kind, value)
-        self.state = DecoderState(*(int(v[-1]) for v in (high, low, y, base)))
-        # first column of a word's events, and mask of the columns that have one
-        mask = np.zeros(len(words), np.int64)
-        mask[kind == ADDR_X] = 1
-        for vector, bits in ((VECT_12, 0xFFF), (VECT_8, 0xFF)):
-            mask[kind == vector] = value[kind == vector] & bits
-        before = np.where(kind == ADDR_X, value, base - _lengths(kind))
-        mask[(high < 0) | (y < 0) | (before < 0)] = 0
-        at = np.flatnonzero(mask)
-        # one row of twelve flags per word with events
-        bits = (mask[at, None] >> np.arange(12)) & 1
-        row, column = np.nonzero(bits)
-        word = at[row]
-        return {
-            "x": (before[word] & 0x7FF) + column,
-            "y": y[word],
-            "t": high[word] * PERIOD + low[word],
-            "p": before[word] >> 11,
-        }
-
-    def _times(self, kind, value) -> tuple[Int64[np.ndarray, " word"], ...]:
-        """Return upper and lower bits of the time at each word."""
-        at = np.flatnonzero(kind == TIME_HIGH)
-        before = self.state.high
-        high = _last_at(at, _counted(value[at], before, PERIOD), before, len(kind))
-        is_low = kind == TIME_LOW
+        low_at, row_at, base_at = (_last(kind == one) for one in STATE[1:])
+        high = _counted(kind == TIME_HIGH, value, PERIOD, loops)
         # a new step begins at 0; the same step, sent again, changes nothing
-        is_new = np.diff(high, prepend=before) != 0
-        low = _last(is_low | is_new, np.where(is_low, value, 0), self.state.low)
-        return high, low
-
-    def _bases(self, kind, value) -> Int64[np.ndarray, " word"]:
-        """Return column and sign at which the next vector begins, after each word."""
-        lengths = np.cumsum(_lengths(kind))
-        at = np.flatnonzero(kind == VECT_BASE_X)
-        before = self.state.base if self.state.base >= 0 else NOWHERE
-        start = _last_at(at, value[at] - lengths[at], before, len(kind))
-        return np.where(start == NOWHERE, -1, start + lengths)
-
-
-class Evt2Decoder:
-    """Decoder of words of EVT 2.0, block by block.
-
-    Attributes:
-        high: Steps of 64 us, continued where their 28 bits begin again; -1 before the
-            first.
-    """
-
-    def __init__(self):
-        self.high = -1
-
-    def columns(self, words: UInt32[np.ndarray, " word"]) -> Columns:
-        """Return the events of a block of words.
-
-        Events before the first time are omitted, because their time is unknown.
-        """
-        kind = words >> 28
-        at = np.flatnonzero(kind == EVT2_TIME)
-        steps = (words[at] & (EVT2_STEPS - 1)).astype(np.int64)
-        high = _last_at(
-            at, _counted(steps, self.high, EVT2_STEPS), self.high, len(kind)
+        step_at = _last(np.diff(high, prepend=-1) != 0)
+        low = np.where(low_at > step_at, value[low_at], 0)
+        # a vector advances the column of the next
+        length = 12 * (kind == VECT_12) + 8 * (kind == VECT_8)
+        advance = np.cumsum(length)
+        base = (value[base_at] & 0x7FF) + advance - advance[base_at]
+        # column and sign of a word's first event, and mask of the columns that have one
+        is_one = kind == ADDR_X
+        column = np.where(is_one, value & 0x7FF, base - length)
+        sign = np.where(is_one, value, value[base_at]) >> 11
+        mask = np.where(is_one, 1, value & ((1 << length) - 1))
+        mask *= (high >= 0) & (row_at >= 0) & (is_one | (base_at >= 0))
+        at = np.flatnonzero(mask)
+        # one row of flags per word with events
+        octets = mask[at].astype("<u2").view(np.uint8)
+        row, right = np.nonzero(
+            np.unpackbits(octets, bitorder="little").reshape(-1, 16)
         )
-        self.high = int(high[-1])
-        some = np.flatnonzero((kind <= EVT2_EVENTS[-1]) & (high >= 0))
-        word = words[some].astype(np.int64)
-        return {
+        word = at[row]
+        yield {
+            "x": column[word] + right,
+            "y": value[row_at[word]] & 0x7FF,
+            "t": high[word] * PERIOD + low[word],
+            "p": sign[word],
+        }
+        # a column outside any image remains one
+        next_base = value[base_at[-1]] & 0x800 | min(base[-1], 0x7FF)
+        values = high[-1] % PERIOD, low[-1], value[row_at[-1]], next_base
+        known = high[-1] >= 0, high[-1] >= 0, row_at[-1] >= 0, base_at[-1] >= 0
+        held = zip(STATE, values, known, strict=True)
+        state = np.array([k << 12 | v for k, v, some in held if some], np.uint16)
+        loops = max(high[-1], 0) // PERIOD
+
+
+def evt2_columns(blocks: Iterable[np.ndarray]) -> Iterator[Columns]:
+    """Yield the events of blocks of EVT 2.0 words, those before any time omitted."""
+    state, loops = np.zeros(0, np.uint32), 0
+    for block in blocks:
+        words = np.append(state, block)
+        kind, value = words >> 28, words.astype(np.int64)
+        high = _counted(kind == EVT2_TIME, value % EVT2_STEPS, EVT2_STEPS, loops)
+        at = np.flatnonzero((kind <= EVT2_EVENTS[-1]) & (high >= 0))
+        word = value[at]
+        yield {
             "x": word >> 11 & 0x7FF,
             "y": word & 0x7FF,
-            "t": high[some] * EVT2_STEP + (word >> 22 & 0x3F),
+            "t": high[at] * EVT2_STEP + (word >> 22 & 0x3F),
             "p": word >> 28,
         }
+        state = words[kind == EVT2_TIME][-1:]
+        loops = max(high[-1], 0) // EVT2_STEPS
+
+
+def _last(where: Bool[np.ndarray, " word"]) -> Int64[np.ndarray, " word"]:
+    """Return the position of the last true value up to each; -1 for none."""
+    at = np.flatnonzero(where)
+    return np.repeat(np.append(-1, at), np.diff(at, prepend=0, append=len(where)))
 
 
 def _counted(
-    steps: Int64[np.ndarray, " word"], before: int, period: int
+    is_step: Bool[np.ndarray, " word"],
+    value: Int64[np.ndarray, " word"],
+    period: int,
+    loops: int = 0,
 ) -> Int64[np.ndarray, " word"]:
-    """Return steps of a counter, continued where its bits begin again."""
-    falls = np.diff(steps, prepend=max(before, 0) % period)
-    # a fall by more than half of the range: the bits began again
-    wraps = np.cumsum(falls < -period // 2) + max(before, 0) // period
-    return steps + period * wraps
+    """Return a counter at each word, continued where its bits begin again.
 
+    Args:
+        is_step: Words that state the counter.
+        value: Its bits in these words.
+        period: Number of values of the bits.
+        loops: Number of times that they began again before the first of these.
 
-def _lengths(kind: UInt16[np.ndarray, " word"]) -> Int64[np.ndarray, " word"]:
-    """Return the number of columns that each word advances."""
-    return np.where(kind == VECT_12, 12, np.where(kind == VECT_8, 8, 0))
-
-
-def _last(
-    where: Bool[np.ndarray, " word"], value: Int64[np.ndarray, " word"], before: int
-) -> Int64[np.ndarray, " word"]:
-    """Return the value of the last word of a kind, up to each word."""
-    at = np.flatnonzero(where)
-    return _last_at(at, value[at], before, len(value))
-
-
-def _last_at(at, values, before: int, count: int) -> Int64[np.ndarray, " word"]:
-    """Return, for each word, the value at the last of some words up to it."""
-    found = np.append(np.int64(before), values)
-    return np.repeat(found, np.diff(at, prepend=0, append=count))
-
-
-class Encoding(NamedTuple):
-    """Encoding of a file.
-
-    Attributes:
-        name: Its name in messages.
-        word: Type of its words.
-        kinds: Kinds of words that can be in a file.
-        decoder: Type of its decoder.
+    Returns:
+        The counter; -1 before the first statement.
     """
-
-    name: str
-    word: str
-    kinds: tuple[int, ...]
-    decoder: type[Decoder] | type[Evt2Decoder]
+    steps = value[is_step]
+    # a fall by more than half of the range: the bits began again
+    begins = np.diff(steps, prepend=steps[:1]) < -period // 2
+    counter = np.zeros(len(is_step), np.int64)
+    counter[is_step] = steps + period * (loops + np.cumsum(begins))
+    at = _last(is_step)
+    return np.where(at >= 0, counter[at], -1)
 
 
 ENCODINGS = {
-    "EVT3": Encoding("EVT 3.0", "<u2", (*KNOWN, *WITHOUT_EVENTS), Decoder),
-    "EVT2": Encoding(
-        "EVT 2.0", "<u4", (*EVT2_EVENTS, EVT2_TIME, *EVT2_OTHERS), Evt2Decoder
-    ),
+    "EVT3": (np.dtype("<u2"), EVT3_KINDS, evt3_columns),
+    "EVT2": (np.dtype("<u4"), EVT2_KINDS, evt2_columns),
 }
-"""Encodings by their names in headers."""
+"""Type of the words, their kinds and their decoder, by name in headers."""
 
 
-def read_raw(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
+def read_raw(path: Path) -> Content:
     """Read a file of EVT 3.0 or 2.0.
 
     The bytes of an incomplete last word are omitted, with a note, where the header does
@@ -249,37 +190,30 @@ def read_raw(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
             unknown kind.
     """
     with path.open("rb") as file:
-        header = read_header(path, file)
-        encoding = ENCODINGS[header.encoding]
-        width = np.dtype(encoding.word).itemsize
-        octets = os.fstat(file.fileno()).st_size - file.tell()
+        stated = _stated(file)
+        name, _, options = stated.get("format", "").partition(";")
+        version = stated.get("evt", "none")
+        name = name or {"3.0": "EVT3", "2.0": "EVT2"}.get(version, version)
+        expected = "the header of an EVT 3.0 or EVT 2.0 file"
+        require(name in ENCODINGS, path, expected, shown(name))
+        order = stated.get("endianness", "little")
+        require(order == "little", path, "little-endian words", shown(order))
+        word, kinds, decoded = ENCODINGS[name]
+        octets, width = os.fstat(file.fileno()).st_size - file.tell(), word.itemsize
         # a truncated file would otherwise lose its last events without a message
-        if header.words is not None and octets != width * header.words:
-            raise InputError(
-                f"{path}: expected a complete {encoding.name} file, "
-                f"{width * header.words:,} bytes after its header, got {octets:,} bytes"
-            )
-        over = octets % width
-        notes = (
-            f"{path}: an incomplete word at the end of the file ({over} of {width} "
-            "bytes) is ignored",
-        )
-        decoder = encoding.decoder()
-        # converted block by block: int64 columns of a whole file would take four times
-        # the memory
-        parts = [
-            {name: part[name].astype(kind) for name, kind in TYPES.items()}
-            for part in map(decoder.columns, _word_blocks(path, file, encoding))
-        ]
-    columns = {
-        name: np.concatenate([np.zeros(0, kind), *(part[name] for part in parts)])
-        for name, kind in TYPES.items()
-    }
-    found = recorded(path, columns, header.size or size)
-    return found._replace(notes=notes if over else ())
+        words = whole_number(stated.get("words", ""))
+        expected = f"a complete {name} file of {words} words of {width} bytes"
+        require(words in (None, octets / width), path, expected, f"{octets:,} bytes")
+        columns = joined(decoded(_word_blocks(path, file, word, kinds)))
+    fields = dict(option.partition("=")[::2] for option in options.split(";"))
+    across, _, down = stated.get("geometry", "").partition("x")
+    size = _size(fields.get("width", across), fields.get("height", down))
+    over = octets % width
+    note = f"{path}: an incomplete word at the end ({over} of {width} bytes) is ignored"
+    return Content(columns, size, notes=(note,) * (over > 0))
 
 
-def read_dat(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
+def read_dat(path: Path) -> Content:
     """Read a DAT file of change-detection events.
 
     Raises:
@@ -288,39 +222,34 @@ def read_dat(path: Path, size: tuple[int, int] | None) -> RecordedEvents:
     with path.open("rb") as file:
         stated = _stated(file)
         kind, data = file.read(2), file.read()
-    if stated.get("Version") != "2" or kind != DAT_EVENTS:
-        raise InputError(
-            f"{path}: expected a complete DAT file, version 2, of CD events of 8 bytes"
-        )
-    if over := len(data) % 8:
-        raise InputError(
-            f"{path}: expected a complete DAT file, got {over} of the 8 bytes of the "
-            "last event"
-        )
+    is_known = stated.get("Version") == "2" and kind == DAT_EVENTS
+    expected = "a complete DAT file, version 2, of CD events of 8 bytes"
+    require(is_known, path, expected, "another file")
+    require(not len(data) % 8, path, expected, f"{len(data) % 8} bytes of the last")
     times, words = np.frombuffer(data, "<u4").reshape(-1, 2).T.astype(np.int64)
-    across, down = (whole_number(stated.get(name, "")) for name in ("Width", "Height"))
-    if across is not None and down is not None:
-        size = across, down
-    columns = {"x": words & 0x3FFF, "y": words >> 14 & 0x3FFF, "p": words >> 28}
-    return recorded(path, columns | {"t": _counted(times, -1, 1 << 32)}, size)
+    t = _counted(np.ones(len(times), bool), times, 1 << 32)
+    columns = {"x": words & 0x3FFF, "y": words >> 14 & 0x3FFF, "p": words >> 28, "t": t}
+    return Content(columns, _size(stated.get("Width", ""), stated.get("Height", "")))
 
 
-def _word_blocks(path: Path, file, encoding: Encoding) -> Iterator[np.ndarray]:
+def _size(width: str, height: str) -> tuple[int, int] | None:
+    """Return the size that a header states, or None."""
+    across, down = whole_number(width), whole_number(height)
+    return None if across is None or down is None else (across, down)
+
+
+def _word_blocks(
+    path: Path, file: BinaryIO, word: np.dtype, kinds: tuple[int, ...]
+) -> Iterator[np.ndarray]:
     """Yield words, block by block."""
-    word = np.dtype(encoding.word)
     while data := file.read(word.itemsize * BLOCK):
-        count = len(data) // word.itemsize
-        words = np.frombuffer(data, word, count).astype(word.newbyteorder("="))
-        if not count:
-            return
-        kinds = np.bincount(words >> (8 * word.itemsize - 4), minlength=16)
-        kinds[[*encoding.kinds]] = 0
-        if kinds.any():
-            raise InputError(
-                f"{path}: expected words of {encoding.name}, got some of the unknown "
-                f"type 0x{int(np.argmax(kinds)):x}"
-            )
-        yield words
+        words = np.frombuffer(data, word, len(data) // word.itemsize)
+        words = words.astype(word.newbyteorder("="))
+        found = np.unique(words >> (8 * word.itemsize - 4))
+        for kind in np.setdiff1d(found, kinds):
+            require(False, path, "words of a known type", f"some of type 0x{kind:x}")
+        if len(words):
+            yield words
 
 
 @dataclass
@@ -365,51 +294,27 @@ class Encoder:
         return words
 
 
-def write_evt3(
-    path: Path, blocks: Iterable[Columns], size: tuple[int, int], last_ms: int
-) -> None:
+def write_evt3(file: NewFile, blocks: Iterable[Columns]) -> None:
     """Write columns of events block by block.
-
-    Args:
-        path: An empty file.
-        blocks: Columns of events, none empty.
-        size: Width and height.
-        last_ms: Not used by this format.
 
     Raises:
         InputError: There is no event for longer than `LONGEST_US`.
     """
-    del last_ms
     encoder, count, last = Encoder(), 0, 0
-    with path.open("wb") as file:
-        file.write(header_of(*size, count))
+    with file.path.open("wb") as out:
+        out.write(header_of(file.width, file.height, count))
         for block in blocks:
             pause = int(np.diff(block["t"], prepend=last).max())
             last = int(block["t"][-1])
-            if pause > LONGEST_US:
-                raise InputError(
-                    f"t: expected at most {LONGEST_US / 3.6e9:g} hours between two "
-                    f"events of an EVT3 file, got {pause / 3.6e9:g}"
-                )
+            expected = (
+                f"at most {LONGEST_US / 3.6e9:g} hours between two events of EVT3"
+            )
+            require(pause <= LONGEST_US, "t", expected, f"{pause / 3.6e9:g}")
             words = encoder.words(block)
-            file.write(words.astype("<u2").tobytes())
+            out.write(words.astype("<u2").tobytes())
             count += len(words)
-        file.seek(0)
-        file.write(header_of(*size, count))
-
-
-class Header(NamedTuple):
-    """Header of a file.
-
-    Attributes:
-        size: Width and height, or None.
-        words: Number of words that follow, or None.
-        encoding: Key of `ENCODINGS`.
-    """
-
-    size: tuple[int, int] | None
-    words: int | None
-    encoding: str
+        out.seek(0)
+        out.write(header_of(file.width, file.height, count))
 
 
 def header_of(width: int, height: int, words: int) -> bytes:
@@ -445,31 +350,3 @@ def _stated(file: BinaryIO) -> dict[str, str]:
         stated[key] = value
     file.seek(start)
     return stated
-
-
-def read_header(path: Path, file: BinaryIO) -> Header:
-    """Read a header; the file is then at its first word.
-
-    Raises:
-        InputError: There is none, or it is of another encoding.
-    """
-    stated = _stated(file)
-    encoding, _, options = stated.get("format", "").partition(";")
-    version = stated.get("evt", "")
-    by_version = {"3.0": "EVT3", "2.0": "EVT2"}
-    encoding = encoding or by_version.get(version, version)
-    if encoding not in ENCODINGS:
-        got = f"one of {shown(encoding)}" if encoding else "none"
-        raise InputError(
-            f"{path}: expected the header of an EVT 3.0 or EVT 2.0 file, got {got}"
-        )
-    if stated.get("endianness", "little") != "little":
-        raise InputError(f"{path}: expected little-endian words, got big-endian ones")
-    width, _, height = stated.get("geometry", "").partition("x")
-    fields = {"width": width, "height": height}
-    for option in options.split(";"):
-        key, _, value = option.partition("=")
-        fields[key] = value
-    across, down = whole_number(fields["width"]), whole_number(fields["height"])
-    size = None if across is None or down is None else (across, down)
-    return Header(size, whole_number(stated.get("words", "")), encoding)

@@ -100,7 +100,7 @@ def test_what_cannot_be_is_refused_in_one_line(jblast):
             (film, "--fps", 1000, "--scene", scene(jblast, text="")),
             "expected the [camera]",
         ),
-        ((jblast.file("a.h5", ""),), "is empty"),
+        ((jblast.file("a.h5", ""),), "got an empty file"),
         ((jblast.path("none.npz"),), "no such file"),
     ):
         assert said in jblast.refused("detect", *map(str, words))
