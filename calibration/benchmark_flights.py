@@ -104,7 +104,7 @@ def models() -> dict[str, dict[str, Any]]:
         "hold, blast": {
             "control": hold,
             "command_step_s": HELD_S,
-            "loads": (blast_load(Scene(charge=Charge(mass_kg=1.0))),),
+            "loads": (blast_load(Scene(Charge(mass_kg=1.0))),),
         },
     }
 
@@ -166,7 +166,7 @@ def gradient_cost(vehicles: int, step_s: float) -> float:
             duration_s=1.0,
             step_s=step_s,
             control=PositionHold(TARGET, own),
-            loads=(blast_load(Scene(charge=Charge(mass_kg=mass))),),
+            loads=(blast_load(Scene(Charge(mass_kg=mass))),),
             store_every=round(1.0 / step_s),
         )
         away = flight.position_m[..., -1, :] - jnp.array(TARGET)
@@ -279,7 +279,7 @@ def flights(
     hold = Each(PositionHold(state.position_m, gains, jnp.zeros(count)))
 
     def load(mass):
-        return blast_load(Scene(charge=Charge(mass_kg=mass, time_s=0.05)))
+        return blast_load(Scene(Charge(mass_kg=mass, time_s=0.05)))
 
     loads = (Each(jax.vmap(load)(mass)),) if blasts else ()
 

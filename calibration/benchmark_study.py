@@ -341,7 +341,7 @@ def flight_lines() -> list[str]:
     precision = np.float64 if platform() == "cpu" else np.float32
 
     def blast(mass: Any) -> Any:
-        return blast_load(Scene(charge=Charge(mass_kg=mass, time_s=0.5)))
+        return blast_load(Scene(Charge(mass_kg=mass, time_s=0.5)))
 
     state = benchmark_flights.starts(count, precision)
     hold = PositionHold(

@@ -206,7 +206,7 @@ def filmed(
         height=height,
     )
     times = life * (np.arange(frames) + 0.5) / frames
-    scene = Scene(charge=Charge(mass_kg=MASS))
+    scene = Scene(Charge(mass_kg=MASS))
     return Filmed(scene, camera, times, Appearance(flash=flash))
 
 

@@ -63,7 +63,7 @@ def tables() -> dict[tuple[str, str], np.ndarray]:
     ]
     laws = tuple(law_for(*name) for name in names)
     scene = default_scene().scene
-    scene = replace(scene, charge=replace(scene.charge, burst="surface"))
+    scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
     value, _ = evaluate(scene, GRID, np.ones_like(GRID), laws)
     return {
         name: np.log(row) for name, row in zip(names, value[: len(names)], strict=True)

@@ -104,7 +104,7 @@ def film(
     camera = camera_at(place, np.array([0.0, 0.0, 2.0 + 0.12 * HEIGHT / FOCAL * far]))
     times = np.array(phases) * float(fireball_duration(mass))
     look = Appearance(white=DUSK if dusk else DAY)
-    scene, behind = Scene(charge=Charge(mass_kg=mass)), jnp.asarray(landscape(dusk))
+    scene, behind = Scene(Charge(mass_kg=mass)), jnp.asarray(landscape(dusk))
     frames = render(
         scene,
         camera,
@@ -167,7 +167,7 @@ def radii_seen(
     """Return the visible radius at some times [px]."""
     up = 0.25 * HEIGHT / focal * float(np.linalg.norm(place))
     camera = camera_at(place, np.array([0.0, 0.0, up]), focal)
-    scene = Scene(charge=Charge(mass_kg=mass))
+    scene = Scene(Charge(mass_kg=mass))
     frames = render(scene, camera, times, views=views, ground=False, alpha=True)
     return np.array([visible_radius(np.asarray(f)[..., 3]) for f in frames])
 

@@ -211,7 +211,7 @@ def _layers(
 
     Alpha is negative where the fire adds light to the background.
     """
-    scene = Scene(charge=charge)
+    scene = Scene(charge)
     # light = a + (1 - alpha) x background: two backgrounds give both unknowns
     before_black, before_white = (
         luminance(

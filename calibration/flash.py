@@ -62,7 +62,7 @@ PLACES = (5.0, 10.0, 20.0, 40.0, 80.0)
 """Of ground that is lit, from the charge [m]."""
 
 TIMES = np.geomspace(1e-4, 1.0, 120)
-SCENE = Scene(charge=Charge(mass_kg=MASS))
+SCENE = Scene(Charge(mass_kg=MASS))
 
 
 class FirstEvents(NamedTuple):
@@ -215,7 +215,7 @@ def ground_and_sky(camera: Camera) -> np.ndarray:
 
 def seen_from(distance: float) -> Seen:
     """Return what a camera at a distance sees of the blast."""
-    scene = Scene(charge=Charge(mass_kg=SEEN_MASS))
+    scene = Scene(Charge(mass_kg=SEEN_MASS))
     camera = level_camera(distance)
     behind = jnp.asarray(ground_and_sky(camera))
     frames = render(scene, camera, INSTANTS, background=behind, supersample=2)

@@ -189,7 +189,7 @@ def held(
         named_gains(name, integral=integral),
     )
     charge = Charge(mass_kg=MASS_KG, time_s=BLAST_S)
-    load = blast_load(Scene(charge=charge, air=Air(wind_north=wind_m_s)), **parts)
+    load = blast_load(Scene(charge, air=Air(wind_north=wind_m_s)), **parts)
     flown = simulate(
         vehicle,
         state,

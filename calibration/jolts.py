@@ -41,7 +41,7 @@ def scene_of(model: str, mass: float, distance: float) -> Scene:
     place = jnp.array([0.8 * distance, 0.6 * distance, UP])
     records = tuple((quantity, 0.01) for quantity in QUANTITIES)
     return Scene(
-        charge=Charge(mass, (0.0, 0.0, 0.0), BLAST_S, burst="surface"),
+        Charge(mass, (0.0, 0.0, 0.0), BLAST_S, burst="surface"),
         vehicle=VehicleSpec(model, place),
         sensors=(Sensor("imu", place, records=records),),
     )

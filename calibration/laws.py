@@ -412,7 +412,7 @@ def _path(burst: Burst) -> WavePath:
     Air without any vapour absorbs much more than any outdoors: absorption is that at
     `HUMIDITY`.
     """
-    scene = Scene(charge=Charge(burst=burst), air=Air(relative_humidity=0.0))
+    scene = Scene(Charge(burst=burst), air=Air(relative_humidity=0.0))
     ranges = jnp.asarray(_size() * SCALED_DISTANCE)
     path = with_rows(scene_path(scene), ranges, jnp.full_like(ranges, MASS))
     humidity = jnp.asarray(HUMIDITY)

@@ -159,7 +159,7 @@ def through(
 ) -> MissionFlight:
     """Fly the plan through blasts, as `jblast fly` does."""
     spec = VehicleSpec(model, np.zeros(3), mission=str(plan), placed=False)
-    scene = Scene(blasts[0], others=tuple(blasts[1:]), vehicle=spec)
+    scene = Scene(tuple(blasts), vehicle=spec)
     options = Options(step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M, profile=profile)
     return fly_mission(UncertainScene(scene), options)
 
@@ -344,7 +344,7 @@ def fly_through(
 ) -> MissionFlight:
     """Fly the plan fly_through blasts, as `jblast fly --estimator` does."""
     spec = VehicleSpec(model, np.zeros(3), mission=str(plan), placed=False)
-    scene = Scene(blasts[0], others=tuple(blasts[1:]), vehicle=spec)
+    scene = Scene(tuple(blasts), vehicle=spec)
     options = Options(
         step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M, estimator=estimator
     )

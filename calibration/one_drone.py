@@ -42,7 +42,7 @@ from jblast.cli.jax_start import start_jax
 from jblast.report.colours import BLUE, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
 from jblast.report.view import aligned
-from jblast.scene.reader.scene import world_from_document
+from jblast.scene.reader import world_from_document
 from jblast.world import scene_of_one_blast
 
 WORLDS, AT_ONCE = 60, 10

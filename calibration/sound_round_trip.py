@@ -88,7 +88,7 @@ class RoundTrip(NamedTuple):
 
 def ambient_pa() -> float:
     """Return the level of the noise, rms [Pa]."""
-    quiet = Scene(charge=Charge(time_s=np.inf), ambient=Ambient(level=1.0, slope=SLOPE))
+    quiet = Scene(Charge(time_s=np.inf), ambient=Ambient(level=1.0, slope=SLOPE))
     sensor = Sensor("m", np.array(PLACES[0]), instrument=Instrument(RATE_HZ))
     noise = microphone.record(quiet, sensor, 60.0, jax.random.key(SEED))
     spectrum = noise_spectrum(np.asarray(noise), RATE_HZ)
@@ -99,7 +99,7 @@ def ambient_pa() -> float:
 def planned(level_pa: float) -> UncertainScene:
     """Return the scene in noise of a level [Pa], and what is not known of it."""
     scene = Scene(
-        charge=Charge(mass_kg=MASS_KG),
+        Charge(mass_kg=MASS_KG),
         sensors=tuple(
             Sensor(f"m.{n}", np.array(at), "microphone", instrument=Instrument(RATE_HZ))
             for n, at in enumerate(PLACES, start=1)

@@ -442,7 +442,7 @@ def _point_sources() -> list[Mode]:
 
 def _at_the_charge() -> Mode:
     laws = [law for law in calculated_laws() if "slant_range" in law.arguments()]
-    path = scene_path(Scene(charge=Charge(mass_kg=1.0)))
+    path = scene_path(Scene(Charge(mass_kg=1.0)))
 
     def values(distance):
         row = with_rows(path, distance[None], jnp.ones(1))
@@ -791,7 +791,7 @@ def _lost() -> Mode:
 
 
 def _near() -> Mode:
-    load, vehicle = blast_load(Scene(charge=Charge(mass_kg=1.0))), named("crazyflie")
+    load, vehicle = blast_load(Scene(Charge(mass_kg=1.0))), named("crazyflie")
     level = hovering(vehicle)
 
     def given(distance):
@@ -828,7 +828,7 @@ def _charges() -> list[Mode]:
             # names are static: different ones could not be stacked
             vehicles.append(dataclasses.replace(named(name), name=""))
             holds.append(PositionHold(HOME, named_gains(name)))
-            loads.append(blast_load(Scene(charge=charge)))
+            loads.append(blast_load(Scene(charge)))
     flown = simulate(
         stacked(vehicles),
         stacked([hovering(vehicle) for vehicle in vehicles]),
@@ -1120,7 +1120,7 @@ def _law_map(axes: Axes, modes: Sequence[Mode]) -> None:
 
 def _valid(law: Law, burst: Burst) -> np.ndarray:
     distance = jnp.asarray(Z * MASS ** (1.0 / 3.0))
-    path = scene_path(Scene(charge=Charge(mass_kg=MASS, burst=burst)))
+    path = scene_path(Scene(Charge(mass_kg=MASS, burst=burst)))
     path = with_rows(path, distance, jnp.full(distance.shape, MASS))
     # laws of the shock radius need a time: that of the strong point-source shock
     energy = sedov_taylor_energy(distance, 1.0, path.air_density, path.sedov_gamma)

@@ -46,7 +46,7 @@ from jblast.scene import (
     Uniform,
     look_at,
 )
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader import scene_from_document
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.film import Film
 from jblast.sensors.listening import truth_of

@@ -52,7 +52,7 @@ from jblast.report.tune import cut_words, gains_answer
 from jblast.report.tune_figures import draw_gains, tune_figure
 from jblast.report.view import aligned, terminal
 from jblast.scene import Scene
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader import scene_from_document
 from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.files.images import srgb_bytes

@@ -62,7 +62,7 @@ from jblast.observations.table import some_rows
 from jblast.report.colours import BLUE, INK, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import UncertainScene, WorldSpec
-from jblast.scene.reader.scene import world_from_document
+from jblast.scene.reader import world_from_document
 from jblast.scene.uncertain import value_of
 from jblast.world import arrivals_of, draw_world, readings_of, scene_of_one_blast
 

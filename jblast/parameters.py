@@ -33,12 +33,14 @@ class Bounds:
         at_least: Lower bound.
         at_most: Upper bound.
         other_units: Units in which values are given by mistake, with their sizes.
+        advice: Advice on values out of bounds.
     """
 
     above: float = -math.inf
     at_least: float = -math.inf
     at_most: float = math.inf
     other_units: tuple[tuple[str, float], ...] = ()
+    advice: str = ""
 
     @overload
     def allows(self, value: float) -> bool: ...
@@ -57,6 +59,8 @@ class Bounds:
 
     def words(self) -> str:
         """Return the bounds in words."""
+        if math.isfinite(self.at_most) and math.isfinite(self.above):
+            return f"above {self.above:g} and at most {self.at_most:g}"
         if math.isfinite(self.at_most):
             return f"between {self.at_least:g} and {self.at_most:g}"
         if self.above == 0:
@@ -66,15 +70,18 @@ class Bounds:
         return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
 
     def hint(self, value: float) -> str:
-        """Return how a refused value reads in another unit; "" if it fits none."""
+        """Return how a refused value reads in another unit, or the advice."""
         for unit, size in self.other_units:
             if self.allows(value * size):
                 return f"; {value:g} {unit} is {value * size:g}"
-        return ""
+        return self.advice and f"; {self.advice}"
 
 
 POSITIVE = Bounds(above=0.0)
+NOT_NEGATIVE = Bounds(at_least=0.0)
 UNBOUNDED = Bounds()
+NUMBER_SIZES = (1e-30, 1e30)
+"""Bounds of a number other than 0: beyond them its powers overflow, or are 0."""
 SIZES = {"hPa": 100.0, "kPa": 1e3, "bar": 1e5}
 """Other units of the table, in SI."""
 
@@ -95,7 +102,9 @@ class Place(NamedTuple):
 
 # The lowest land is 0.43 km below the sea; 100 km is the edge of the atmosphere.
 PLACE_LIMITS = {
-    "lat_deg": Bounds(at_least=-90.0, at_most=90.0),
+    "lat_deg": Bounds(
+        at_least=-90.0, at_most=90.0, advice="are latitude and longitude swapped?"
+    ),
     "lon_deg": Bounds(at_least=-180.0, at_most=360.0),
     "alt_m": Bounds(at_least=-1e3, at_most=1e5),
 }

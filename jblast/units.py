@@ -30,7 +30,7 @@ References:
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from fractions import Fraction
 from functools import cache
 from itertools import chain, product
@@ -132,6 +132,14 @@ LINEAR = ("l", "lin", "linear", "z")
 """Weightings behind a unit that leave the pressure as it is: pa.(L), dB(L), dBZ."""
 SINCE = re.compile(r"\s*(\w+)\s+since\s+(.+?)\s*")
 """Unit of time with its zero in the CF conventions: "seconds since 2020-08-04"."""
+CELSIUS = "add 273.15"
+FAHRENHEIT = "subtract 32, multiply by 5/9 and add 273.15"
+TEMPERATURES = {
+    "c": CELSIUS, "celsius": CELSIUS, "degc": CELSIUS, "deg_c": CELSIUS,
+    "f": FAHRENHEIT, "fahrenheit": FAHRENHEIT, "degf": FAHRENHEIT, "deg_f": FAHRENHEIT,
+}  # fmt: skip
+"""Suffixes of temperatures and their conversion to kelvins, which needs an offset."""
+PER_CENT = ("percent", "pct")
 SHARE, LEVEL = "share", "level"
 """Dimensions without an SI unit: per cent, and levels, which are logarithms."""
 SUFFIXES: dict[str, dict[str, str]] = {
@@ -289,6 +297,38 @@ def si_ratio(suffix: str) -> Fraction:
     if pint == ours:
         return Fraction(1)
     return Fraction(_registry().Quantity(Fraction(1), pint).to(ours).magnitude)
+
+
+def in_other_unit(key: str, known: Collection[str]) -> str:
+    """Return "; ours is mass_kg: multiply by ..." for a key in another known unit.
+
+    Args:
+        key: Unknown key of a table.
+        known: Known keys of the table.
+
+    Returns:
+        The replacement; "" without a known unit or a key with the same stem.
+    """
+    words = key.split("_")
+    # Longest suffix first: "speed_km_per_h" must not be read as a stem with the suffix
+    # "h".
+    for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
+        stem, suffix = "_".join(words[:-length]).lower(), "_".join(words[-length:])
+        if suffix.lower() in TEMPERATURES and f"{stem}_k" in known:
+            return f"; ours is {stem}_k: {TEMPERATURES[suffix.lower()]}"
+        if suffix.lower() in PER_CENT and stem in known:
+            return f"; ours is {stem}, a share: multiply by 0.01"
+        meant = unit_spelt(suffix)
+        # Only units of the dimension of the known key: mass_s is no mass.
+        either = [unit for unit in meant if f"{stem}_{SI.get(unit.dimension)}" in known]
+        if len(meant) > 1 and either:
+            names = " or ".join(unit.pint for unit in either)
+            ours = f"{stem}_{SI[either[0].dimension]}"
+            return f"; ours is {ours}, and {suffix!r} may be {names}"
+        if either:
+            ours = f"{stem}_{SI[either[0].dimension]}"
+            return f"; ours is {ours}: multiply by {si_factor(suffix):.9g}"
+    return ""
 
 
 class SampleUnit(NamedTuple):

@@ -58,7 +58,7 @@ TEN = tuple(np.linspace(10.0, 40.0, 10).tolist())
 
 SOUND_SPEED, KNOWN_MASS = 340.0, 10.0
 TIMED = Scene(
-    charge=Charge(mass_kg=KNOWN_MASS),
+    Charge(mass_kg=KNOWN_MASS),
     air=Air(sound_speed=SOUND_SPEED),
     law=(("air_arrival_s", "shock_kinematics"),),
     scatter=False,

@@ -29,8 +29,8 @@ from docs.generate.scene_schema import scene_schema
 from jblast.cli.verbs import VERBS
 from jblast.parameters import PARAMETERS
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
-from jblast.scene.reader.scene import scene_from_document, world_from_document
-from jblast.scene.reader.tables import KEYS, keys_of
+from jblast.scene.keys import KEYS, keys_of
+from jblast.scene.reader import scene_from_document, world_from_document
 
 ROOT = Path(__file__).parents[1]
 WRITTEN = sorted((ROOT / "docs").rglob("*.md"))
@@ -182,7 +182,7 @@ def test_every_marker_of_a_page_has_a_block():
 
 
 def test_generated_tables_have_all_that_the_readers_accept():
-    quantities, keys = scene_tables.quantities(), scene_tables.keys_of_tables()
+    quantities, keys = scene_tables.quantities(), scene_tables.keys()
     assert all(f"`{q}`" in quantities for q in (*QUANTITIES, *DERIVED_QUANTITIES))
     assert all(f"`{name}`" in scene_tables.numbers() for name in PARAMETERS)
     assert all(f"`{key}`" in keys for table in KEYS for key in keys_of(table))

@@ -12,7 +12,7 @@ from jblast.parameters import (
 from jblast.quantities import UNITS
 from jblast.report.numbers import parameter_words, split_name
 from jblast.scene import Scene, parameter_named, value_of
-from jblast.scene.reader.tables import keys_of
+from jblast.scene.keys import keys_of
 from jblast.scene.sensor_kinds import all_instrument_keys, own_keys
 from jblast.scene.uncertain import names_in
 

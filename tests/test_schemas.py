@@ -50,7 +50,7 @@ from jblast.report.picks import picks_answer
 from jblast.report.provenance import provenance_of
 from jblast.report.study import run_answer
 from jblast.results import warning
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader import scene_from_document
 from jblast.signals.picks import log_of
 from jblast.study import run_into
 from tests.report import example

@@ -21,8 +21,8 @@ assert doubled.explosive == "TNT"
 assert jax.grad(lambda charge: charge.mass_kg**2)(early).mass_kg == 30.0
 late = Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.5))
 assert isinstance(late.mass_kg, jax.Array) and late == early
-(path, leaf), *_ = jax.tree_util.tree_flatten_with_path(Scene(charge=late))[0]
-assert jax.tree_util.keystr(path) == ".charge.mass_kg" and leaf == 15.0
+(path, leaf), *_ = jax.tree_util.tree_flatten_with_path(Scene(late))[0]
+assert jax.tree_util.keystr(path) == ".charges[0].mass_kg" and leaf == 15.0
 """
 
 

@@ -17,10 +17,7 @@ BLOCKS: dict[str, Callable[[], str]] = {
     "units": scene_tables.units,
     "columns": scene_tables.columns,
     "scene_numbers": scene_tables.numbers,
-    "scene_world_numbers": scene_tables.world_numbers,
-    "scene_keys": scene_tables.keys_of_tables,
-    "scene_lists": scene_tables.lists,
-    "scene_words": scene_tables.words,
+    "scene_keys": scene_tables.keys,
     "sensor_kinds": scene_tables.sensor_kinds,
     "explosives": scene_tables.explosives,
 }

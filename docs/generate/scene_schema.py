@@ -1,44 +1,43 @@
-"""A JSON Schema of the scene file, for editors and programs, from the reader's tables.
+"""A JSON Schema of the scene file, for editors and programs, from its table of keys.
 
 It is wider than the reader: keys that exclude one another, unique names and the names
 of laws are checked by the reader only.
 """
 
-from collections.abc import Iterable
+from functools import singledispatch
 from typing import Any
 
-from jblast.parameters import CLOCK, PARAMETERS, PLACE_LIMITS, Bounds
+from jblast.parameters import Bounds
 from jblast.quantities import ADDITIVE, QUANTITIES
 from jblast.results import DIALECT
-from jblast.scene.camera import MOUNTS
-from jblast.scene.charge import BURSTS
-from jblast.scene.random_blasts import ABOUT, WORLD_NUMBERS
-from jblast.scene.reader.random_blasts import MAX_BLASTS
-from jblast.scene.reader.scene import MAX_SLOPE_DB_OCTAVE
-from jblast.scene.reader.tables import (
-    GROUND_PATHS,
-    KEYS,
-    LISTS,
-    PRIORS,
-    SATURATIONS,
-    VEHICLE_MODELS,
-    keys_of,
-)
-from jblast.scene.sensor import FEWEST_BITS, MOST_BITS
-from jblast.scene.sensor_kinds import SENSOR_KINDS, all_instrument_keys, own_keys
+from jblast.scene import values
+from jblast.scene.keys import KEYS, SEVERAL, WITHIN, keys_of
+from jblast.scene.uncertain import PRIORS
 
 Schema = dict[str, Any]
 NUMBER: Schema = {"type": "number"}
-INTEGER: Schema = {"type": "integer", "minimum": 1}
-POSITIVE = NUMBER | {"exclusiveMinimum": 0}
-NOT_NEGATIVE = NUMBER | {"minimum": 0}
 TEXT: Schema = {"type": "string"}
 PERCENT = TEXT | {"pattern": r"^\s*[0-9.]+([eE][+-]?[0-9]+)?\s*%\s*$"}
-TRUTH: Schema = {"type": "boolean"}
-SEVERAL = ("charge", "sensor", "clock")
-"""Tables of which a file may have several."""
-ONE_FOR_BOTH = ("focal_px", "threshold")
-"""Lists of two for which one number may stand."""
+
+
+def scene_schema() -> Schema:
+    """Return the schema of a scene file."""
+    tables = {name: table(name) for name in KEYS if name not in WITHIN}
+    several = {name: {"type": "array", "items": tables[name]} for name in SEVERAL}
+    either = {"charge": {"anyOf": [tables["charge"], several["charge"]]}}
+    head = {"$schema": DIALECT, "title": "A scene of jblast"}
+    return head | closed({"schema": {"const": 1}} | tables | several | either)
+
+
+def table(name: str) -> Schema:
+    """Return the schema of a table."""
+    return closed({name: schema_of(key.value) for name, key in keys_of(name).items()})
+
+
+def closed(properties: dict[str, Schema], **more: Any) -> Schema:
+    """Return the schema of a table without further keys."""
+    whole = {"type": "object", "properties": properties, "additionalProperties": False}
+    return whole | more
 
 
 def listed(items: Schema, count: int) -> Schema:
@@ -46,124 +45,102 @@ def listed(items: Schema, count: int) -> Schema:
     return {"type": "array", "items": items, "minItems": count, "maxItems": count}
 
 
-def table(properties: dict[str, Schema], **more: Any) -> Schema:
-    """Return the schema of a table without further keys."""
-    whole = {"type": "object", "properties": properties, "additionalProperties": False}
-    return whole | more
-
-
-def words(values: Iterable[str]) -> Schema:
-    """Return the schema of one of a few words."""
-    return {"enum": [*values]}
-
-
-RECORDS = {name: POSITIVE if name in ADDITIVE else PERCENT for name in QUANTITIES}
-SLOPE = NUMBER | {"minimum": -MAX_SLOPE_DB_OCTAVE, "maximum": MAX_SLOPE_DB_OCTAVE}
-BITS = {"type": "integer", "minimum": FEWEST_BITS, "maximum": MOST_BITS}
-OF_SENSORS = (*all_instrument_keys(), *own_keys())
-KNOWN: dict[tuple[str, str], Schema] = {
-    ("", "schema"): {"const": 1},
-    ("sensor", "records"): table(RECORDS),
-    ("sensor", "times_s"): {"type": "array", "items": NUMBER, "minItems": 1},
-    ("sensor", "bits"): {"anyOf": [BITS, {"const": "float"}]},
-    ("sensor", "filter_hz"): listed({"anyOf": [POSITIVE, {"const": "none"}]}, 2),
-    ("ambient", "slope_db_octave"): SLOPE,
-    ("world", "count"): INTEGER | {"maximum": MAX_BLASTS},
-    ("world", "probability"): POSITIVE | {"maximum": 1},
-    ("region", "box"): listed(listed(NUMBER, 3), 2),
-} | {
-    (table, key): schema
-    for schema, table, keys in (
-        (words(BURSTS), "charge", ("burst",)),
-        (words(GROUND_PATHS), "ground", ("path",)),
-        (words(SENSOR_KINDS), "sensor", ("kind",)),
-        (words(SATURATIONS), "sensor", ("saturation",)),
-        (words(MOUNTS), "sensor", ("mount",)),
-        (words(MOUNTS), "camera", ("mount",)),
-        (words(VEHICLE_MODELS), "vehicle", ("model",)),
-        (words(ABOUT), "world", ("about",)),
-        (words(ABOUT), "region", ("about",)),
-        (TEXT, "charge", ("name", "explosive")),
-        (TEXT, "sensor", ("name",)),
-        (TEXT, "clock", ("name",)),
-        (TEXT, "ambient", ("file",)),
-        (TEXT, "vehicle", ("mission",)),
-        (TEXT, "law", QUANTITIES),
-        (TRUTH, "air", ("absorption",)),
-        (TRUTH, "control", ("integral",)),
-        (TRUTH, "law", ("scatter",)),
-        (INTEGER, "camera", ("width", "height")),
-        (NOT_NEGATIVE, "air", ("absorption_scale",)),
-        (NOT_NEGATIVE, "ambient", ("level_pa",)),
-        (POSITIVE, "ambient", ("full_scale_pa", "height_m")),
-        (POSITIVE, "camera", ("daylight_lux",)),
-        (POSITIVE, "world", ("tick_s",)),
-        (POSITIVE, "sensor", (k for k in OF_SENSORS if k.startswith(("rate", "full")))),
-        (NOT_NEGATIVE, "sensor", (k for k in OF_SENSORS if k[:4] in ("nois", "bias"))),
-    )
-    for key in keys
-}
-"""Schemas of the keys that hold neither a number nor a list of numbers."""
-
-
-def scene_schema() -> Schema:
-    """Return the schema of a scene file."""
-    tables = {key: _table(key) for key in KEYS[""] if key != "schema"}
-    head = {"$schema": DIALECT, "title": "A scene of jblast"}
-    return head | table(tables | {"schema": KNOWN["", "schema"]})
-
-
-def _table(name: str) -> Schema:
-    """Return the schema of a table, or of a list of them if there may be several."""
-    one = table({key: _key(name, key) for key in keys_of(name)})
-    if name not in SEVERAL:
-        return one
-    many = {"type": "array", "items": one}
-    return many if name != "charge" else {"anyOf": [one, many]}
-
-
-def _key(table: str, key: str) -> Schema:
-    """Return the schema of a key."""
-    if (table, key) in KNOWN:
-        return KNOWN[table, key]
-    if key in KEYS or key == "region_m":
-        return _table(key.removesuffix("_m"))
-    if table == "world":
-        one, _, prior = _uncertain(WORLD_NUMBERS[key].bounds)["anyOf"]
-        return {"anyOf": [one, listed(NUMBER, 2), prior]}
-    if (table, key) == ("clock", "offset_s"):
-        return _uncertain(CLOCK.bounds)
-    if table == "place":
-        return NUMBER | _limits(PLACE_LIMITS[key])
-    numbers = [
-        one
-        for one in (*PARAMETERS.values(), CLOCK)
-        if (one.key.table, one.key.name) == (table, key)
-    ]
-    items = [_uncertain(one.bounds) for one in numbers]
-    if numbers and numbers[0].key.index is None:
-        return items[0]
-    if numbers:
-        length = {"minItems": len(items), "maxItems": len(items)}
-        return {"type": "array", "prefixItems": items, **length}
-    if key in LISTS:
-        several = listed(NUMBER, LISTS[key].count(",") + 1)
-        return {"anyOf": [NUMBER, several]} if key in ONE_FOR_BOTH else several
-    return NUMBER
-
-
-def _uncertain(bounds: Bounds) -> Schema:
-    """Return the schema of a number that is fixed, free, or has a prior."""
-    pair = listed(NUMBER, 2)
-    prior = table(dict.fromkeys(PRIORS, pair), minProperties=1, maxProperties=1)
-    return {"anyOf": [NUMBER | _limits(bounds), {"const": "free"}, prior]}
-
-
-def _limits(bounds: Bounds) -> dict[str, float]:
-    """Return bounds as keywords of a schema."""
+def limited(bounds: Bounds) -> Schema:
+    """Return the schema of a number with bounds."""
     limits = {
         "exclusiveMinimum": bounds.above,
         "minimum": bounds.at_least,
         "maximum": bounds.at_most,
     }
-    return {word: bound for word, bound in limits.items() if abs(bound) != float("inf")}
+    finite = {word: at for word, at in limits.items() if abs(at) != float("inf")}
+    return NUMBER | finite
+
+
+def prior() -> Schema:
+    """Return the schema of a prior."""
+    pairs = dict.fromkeys(PRIORS, listed(NUMBER, 2))
+    return closed(pairs, minProperties=1, maxProperties=1)
+
+
+@singledispatch
+def schema_of(value: Any) -> Schema:
+    """Return the schema of a kind of value: text, if no other is registered."""
+    return TEXT
+
+
+@schema_of.register
+def _(value: values.Number) -> Schema:
+    return limited(value.bounds)
+
+
+@schema_of.register
+def _(value: values.Numbers) -> Schema:
+    one = limited(value.bounds)
+    item = {"anyOf": [one, {"const": value.word}]} if value.word else one
+    return listed(item, value.form.count(",") + 1)
+
+
+@schema_of.register
+def _(value: values.Pair) -> Schema:
+    one = limited(value.bounds)
+    return {"anyOf": [one, listed(one, 2)]}
+
+
+@schema_of.register
+def _(value: values.Box) -> Schema:
+    return listed(listed(NUMBER, 3), 2)
+
+
+@schema_of.register
+def _(value: values.Ring) -> Schema:
+    return listed(limited(Bounds(at_least=0.0)), 2)
+
+
+@schema_of.register
+def _(value: values.Times) -> Schema:
+    return {"type": "array", "items": NUMBER, "minItems": 1}
+
+
+@schema_of.register
+def _(value: values.Whole) -> Schema:
+    whole = {"type": "integer", "minimum": value.low, "maximum": value.high}
+    return {"anyOf": [whole, {"const": value.word}]} if value.word else whole
+
+
+@schema_of.register
+def _(value: values.Word) -> Schema:
+    # words that are read in other spellings, too, are any text
+    return TEXT if value.spelt else {"enum": [*value.words]}
+
+
+@schema_of.register
+def _(value: values.Truth) -> Schema:
+    return {"type": "boolean"}
+
+
+@schema_of.register
+def _(value: values.Table) -> Schema:
+    return table(value.name)
+
+
+@schema_of.register
+def _(value: values.Records) -> Schema:
+    sigma = {True: limited(Bounds(above=0.0)), False: PERCENT}
+    return closed({name: sigma[name in ADDITIVE] for name in QUANTITIES})
+
+
+@schema_of.register
+def _(value: values.Uncertain) -> Schema:
+    items = [
+        {"anyOf": [limited(row.bounds), {"const": "free"}, prior()]}
+        for row in value.rows
+    ]
+    if not value.list_form:
+        return items[0]
+    length = {"minItems": len(items), "maxItems": len(items)}
+    return {"type": "array", "prefixItems": items, **length}
+
+
+@schema_of.register
+def _(value: values.Sampled) -> Schema:
+    return {"anyOf": [limited(value.bounds), listed(NUMBER, 2), prior()]}

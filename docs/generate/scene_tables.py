@@ -5,18 +5,10 @@ from collections.abc import Iterable
 from jblast.observations.table import COLUMNS, NEEDED
 from jblast.parameters import PARAMETERS, UNBOUNDED, Bounds
 from jblast.quantities import ADDITIVE, DERIVED_QUANTITIES, QUANTITIES, TIMED
-from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import EXPLOSIVES
-from jblast.scene.random_blasts import ABOUT, WORLD_NUMBERS
-from jblast.scene.reader.tables import (
-    GROUND_PATHS,
-    KEYS,
-    LISTS,
-    SATURATIONS,
-    VEHICLE_MODELS,
-    keys_of,
-)
+from jblast.scene.keys import KEYS, SEVERAL, WITHIN, keys_of
 from jblast.scene.sensor_kinds import SENSOR_KINDS
+from jblast.scene.values import SceneKey
 from jblast.units import SUFFIXES
 
 
@@ -83,40 +75,37 @@ def numbers() -> str:
     )
 
 
-def world_numbers() -> str:
-    """Return the numbers of random blasts."""
-    rows = (
-        (code([key]), one.words, one.unit, required(one.bounds))
-        for key, one in WORLD_NUMBERS.items()
-    )
-    return table("key | is the | unit | has to be", rows)
+def keys() -> str:
+    """Return the keys of every table, with their values and relations."""
+    rows = []
+    for name in KEYS:
+        heading = f"[[{name}]]" if name in SEVERAL[1:] else f"[{name}]"
+        heading = WITHIN.get(name, heading)
+        for key, of in keys_of(name).items():
+            others = " or ".join(of.instead)
+            relations = [
+                "required" * of.needed
+                + f" (or {others})" * (of.needed and bool(others)),
+                f"instead of {others}" if others and not of.needed else "",
+                f"with {' and '.join(of.needs)}" if of.needs else "",
+            ]
+            rows.append(
+                (
+                    code([heading]),
+                    code([key]),
+                    written(of),
+                    ", ".join(filter(None, relations)),
+                )
+            )
+    return table("table | key | value | relations", rows)
 
 
-def keys_of_tables() -> str:
-    """Return the keys of every table."""
-    rows = (
-        (code([f"[{name}]"]) if name else "the file", code(keys_of(name)))
-        for name in KEYS
-    )
-    return table("table | keys", rows)
-
-
-def lists() -> str:
-    """Return the keys with lists."""
-    return table("key | is written", ((code([k]), code([f])) for k, f in LISTS.items()))
-
-
-def words() -> str:
-    """Return the keys that take one of a few words."""
-    rows = {
-        "`[[sensor]] kind`": SENSOR_KINDS,
-        "`[[sensor]] saturation`": SATURATIONS,
-        "`[ground] path`": GROUND_PATHS,
-        "`[vehicle] model`": VEHICLE_MODELS,
-        "`mount` of a sensor, of the camera": MOUNTS,
-        "`[world] about`": ABOUT,
-    }
-    return table("key | one of", ((key, code(of)) for key, of in rows.items()))
+def written(key: SceneKey) -> str:
+    """Return the form of the value of a key."""
+    bounds = getattr(key.value, "bounds", UNBOUNDED)
+    listed = f", each {required(bounds)}" if required(bounds) else ""
+    form = key.value.form
+    return f"{code([form])}{listed}" if form[0] in "[{" else form
 
 
 def sensor_kinds() -> str:

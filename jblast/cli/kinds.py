@@ -12,13 +12,12 @@ from functools import partial
 from typing import Any
 
 from jblast.errors import InputError, shown, whole_number
+from jblast.parameters import NUMBER_SIZES
 
 MOST_ROWS = 100_000
 """Largest table of FROM:TO:COUNT, declared: a mistyped COUNT must not fill memory."""
 EITHER = re.compile(r"\d+,\d+[^\d,:]*")
 """15,5 or 33,5lb: two numbers, or one with a decimal comma."""
-SIZES = (1e-30, 1e30)
-"""Bounds of a number other than 0: beyond them its powers overflow, or are 0."""
 # A unit begins neither with a digit nor with a sign or point, so that 1..2 and 1e3.5
 # are no numbers with a unit; 5e3lb has its exponent in the number.
 NUMBER_AND_UNIT = re.compile(
@@ -61,21 +60,22 @@ def choice(word: str, words: Sequence[str]) -> str:
 
 
 def number(word: str) -> float:
-    """Return a finite number, 0 or of a size within `SIZES`."""
+    """Return a finite number, 0 or of a size within `NUMBER_SIZES`."""
     value = _number_or_nan(word)
     if not math.isfinite(value):
         raise ArgumentTypeError(f"expected a finite number, got {shown(word)}")
     # 0 is valid, although smaller than the bounds
-    if value and not SIZES[0] <= abs(value) <= SIZES[1]:
+    low, high = NUMBER_SIZES
+    if value and not low <= abs(value) <= high:
         raise ArgumentTypeError(
-            f"expected a number of a size between {SIZES[0]:g} and {SIZES[1]:g}, or 0; "
+            f"expected a number of a size between {low:g} and {high:g}, or 0; "
             f"got {shown(word)}"
         )
     return value
 
 
 def positive(word: str, one: Callable[[str], float] = number) -> float:
-    """Return a positive number of a size within `SIZES`."""
+    """Return a positive number of a size within `NUMBER_SIZES`."""
     value = one(word)
     if value <= 0:
         raise ArgumentTypeError(f"expected a positive number, got {value:g}")

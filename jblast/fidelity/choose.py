@@ -163,7 +163,7 @@ def choose(
     if tolerance is None:
         sigma = np.array([dict(s.records).get(quantity, math.nan) for s in sensors])
         tolerance = tolerance_of(
-            sigma, quantity, conditions[: 1 + len(uncertain.scene.others)]
+            sigma, quantity, conditions[: len(uncertain.scene.charges)]
         )
     choice = choose_for(quantity, conditions, tolerance)
     by_height, notes = _of_heights(uncertain.scene, unsettled, quantity, sensors)

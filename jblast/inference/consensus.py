@@ -157,7 +157,7 @@ def scaled_laws(scene: Scene) -> ScaledLaws:
     are those of about half the mass, and no warning depends on a factor of two.
     """
     charge = replace(scene.charge, burst=scene.charge.burst or "surface")
-    scene = replace(scene, charge=charge)
+    scene = replace(scene, charges=(charge,))
     laws = tuple(law_for(quantity, name) for quantity, name in LAWS.items())
     z = SCALED_DISTANCES
     # composed quantities follow those of `LAWS`

@@ -169,7 +169,11 @@ def _physical(observations: Observations, uncertain: UncertainScene) -> list[Not
     """Return the warnings by comparison with blasts, shot by shot."""
     doubted = []
     laws, scene = scaled_laws(uncertain.scene), uncertain.scene
-    named = {charge.name: charge for charge in scene.charges} if scene.others else {}
+    named = (
+        {charge.name: charge for charge in scene.charges}
+        if len(scene.charges) > 1
+        else {}
+    )
     shots = np.array(observations.shot)
     for shot in dict.fromkeys(observations.shot):
         rows = np.flatnonzero(shots == shot)

@@ -72,7 +72,7 @@ def refusals(observations: Observations, uncertain: UncertainScene) -> list[Inpu
     The shots of a log are checked as separate logs, unless the scene names its charges.
     """
     # a scene that names its charges relates shots to them, so the log stays whole
-    several = uncertain.scene.others
+    several = len(uncertain.scene.charges) > 1
     # positions and clocks may differ from shot to shot, as between days of a test
     logs = [observations] if several else by_shot(observations).values()
     found: list[InputError] = []

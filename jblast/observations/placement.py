@@ -76,7 +76,7 @@ def resolve_positions(
     check_clocks(log, scene, beliefs)
     names = [charge.name for charge in charges]
     shots = np.zeros(len(log), int)
-    if scene.others:
+    if len(scene.charges) > 1:
         shots[:] = [names.index(n) if n in names else -1 for n in log.shot]
 
     def of_charge(values: Any) -> np.ndarray:
@@ -148,7 +148,7 @@ def resolve_positions(
         ),
         (
             "shot",
-            [not scene.others and shot != log.shot[0] for shot in log.shot],
+            [len(scene.charges) == 1 and shot != log.shot[0] for shot in log.shot],
             "expected {first_shot} as in the rows before, got {shot}: several shots in "
             "a log need a scene with a [[charge]] named for each",
         ),

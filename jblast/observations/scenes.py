@@ -34,8 +34,8 @@ from jblast.quantities import (
     made_with,
 )
 from jblast.scene import UncertainScene, freed, with_values
-from jblast.scene.reader.sensors import share_text
 from jblast.scene.uncertain import NO_SCENE
+from jblast.scene.values import share_text
 from jblast.waves.propagation import standard_atmosphere
 
 PLACE = CHARGE_POSITION[:2]
@@ -130,7 +130,7 @@ def for_log(uncertain: UncertainScene, observations: Observations) -> UncertainS
         scene = with_values(uncertain.scene, {CHARGE_POSITION[2]: ground})
         # its height counts from the sea, not from the ground
         charge = replace(scene.charge, burst="surface")
-        uncertain = replace(uncertain, scene=replace(scene, charge=charge))
+        uncertain = replace(uncertain, scene=replace(scene, charges=(charge,)))
     if (
         frame is None
         or not frame.alt_m

@@ -230,7 +230,7 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
         log_ticks(axes.yaxis, axes.get_ylim())
     axes.set_ylabel(_with_unit(less.label or quantity_words(quantity), y_unit))
     axes.set_xlabel(_with_unit(along, x_unit))
-    of = f" of {fit.scene.charges[shot].name}" if fit.scene.others else ""
+    of = f" of {fit.scene.charges[shot].name}" if len(fit.scene.charges) > 1 else ""
     law = law_words(fit.summary.law.get(quantity, ""))
     titled(axes, capitalised(quantity_words(quantity)) + of, law)
 

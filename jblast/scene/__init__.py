@@ -16,7 +16,7 @@ from jblast.scene.random_blasts import (
     Ring as Ring,
     WorldSpec as WorldSpec,
 )
-from jblast.scene.reader.scene import (
+from jblast.scene.reader import (
     read_scene as read_scene,
     read_scene_or_world as read_scene_or_world,
     read_world as read_world,
@@ -38,7 +38,6 @@ from jblast.scene.sensor import (
 from jblast.scene.sensor_kinds import (
     SENSOR_KINDS as SENSOR_KINDS,
     Recorder as Recorder,
-    SensorKey as SensorKey,
     SensorKind as SensorKind,
 )
 from jblast.scene.uncertain import (

@@ -5,6 +5,7 @@ speed, density, absorption) are computed in `waves`.
 """
 
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -119,7 +120,7 @@ class VehicleSpec(Module):
     Its model is defined in `jblast.vehicle`.
 
     Attributes:
-        model: A name of `reader.tables.VEHICLE_MODELS`.
+        model: A name of `keys.VEHICLE_MODELS`.
         position: Initial position: east, north, up [m].
         target: Target position: east, north, up [m]; None: the initial position.
         velocity: Initial velocity: east, north, up [m/s].
@@ -149,12 +150,15 @@ class VehicleSpec(Module):
         return self.position if self.target is None else self.target
 
 
+def _several(charges: Charge | Sequence[Charge]) -> tuple[Charge, ...]:
+    return (charges,) if isinstance(charges, Charge) else tuple(charges)
+
+
 class Scene(Module):
     """All inputs of the records of the sensors.
 
     Attributes:
-        charge: The charge.
-        others: Other charges, at other times or positions; then each has a name.
+        charges: The charges; several have names. A single one may be given alone.
         air: Medium of the air shock.
         ground: Medium of the ground wave.
         sensors: All sensors but the camera.
@@ -173,8 +177,7 @@ class Scene(Module):
         `jblast.Scene(jblast.Charge(15.0), air=jblast.scene.Air(altitude=800.0))`
     """
 
-    charge: Charge = field(default_factory=Charge)
-    others: tuple[Charge, ...] = ()
+    charges: tuple[Charge, ...] = field(converter=_several, default_factory=Charge)
     air: Air = field(default_factory=Air)
     ground: Ground = field(default_factory=Ground)
     sensors: tuple[Sensor, ...] = ()
@@ -194,14 +197,14 @@ class Scene(Module):
     )
 
     @property
-    def charges(self) -> tuple[Charge, ...]:
-        """All charges; the `shot` of a row of a log is the name of its charge."""
-        return (self.charge, *self.others)
+    def charge(self) -> Charge:
+        """The first charge, or the only one."""
+        return self.charges[0]
 
     def label(self, charge: Charge) -> str:
         """Return the suffix of a number's name for a charge; "" for a single one."""
         # A single charge has plain names, also if the file names it.
-        return f".{charge.name}" if self.others else ""
+        return f".{charge.name}" if len(self.charges) > 1 else ""
 
     def clock_offsets(self) -> dict[str, Float[Array, "..."]]:
         """Return the offset of every clock by name: a sensor's own, or a recorder's."""

@@ -1,7 +1,7 @@
 """Registry of the kinds of sensors, one record each.
 
 A record has all properties of a kind: the keys of a scene
-file (read by `scene.reader.sensors`), the recorder of its samples and the columns of
+file (read by `scene.reader`), the recorder of its samples and the columns of
 its file (`jblast listen`, `jblast world`), the waves that it perceives (`jblast
 world`), and whether it moves with a vehicle, is picked and is tuned. `register` adds a
 kind from any module. The recorder is named by its module (`jblast.lazy`), so that the
@@ -13,29 +13,27 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol, runtime_checkable
 
 from jblast.lazy import resolved
-from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
+from jblast.parameters import NOT_NEGATIVE, POSITIVE, Bounds
 from jblast.registry import Registry
+from jblast.scene.sensor import FEWEST_BITS, MOST_BITS
+from jblast.scene.values import Number, Numbers, SceneKey, Whole, Word
 
-INSTRUMENT_KEYS = ("rate_hz", "full_scale_{}", "noise_{}", "bits", "filter_hz")
-"""Keys of a scene file for an instrument; {} is the unit of its samples."""
-SATURATION = "saturation"
+BITS = Whole(FEWEST_BITS, MOST_BITS, word="float")
+
+SATURATIONS = ("clip", "compress")
 
 
-@dataclass(frozen=True)
-class SensorKey:
-    """A number in a table [[sensor]] of a scene file.
-
-    Attributes:
-        name: With its unit: "response_time_s".
-        words: Noun phrase for messages and documentation.
-        default: Value without the key; None: the sensor has no such number.
-        bounds: Accepted values.
-    """
-
-    name: str
-    words: str
-    default: float | None = None
-    bounds: Bounds = UNBOUNDED
+def instrument_keys(unit: str) -> tuple[SceneKey, ...]:
+    """Return the keys of an instrument whose samples have a unit."""
+    return (
+        SceneKey("rate_hz", Number(POSITIVE), "rate"),
+        SceneKey(f"full_scale_{unit}", Number(POSITIVE), "full_scale"),
+        SceneKey(f"noise_{unit}", Number(NOT_NEGATIVE), "noise"),
+        # The quantization step is the range over 2**bits.
+        SceneKey("bits", BITS, needs=(f"full_scale_{unit}",)),
+        SceneKey("filter_hz", Numbers("[high-pass, low-pass]", POSITIVE, word="none")),
+        SceneKey("saturation", Word(SATURATIONS)),
+    )
 
 
 @runtime_checkable
@@ -90,7 +88,7 @@ class SensorKind:
     recorder: Recorder | str | None = None
     magnitude: str = ""
     file: Literal[".csv", ".wav"] = ".csv"
-    keys: tuple[SensorKey, ...] = ()
+    keys: tuple[SceneKey, ...] = ()
     site: Literal["above", "in", ""] = ""
     unmounted: str = ""
     senses: tuple[tuple[str, str], ...] = ()
@@ -119,18 +117,11 @@ def sampling_kinds() -> tuple[str, ...]:
     return tuple(name for name, kind in SENSOR_KINDS.items() if kind.has_samples)
 
 
-def all_instrument_keys() -> tuple[str, ...]:
-    """Return the keys of the instruments of all kinds."""
-    # Each unit once, in the order of the table, as messages list the keys.
-    units = dict.fromkeys(kind.unit for kind in SENSOR_KINDS.values() if kind.columns)
-    keys = [key.format(unit) for key in INSTRUMENT_KEYS for unit in units]
-    return (*dict.fromkeys(keys), SATURATION)
-
-
-def own_keys() -> tuple[str, ...]:
-    """Return the keys of all kinds, except those of instruments."""
-    every = (key.name for kind in SENSOR_KINDS.values() for key in kind.keys)
-    return tuple(dict.fromkeys(every))
+def kind_keys(kind: str) -> tuple[SceneKey, ...]:
+    """Return the keys of a kind: its own, and those of an instrument with samples."""
+    # A sensor without a kind records pressure.
+    known = SENSOR_KINDS[kind or "pressure"]
+    return (*known.keys, *(instrument_keys(known.unit) if known.has_samples else ()))
 
 
 def hears_ambient(kind: str) -> bool:
@@ -144,20 +135,22 @@ def kind_of(name: str) -> SensorKind | None:
     return SENSOR_KINDS[name] if name else None
 
 
-_NOT_NEGATIVE = Bounds(at_least=0.0)
+MAX_IMU_RATE_HZ = 1e5
+"""Maximum sampling rate of an IMU [Hz]; declared: MEMS units reach some 10 kHz."""
+# fmt: off
 IMU_KEYS = (
-    SensorKey("rate_hz", "samples a second", bounds=POSITIVE),
-    SensorKey("full_scale_m_s2", "range of the accelerometer", bounds=POSITIVE),
-    SensorKey("full_scale_rad_s", "range of the gyroscope", bounds=POSITIVE),
-    SensorKey("noise_m_s2_sqrt_hz", "noise of the accelerometer", bounds=_NOT_NEGATIVE),
-    SensorKey("noise_rad_s_sqrt_hz", "noise of the gyroscope", bounds=_NOT_NEGATIVE),
-    SensorKey("bias_m_s2", "offset of the accelerometer", bounds=_NOT_NEGATIVE),
-    SensorKey("bias_rad_s", "offset of the gyroscope", bounds=_NOT_NEGATIVE),
-    SensorKey("bias_walk_m_s2_sqrt_s", "its random walk", bounds=_NOT_NEGATIVE),
-    SensorKey("bias_walk_rad_s_sqrt_s", "its random walk", bounds=_NOT_NEGATIVE),
-    # Without bounds here: `float` is a value, too, and the reader checks both.
-    SensorKey("bits", "bits of a sample"),
+    SceneKey("rate_hz", Number(Bounds(above=0.0, at_most=MAX_IMU_RATE_HZ)), "rate"),
+    SceneKey("full_scale_m_s2", Number(POSITIVE), "accelerometer_range"),
+    SceneKey("full_scale_rad_s", Number(POSITIVE), "gyroscope_range"),
+    SceneKey("noise_m_s2_sqrt_hz", Number(NOT_NEGATIVE), "accelerometer_noise"),
+    SceneKey("noise_rad_s_sqrt_hz", Number(NOT_NEGATIVE), "gyroscope_noise"),
+    SceneKey("bias_m_s2", Number(NOT_NEGATIVE), "accelerometer_bias"),
+    SceneKey("bias_rad_s", Number(NOT_NEGATIVE), "gyroscope_bias"),
+    SceneKey("bias_walk_m_s2_sqrt_s", Number(NOT_NEGATIVE), "accelerometer_walk"),
+    SceneKey("bias_walk_rad_s_sqrt_s", Number(NOT_NEGATIVE), "gyroscope_walk"),
+    SceneKey("bits", BITS),
 )
+# fmt: on
 """Defaults are those of `scene.Imu`."""
 SENSOR_KINDS = Registry[SensorKind](
     "kind of sensor",

@@ -10,10 +10,8 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from statistics import NormalDist
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -214,42 +212,55 @@ def names_in(scene: Scene) -> tuple[str, ...]:
 
 def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
     """Return the scene with some of its numbers replaced."""
-    import equinox as eqx
-
-    names = list(values)
-    return eqx.tree_at(
-        lambda s: [value_of(s, name) for name in names],
-        scene,
-        [as_float_array(values[name]) for name in names],
-        # None is no leaf of a PyTree; a number that was derived can be replaced so.
-        is_leaf=lambda leaf: leaf is None,
-    )
+    for name, value in values.items():
+        scene = with_value_at(scene, _path(scene, name), as_float_array(value))
+    return scene
 
 
 def value_of(scene: Scene, name: str) -> Any:
-    """Return one of a scene's numbers, which may be a batch; None if it is derived."""
+    """Return one of a scene's numbers, which may be a batch; None if it is derived.
+
+    Raises:
+        KeyError: The scene has no such number.
+    """
+    return value_at(scene, _path(scene, name))
+
+
+def _path(scene: Scene, name: str) -> tuple[str | int, ...]:
+    """Return the fields and indices that lead to a number of a scene."""
     base, _, label = name.partition(".")
     if base == CLOCK_OFFSET:
-        for clock in _each(scene.clocks):
-            if clock.name == label:
-                return clock.offset_s
-        for sensor in _each(scene.sensors):
-            if sensor.name == label:
-                return sensor.clock_offset_s
+        for part, offset in (("clocks", "offset_s"), ("sensors", "clock_offset_s")):
+            names = [one.name for one in getattr(scene, part)]
+            if label in names:
+                return part, names.index(label), offset
         raise KeyError(label)
-    holder: Any = scene
-    if label:
-        # Attribute paths are those of a single charge.
-        named = next(charge for charge in scene.charges if charge.name == label)
-        holder = SimpleNamespace(charge=named)
     one = PARAMETERS[base]
-    leaf, index = attrgetter(one.attribute)(holder), one.key.index
-    return leaf if index is None or not isinstance(leaf, tuple) else leaf[index]
+    steps = one.attribute.split(".")
+    if not one.of_charge:
+        return tuple(steps)
+    # A single charge has plain names, also if the file names it.
+    names = [charge.name for charge in scene.charges]
+    charge = ("charges", names.index(label) if label else 0)
+    return *charge, *steps[1:], *([] if one.key.index is None else [one.key.index])
 
 
-def _each(nodes: Any) -> tuple[Any, ...]:
-    """Return a tuple of nodes; an empty one is a wrapped leaf within `eqx.tree_at`."""
-    return nodes if isinstance(nodes, tuple) else ()
+def value_at(node: Any, path: Sequence[str | int]) -> Any:
+    """Return the part of a scene at the end of fields and indices."""
+    for step in path:
+        node = node[step] if isinstance(step, int) else getattr(node, step)
+    return node
+
+
+def with_value_at(node: Any, path: Sequence[str | int], value: Any) -> Any:
+    """Return a scene with another value at the end of fields and indices."""
+    if not path:
+        return value
+    step, *rest = path
+    new = with_value_at(value_at(node, [step]), rest, value)
+    if isinstance(step, str):
+        return replace(node, **{step: new})
+    return (*node[:step], new, *node[step + 1 :])
 
 
 class Free(Module):
@@ -279,93 +290,86 @@ class Free(Module):
         return 0.0 * z
 
 
-class Normal(Module):
+class Prior(Module):
+    """Distribution of a number, a standard normal in its coordinate $z$.
+
+    The number is its first parameter plus a multiple of $z$, or for an interval of the
+    share of the normal distribution below $z$. A number in ln is that parameter times a
+    power. Near a bound of an interval $z$ goes to infinity, so that no step leaves it.
+    """
+
+    in_ln: ClassVar[bool] = False
+    of_interval: ClassVar[bool] = False
+
+    def constrain(self, z):
+        """Return the number at a fitted coordinate."""
+        xp, (z, first, second) = _by(z, *vars(self).values())
+        scale = self._scale(xp, first, second)
+        steps = _ndtr(xp, z) if self.of_interval else z
+        # exp(z ln f), because XLA does not vectorize powers on a CPU.
+        return first * xp.exp(steps * scale) if self.in_ln else first + scale * steps
+
+    def unconstrain(self, value):
+        """Return the fitted coordinate of a number."""
+        xp, (value, first, second) = _by(value, *vars(self).values())
+        scale = self._scale(xp, first, second)
+        steps = (xp.log(value / first) if self.in_ln else value - first) / scale
+        return _ndtri(xp, steps) if self.of_interval else steps
+
+    def _scale(self, xp, first, second):
+        if self.of_interval:
+            second = second / first if self.in_ln else second - first
+        return xp.log(second) if self.in_ln else second
+
+    def log_density(self, z):
+        """Return ln of the prior density per unit of $z$."""
+        return -0.5 * z**2 - 0.5 * math.log(2 * math.pi)
+
+    @property
+    def middle(self) -> float:
+        """Median of the number, the start of a fit."""
+        return float(self.constrain(0.0))
+
+
+class Normal(Prior):
     """Normal about `mean` with standard deviation `sd`."""
 
     mean: Float[Array, ""] = field(converter=as_float_array)
     sd: Float[Array, ""] = field(converter=as_float_array)
 
-    def constrain(self, z):
-        """Return the number at a fitted coordinate."""
-        _, (z, mean, sd) = _by(z, self.mean, self.sd)
-        return mean + sd * z
 
-    def unconstrain(self, value):
-        """Return the fitted coordinate of a number."""
-        _, (value, mean, sd) = _by(value, self.mean, self.sd)
-        return (value - mean) / sd
-
-    def log_density(self, z):
-        """Return ln of the prior density per unit of $z$."""
-        return _standard_normal(z)
-
-
-class LogNormal(Module):
+class LogNormal(Prior):
     """Normal in ln about `median`, with standard deviation ln `factor`."""
 
+    in_ln: ClassVar[bool] = True
     median: Float[Array, ""] = field(converter=as_float_array)
     factor: Float[Array, ""] = field(converter=as_float_array)
 
-    def constrain(self, z):
-        """Return the number at a fitted coordinate."""
-        # exp(z ln f), because XLA does not vectorize powers on a CPU.
-        xp, (z, median, factor) = _by(z, self.median, self.factor)
-        return median * xp.exp(z * xp.log(factor))
 
-    def unconstrain(self, value):
-        """Return the fitted coordinate of a number."""
-        xp, (value, median, factor) = _by(value, self.median, self.factor)
-        return xp.log(value / median) / xp.log(factor)
+class Uniform(Prior):
+    """Uniform from `lo` to `hi`."""
 
-    def log_density(self, z):
-        """Return ln of the prior density per unit of $z$."""
-        return _standard_normal(z)
-
-
-class Uniform(Module):
-    """Uniform from `lo` to `hi`, fitted as the normal score of its quantile."""
-
+    of_interval: ClassVar[bool] = True
     lo: Float[Array, ""] = field(converter=as_float_array)
     hi: Float[Array, ""] = field(converter=as_float_array)
 
-    def constrain(self, z):
-        """Return the number at a fitted coordinate."""
-        # Near a bound the score goes to infinity, so that no step leaves the interval.
-        xp, (z, lo, hi) = _by(z, self.lo, self.hi)
-        return lo + (hi - lo) * _ndtr(xp, z)
 
-    def unconstrain(self, value):
-        """Return the fitted coordinate of a number."""
-        xp, (value, lo, hi) = _by(value, self.lo, self.hi)
-        return _ndtri(xp, (value - lo) / (hi - lo))
+class LogUniform(Prior):
+    """Uniform in ln from `lo` to `hi`."""
 
-    def log_density(self, z):
-        """Return ln of the prior density per unit of $z$."""
-        return _standard_normal(z)
-
-
-class LogUniform(Module):
-    """Uniform in ln from `lo` to `hi`, fitted as the normal score of its quantile."""
-
+    in_ln: ClassVar[bool] = True
+    of_interval: ClassVar[bool] = True
     lo: Float[Array, ""] = field(converter=as_float_array)
     hi: Float[Array, ""] = field(converter=as_float_array)
 
-    def constrain(self, z):
-        """Return the number at a fitted coordinate."""
-        xp, (z, lo, hi) = _by(z, self.lo, self.hi)
-        return lo * (hi / lo) ** _ndtr(xp, z)
 
-    def unconstrain(self, value):
-        """Return the fitted coordinate of a number."""
-        xp, (value, lo, hi) = _by(value, self.lo, self.hi)
-        return _ndtri(xp, xp.log(value / lo) / xp.log(hi / lo))
-
-    def log_density(self, z):
-        """Return ln of the prior density per unit of $z$."""
-        return _standard_normal(z)
-
-
-Prior = Normal | LogNormal | Uniform | LogUniform
+PRIORS = {
+    "lognormal": (LogNormal, "median", "factor"),
+    "normal": (Normal, "mean", "sd"),
+    "uniform": (Uniform, "lo", "hi"),
+    "loguniform": (LogUniform, "lo", "hi"),
+}
+"""Kinds of prior in a scene file: classes and their two numbers."""
 
 
 def _by(first, *others) -> tuple[Any, tuple[Any, ...]]:
@@ -400,10 +404,6 @@ def _ndtri(xp, p):
         return {0.0: -math.inf, 1.0: math.inf}.get(x, math.nan)
 
     return np.vectorize(one, otypes=[float])(p)
-
-
-def _standard_normal(z):
-    return -0.5 * z**2 - 0.5 * math.log(2 * math.pi)
 
 
 def draw(key: "PRNGKeyArray", prior: Prior) -> Float[Array, ""]:

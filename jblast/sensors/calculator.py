@@ -186,7 +186,7 @@ def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     if question.quantity or not float(charge.up) > 0.0:
         return np.zeros(ranges.shape, bool)
     # with no curve set stated, the path chooses one for each row by its height
-    scene = replace(question.scene, charge=replace(charge, burst=None))
+    scene = replace(question.scene, charges=(replace(charge, burst=None),))
     rows = path_of_rows(replace(question, scene=scene))
     return np.asarray(rows.free_air)
 
@@ -205,7 +205,7 @@ def with_burst(question: Question) -> Question:
         "free-air" if free.size and free.all() else None if free.any() else "surface"
     )
     charge = replace(charge, burst=burst, by_height=True)
-    scene = replace(question.scene, charge=charge)
+    scene = replace(question.scene, charges=(charge,))
     return replace(question, scene=scene)
 
 
@@ -314,7 +314,7 @@ def with_other_burst(scene: Scene) -> Scene:
     """Return the scene with the other of the two curve sets."""
     other: Burst = "surface" if scene.charge.burst == "free-air" else "free-air"
     charge = replace(scene.charge, burst=other)
-    return replace(scene, charge=charge)
+    return replace(scene, charges=(charge,))
 
 
 def evaluate(
@@ -327,7 +327,9 @@ def evaluate(
     charge = scene.charge
     if charge.burst is None and not float(charge.up) > 0.0:
         # A charge on the ground needs no free-air curves: half of the program.
-        scene = replace(scene, charge=replace(charge, burst="surface", by_height=True))
+        scene = replace(
+            scene, charges=(replace(charge, burst="surface", by_height=True),)
+        )
     n = len(slant_range)
     values, valid = _evaluate(scene, _padded(slant_range), _padded(charge_mass), laws)
     return np.asarray(values)[:, :n], np.asarray(valid)[:, :n]

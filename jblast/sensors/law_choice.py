@@ -233,7 +233,7 @@ def settled(scene: Scene, layout: Layout) -> tuple[Scene, Layout]:
             charge = replace(charge, burst=burst, by_height=True)
         charges.append(charge)
     mixed = any(charge.burst is None for charge in charges)
-    scene = replace(scene, charge=charges[0], others=tuple(charges[1:]))
+    scene = replace(scene, charges=tuple(charges))
     return scene, replace(layout, free_air=tuple(free.tolist()) if mixed else ())
 
 

@@ -121,7 +121,9 @@ def layout_of(observations: Observations, scene: Scene) -> Layout:
     """Return the rows of a log whose positions are known (see `resolve_positions`)."""
     shots = [charge.name for charge in scene.charges]
     # a scene with one charge accepts any shot name
-    shot = tuple(shots.index(s) if scene.others else 0 for s in observations.shot)
+    shot = tuple(
+        shots.index(s) if len(scene.charges) > 1 else 0 for s in observations.shot
+    )
     # paths from different charges are different, even to one sensor
     ways = list(zip(shot, observations.groups(), strict=True))
     groups = {way: i for i, way in enumerate(dict.fromkeys(ways))}

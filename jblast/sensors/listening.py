@@ -379,7 +379,7 @@ def _with_one_charge(
     charge = replace(scene.charges[shot], name="")
     own = tuple(range(len(rows)))
     only = replace(layout.only(rows), shot=(0,) * len(rows), group=own)
-    return replace(scene, charge=charge, others=()), only
+    return replace(scene, charges=(charge,)), only
 
 
 def _laws_of_readings(scene: Scene) -> dict[str, str]:

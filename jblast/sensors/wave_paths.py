@@ -296,7 +296,7 @@ def low_charges_settled(scene: Scene) -> Scene:
         else charge
         for charge in scene.charges
     ]
-    return replace(scene, charge=charges[0], others=tuple(charges[1:]))
+    return replace(scene, charges=tuple(charges))
 
 
 def alone(scene: Scene, shot: int) -> Scene:
@@ -307,8 +307,7 @@ def alone(scene: Scene, shot: int) -> Scene:
     """
     return replace(
         scene,
-        charge=replace(scene.charges[shot], name=""),
-        others=(),
+        charges=(replace(scene.charges[shot], name=""),),
         sensors=(),
         camera=None,
         vehicle=None,
@@ -327,11 +326,11 @@ def as_seen(
     """
     charge = scene.charges[shot].as_if_at_zero()
     if way != "reflected":
-        return replace(scene, charge=charge, others=()), position
+        return replace(scene, charges=(charge,)), position
     # the image replaces the ground, which free-air curves do not contain
     charge = replace(charge, burst="free-air")
     mirror = jnp.array([1.0, 1.0, -1.0], position.dtype)
-    return replace(scene, charge=charge, others=()), position * mirror
+    return replace(scene, charges=(charge,)), position * mirror
 
 
 def is_there(

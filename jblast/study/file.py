@@ -28,9 +28,9 @@ import numpy as np
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.parameters import CLOCK_OFFSET, PARAMETERS
 from jblast.scene import UncertainScene
-from jblast.scene.reader.scene import scene_from_document
-from jblast.scene.reader.tables import finite
+from jblast.scene.reader import scene_from_document
 from jblast.scene.uncertain import Free, LogUniform, Prior, Uniform, parameter_named
+from jblast.scene.values import finite
 
 KEYS = (
     *("scene", "seed", "samples", "sd_target", "design", "keep", "outcomes"),

@@ -320,7 +320,7 @@ def with_bursts_at_start(
             span = float(height.min()), float(height.max())
             notes += burst_notes(charge, span, free, "vehicle")
         charges.append(charge)
-    scenes = replace(scenes, charge=charges[0], others=tuple(charges[1:]))
+    scenes = replace(scenes, charges=tuple(charges))
     return scenes, tuple(notes)
 
 

@@ -309,7 +309,7 @@ def unwatched(scenes: Scene) -> Scene:
     # part of the structure of a scene: each one would compile its own program
     removed: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
     removed |= {"vehicle": None, "ambient": None, "law": ()}
-    return replace(scenes, charge=first, others=tuple(others), **removed)
+    return replace(scenes, charges=(first, *others), **removed)
 
 
 def lanes_of(scenes: Scene, lanes: Int[np.ndarray, " lane"]) -> Scene:
@@ -539,7 +539,7 @@ def checked_scene(
             f"{source}: [charge] range_m: expected position_m, from which the "
             "vehicle's own distance follows, got a range"
         )
-    if by_profile and scene.others:
+    if by_profile and len(scene.charges) > 1:
         raise InputError(
             f"{source}: [[charge]]: expected one charge for a custom profile, got "
             f"{len(scene.charges)}"

@@ -38,6 +38,7 @@ from jblast.scene import (
     read_scene_or_world,
     read_world,
 )
+from jblast.scene.keys import MAX_BLASTS
 from jblast.scene.random_blasts import (
     Box,
     ByCount,
@@ -47,7 +48,7 @@ from jblast.scene.random_blasts import (
     Ring,
     WorldSpec,
 )
-from jblast.scene.reader.random_blasts import MAX_BLASTS, check_fits
+from jblast.scene.reader import check_fits
 from jblast.scene.uncertain import Belief, Prior, Uniform, draw
 from jblast.sensors import Track, record_laws
 from jblast.vehicle import Trajectory
@@ -117,7 +118,7 @@ def with_nevers(scene: Scene) -> Scene:
     never = replace(
         scene.charge, time_s=jnp.full_like(east, jnp.inf), position_m=place, name=""
     )
-    return replace(scene, others=(*scene.others, *(never,) * missing))
+    return replace(scene, charges=(*scene.charges, *(never,) * missing))
 
 
 def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> UncertainScene:
@@ -166,7 +167,7 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
         time = time.constrain(jnp.zeros(()))
     charge = Charge(mass, tuple(place), time)
     laws = dict(scene.law) | record_laws(scene, ground=True)
-    scene = replace(scene, charge=charge, law=tuple(laws.items()))
+    scene = replace(scene, charges=(charge,), law=tuple(laws.items()))
     return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **beliefs})
 
 
@@ -279,7 +280,7 @@ def draw_world(
             f"{source}: [charge] range_m: expected position_m, got range_m, which is "
             "the distance of a single sensor"
         )
-    scene = replace(scene, charge=charges[0], others=tuple(charges[1:]))
+    scene = replace(scene, charges=tuple(charges))
     laws = dict(scene.law) | record_laws(scene, ground=True)
     scene = replace(scene, law=tuple(laws.items()))
     return DrawnWorld(scene, seed, source)

@@ -72,7 +72,7 @@ def out_of_view(scene: Scene, flight: Trajectory | None = None) -> tuple[str, ..
         here = camera
         if path is not None:
             here = carried_camera(camera, path, jnp.asarray(charge.time_s))
-        alone = replace(bare, charge=replace(charge, name=""), others=(), camera=None)
+        alone = replace(bare, charges=(replace(charge, name=""),), camera=None)
         if not in_view(alone, here):
             unseen.append(charge.name)
     return tuple(unseen)
@@ -170,8 +170,7 @@ def readings_of(
         key = jax.random.fold_in(world.noise_key, number)
         alone = replace(
             scene,
-            charge=replace(charge, name=""),
-            others=(),
+            charges=(replace(charge, name=""),),
             sensors=tuple(present),
         )
         log = readings(key, alone)
@@ -313,7 +312,7 @@ def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arri
     places: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
     for charge in scene.charges:
         # The name is static: with it each blast would compile its own program.
-        alone = replace(bare, charge=replace(charge, name=""), others=())
+        alone = replace(bare, charges=(replace(charge, name=""),))
         _, truth = truth_of(alone, observers, moving, WAVES)
         for wave in WAVES:
             times[wave].append(truth.values[wave][:, 0])

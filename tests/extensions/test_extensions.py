@@ -177,7 +177,7 @@ def test_a_record_is_differentiable_and_batched(extension):
     probe = Sensor("probe", (30.0, 0.0, 1.0), "thermometer", settings={"offset_k": 0.0})
 
     def mean(mass):
-        made = Scene(charge=Charge(mass_kg=mass), sensors=(probe,))
+        made = Scene(Charge(mass_kg=mass), sensors=(probe,))
         return jnp.mean(record(made, probe, 0.1, jax.random.key(0)))
 
     values = jax.jit(jax.vmap(mean))(jnp.asarray([2.0 - 1e-3, 2.0, 2.0 + 1e-3]))

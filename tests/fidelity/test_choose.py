@@ -165,9 +165,7 @@ def test_the_end_of_the_reference_belongs_to_it():
 
 def test_a_charge_high_up_is_chosen_for_by_the_free_air_curves():
     sensor = Sensor("a", position_m=np.array([5.0, 0.0, 12.0]))
-    high = Scene(
-        charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, 12.0)), sensors=(sensor,)
-    )
+    high = Scene(Charge(mass_kg=1.0, position_m=(0.0, 0.0, 12.0)), sensors=(sensor,))
     choice = choose(high, "peak_overpressure_pa", 0.2)
     assert "free-air curves, by the height of burst" in reason_for(choice)
     candidates = {c.method: c.valid for c in choice.candidates}
@@ -179,7 +177,7 @@ def test_a_charge_on_the_ground_does_not_blur_what_is_said_of_one_high_up():
     sensor = Sensor("a", position_m=np.array([5.0, 0.0, 12.0]))
     high = Charge(mass_kg=1.0, position_m=(0.0, 0.0, 12.0), name="high")
     ground = Charge(mass_kg=1.0, position_m=(40.0, 0.0, 0.0), name="ground")
-    both = Scene(charge=ground, others=(high,), sensors=(sensor,))
+    both = Scene(charges=(ground, high), sensors=(sensor,))
     reason = reason_for(choose(both, "peak_overpressure_pa", 0.2))
     assert "free-air curves, by the height of burst" in reason
     assert "neither set holds" not in reason
@@ -190,7 +188,7 @@ def test_a_charge_on_the_ground_does_not_blur_what_is_said_of_one_high_up():
 def test_a_burst_that_contradicts_the_height_is_marked(burst, height):
     sensor = Sensor("a", position_m=np.array([5.0, 0.0, height]))
     charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, height), burst=burst)
-    scene = Scene(charge=charge, sensors=(sensor,))
+    scene = Scene(charge, sensors=(sensor,))
     reason = reason_for(choose(scene, "peak_overpressure_pa", 0.2))
     contradicts = (burst == "surface") == (height == 12.0)
     assert (f'burst = "{burst}" contradicts the height' in reason) == contradicts

@@ -49,12 +49,12 @@ BAD = {
     ),
     "metres at the explosion": (
         HEADER + "c,fireball_radius_m,30,1,2\n",
-        Scene(charge=Charge(time_s=2.0)),
+        Scene(Charge(time_s=2.0)),
         ["line 2", "column time_s", "after the origin time, 2 s"],
     ),
     "a direction beside a range": (
         PLACED + SEEN,
-        Scene(charge=Charge(range_m=5.0)),
+        Scene(Charge(range_m=5.0)),
         ["line 2", "bearing_rad", "no direction"],
     ),
     "a direction from nowhere": (
@@ -102,7 +102,7 @@ PLANS = {
 def test_a_plan_that_cannot_be_recorded_is_refused(changed, distance, said):
     given = {"records": (("fireball_radius_m", 0.1),)} | changed
     sensor = Sensor("c", np.array([3.0, 4.0, 0.0]), **given)
-    scene = Scene(charge=Charge(range_m=distance), sensors=(sensor,))
+    scene = Scene(Charge(range_m=distance), sensors=(sensor,))
     with pytest.raises(InputError) as error:
         planned_layout(scene)
     for words in said:
@@ -112,7 +112,7 @@ def test_a_plan_that_cannot_be_recorded_is_refused(changed, distance, said):
 def test_a_plan_has_a_row_for_each_time():
     records = (("fireball_radius_px", 0.1), ("flash_time_s", 1e-3))
     sensor = Sensor("c", np.full(3, np.nan), records=records, times_s=(0.1, 0.2))
-    scene = Scene(charge=Charge(range_m=5.0), sensors=(sensor,), camera=camera())
+    scene = Scene(Charge(range_m=5.0), sensors=(sensor,), camera=camera())
     layout, sigma, _ = planned_layout(scene)
     np.testing.assert_array_equal(layout.time, [0.1, 0.2, np.nan])
     np.testing.assert_array_equal(sigma, [0.1, 0.1, 1e-3])

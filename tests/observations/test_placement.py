@@ -59,7 +59,7 @@ def test_a_shock_radius_needs_no_place(table):
 
 
 def test_one_sensor_needs_no_place_where_the_scene_gives_its_range(table):
-    ranged = Scene(charge=Charge(range_m=20.0))
+    ranged = Scene(Charge(range_m=20.0))
     assert len(resolve_positions(table(BARE + "a,air_arrival_s,1,\n"), ranged)) == 1
     with pytest.raises(InputError, match=r"line 3: .*one sensor, 'a'; got 'b'"):
         resolve_positions(
@@ -81,13 +81,11 @@ def test_a_range_beside_a_free_place_is_refused(table, name):
 
 def test_a_range_in_the_log_and_in_the_scene_must_agree(table):
     observations = table(RANGE + "a,air_arrival_s,1,,20\n")
-    assert len(resolve_positions(observations, Scene(charge=Charge(range_m=20.0)))) == 1
+    assert len(resolve_positions(observations, Scene(Charge(range_m=20.0)))) == 1
     with pytest.raises(InputError, match=r"line 2, column range_m: got 20.*21\.0"):
-        resolve_positions(observations, Scene(charge=Charge(range_m=21.0)))
+        resolve_positions(observations, Scene(Charge(range_m=21.0)))
     with pytest.raises(InputError, match=r"line 2.*\[charge\] range_m.*not fixed"):
-        resolve_positions(
-            observations, Scene(charge=Charge(range_m=20.0)), {"charge_range_m"}
-        )
+        resolve_positions(observations, Scene(Charge(range_m=20.0)), {"charge_range_m"})
 
 
 def test_a_range_in_the_log_must_agree_with_a_sensor_of_the_scene(table):
@@ -109,9 +107,9 @@ def test_several_shots_need_a_charge_named_for_each(table):
     message = r"line 3, column shot: expected 'one'.*got 'two'.*\[\[charge\]\]"
     with pytest.raises(InputError, match=message):
         resolve_positions(observations, Scene())
-    two = Scene(charge=Charge(name="one"), others=(Charge(name="two", time_s=1.5),))
+    two = Scene(charges=(Charge(name="one"), Charge(name="two", time_s=1.5)))
     assert len(resolve_positions(observations, two)) == 2
-    other = Scene(charge=Charge(name="one"), others=(Charge(name="three"),))
+    other = Scene(charges=(Charge(name="one"), Charge(name="three")))
     with pytest.raises(InputError, match=r"line 3.*'one', 'three'; got 'two'"):
         resolve_positions(observations, other)
 
@@ -120,7 +118,7 @@ def test_each_charge_is_asked_about_its_own_origin_time(table):
     observations = table(
         SHOTS + "a,air_arrival_s,1,.1,20,one\na,air_arrival_s,2,.1,20,two\n"
     )
-    late = Scene(charge=Charge(name="one"), others=(Charge(name="two", time_s=9.0),))
+    late = Scene(charges=(Charge(name="one"), Charge(name="two", time_s=9.0)))
     with pytest.raises(InputError, match=r"line 3.*after the origin time, 9 s"):
         resolve_positions(observations, late)
     assert len(resolve_positions(observations, late, {"origin_time_s.two"})) == 2

@@ -67,7 +67,7 @@ def three_parameters() -> Fit:
             free=("charge_mass_kg", "origin_time_s", "air_sound_speed_m_s"),
         ),
         scene=Scene(
-            charge=Charge(mass_kg=mass, time_s=t0),
+            Charge(mass_kg=mass, time_s=t0),
             sensors=tuple(Sensor(f"m{i}", jnp.zeros(3)) for i in range(1, 7)),
         ),
         draws={
@@ -101,7 +101,7 @@ def one_parameter() -> Fit:
             n_observations=5,
             warnings=(warning("look_closer", log="quarry.csv"),),
         ),
-        scene=Scene(charge=Charge(mass_kg=1000.0)),
+        scene=Scene(Charge(mass_kg=1000.0)),
         draws={"charge_mass_kg": 1000.0 * np.exp(0.62 * rng.standard_normal(1500))},
         bands=(band("positive_impulse_pa_s", x, 1000.0, 0.2, valid=x < 1700.0),),
     )
@@ -144,7 +144,7 @@ def not_identifiable() -> Fit:
             dof=6,
             n_observations=8,
         ),
-        scene=Scene(charge=Charge(mass_kg=15.0)),
+        scene=Scene(Charge(mass_kg=15.0)),
         draws={"origin_time_s": np.random.default_rng(0).normal(1e-4, 4e-4, 800)},
         bands=(band("air_arrival_s", x, 15.0, 0.05),),
     )
@@ -176,7 +176,7 @@ def shock_radius() -> Fit:
             n_observations=24,
             posterior="emcee",
         ),
-        scene=Scene(charge=Charge(mass_kg=mass)),
+        scene=Scene(Charge(mass_kg=mass)),
         draws={
             "charge_mass_kg": mass * np.exp(0.12 * z[:, 0]),
             "sedov_gamma": 1.31 + 0.04 * z[:, 1],

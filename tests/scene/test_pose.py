@@ -9,7 +9,7 @@ from jax.test_util import check_grads
 from scipy.spatial.transform import Rotation
 
 from jblast.scene import Camera, look_at, matrix_quaternion, quaternion_matrix
-from jblast.scene.reader.scene import read_camera
+from jblast.scene.reader import scene_from_document
 from jblast.sensors.camera.geometry import to_camera
 from jblast.vehicle.state import four, rotation, three, times
 
@@ -137,8 +137,7 @@ def test_a_quarter_turn_means_the_same_to_a_camera_and_a_vehicle():
 
 
 def test_a_file_says_the_order_in_the_keys_name():
-    read = read_camera(
-        tomllib.loads(f"{CAMERA}quaternion_xyzw = [0, 0, 2, 2]"), "scene.toml"
-    )
+    document = tomllib.loads(f"{CAMERA}quaternion_xyzw = [0, 0, 2, 2]")
+    read = scene_from_document(document, "scene.toml").scene.camera
     assert read is not None
     np.testing.assert_allclose(read.quaternion, QUARTER, atol=1e-15)

@@ -28,7 +28,7 @@ def scene(up, burst=None, heights=(12.0, 0.0), name=""):
     )
     charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, up), burst=burst, name=name)
     air = Air(sound_speed=STANDARD_SOUND_SPEED)
-    return Scene(charge=charge, air=air, sensors=sensors)
+    return Scene(charge, air=air, sensors=sensors)
 
 
 def distances(up, heights=(12.0, 0.0)):
@@ -69,7 +69,7 @@ def test_what_is_settled_has_derivatives_across_the_limit():
     assert rows.free_air == (True, False)
 
     def impulse(mass):
-        heavier = replace(fixed, charge=replace(fixed.charge, mass_kg=mass))
+        heavier = replace(fixed, charges=(replace(fixed.charge, mass_kg=mass),))
         return record(heavier, rows, LAW).value
 
     # at 8 kg the reflection comes within the phase: what was settled stays
@@ -97,7 +97,7 @@ def test_a_range_alone_leaves_a_place_as_low_as_it_allows(told_by, up, distance,
     )
     told = jnp.array([distance if told_by == "row" else jnp.nan])
     path = path_between(
-        Scene(charge=charge),
+        Scene(charge),
         charge,
         jnp.full((1, 3), jnp.nan) if told_by == "row" else jnp.zeros((1, 3)),
         told,

@@ -30,7 +30,7 @@ SENSOR = Sensor("imu", PLACE, records=tuple((q, 0.01) for q in QUANTITIES))
 
 def scene_of(mass=10.0, wind=0.0, model="hummingbird") -> Scene:
     return Scene(
-        charge=Charge(mass, (0.0, 0.0, 0.0), burst="surface"),
+        Charge(mass, (0.0, 0.0, 0.0), burst="surface"),
         air=Air(wind_east=wind),
         vehicle=VehicleSpec(model, PLACE, yaw=0.4),
         sensors=(SENSOR,),
@@ -116,7 +116,7 @@ def test_jolts_have_the_slopes_of_finite_differences():
 
 
 def test_a_charge_that_never_happens_jolts_nobody():
-    never = replace(scene_of(), charge=replace(scene_of().charge, time_s=jnp.inf))
+    never = replace(scene_of(), charges=(replace(scene_of().charge, time_s=jnp.inf),))
     value = record(never, LAYOUT, LAWS).value
     assert float(value[0]) == 0.0
     assert bool(jnp.isnan(value[1:]).all())

@@ -95,7 +95,7 @@ def test_a_long_log_is_split_by_some_of_its_paths():
 
 def test_the_scatter_of_travel_times_keeps_its_size():
     layout = layout_at(ring(1.0, 8, (40.0, 0.0)))
-    found = record(Scene(charge=Charge(mass_kg=10.0)), layout, LAWS)
+    found = record(Scene(Charge(mass_kg=10.0)), layout, LAWS)
     of_laws = error_model(found, layout)
     shot = np.asarray(found.shot_loading["air_arrival_s"])
     shared = np.sum(np.square(of_laws.loading), axis=1) - shot**2
@@ -109,7 +109,7 @@ def test_the_scatter_of_travel_times_keeps_its_size():
 
 def test_simulated_neighbours_scatter_together():
     layout = layout_at(ring(1.0, 8, (40.0, 0.0)))
-    scene = Scene(charge=Charge(mass_kg=10.0))
+    scene = Scene(Charge(mass_kg=10.0))
     keys = jax.random.split(jax.random.key(0), 400)
     drawn = jax.jit(
         jax.vmap(

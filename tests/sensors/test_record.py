@@ -151,7 +151,7 @@ def test_the_thesis_path_climbs_to_the_sensor_and_the_head_wave_does_not():
         "a", jnp.array([20.0, 0.0, 1.5]), records=(("ground_arrival_s", 1e-3),)
     )
     head = Scene(
-        charge=Charge(mass_kg=15.0),
+        Charge(mass_kg=15.0),
         sensors=(sensor,),
         air=Air(sound_speed=340.0),
         ground=Ground(p_speed=6000.0),
@@ -169,8 +169,10 @@ def test_each_charge_is_worth_its_own_tnt():
         "a", jnp.array([30.0, 0.0, 0.0]), records=(("peak_overpressure_pa", 0.1),)
     )
     scene = Scene(
-        charge=Charge(name="one", mass_kg=10.0, explosive="C4"),
-        others=(Charge(name="two", mass_kg=10.0, tnt_factor=0.5),),
+        charges=(
+            Charge(name="one", mass_kg=10.0, explosive="C4"),
+            Charge(name="two", mass_kg=10.0, tnt_factor=0.5),
+        ),
         sensors=(sensor,),
     )
     expected = [kingery_bulmash_pressure(30.0, mass) for mass in (13.7, 5.0)]

@@ -33,23 +33,20 @@ SENSOR = Sensor(
 ONE = Charge(mass_kg=15.0, time_s=2.0, name="one")
 OTHER = Charge(mass_kg=3.0, position_m=(4.0, 0.0, 0.0), time_s=1.9, name="other")
 NEVER = dataclasses.replace(OTHER, time_s=jnp.inf)
-SCENE = Scene(charge=ONE, others=(OTHER,), sensors=(SENSOR,))
+SCENE = Scene(charges=(ONE, OTHER), sensors=(SENSOR,))
 LAYOUT, SIGMA, NAMES = planned_layout(SCENE)
 MINE = np.array(LAYOUT.shot) == 0
 
 
 @jax.jit
 def recorded(mine, others):
-    return record(
-        dataclasses.replace(SCENE, charge=mine, others=(others,)), LAYOUT, LAWS
-    )
+    return record(dataclasses.replace(SCENE, charges=(mine, others)), LAYOUT, LAWS)
 
 
 @pytest.mark.slow
 def test_nothing_is_read_of_it_and_all_else_as_without_it():
     found, with_both = recorded(ONE, NEVER), recorded(ONE, OTHER)
-    alone = dataclasses.replace(SCENE, charge=dataclasses.replace(ONE, name=""))
-    alone = dataclasses.replace(alone, others=())
+    alone = dataclasses.replace(SCENE, charges=(dataclasses.replace(ONE, name=""),))
     expected = record(alone, planned_layout(alone)[0], LAWS)
     np.testing.assert_allclose(found.value[MINE], expected.value, rtol=1e-14)
     np.testing.assert_allclose(found.record_sd[MINE], expected.record_sd, rtol=1e-14)
@@ -79,7 +76,7 @@ def test_gradients_are_those_without_it_and_none_is_its_own():
 
 
 def test_readings_with_errors_stay_what_they_are():
-    never = dataclasses.replace(SCENE, others=(NEVER,))
+    never = dataclasses.replace(SCENE, charges=(ONE, NEVER))
     draw = jax.jit(lambda key: observe(key, never, LAYOUT, LAWS, SIGMA))
     read = draw(jax.random.key(1))
     np.testing.assert_array_equal(read[~MINE], NOTHING)
@@ -87,11 +84,12 @@ def test_readings_with_errors_stay_what_they_are():
 
 
 def test_a_simulated_log_has_no_row_of_it():
-    never = dataclasses.replace(SCENE, others=(NEVER,))
+    never = dataclasses.replace(SCENE, charges=(ONE, NEVER))
     log = simulate(UncertainScene(never, {}, "scene.toml"))
     assert set(log.shot) == {"one"}
     assert len(log) == len(QUANTITIES)
-    none = dataclasses.replace(never, charge=dataclasses.replace(ONE, time_s=jnp.inf))
+    never_one = dataclasses.replace(ONE, time_s=jnp.inf)
+    none = dataclasses.replace(never, charges=(never_one, NEVER))
     with pytest.raises(
         InputError, match=r"no sensor records anything: .* never happen"
     ):
@@ -100,7 +98,7 @@ def test_a_simulated_log_has_no_row_of_it():
 
 def test_a_row_of_a_charge_that_never_happens_is_refused():
     log = written(SCENE, LAYOUT, np.full(len(MINE), 2.5), np.asarray(SIGMA), NAMES)
-    never = dataclasses.replace(SCENE, others=(NEVER,))
+    never = dataclasses.replace(SCENE, charges=(ONE, NEVER))
     with pytest.raises(
         InputError, match=r"of 'other', which never happens .* time is inf"
     ):

@@ -76,7 +76,7 @@ def recording() -> dict[str, list[tuple[str, bool]]]:
     places = np.array([[20.0, 0.0, 1.5], [-40.0, 30.0, 1.5], [0.0, -90.0, 1.5]])
     records = tuple((quantity, 0.05) for quantity in LAW_NAMES)
     scene = Scene(
-        charge=Charge(mass_kg=15.0, burst="surface"),
+        Charge(mass_kg=15.0, burst="surface"),
         sensors=tuple(
             Sensor(f"s{i}", position_m=place, records=records)
             for i, place in enumerate(places)

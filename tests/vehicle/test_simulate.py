@@ -175,7 +175,7 @@ def hold(count: int) -> PositionHold:
 
 def load(count: int):
     def of(mass):
-        return blast_load(Scene(charge=Charge(mass_kg=mass)))
+        return blast_load(Scene(Charge(mass_kg=mass)))
 
     return jax.vmap(of)(jnp.ones(count))
 

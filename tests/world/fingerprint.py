@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jblast.scene.reader.scene import world_from_document
+from jblast.scene.reader import world_from_document
 from jblast.study.run_files import blasts_csv
 from jblast.world import DrawnWorld, arrivals_of, draw_world, readings_of
 

@@ -155,8 +155,7 @@ def test_a_name_that_resembles_a_number_is_a_name(world, met, name):
     for one in (name, "first"):
         scene = replace(
             world.scene,
-            charge=replace(first, name=one),
-            others=tuple(others),
+            charges=(replace(first, name=one), *others),
         )
         log, _ = readings_of(world._replace(scene=scene), arrivals, 1e3)
         assert log is not None

@@ -5,7 +5,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Free, Scene, Uniform
-from jblast.scene.reader.scene import world_from_document
+from jblast.scene.reader import world_from_document
 from jblast.world import scene_of_one_blast, with_nevers
 from tests.world.worlds import VEHICLE, document, drawn
 
@@ -82,7 +82,7 @@ def test_what_cannot_be_drawn_is_refused(name):
 def test_charges_are_filled_up_to_a_power_of_two_by_some_that_never_happen():
     for count, filled in ((1, 1), (2, 2), (3, 4), (5, 8)):
         charges = [Charge(time_s=1.0 * n, name=str(n)) for n in range(count)]
-        scene = with_nevers(Scene(charge=charges[0], others=tuple(charges[1:])))
+        scene = with_nevers(Scene(charges=tuple(charges)))
         assert len(scene.charges) == filled
         assert [charge.name for charge in scene.charges[:count]] == [
             charge.name for charge in charges

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from jblast.scene.reader.scene import world_from_document
+from jblast.scene.reader import world_from_document
 from jblast.world import DrawnWorld, draw_world
 
 VEHICLE = {"model": "hummingbird", "position_m": [5.0, 0.0, 3.0]}

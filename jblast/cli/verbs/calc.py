@@ -258,7 +258,7 @@ def _scene(options: argparse.Namespace, given: "Mapping[str, Any]") -> "Scene":
             f"{air.temperature.item():g} K and {air.pressure.item():g} Pa; "
             f"got {options.humidity:g}"
         )
-    return Scene(charge=charge, air=air, ground=ground)
+    return Scene(charge, air=air, ground=ground)
 
 
 def _bounded(option: str, given: "Mapping[str, Any]", parameter: str) -> float:

@@ -223,7 +223,7 @@ def _apart(
 ) -> dict[str, Observations | InputError]:
     """Return one log for each shot, unless the scene names its charges."""
     # a scene with several charges fits all shots of a table together
-    shots = {} if uncertain.scene.others else by_shot(log)
+    shots = {} if len(uncertain.scene.charges) > 1 else by_shot(log)
     if len(shots) < 2:
         return {name: log}
     return {f"{name}: {shot or 'no shot'}": one for shot, one in shots.items()}

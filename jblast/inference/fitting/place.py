@@ -441,7 +441,7 @@ def shock_rings(
     if law is None or not np.isfinite(masses).all() or not min(masses) > 0.0:
         return ()
     # rings are those of one charge; the calculator has one
-    alone = replace(fit.scene, charge=charge, others=())
+    alone = replace(fit.scene, charges=(charge,))
     ranges, valid = ranges_at(alone, law, masses, levels)
     height = float(np.asarray(charge.position_m)[2])
     # slant range to ground range; a level reached only above the ground has no ring

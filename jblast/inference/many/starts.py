@@ -222,7 +222,7 @@ def closed_form(rows: LaneRows) -> ClosedForm | None:
     names, layout, scene = rows.parameters.names, rows.layout, rows.parameters.scene
     if (
         not {"charge_east_m", "charge_north_m"} <= set(names) <= CLOSED_FORM
-        or scene.others
+        or len(scene.charges) > 1
     ):
         return None
     if np.isfinite(np.asarray(layout.slant_range)).any():

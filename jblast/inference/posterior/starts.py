@@ -254,7 +254,9 @@ def _with_origin_time(
     """
     layout, scene = posterior.layout, posterior.parameters.scene
     named = [charge.name for charge in scene.charges]
-    of_charge = np.array(layout.shot) == (named.index(label) if scene.others else 0)
+    of_charge = np.array(layout.shot) == (
+        named.index(label) if len(scene.charges) > 1 else 0
+    )
     radii = of_charge & np.isin(layout.quantity, FIREBALL_RADII)
     rows = of_charge & np.isin(layout.quantity, CLOCK_TIMES)
     offsets = [name.partition(".") for name in posterior.parameters.names]

@@ -10,7 +10,7 @@ import tomlkit
 import jblast
 from jblast.inference.tuning.unknowns import row_named
 from jblast.parameters import CLOCK_OFFSET
-from jblast.scene.reader.tables import LISTS
+from jblast.scene.keys import keys_of
 
 NEUTRAL = {"filter_hz": "none", "threshold": 0.2}
 """Other entries of a list in the scene file, if only one of them is tuned."""
@@ -65,7 +65,7 @@ def put_values(tables: Any, values: Mapping[str, float], sensor: str | None) -> 
         if key.index is not None:
             old = entry.get(written, NEUTRAL.get(written, 0.0))
             # a scene may have one number for both entries of a list
-            count = LISTS[written].count(",") + 1
+            count = keys_of(key.table)[written].value.form.count(",") + 1
             parts = list(old) if isinstance(old, list) else [old] * count
             entry[written] = [*parts[: key.index], value, *parts[key.index + 1 :]]
         else:

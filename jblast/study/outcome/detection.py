@@ -29,8 +29,8 @@ import numpy as np
 
 from jblast.errors import InputError
 from jblast.scene import Scene, Sensor
-from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
+from jblast.scene.values import finite
 from jblast.sensors import even_overpressure, heard, record_laws
 from jblast.sensors.microphone import WIND_SLOPE, share_at_height
 from jblast.sensors.samples import power_spectrum

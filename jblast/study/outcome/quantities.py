@@ -16,8 +16,8 @@ from jblast.constants import PSI
 from jblast.errors import InputError
 from jblast.quantities import BY_CAMERA, BY_VEHICLE, PLACELESS, QUANTITIES, TIMED
 from jblast.scene import Scene, UncertainScene
-from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
+from jblast.scene.values import finite
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names, settled
 from jblast.sensors.simulated_readings import observe

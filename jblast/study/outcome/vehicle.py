@@ -15,8 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from jblast.scene import Scene, VehicleSpec
-from jblast.scene.reader.tables import finite
 from jblast.scene.uncertain import with_values
+from jblast.scene.values import finite
 from jblast.study.flight_results import (
     TOLERANCE_M,
     Flown,
@@ -80,7 +80,7 @@ def prepare(setting: Setting) -> Prepared:
             replace(charge, burst=burst, by_height=True)
             for charge, burst in zip(scenes.charges, bursts, strict=True)
         ]
-        scenes = replace(scenes, charge=charges[0], others=tuple(charges[1:]))
+        scenes = replace(scenes, charges=tuple(charges))
         flown = flown_by(scenes, spec, hold, seconds, SEVERAL, options)
         return {name: _answers(flown, spec, seconds)[name] for name in setting.names}
 

@@ -424,7 +424,7 @@ class Stager:
         )
 
     def _alone(self, charge: Charge) -> Scene:
-        return replace(self.scene, charge=replace(charge, name=""), others=())
+        return replace(self.scene, charges=(replace(charge, name=""),))
 
     def _arrivals(self, scene: Scene, place: np.ndarray | Track) -> BlastArrivals:
         tracks = {NAME: place} if isinstance(place, Track) else {}

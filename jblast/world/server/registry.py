@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, argument, nearest, shown
 from jblast.scene import Charge
-from jblast.scene.reader.tables import VEHICLE_MODELS
+from jblast.scene.keys import VEHICLE_MODELS
 from jblast.vehicle import named
 from jblast.world.drawn import DrawnWorld
 

@@ -19,7 +19,7 @@ def scene_of(beliefs, places, records=ARRIVAL, law=(), scatter=False, mass=10.0)
     """A scene of sensors by name; `records` of all, or of each by name."""
     return UncertainScene(
         Scene(
-            charge=Charge(mass_kg=mass),
+            Charge(mass_kg=mass),
             air=Air(sound_speed=C),
             sensors=tuple(
                 Sensor(

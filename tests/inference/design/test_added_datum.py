@@ -45,7 +45,7 @@ def test_a_map_of_pressures_is_what_the_slopes_at_its_places_say():
 
 def test_a_new_place_shares_no_path_with_another_sensor_or_another_charge():
     pair = Charge(mass_kg=1.0, name="one"), Charge(mass_kg=1.0, name="two", time_s=1.0)
-    scene = dataclasses.replace(FOUR.scene, charge=pair[0], others=pair[1:])
+    scene = dataclasses.replace(FOUR.scene, charges=pair)
     beliefs = {f"charge_mass_kg.{charge.name}": Free(positive=True) for charge in pair}
     at = dict.fromkeys(beliefs, 1.0)
     plan = plan_of(UncertainScene(scene, beliefs), at, "gaussian")
@@ -130,7 +130,7 @@ def test_a_map_without_anything_to_draw_is_refused():
         bound_map(found)
     ranged = scene_of(MASS, {"a": (0.0, 0.0)}, PRESSURE)
     charge = dataclasses.replace(ranged.scene.charge, range_m=jnp.asarray(30.0))
-    scene = dataclasses.replace(ranged.scene, charge=charge)
+    scene = dataclasses.replace(ranged.scene, charges=(charge,))
     found = bound(dataclasses.replace(ranged, scene=scene), {"charge_mass_kg": 9.0})
     assert found.summary.identifiable
     assert all(entry.position is None for entry in found.summary.help)

@@ -32,7 +32,7 @@ def found(
     scene = dataclasses.replace(scene, law=((quantity, name),))
     if burst:
         charge = dataclasses.replace(scene.charge, burst=burst)
-        scene = dataclasses.replace(scene, charge=charge)
+        scene = dataclasses.replace(scene, charges=(charge,))
     density = density_of(log(*rows), freed(UncertainScene(scene), list(free)))
     values = np.array([{"charge_mass_kg": MASS}.get(n, 0.0) for n in free])
     if draws is None:

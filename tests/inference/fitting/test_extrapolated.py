@@ -50,7 +50,7 @@ def test_ground_motion_does_not_make_the_answer_of_a_deep_shot_valid():
     rows, first = read_shot("HTP-7")
     assert len(rows) == 12
     scene = Scene(
-        charge=Charge(mass_kg=100.0, position_m=(0.0, 0.0, float(first["hob_m"]))),
+        Charge(mass_kg=100.0, position_m=(0.0, 0.0, float(first["hob_m"]))),
         air=Air(
             temperature=float(first["T_ambient_K"]),
             pressure=1e3 * float(first["P_ambient_kPa"]),
@@ -82,7 +82,7 @@ def test_few_rows_outside_their_law_do_not_spoil_an_answer():
     ]
     value = float(ground_motion_displacement(far, mass, height))
     rows.append(("d", "ground_displacement_m", value, 0.05 * value, (far, 0.0, 0.0)))
-    scene = Scene(charge=Charge(mass_kg=mass, position_m=(0.0, 0.0, height)))
+    scene = Scene(Charge(mass_kg=mass, position_m=(0.0, 0.0, height)))
     uncertain = freed(UncertainScene(scene), ["charge_mass_kg"])
     found = fit(log(*rows), uncertain)
     assert found.summary.law_valid_rows == 3

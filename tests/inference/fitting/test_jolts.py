@@ -9,9 +9,7 @@ from jblast.observations import observed
 from jblast.scene import Charge, Free, Scene, UncertainScene, VehicleSpec
 
 PLACE = jnp.array([25.0, 0.0, 4.0])
-SCENE = Scene(
-    charge=Charge(10.0, range_m=25.0), vehicle=VehicleSpec("hummingbird", PLACE)
-)
+SCENE = Scene(Charge(10.0, range_m=25.0), vehicle=VehicleSpec("hummingbird", PLACE))
 UNKNOWN = {"charge_mass_kg": Free(True), "charge_range_m": Free(True)}
 
 

@@ -37,7 +37,7 @@ def read():
     """What gauges would read of the truth, with errors of 5 %."""
     errors = 0.05 * np.array([1.1, -0.4, 0.3, -1.6, 0.8, 0.2, -0.9, 0.6])
     layout = layout_of(made(np.ones(8)), UNCERTAIN.scene)
-    exact = replace(UNCERTAIN.scene, charge=replace_mass(UNCERTAIN.scene.charge))
+    exact = replace(UNCERTAIN.scene, charges=(replace_mass(UNCERTAIN.scene.charge),))
     return np.asarray(record(exact, layout, LAWS).value) * np.exp(errors)
 
 

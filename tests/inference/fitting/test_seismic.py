@@ -27,9 +27,7 @@ def test_seismic_rows_alone_bound_a_mass_as_far_as_rocks_are_alike():
             PLACES.items(), np.asarray(law(distance, 300.0, BURIED)), strict=True
         )
     ]
-    scene = Scene(
-        charge=Charge(mass_kg=jnp.asarray(100.0), position_m=(0.0, 0.0, BURIED))
-    )
+    scene = Scene(Charge(mass_kg=jnp.asarray(100.0), position_m=(0.0, 0.0, BURIED)))
     free = freed(UncertainScene(scene), ["charge_mass_kg"])
     answer = fit(log(*rows), free).summary
     mass = answer.estimates["charge_mass_kg"]

@@ -49,7 +49,7 @@ def test_two_charges_are_told_apart_by_the_shot_of_each_row():
     ]
     made = of_shots(log(*rows), ["one"] * 4 + ["two"] * 4)
     scene = Scene(
-        charge=Charge(name="one"), others=(Charge(name="two"),), air=AIR, scatter=False
+        charges=(Charge(name="one"), Charge(name="two")), air=AIR, scatter=False
     )
     names = ("charge_mass_kg", "charge_east_m", "charge_north_m", "origin_time_s")
     uncertain = freed(
@@ -79,7 +79,7 @@ def test_a_shared_effect_of_one_charge_does_not_touch_the_other():
         for p in [float(kingery_bulmash_pressure(float(np.linalg.norm(place)), 15.0))]
     ]
     made = of_shots(log(*rows), ["one"] * 4 + ["two"] * 4)
-    scene = Scene(charge=Charge(name="one", mass_kg=15.0), others=(Charge(name="two"),))
+    scene = Scene(charges=(Charge(name="one", mass_kg=15.0), Charge(name="two")))
     uncertain = UncertainScene(scene, {"charge_mass_kg.two": Free(positive=True)})
     result = fit(made, uncertain)
     # one loading for each charge: 10 % of its own rows and none of the other's
@@ -102,7 +102,7 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
         for i, place in enumerate([*RING, (25.0, 25.0, 0.0), (-30.0, -30.0, 0.0)])
     ]
     made = dataclasses.replace(log(*rows), clock=("x", "y") * 3)
-    scene = Scene(charge=Charge(mass_kg=mass), air=AIR, scatter=False)
+    scene = Scene(Charge(mass_kg=mass), air=AIR, scatter=False)
     where = ["charge_east_m", "charge_north_m", "origin_time_s"]
     uncertain = freed(UncertainScene(scene), [*where, "clock_offset_s.y"])
     answer = fit(made, uncertain).summary
@@ -127,9 +127,7 @@ def test_a_clock_free_beside_the_origin_time_is_refused_with_one_arrival():
             RING[0],
         )
     )
-    scene = Scene(
-        charge=Charge(mass_kg=15.0), sensors=(Sensor("a", np.array(RING[0])),)
-    )
+    scene = Scene(Charge(mass_kg=15.0), sensors=(Sensor("a", np.array(RING[0])),))
     uncertain = freed(UncertainScene(scene), ["origin_time_s", "clock_offset_s.a"])
     with pytest.raises(InputError, match="1 clock times and 0 other readings cannot"):
         fit(made, uncertain)
@@ -143,7 +141,7 @@ def test_wind_is_found_from_arrivals_around_the_charge():
         along = float(wind @ np.array(place[:2]) / distance)
         reading = arrival(place, (0.0, 0.0, 0.0), 15.0, 0.0, c=C + along)
         rows.append((f"s{i}", "air_arrival_s", reading, 1e-5, place))
-    scene = Scene(charge=Charge(mass_kg=15.0), air=AIR, scatter=False)
+    scene = Scene(Charge(mass_kg=15.0), air=AIR, scatter=False)
     uncertain = freed(UncertainScene(scene), ["wind_east_m_s", "wind_north_m_s"])
     estimates = fit(log(*rows), uncertain).summary.estimates
     assert estimates["wind_east_m_s"].value == pytest.approx(6.0, abs=1e-4)
@@ -168,7 +166,7 @@ def test_c4_weighs_less_than_the_tnt_that_does_the_same(quantity, law, factor):
     value = float(law(30.0, 10.0))
     made = log(("a", quantity, value, 0.1 * value, 30.0), at_range=True)
     # dry air of the tables, so that the impulse is not scaled by the sound speed
-    scene = Scene(charge=Charge(explosive="C4"), air=AIR, scatter=False)
+    scene = Scene(Charge(explosive="C4"), air=AIR, scatter=False)
     uncertain = UncertainScene(scene, {"charge_mass_kg": Free(positive=True)})
     answer = fit(made, uncertain).summary
     mass = answer.estimates["charge_mass_kg"].value
@@ -184,7 +182,7 @@ def test_an_uncertain_tnt_factor_widens_the_mass_by_as_much():
     value = float(kingery_bulmash_pressure(30.0, 11.0))
     made = log(("a", "peak_overpressure_pa", value, 1e-3 * value, 30.0), at_range=True)
     charge = Charge(tnt_factor=1.1)
-    scene = Scene(charge=charge, scatter=False)
+    scene = Scene(charge, scatter=False)
     uncertain = UncertainScene(
         scene,
         {"charge_mass_kg": Free(positive=True), "tnt_factor": LogNormal(1.1, 1.1)},

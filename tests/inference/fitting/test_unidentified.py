@@ -97,7 +97,7 @@ def test_a_fit_of_tnt_by_a_law_of_a_point_source_has_a_warning(explosive):
         clock=("",) * 4,
     )
     law = (("shock_radius_m", "sedov_taylor"),)
-    scene = Scene(charge=Charge(explosive=explosive), law=law)
+    scene = Scene(Charge(explosive=explosive), law=law)
     uncertain = UncertainScene(scene, {"charge_mass_kg": Free(positive=True)})
     answer = fit(made, uncertain, noise="gaussian").summary
     warned = any(one.kind == "no_point_source" for one in answer.warnings)

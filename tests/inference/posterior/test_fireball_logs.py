@@ -38,7 +38,7 @@ def camera() -> Camera:
 
 def scene_of(records, times=TIMES, mass=MASS) -> Scene:
     return Scene(
-        charge=Charge(mass_kg=mass, range_m=RANGE),
+        Charge(mass_kg=mass, range_m=RANGE),
         sensors=(Sensor("cam", np.full(3, np.nan), records=records, times_s=times),),
         camera=camera(),
         law=tuple(LAWS.items()),

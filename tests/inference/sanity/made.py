@@ -31,7 +31,7 @@ PEAK, ARRIVAL, IMPULSE = (
 def _told() -> dict[str, np.ndarray]:
     laws = tuple(law_for(q, "kinney_graham") for q in (PEAK, ARRIVAL, IMPULSE))
     scene = default_scene().scene
-    scene = replace(scene, charge=replace(scene.charge, burst="surface"))
+    scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
     distance = np.linalg.norm(PLACES, axis=1)
     value, _ = evaluate(scene, distance, np.full(len(distance), MASS), laws)
     return {law.quantity: row for law, row in zip(laws, value, strict=False)}

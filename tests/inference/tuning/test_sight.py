@@ -11,7 +11,7 @@ from jblast.inference.tuning.tune_sight import (
     tune_frames,
 )
 from jblast.report.tune_figures import tune_figure
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader import scene_from_document
 from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear

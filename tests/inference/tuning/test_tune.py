@@ -17,7 +17,7 @@ from jblast.inference.tuning.unknowns import Between
 from jblast.observations.records.sound import write_sound
 from jblast.report.tune import tune_answer
 from jblast.report.view import terminal
-from jblast.scene.reader.scene import scene_from_document
+from jblast.scene.reader import scene_from_document
 from jblast.sensors.listening import packets, plan
 
 MIC = {"name": "mic", "kind": "microphone", "position_m": [400.0, 0.0, 1.5]}
@@ -76,7 +76,7 @@ def test_names_that_a_record_of_sound_cannot_tell_are_refused(names, word):
 def test_a_scene_without_a_blast_is_refused():
     never = scene_of(SOUND)
     charge = dataclasses.replace(never.scene.charge, time_s=np.inf)
-    scene = dataclasses.replace(never.scene, charge=charge)
+    scene = dataclasses.replace(never.scene, charges=(charge,))
     with pytest.raises(InputError, match="never happens"):
         tune_sound(dataclasses.replace(never, scene=scene), NOISE, ["noise_pa"])
 

@@ -13,7 +13,7 @@ from jblast.inference.tuning.unknowns import TUNABLES
 from jblast.report.messages import sentence_of
 from jblast.report.tune import change_words, key_words
 from jblast.results import problem
-from jblast.scene.reader.tables import keys_of
+from jblast.scene.keys import keys_of
 
 SCENE = """# my scene
 [[charge]]

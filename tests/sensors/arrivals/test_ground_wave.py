@@ -78,7 +78,7 @@ FAR = jnp.array([300.0, 400.0, 2.0])
 def test_a_wave_has_the_arrival_and_the_velocity_of_the_laws():
     never = Charge(mass_kg=50.0, time_s=math.inf, name="never")
     first = Charge(mass_kg=50.0, time_s=0.25, name="first")
-    scene = Scene(first, others=(never,), ground=Ground(p_speed=5000.0))
+    scene = Scene((first, never), ground=Ground(p_speed=5000.0))
     wave, nothing = ground_waves(scene, FAR, ground_laws(scene))
     # the way along the ground, by the law itself
     travel = wu_hao_ground_arrival_time(500.0, 50.0, 5000.0)

@@ -125,7 +125,7 @@ def test_gradients_by_mass_range_and_arrival_are_those_of_differences():
     def samples(mass, distance, time):
         charge = replace(ON_GROUND.charge, mass_kg=mass, time_s=time)
         there = jnp.stack([distance, 0.0 * distance, 1.0 + 0.0 * distance])
-        return overpressure(replace(ON_GROUND, charge=charge), there, edges)
+        return overpressure(replace(ON_GROUND, charges=(charge,)), there, edges)
 
     at = (15.0, 40.0, 0.7)
     slopes = jax.jit(jax.jacfwd(samples, argnums=(0, 1, 2)))(*at)

@@ -129,7 +129,7 @@ def test_it_comes_from_the_image_by_the_same_laws():
     ids=["surface curves", "on the ground", "place on the ground", "too low"],
 )
 def test_there_is_none_where_the_ground_is_in_the_curves(charge, place):
-    waves = heard(replace(HIGH, charge=charge), place)
+    waves = heard(replace(HIGH, charges=(charge,)), place)
     assert all(np.isposinf(w.pulse.arrival_time) for w in waves[1:])
     assert all(w.pulse.peak == 0.0 for w in waves[1:])
 
@@ -140,7 +140,7 @@ def test_gradients_are_finite_where_both_ways_become_one():
 
     def energy(up, charge_up):
         scene = replace(
-            HIGH, charge=replace(HIGH.charge, position_m=(0.0, 0.0, charge_up))
+            HIGH, charges=(replace(HIGH.charge, position_m=(0.0, 0.0, charge_up)),)
         )
         place = jnp.stack([jnp.asarray(20.0), jnp.asarray(0.0), up])
         return jnp.sum(overpressure(scene, place, edges) ** 2)

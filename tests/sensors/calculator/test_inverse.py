@@ -33,7 +33,7 @@ from jblast.waves.waveform import friedlander_impulse
 
 def scene_with(sound_speed=330.0, pressure=9e4, **charge):
     air = Air(pressure=pressure, sound_speed=sound_speed)
-    return Scene(charge=Charge(**charge), air=air, ground=Ground(p_speed=6000.0))
+    return Scene(Charge(**charge), air=air, ground=Ground(p_speed=6000.0))
 
 
 RANGES, MASSES = np.array([2.0, 20.0, 2000.0]), np.array([15.0, 15.0, 40.0])
@@ -225,7 +225,7 @@ def said(**values):
 
 @pytest.fixture
 def question():
-    scene = Scene(charge=Charge(burst="surface"))
+    scene = Scene(Charge(burst="surface"))
     return Question(scene, slant_range=(10.0, 30.0), charge_mass=(1.0,))
 
 

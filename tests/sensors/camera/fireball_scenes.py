@@ -35,4 +35,4 @@ def small_camera(
 def one_charge(
     mass: Any = 100.0, east: Any = 0.0, up: Any = 2.0, **changed: Any
 ) -> Scene:
-    return Scene(charge=Charge(mass_kg=mass, position_m=(east, 0.0, up), **changed))
+    return Scene(Charge(mass_kg=mass, position_m=(east, 0.0, up), **changed))

@@ -18,7 +18,7 @@ from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.rendering import in_view, off_axis, render
 
 REFERENCE = os.environ.get("JBLAST_REFERENCE")
-SCENE = Scene(charge=Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0)))
+SCENE = Scene(Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0)))
 
 
 def camera(position=(0.0, -40.0, 2.0), target=(0.0, 0.0, 4.0), **changed) -> Camera:
@@ -92,14 +92,14 @@ def test_in_view_says_what_rendering_shows():
 
 
 def test_a_fireball_smaller_than_a_pixel_is_in_view():
-    far = Scene(charge=Charge(mass_kg=1e-3, position_m=(83.0, 9e3, 33.0)))
+    far = Scene(Charge(mass_kg=1e-3, position_m=(83.0, 9e3, 33.0)))
     assert in_view(far, camera(target=(0.0, 0.0, 2.0)))
 
 
 def test_angle_off_the_axis():
     eye = camera(target=(0.0, -90.0, 2.0))
-    ahead = replace(SCENE, charge=Charge(position_m=(0.0, -80.0, 2.0)))
-    aside = replace(SCENE, charge=Charge(position_m=(5.0, -40.0, 2.0)))
+    ahead = replace(SCENE, charges=(Charge(position_m=(0.0, -80.0, 2.0)),))
+    aside = replace(SCENE, charges=(Charge(position_m=(5.0, -40.0, 2.0)),))
     np.testing.assert_allclose(off_axis(ahead, eye), 0.0, atol=1e-12)
     np.testing.assert_allclose(off_axis(aside, eye), np.pi / 2)
     np.testing.assert_allclose(
@@ -126,7 +126,7 @@ def test_the_clip_of_the_thesis_is_as_large_as_its_scale_has_it(tmp_path):
         center=np.array([79.5, 59.5]),
         frames_hz=30.0,
     )
-    scene = Scene(charge=Charge(mass_kg=15.0, time_s=2.0))
+    scene = Scene(Charge(mass_kg=15.0, time_s=2.0))
     times = 2.0 + np.arange(61) / 30.0
     film = Film(scene, eye, times, background=0.5, views=clip, supersample=2)
     assert in_view(scene, eye, clip)

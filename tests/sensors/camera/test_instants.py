@@ -39,7 +39,7 @@ def camera(width=20, height=15) -> Camera:
     )
 
 
-SCENE = Scene(charge=Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0), time_s=2.0))
+SCENE = Scene(Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0), time_s=2.0))
 
 
 def filmed(fps=30.0, seconds=0.5, **options) -> Film:

@@ -70,7 +70,7 @@ def test_a_record_lasts_until_the_blast_has_gone_by():
 
 def test_without_a_blast_a_second_is_heard():
     never = replace(scene_of(PHONE).scene.charge, time_s=math.inf)
-    scene = replace(scene_of(PHONE).scene, charge=never)
+    scene = replace(scene_of(PHONE).scene, charges=(never,))
     listening = plan(UncertainScene(scene))
     assert listening.seconds == 1.0
     assert np.isinf(listening.truth.values["air_arrival_s"]).all()
@@ -79,8 +79,10 @@ def test_without_a_blast_a_second_is_heard():
 def test_what_cannot_be_recorded_is_refused():
     nowhere = Sensor("lost", np.full(3, math.nan), "microphone")
     odd = replace(PHONE, instrument=Instrument(rate=44100.5))
-    ranged = replace(scene_of(PHONE).scene, charge=Charge(mass_kg=15.0, range_m=30.0))
-    late = replace(scene_of(PHONE).scene, charge=Charge(mass_kg=15.0, time_s=1e5))
+    ranged = replace(
+        scene_of(PHONE).scene, charges=(Charge(mass_kg=15.0, range_m=30.0),)
+    )
+    late = replace(scene_of(PHONE).scene, charges=(Charge(mass_kg=15.0, time_s=1e5),))
     cases = {
         "at least one [[sensor]] of kind pressure, microphone": (scene_of(), None),
         "sensor 'light': kind flash writes": (scene_of(FLASH), None),

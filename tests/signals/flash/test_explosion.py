@@ -45,9 +45,7 @@ def camera(away, above, width, focal):
 
 def seen(through, mass_kg, behind, frames) -> FlashDetections:
     """What the test says of a film in 8 bits, with a sensor's noise."""
-    scene = Scene(
-        charge=Charge(mass_kg=mass_kg, position_m=(0.0, 0.0, 0.0), time_s=BURST_S)
-    )
+    scene = Scene(Charge(mass_kg=mass_kg, position_m=(0.0, 0.0, 0.0), time_s=BURST_S))
     times = np.arange(frames) / 1000
     views = explosion_views(towards=np.asarray(through.position))
     light = luminance(

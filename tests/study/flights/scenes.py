@@ -13,5 +13,5 @@ SHORT = Options(seconds=0.6, step_s=2e-3)
 def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:
     charge = parts.pop("charge", Charge(mass_kg=1.0))
     beliefs = parts.pop("beliefs", {})
-    made = Scene(charge=charge, vehicle=spec, **parts)
+    made = Scene(charge, vehicle=spec, **parts)
     return UncertainScene(made, beliefs, "scene.toml")

@@ -11,7 +11,7 @@ CRAFT = VehicleSpec(model="crazyflie", position=np.array([5.0, 0.0, 12.0]))
 def flown(up, burst=None):
     return with_bursts_at_start(
         Scene(
-            charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, up), burst=burst),
+            Charge(mass_kg=1.0, position_m=(0.0, 0.0, up), burst=burst),
             vehicle=CRAFT,
         ),
         CRAFT,
@@ -31,9 +31,9 @@ def test_a_charge_high_up_is_flown_by_the_free_air_curves_and_said_so():
 
 def test_a_batch_of_both_is_flown_by_the_stronger_set_and_marked():
     heights = jnp.array([0.2, 12.0])
-    scenes = jax.vmap(
-        lambda up: Scene(charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, up)))
-    )(heights)
+    scenes = jax.vmap(lambda up: Scene(Charge(mass_kg=1.0, position_m=(0.0, 0.0, up))))(
+        heights
+    )
     scene, (note,) = with_bursts_at_start(scenes, CRAFT)
     assert scene.charge.burst == "surface"
     assert "1 of 2 vehicles it does; the surface curves were used for all" in note

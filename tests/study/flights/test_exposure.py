@@ -32,7 +32,7 @@ def exposure(scene, load, place):
 
 def test_a_pulse_of_a_millisecond_accelerates_by_its_impulse():
     case = np.array([0.1, 8.0, np.pi / 2, np.pi, 3e-3, 0.0, 4e-3, 0.0, 0.0, 0.0])
-    made = Scene(charge=Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0)))
+    made = Scene(Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0)))
     load = load_of(made, Profile(case[None]))
     found = exposure(made, load, jnp.array([5.0, 0.0, 2.0]))
     # 5 mN s over 1 ms on 30 g; it is pushed 0.1 mm away while it lasts
@@ -43,7 +43,7 @@ def test_a_pulse_of_a_millisecond_accelerates_by_its_impulse():
 
 @pytest.mark.slow
 def test_a_place_in_a_fireball_is_in_it_from_when_it_comes_to_when_it_fades():
-    scene = Scene(charge=Charge(mass_kg=1.0, time_s=0.2))
+    scene = Scene(Charge(mass_kg=1.0, time_s=0.2))
     load = blast_load(scene)
     found = exposure(scene, load, jnp.array([1.0, 0.0, 0.0]))
     reached = -1e-3 * np.log(1 - 1.0 / 1.81)
@@ -63,7 +63,7 @@ def test_a_place_in_a_fireball_is_in_it_from_when_it_comes_to_when_it_fades():
 def test_the_fireball_flown_into_is_the_one_filmed():
     """With the growth time of the scene, and the explosive's worth in TNT."""
     charge = Charge(mass_kg=1.0, time_s=0.2, explosive="C4")
-    scene = Scene(charge=charge, fireball_growth=50e-3)
+    scene = Scene(charge, fireball_growth=50e-3)
     found = exposure(scene, blast_load(scene), jnp.array([1.0, 0.0, 0.0]))
     # while it reaches the place it rises by 1 cm, a millisecond's worth of growth
     reached = -50e-3 * np.log(1 - 1.0 / (1.81 * 1.37 ** (1 / 3)))
@@ -74,6 +74,6 @@ def test_the_fireball_flown_into_is_the_one_filmed():
 @pytest.mark.slow
 def test_a_blast_that_comes_after_the_end_does_nothing_to_it():
     charge = Charge(mass_kg=1.0, time_s=2.0, explosive="C4")  # the program above
-    scene = Scene(charge=charge, fireball_growth=50e-3)
+    scene = Scene(charge, fireball_growth=50e-3)
     found = exposure(scene, blast_load(scene), jnp.array([3.0, 0.0, 0.0]))
     assert [float(value) for value in found] == [0.0, 0.0, 0.0]

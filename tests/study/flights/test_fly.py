@@ -53,8 +53,10 @@ def test_metrics_are_those_of_the_trajectory(flights):
 def test_a_flight_lasts_five_seconds_past_the_last_blast():
     one = scene(charge=Charge(mass_kg=1.0, time_s=2.0, name="a"))
     both = scene(
-        charge=Charge(mass_kg=1.0, time_s=2.0, name="a"),
-        others=(Charge(mass_kg=1.0, time_s=3.0, name="b"),),
+        charge=(
+            Charge(mass_kg=1.0, time_s=2.0, name="a"),
+            Charge(mass_kg=1.0, time_s=3.0, name="b"),
+        ),
     )
     for uncertain, blast in ((one, 2.0), (both, 3.0)):
         arrival = blast + 0.0092  # at 5.4 m
@@ -80,7 +82,7 @@ def test_the_interval_of_a_share_is_an_interval_about_the_share():
 @pytest.mark.slow  # a program with a profile
 def test_a_custom_profile_takes_the_place_of_the_charge():
     case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
-    made = Scene(charge=Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0), time_s=0.3))
+    made = Scene(Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0), time_s=0.3))
     load = load_of(made, Profile(case[None]))
     level = jnp.array([0.0, 0.0, 0.0, 1.0])
     encounter = encounter_at(load, PLACE, level)

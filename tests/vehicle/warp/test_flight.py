@@ -58,7 +58,7 @@ def everything(*others: Charge) -> dict:
     when = jnp.linspace(0.01, 0.02, BATCH)
 
     def loads(mass):
-        return blast_load(Scene(charge=Charge(mass_kg=mass, name="a"), others=others))
+        return blast_load(Scene(charges=(Charge(mass_kg=mass, name="a"), *others)))
 
     return {
         "control": Each(
@@ -100,8 +100,7 @@ def test_same_flights_through_a_blast_and_its_wave_from_the_ground():
     """The image is 10 m off, the charge itself behind a front that has gone by."""
     above = Charge(mass_kg=2.0, position_m=(9.0, 0.0, 6.0), burst="free-air")
     loads = [
-        blast_load(Scene(charge=above), reflection=reflected)
-        for reflected in (True, False)
+        blast_load(Scene(above), reflection=reflected) for reflected in (True, False)
     ]
     agree(CRAFT, start(), loads=(loads[0],))
     ends = [
@@ -124,7 +123,7 @@ def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
         burst="free-air",
         name="b",
     )
-    made = Scene(charge=Charge(mass_kg=1.0, name="a"), others=(second,))
+    made = Scene(charges=(Charge(mass_kg=1.0, name="a"), second))
     agree(
         CRAFT,
         state,
@@ -148,7 +147,7 @@ def test_more_blasts_than_an_integer_has_bits():
     alone = at_hover(CRAFT, position=(5.0, 0.0, 4.0))
     ends = []
     for charge, *others in ((strong, *weak), (*weak, strong)):
-        load = blast_load(Scene(charge=charge, others=tuple(others)))
+        load = blast_load(Scene(charges=(charge, *others)))
         flown = simulate(
             CRAFT, alone, duration_s=0.06, loads=(load,), backend="warp:cpu"
         )
@@ -242,7 +241,7 @@ def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(monkeypatch):
 def squared_deviation(mass, backend):
     """Return how far a held vehicle is from its place after a blast."""
     state = at_hover(CRAFT, position=(5.0, 0.0, 4.0))
-    load = blast_load(Scene(charge=Charge(mass_kg=mass)), rotors=False)
+    load = blast_load(Scene(Charge(mass_kg=mass)), rotors=False)
     flown = simulate(
         CRAFT,
         state,

@@ -18,7 +18,7 @@ FAR_QUANTITIES = (PEAK, "positive_impulse_pa_s", "positive_duration_s")
 
 
 def path(z, burst: Burst = "surface"):
-    scene = Scene(charge=Charge(mass_kg=1.0, burst=burst))
+    scene = Scene(Charge(mass_kg=1.0, burst=burst))
     return with_rows(scene_path(scene), jnp.asarray(z, float), jnp.ones(len(z)))
 
 
@@ -66,7 +66,7 @@ def test_far_rows_of_a_shot_share_an_effect_of_their_own():
         Sensor(f"m{i}", jnp.array([r, 0.0, 0.0]), records=((PEAK, 0.02),))
         for i, r in enumerate((50.0, 280.0, 290.0))
     )
-    scene = Scene(charge=Charge(mass_kg=1.0), sensors=sensors)
+    scene = Scene(Charge(mass_kg=1.0), sensors=sensors)
     layout, _, _ = planned_layout(scene)
     recording = record(scene, layout, {PEAK: "shock_kinematics"})
     effects = np.asarray(loadings(recording, layout))

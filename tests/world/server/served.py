@@ -3,7 +3,7 @@
 import functools
 from typing import Any
 
-from jblast.scene.reader.scene import world_from_document
+from jblast.scene.reader import world_from_document
 from jblast.world import DrawnWorld, draw_world
 from jblast.world.server import BlastSchedule, Packet, Playback, Stager, packet_times
 

@@ -58,7 +58,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError, nearest, read_text, shown
-from jblast.scene.reader.tables import finite, fixed_list
+from jblast.scene.values import Numbers, finite
 from jblast.sensors.camera.baked_explosion import ExplosionViews
 from jblast.sensors.camera.billboards import Views, upright
 from jblast.sensors.camera.files.images import (
@@ -171,7 +171,7 @@ def _up(
     if "up" not in entry:
         return level
     at = f"{where}up"
-    vector = fixed_list(entry["up"], at, "[east, north, up]")
+    vector = Numbers("[east, north, up]").read(entry["up"], at)
     # only the part across the direction is visible as up
     across = vector - (vector @ direction) * direction
     length = np.linalg.norm(across)
@@ -200,7 +200,7 @@ def _anchor(
     entry: dict[str, Any], pictures: np.ndarray, where: str
 ) -> Float[np.ndarray, "2"]:
     if "anchor_px" in entry:
-        return fixed_list(entry["anchor_px"], where, "[x, y]")
+        return Numbers("[x, y]").read(entry["anchor_px"], where)
     height, width = pictures.shape[1:3]
     return np.array([(width - 1) / 2, (height - 1) / 2])
 
@@ -397,7 +397,7 @@ def explosion_index(directory: Path) -> ExplosionIndex:
         directions.append(direction)
         ups.append(up)
         anchor = entry.get("anchor_px", index.get("anchor_px"))
-        anchors.append(fixed_list(anchor, f"{where}anchor_px", "[x, y]"))
+        anchors.append(Numbers("[x, y]").read(anchor, f"{where}anchor_px"))
         radii.append(_radii(entry.get("radius_px"), len(phases), f"{where}radius_px"))
     above = [direction[2] >= 0.0 for direction in directions]
     if not any(above):
@@ -481,7 +481,7 @@ def direction_of(
         )
     if "direction" in entry:
         at = f"{where}direction"
-        vector = fixed_list(entry["direction"], at, "[east, north, up]")
+        vector = Numbers("[east, north, up]").read(entry["direction"], at)
         if "elevation_deg" in entry or not vector.any():
             got = "elevation_deg too" if vector.any() else shown(entry["direction"])
             raise InputError(

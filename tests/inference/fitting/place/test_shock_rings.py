@@ -55,13 +55,13 @@ def test_a_charge_above_the_ground_has_narrower_rings():
     low = shock_rings(fit, levels=[100e3])[0].range_m
     raised = replace(
         fit.scene,
-        charge=Charge(mass_kg=MASS, position_m=(0.0, 0.0, 10.0), burst="surface"),
+        charges=(Charge(mass_kg=MASS, position_m=(0.0, 0.0, 10.0), burst="surface"),),
     )
     high = shock_rings(changed(fit, scene=raised), levels=[100e3])[0].range_m
     assert high == pytest.approx(np.sqrt(low**2 - 100.0), rel=1e-5)
     raised = replace(
         fit.scene,
-        charge=Charge(mass_kg=MASS, position_m=(0.0, 0.0, 500.0), burst="surface"),
+        charges=(Charge(mass_kg=MASS, position_m=(0.0, 0.0, 500.0), burst="surface"),),
     )
     assert shock_rings(changed(fit, scene=raised), levels=[100e3]) == ()
 

@@ -88,7 +88,7 @@ def located(
             ),
         ),
         scene=Scene(
-            charge=Charge(
+            Charge(
                 mass_kg=mass, position_m=(centre[0], centre[1], up), burst="surface"
             ),
             air=Air(wind_east=wind[0], wind_north=wind[1]),

@@ -36,7 +36,7 @@ def dated(fit, value=0.3104, half=0.02, clocks=()):
         summary=replace(fit.summary, estimates=estimates, free=free),
         observations=replace(fit.observations, epoch=EPOCH),
     )
-    return changed(fit, scene=replace(fit.scene, charge=charge))
+    return changed(fit, scene=replace(fit.scene, charges=(charge,)))
 
 
 def test_a_place_is_told_in_degrees_within_an_ellipse():
@@ -54,7 +54,7 @@ def test_a_place_is_told_in_degrees_within_an_ellipse():
 def test_each_of_several_charges_has_its_place_and_time():
     fit = dated(placed())
     others = (Charge(position_m=(0.0, 500.0, 0.0), time_s=2.0, name="second"),)
-    both = changed(fit, scene=replace(fit.scene, others=others))
+    both = changed(fit, scene=replace(fit.scene, charges=(fit.scene.charge, *others)))
     document = fit_document(both)
     first, second = document["charges_on_earth"]
     assert (first["place"], second["charge"]) == (document["place"], "second")

@@ -15,7 +15,7 @@ from jblast.sensors.camera.rendering import render, render_carried
 from jblast.sensors.camera.surroundings import landscape
 from tests.sensors.camera.fireball_scenes import small_camera
 
-NEVER = Scene(charge=Charge(mass_kg=1.0, time_s=jnp.inf))
+NEVER = Scene(Charge(mass_kg=1.0, time_s=jnp.inf))
 DARK, BRIGHT = 0.1, 0.4
 
 
@@ -53,7 +53,7 @@ def checker(cells=2):
 
 def test_a_camera_that_stands_sees_what_one_that_stands_sees():
     eye, path, times = camera(tilt=0.2), yawing(0.0), np.array([0.02, 0.3])
-    scene = Scene(charge=Charge(mass_kg=5.0, position_m=(0.0, 40.0, 3.0)))
+    scene = Scene(Charge(mass_kg=5.0, position_m=(0.0, 40.0, 3.0)))
     still = carried_camera(eye, path, jnp.asarray(0.0))
     ground = landscape(checker(), 4.0 / 32)
     light = ground.light(pixel_rays(still), jnp.asarray(1.0 / 60.0))

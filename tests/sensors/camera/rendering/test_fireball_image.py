@@ -142,9 +142,9 @@ def test_the_nearer_of_two_charges_hides_the_farther():
     near = Charge(mass_kg=30.0, position_m=(0.0, -10.0, 3.0))
     far = Charge(mass_kg=200.0, position_m=(0.0, 20.0, 3.0), time_s=0.25)
     camera = small_camera()
-    one, two = (layer_of(Scene(charge=charge), camera) for charge in (near, far))
+    one, two = (layer_of(Scene(charge), camera) for charge in (near, far))
     for first, second in ((near, far), (far, near)):
-        both = layer_of(Scene(charge=first, others=(second,)), camera)
+        both = layer_of(Scene(charges=(first, second)), camera)
         np.testing.assert_allclose(both, over(one, two), atol=1e-12)
     assert ((one[..., 3] > 0.1) & (two[..., 3] > 0.1)).any()
 

@@ -34,8 +34,8 @@ CAMERAS = {
     "far, a few pixels": camera([0.0, 0.0, 3.0], focal=8.0),
 }
 FAR = Scene(
-    Charge(10.0, (0.0, 0.0, 0.0), 0.1, name="a"),
-    others=(
+    (
+        Charge(10.0, (0.0, 0.0, 0.0), 0.1, name="a"),
         Charge(1.0, (14.0, 5.0, 0.0), 0.2, name="b"),
         Charge(1.0, (0.0, 0.0, 0.0), np.inf, name="c"),
     ),

@@ -118,7 +118,7 @@ def test_a_wall_of_a_depth_image_is_lit_where_it_faces_the_fire(scene):
     np.testing.assert_array_equal(dark, PLATE)
 
 
-SCENE = Scene(charge=Charge(mass_kg=15.0))
+SCENE = Scene(Charge(mass_kg=15.0))
 SIZE = 41, 30
 
 

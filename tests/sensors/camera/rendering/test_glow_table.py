@@ -37,7 +37,7 @@ def test_the_table_is_planck_s_law_from_before_the_burst_to_ten_minutes_after(
     lights, kelvin
 ):
     charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, 1.0), time_s=2.0)
-    scene = Scene(charge=charge, air=Air(temperature=kelvin))
+    scene = Scene(charge, air=Air(temperature=kelvin))
     since = np.geomspace(1e-6, 600.0, 400)
     ours, law = lights(scene, jnp.asarray(2.0 + np.r_[-1.0, 0.0, since]))
     # h^4/384 of the fourth derivative, 24 c2 / (lambda T^5) of the logarithm's
@@ -56,8 +56,6 @@ def test_the_table_is_planck_s_law_from_before_the_burst_to_ten_minutes_after(
 
 def test_a_charge_that_has_not_gone_off_has_a_finite_glow(lights):
     for time in (5.0, np.inf):
-        scene = Scene(
-            charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, 1.0), time_s=time)
-        )
+        scene = Scene(Charge(mass_kg=1.0, position_m=(0.0, 0.0, 1.0), time_s=time))
         (ours, _), _ = lights(scene, jnp.full(402, 2.5))
         assert jnp.isfinite(ours).all()

@@ -23,7 +23,7 @@ def frames(unknown, **options):
     east, north, up, mass, start = unknown[:5]
     charge = Charge(mass_kg=mass, position_m=(east, north, up), time_s=start)
     camera = dataclasses.replace(CAMERA, position=unknown[5:8], quaternion=unknown[8:])
-    return render(Scene(charge=charge), camera, TIMES, **options)
+    return render(Scene(charge), camera, TIMES, **options)
 
 
 def weighted(unknown):

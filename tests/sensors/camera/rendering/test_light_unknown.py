@@ -57,7 +57,7 @@ def test_light_as_a_function_is_refused_where_it_is_no_number():
 def test_a_charge_without_a_mass_is_no_dark_scene():
     scene = one_charge(mass=50.0)
     broken = dataclasses.replace(
-        scene, charge=dataclasses.replace(scene.charge, mass_kg=np.nan)
+        scene, charges=(dataclasses.replace(scene.charge, mass_kg=np.nan),)
     )
     with pytest.raises(InputError, match="expected the logarithm of light"):
         render_events(broken, small_camera(), np.array([0.0, 0.01]))

@@ -16,13 +16,13 @@ CAMERA = small_camera()
 REAL = Charge(mass_kg=100.0, position_m=(0.0, 0.0, 2.0), time_s=0.01, name="real")
 OTHER = Charge(mass_kg=60.0, position_m=(0.0, -20.0, 3.0), time_s=0.005, name="other")
 NEVER = dataclasses.replace(OTHER, time_s=jnp.inf)
-ALONE = Scene(charge=dataclasses.replace(REAL, name=""))
+ALONE = Scene(dataclasses.replace(REAL, name=""))
 TIMES = jnp.linspace(0.0, 0.03, 4)
 
 
 @jax.jit
 def events_of(time):
-    scene = Scene(charge=REAL, others=(dataclasses.replace(OTHER, time_s=time),))
+    scene = Scene(charges=(REAL, dataclasses.replace(OTHER, time_s=time)))
     return events(scene, CAMERA, TIMES, capacity=4096)
 
 
@@ -39,7 +39,7 @@ def test_its_events_are_those_of_the_scene_without_it():
 @pytest.mark.slow
 def test_gradients_are_those_without_it_and_none_is_its_own():
     def light(*charges):
-        scene = Scene(charge=charges[0], others=charges[1:])
+        scene = Scene(charges=charges)
         at = jnp.array([0.012, 0.025])
         return jnp.sum(
             pixel_light(scene, CAMERA)(at, jnp.full(2, 11.0), jnp.full(2, 8.0))
@@ -55,4 +55,4 @@ def test_gradients_are_those_without_it_and_none_is_its_own():
 
 @pytest.mark.parametrize(("charge", "seen"), [(REAL, True), (NEVER, False)])
 def test_it_is_not_in_view(charge, seen):
-    assert bool(in_view(Scene(charge=charge), CAMERA)) is seen
+    assert bool(in_view(Scene(charge), CAMERA)) is seen

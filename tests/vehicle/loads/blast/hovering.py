@@ -40,7 +40,7 @@ def hovering(vehicle, position, velocity=(0.0, 0.0, 0.0)) -> State:
 
 
 def scene(mass=1.0, **charge) -> Scene:
-    return Scene(charge=Charge(mass_kg=mass, **charge))
+    return Scene(Charge(mass_kg=mass, **charge))
 
 
 @jax.jit

@@ -84,8 +84,8 @@ def test_several_charges_add_up_each_at_its_own_time():
         Charge(mass_kg=1.0, name="a"),
         Charge(2.0, position_m=(0.0, 9.0, 0.0), name="b", time_s=1),
     )
-    together = blast_load(Scene(charge=first, others=(second,)))
-    alone = [blast_load(Scene(charge=c)) for c in (first, second)]
+    together = blast_load(Scene(charges=(first, second)))
+    alone = [blast_load(Scene(c)) for c in (first, second)]
     state = hovering(CRAZYFLIE, (5.0, 0.0, 2.0))
     when = together.arrival_time_s(state.position_m)
     expected = [load.arrival_time_s(state.position_m)[0] for load in alone]

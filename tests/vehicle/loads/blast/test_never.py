@@ -20,11 +20,11 @@ PLACE = np.array([5.0, 0.0, 4.0])
 SECONDS, STEP = 0.05, 5e-4
 SPAN = jnp.array(0.012), jnp.array(0.022)
 """Within which the front of the real charge comes."""
-ALONE = Scene(charge=dataclasses.replace(REAL, name=""))
+ALONE = Scene(dataclasses.replace(REAL, name=""))
 
 
 def load(*others: Charge) -> BlastLoad:
-    return blast_load(Scene(charge=REAL, others=others))
+    return blast_load(Scene(charges=(REAL, *others)))
 
 
 def state():
@@ -64,9 +64,9 @@ def test_gradients_are_those_without_it_and_none_is_its_own():
         return jnp.sum(push * jnp.array([1.0, 2.0, 3.0])) + jnp.sum(turn)
 
     of_real, of_never = jax.jit(
-        jax.grad(lambda a, b: told(Scene(charge=a, others=(b,))), (0, 1))
+        jax.grad(lambda a, b: told(Scene(charges=(a, b))), (0, 1))
     )(REAL, NEVER)
-    expected = jax.jit(jax.grad(lambda a: told(Scene(charge=a))))(ALONE.charge)
+    expected = jax.jit(jax.grad(lambda a: told(Scene(a))))(ALONE.charge)
     for here, there in zip(*map(jax.tree.leaves, (of_real, expected)), strict=True):
         np.testing.assert_allclose(here, there, rtol=1e-9, atol=1e-15)
     assert [float(x) for x in jax.tree.leaves(of_never)] == [0.0] * 5
@@ -81,7 +81,7 @@ def test_its_wave_never_comes_and_has_no_pressure():
     assert found.wave_of(found.blasts[1], place).peak == 0.0
 
     def peak(one):
-        alone = blast_load(Scene(charge=one))
+        alone = blast_load(Scene(one))
         return alone.wave_of(alone.blasts[0], place).peak
 
     slopes = jax.jit(jax.grad(peak))(NEVER)

@@ -92,7 +92,7 @@ SENSOR = Sensor(
 
 
 def test_what_never_happens_moves_nothing():
-    scene = Scene(charge=Charge(mass_kg=100.0), sensors=(SENSOR,))
+    scene = Scene(Charge(mass_kg=100.0), sensors=(SENSOR,))
     layout, _, _ = planned_layout(scene)
     scene = with_values(scene, {"origin_time_s": np.inf})
     laws = dict.fromkeys(RECORDED, "ground_motion")

@@ -107,7 +107,7 @@ def test_a_scene_gives_it_temperature_and_humidity():
         Air(temperature=300.0, relative_humidity=0.2),
         Air(altitude=3000.0, relative_humidity=0.8),
     ):
-        path = scene_path(Scene(charge=Charge(mass_kg=15.0), air=air))
+        path = scene_path(Scene(Charge(mass_kg=15.0), air=air))
         way = with_rows(path, r, jnp.full(2, 15.0))
         kelvin = 300.0 if air.altitude is None else 288.15 - 0.0065 * 3000.0
         expected = weak_shock_iso_pressure(

@@ -40,9 +40,7 @@ def camera():
 
 @pytest.fixture(scope="module")
 def scene():
-    return Scene(
-        charge=Charge(mass_kg=100.0, position_m=(0.0, 0.0, 1.5), time_s=0.0103)
-    )
+    return Scene(Charge(mass_kg=100.0, position_m=(0.0, 0.0, 1.5), time_s=0.0103))
 
 
 def fields(events):
@@ -95,7 +93,7 @@ def test_events_of_frames_come_nearer_by_the_square_of_their_interval(
 def test_times_have_gradients_in_the_charge(scene, camera, solved):
     def moved(mass):
         charge = dataclasses.replace(scene.charge, mass_kg=jnp.asarray(mass))
-        return dataclasses.replace(scene, charge=charge)
+        return dataclasses.replace(scene, charges=(charge,))
 
     def by_newton(mass):
         light = pixel_light(moved(mass), camera)
@@ -121,6 +119,6 @@ def test_nothing_before_the_background_and_nothing_below_the_ground(scene, camer
     events = render_events(scene, camera, samples(100), depth=near)
     assert int(events.count) == 0
     buried = dataclasses.replace(
-        scene, charge=Charge(mass_kg=1.0, position_m=(0.0, 0.0, -20.0))
+        scene, charges=(Charge(mass_kg=1.0, position_m=(0.0, 0.0, -20.0)),)
     )
     assert int(render_events(buried, camera, samples(100)).count) == 0

@@ -48,7 +48,7 @@ def camera(place=(0.0, -40.0, 2.0), aim=(0.0, 0.0, 3.0), focal=FOCAL, **changed)
 
 def scene_of(mass=15.0, place=(0.0, 0.0, 0.5), **changed):
     charge = Charge(mass_kg=mass, position_m=place, **changed)
-    return Scene(charge=charge, air=Air())
+    return Scene(charge, air=Air())
 
 
 @eqx.filter_jit

@@ -73,7 +73,7 @@ def views_of(*frames, **changed) -> Views:
 
 def scene_of(burst=BURST, mass=MASS, **charge) -> Scene:
     east, north, up = burst
-    return Scene(charge=Charge(mass_kg=mass, position_m=(east, north, up), **charge))
+    return Scene(Charge(mass_kg=mass, position_m=(east, north, up), **charge))
 
 
 def layer(views, scene, camera, time=0.0, depth: ArrayLike = jnp.inf, ground=False):

@@ -216,8 +216,7 @@ def test_the_nearer_of_two_charges_is_in_front():
     # a charge of 0.1 s ago shows the second frame
     for charges in ((near, far), (far, near)):
         scene = Scene(
-            charge=replace(charges[0], name="a"),
-            others=(replace(charges[1], name="b"),),
+            charges=(replace(charges[0], name="a"), replace(charges[1], name="b")),
         )
         pixel = project(camera(), BURST).pixel.round().astype(int)
         seen = layer(views_of(red, green), scene, camera())[pixel[1], pixel[0]]

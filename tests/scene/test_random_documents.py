@@ -5,12 +5,12 @@ from contextlib import suppress
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.scene import UncertainScene, WorldSpec
-from jblast.scene.reader.scene import scene_from_document, world_from_document
-from jblast.scene.reader.tables import LATER, keys_of
+from jblast.scene import PARAMETERS, UncertainScene, WorldSpec
+from jblast.scene.keys import keys_of
+from jblast.scene.reader import scene_from_document, world_from_document
 from jblast.scene.uncertain import value_of
-from tests.scene.reader.alone import ALONE
 
+ALONE = [one for one in PARAMETERS.values() if one.key.index is None]
 NUMBER = st.one_of(
     st.floats(),
     st.integers(),
@@ -32,7 +32,7 @@ VALUE = st.recursive(
 
 
 def tables(name):
-    keys = st.sampled_from([*keys_of(name), *LATER.get(name, ()), "x"])
+    keys = st.sampled_from([*keys_of(name), "x"])
     some = st.one_of(NUMBER, st.lists(NUMBER, min_size=3, max_size=3), VALUE)
     return st.dictionaries(keys, some, max_size=4)
 

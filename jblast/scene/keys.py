@@ -1,0 +1,196 @@
+"""Table of the keys of a scene file, one line each.
+
+The reader, the manual, the JSON Schema, `jblast tune` and the tests read this table.
+Numbers that may be uncertain have their bounds and defaults in `parameters.csv`.
+"""
+
+from jblast.parameters import (
+    CLOCK,
+    NOT_NEGATIVE,
+    PARAMETERS,
+    PLACE_LIMITS,
+    POSITIVE,
+    Bounds,
+)
+from jblast.quantities import QUANTITIES
+from jblast.scene.camera import MOUNTS
+from jblast.scene.charge import BURSTS, EXPLOSIVES, explosive_named
+from jblast.scene.random_blasts import ABOUT
+from jblast.scene.sensor_kinds import SENSOR_KINDS, kind_keys
+from jblast.scene.values import (
+    POSITION,
+    Box,
+    Number,
+    Numbers,
+    Pair,
+    Records,
+    Ring,
+    Sampled,
+    SceneKey as Key,
+    Table,
+    Text,
+    Times,
+    Truth,
+    Uncertain,
+    Whole,
+    Word,
+)
+
+GROUND_PATHS = ("head", "thesis")
+VEHICLE_MODELS = ("crazyflie", "hummingbird", "iris")
+MAX_BLASTS = 10_000
+"""Maximum number of blasts of a world; declared: more are probably a mistake."""
+MAX_IMAGE_PX = 65_535
+"""Maximum side of an image in pixels: event files have 16 bits for x and y."""
+MAX_SLOPE_DB_OCTAVE = 12.0
+"""Maximum slope of ambient noise [dB/octave]: a steeper spectrum is nearly a tone."""
+SLOPE = Bounds(at_least=-MAX_SLOPE_DB_OCTAVE, at_most=MAX_SLOPE_DB_OCTAVE)
+TICK = Bounds(at_least=1e-3, at_most=1e6)
+LAW = Text("the name of a law in quotes")
+BODY = "[forward, left, up]"
+QUATERNION = Numbers("[x, y, z, w]", not_zero=True)
+MOUNTED = ("mount with offset_m",)
+BOX_OR_RING = (
+    "{ box = [[east, north, up], [east, north, up]] } or { ring = [inner, outer] }"
+)
+
+
+def uncertain(at: str, list_form: str = "", instead: tuple[str, ...] = ()) -> Key:
+    """Return a key of the table of numbers, which may be free or have a prior."""
+    table, name = at.split(".")
+    rows = (*PARAMETERS.values(), CLOCK)
+    own = tuple(row for row in rows if (row.key.table, row.key.name) == (table, name))
+    return Key(name, Uncertain(own, list_form), instead=instead)
+
+
+# fmt: off
+KEYS: dict[str, tuple[Key, ...]] = {
+    "charge": (
+        Key("name", Text()),
+        uncertain("charge.mass_kg"),
+        Key("explosive", Word(EXPLOSIVES, explosive_named)),
+        uncertain("charge.tnt_factor"),
+        uncertain("charge.position_m", POSITION),
+        uncertain("charge.range_m", instead=("position_m",)),
+        uncertain("charge.time_s"),
+        Key("burst", Word(BURSTS)),
+    ),
+    "air": (
+        uncertain("air.temperature_k"),
+        uncertain("air.pressure_pa"),
+        uncertain("air.relative_humidity"),
+        uncertain("air.altitude_m",
+            instead=("temperature_k", "pressure_pa")),
+        uncertain("air.sound_speed_m_s"),
+        uncertain("air.wind_m_s", "[east, north]"),
+        Key("absorption", Truth()),
+        Key("absorption_scale", Number(NOT_NEGATIVE)),
+    ),
+    "ground": (
+        uncertain("ground.p_speed_m_s"),
+        Key("path", Word(GROUND_PATHS)),
+    ),
+    "sensor": (
+        Key("name", Text(), needed=True),
+        Key("kind", Word(SENSOR_KINDS)),
+        Key("position_m", Numbers(POSITION), instead=MOUNTED),
+        uncertain("sensor.clock_offset_s"),
+        Key("records", Records()),
+        Key("times_s", Times()),
+        Key("mount", Word(MOUNTS)),
+        Key("offset_m", Numbers(BODY), needs=('mount = "vehicle"',)),
+        Key("quaternion_xyzw", QUATERNION, "quaternion", needs=('mount = "vehicle"',)),
+    ),
+    "clock": (
+        Key("name", Text(), needed=True),
+        Key("offset_s", Uncertain((CLOCK,)), "offset_s"),
+    ),
+    "place": (
+        Key("lat_deg", Number(PLACE_LIMITS["lat_deg"]), needed=True),
+        Key("lon_deg", Number(PLACE_LIMITS["lon_deg"]), needed=True),
+        Key("alt_m", Number(PLACE_LIMITS["alt_m"])),
+    ),
+    "ambient": (
+        Key("file", Text()),
+        Key("full_scale_pa", Number(POSITIVE), "full_scale", needs=("file",)),
+        Key("level_pa", Number(NOT_NEGATIVE), "level", needed=True, instead=("file",)),
+        Key("slope_db_octave", Number(SLOPE), "slope", instead=("file",)),
+        Key("height_m", Number(POSITIVE), "height"),
+    ),
+    "camera": (
+        Key("position_m", Numbers(POSITION), "position", needed=True, instead=MOUNTED),
+        Key("look_at_m", Numbers(POSITION), "look_at", needed=True,
+            instead=("quaternion_xyzw", "mount to look forward")),
+        Key("quaternion_xyzw", QUATERNION, "quaternion"),
+        Key("mount", Word(MOUNTS)),
+        Key("offset_m", Numbers(BODY), "position", needs=('mount = "vehicle"',)),
+        Key("width", Whole(1, MAX_IMAGE_PX), needed=True),
+        Key("height", Whole(1, MAX_IMAGE_PX), needed=True),
+        Key("focal_px", Pair("[x, y]", POSITIVE), "focal", needed=True),
+        Key("center_px", Numbers("[x, y]"), "center"),
+        Key("distortion", Numbers("[k1, k2, p1, p2, k3]")),
+        Key("frames_hz", Number(POSITIVE)),
+        Key("exposure_s", Number(NOT_NEGATIVE)),
+        Key("threshold", Pair("[brighter, darker]", POSITIVE)),
+        Key("daylight_lux", Number(POSITIVE), "daylight"),
+    ),
+    "vehicle": (
+        Key("model", Word(VEHICLE_MODELS), needed=True),
+        Key("position_m", Numbers(POSITION), "position"),
+        Key("velocity_m_s", Numbers(POSITION), "velocity", instead=("mission",)),
+        Key("control", Table("control", "a table such as { integral = true }")),
+        Key("mission", Text()),
+    ),
+    "control": (
+        Key("integral", Truth()),
+        Key("target_m", Numbers(POSITION), "target"),
+        Key("yaw_rad", Number(), "yaw"),
+        Key("kp_pos", Numbers(POSITION, NOT_NEGATIVE)),
+        Key("kd_pos", Numbers(POSITION, NOT_NEGATIVE)),
+        Key("ki_pos", Numbers(POSITION, NOT_NEGATIVE, not_zero=True)),
+        Key("kp_att", Number(NOT_NEGATIVE)),
+        Key("kd_att", Number(NOT_NEGATIVE)),
+        Key("integral_limit", Number(NOT_NEGATIVE)),
+        # Below 1 the lead would be a second lag.
+        Key("motor_lead", Number(Bounds(at_least=1.0))),
+    ),
+    "world": (
+        Key("count", Whole(1, MAX_BLASTS)),
+        Key("rate_hz", Sampled(POSITIVE), "rate", instead=("count",)),
+        Key("probability", Number(Bounds(above=0.0, at_most=1.0)),
+            instead=("count", "rate_hz"), needs=("tick_s",)),
+        Key("tick_s", Number(TICK), "tick", needs=("probability",)),
+        Key("region_m", Table("region", BOX_OR_RING), "region"),
+        Key("about", Word(ABOUT)),
+        Key("mass_kg", Sampled(POSITIVE), "mass"),
+        Key("time_s", Sampled(NOT_NEGATIVE), "time"),
+        Key("gap_s", Sampled(NOT_NEGATIVE), "gap"),
+    ),
+    "region": (
+        Key("box", Box()),
+        Key("ring", Ring(), instead=("box",)),
+        Key("about", Word(ABOUT)),
+    ),
+    "law": (
+        *(Key(quantity, LAW) for quantity in QUANTITIES),
+        Key("scatter", Truth()),
+        uncertain("law.sedov_gamma"),
+        uncertain("law.fireball_growth_s"),
+    ),
+}
+# fmt: on
+"""Keys by table."""
+WITHIN = {"control": "[vehicle] control", "region": "[world] region_m"}
+"""Tables within others, and their keys."""
+SEVERAL = ("charge", "sensor", "clock")
+"""Tables of which a file may have several."""
+
+
+def keys_of(table: str) -> dict[str, Key]:
+    """Return the keys of a table by name; for sensors including those of all kinds."""
+    keys = {key.name: key for key in KEYS[table]}
+    if table == "sensor":
+        for kind in ("", *SENSOR_KINDS):
+            for key in kind_keys(kind):
+                keys.setdefault(key.name, key)
+    return keys

@@ -1,1 +1,0 @@
-"""Scene files, read and checked key by key."""

@@ -1,0 +1,505 @@
+"""Keys of a scene file and the kinds of their values: form, bounds and reading.
+
+Each kind of value has `form`, which messages and the manual print, and `read`, which
+checks a value of a TOML file. A value has one unit only, so that the value read is
+the value written; a key in another unit is rejected with the conversion factor. Logs,
+in contrast, are written by instruments and are converted.
+"""
+
+import math
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from jblast.errors import nearest, require, shown
+from jblast.parameters import (
+    NUMBER_SIZES,
+    UNBOUNDED,
+    Bounds,
+    Parameter,
+)
+from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES
+from jblast.scene.uncertain import PRIORS, Free, Prior
+from jblast.units import in_other_unit
+
+MIN_MEAN_SDS = 3.0
+"""Minimum mean of a normal prior of a positive number, in standard deviations.
+
+At most 0.13 % of the probability is then below zero; a wider prior should be lognormal.
+"""
+SHARE = re.compile(r"\s*(\d+\.?\d*(?:e[+-]?\d+)?|\.\d+(?:e[+-]?\d+)?)\s*%\s*", re.I)
+"""A sigma as a share of the value: "5%"."""
+POSITION = "[east, north, up]"
+
+
+class Value(Protocol):
+    """A kind of value of a key."""
+
+    @property
+    def form(self) -> str:
+        """Form of a value, for messages and the manual."""
+        ...
+
+    def read(self, value: Any, where: str) -> Any:
+        """Return a checked value.
+
+        Raises:
+            InputError: The value has another form, or is out of bounds.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class SceneKey:
+    """A key of a table of a scene file.
+
+    Attributes:
+        name: Name of the key, with its unit.
+        value: Kind of its value.
+        field: Field of the scene's classes that contains it; "": the name of the key.
+        default: Value of a missing key; None: the default is that of the class.
+        needed: The key is required, or one of `instead`.
+        instead: Keys that exclude it, each with further words: "mount with offset_m".
+        needs: Keys that are required with it, each with further words.
+    """
+
+    name: str
+    value: Value
+    field: str = ""
+    default: Any = None
+    needed: bool = False
+    instead: tuple[str, ...] = ()
+    needs: tuple[str, ...] = ()
+
+
+def finite(value: Any, where: str, expected: str = "a finite number") -> float:
+    """Return a TOML value as a float.
+
+    Raises:
+        InputError: It is not a finite number of a size within `NUMBER_SIZES`, or 0.
+    """
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    require(plain, where, expected, shown(value))
+    low, high = NUMBER_SIZES
+    sized = value == 0 or low <= abs(value) <= high
+    size = f"a finite number between {low:g} and {high:g} in size, or 0"
+    require(sized, where, size, shown(value))
+    return float(value)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A fixed number."""
+
+    bounds: Bounds = UNBOUNDED
+
+    @property
+    def form(self) -> str:
+        """Form of a value."""
+        return f"a number{that_is(self.bounds)}"
+
+    def read(self, value: Any, where: str) -> float:
+        """Return the number."""
+        require(not is_uncertain(value), where, "a fixed number", shown(value))
+        return within(self.bounds, finite(value, where, self.form), value, where)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """A list of fixed numbers.
+
+    Attributes:
+        form: Form of the list, such as "[east, north]".
+        bounds: Bounds of each number.
+        not_zero: One number at least differs from zero.
+        word: Word in place of a number, which is read as None; "": no word.
+    """
+
+    form: str
+    bounds: Bounds = UNBOUNDED
+    not_zero: bool = False
+    word: str = ""
+
+    def read(self, value: Any, where: str) -> Float[np.ndarray, " number"] | list[Any]:
+        """Return the numbers, an array unless a word is accepted."""
+        items = listed(value, self.form, where)
+        one = Number(self.bounds)
+        numbers = [
+            None if self.word and item == self.word else one.read(item, f"{where}[{i}]")
+            for i, item in enumerate(items)
+        ]
+        zero = self.not_zero and not any(numbers)
+        require(not zero, where, f"{self.form} that is not zero", shown(value))
+        return numbers if self.word else np.array(numbers)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two fixed numbers, or one for both.
+
+    Attributes:
+        list_form: Form of the list, such as "[x, y]".
+        bounds: Bounds of each number.
+    """
+
+    list_form: str
+    bounds: Bounds = UNBOUNDED
+
+    @property
+    def form(self) -> str:
+        """Form of a value."""
+        return f"a number or {self.list_form}"
+
+    def read(self, value: Any, where: str) -> Float[np.ndarray, "2"]:
+        """Return both numbers."""
+        if isinstance(value, list):
+            return np.array(Numbers(self.list_form, self.bounds).read(value, where))
+        return np.full(2, Number(self.bounds).read(value, where))
+
+
+@dataclass(frozen=True)
+class Box:
+    """Two opposite corners of a box, with an extent towards east and north."""
+
+    form: str = f"[{POSITION}, {POSITION}]"
+
+    def read(self, value: Any, where: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return both corners."""
+        pair = isinstance(value, list) and len(value) == 2
+        require(pair, where, self.form, shown(value))
+        one = Numbers(POSITION)
+        low, high = (one.read(at, f"{where}[{i}]") for i, at in enumerate(value))
+        for axis, name in enumerate(("east", "north", "up")):
+            flat = axis == 2 and low[axis] == high[axis]  # a constant height is valid
+            require(
+                low[axis] < high[axis] or flat,
+                where,
+                "a region with an extent, its first corner less than its second "
+                f"{name}",
+                shown(value),
+            )
+        return np.asarray(low), np.asarray(high)
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Inner and outer radius of a ring with an area."""
+
+    form: str = "[inner, outer]"
+
+    def read(self, value: Any, where: str) -> Float[np.ndarray, "2"]:
+        """Return both radii."""
+        inner, outer = numbers = Numbers(self.form).read(value, where)
+        expected = f"{self.form} with 0 <= inner < outer, so that the ring has an area"
+        require(0 <= inner < outer, where, expected, shown(value))
+        return np.asarray(numbers)
+
+
+@dataclass(frozen=True)
+class Times:
+    """Increasing times."""
+
+    form: str = "a list of increasing times in seconds"
+
+    def read(self, value: Any, where: str) -> tuple[float, ...]:
+        """Return the times."""
+        require(isinstance(value, list) and value, where, self.form, shown(value))
+        times = [finite(time, f"{where}[{i}]") for i, time in enumerate(value)]
+        # Rows of one sensor are distinguished by their times.
+        rising = all(early < late for early, late in pairwise(times))
+        require(rising, where, self.form, shown(value))
+        return tuple(times)
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole number from `low` to `high`; a word is read as None."""
+
+    low: int
+    high: int
+    word: str = ""
+
+    @property
+    def form(self) -> str:
+        """Form of a value."""
+        word = f', or "{self.word}"' if self.word else ""
+        return f"a whole number, {self.low} to {self.high}{word}"
+
+    def read(self, value: Any, where: str) -> int | None:
+        """Return the number, or None for the word."""
+        if self.word and value == self.word:
+            return None
+        # `type`, not `isinstance`: True is an int, too.
+        whole = type(value) is int and self.low <= value <= self.high
+        require(whole, where, self.form, shown(value))
+        return value
+
+
+@dataclass(frozen=True)
+class Word:
+    """One of some words; `spelt` returns a word as its table has it."""
+
+    words: Iterable[str]
+    spelt: Callable[[str, str], str] | None = None
+
+    @property
+    def form(self) -> str:
+        """Form of a value."""
+        return f"one of {', '.join(self.words)}"
+
+    def read(self, value: Any, where: str) -> str:
+        """Return the word."""
+        text = isinstance(value, str)
+        if text and self.spelt is not None:
+            return self.spelt(value, where)
+        advice = nearest(value, self.words) if text else ""
+        known = text and value in self.words
+        require(known, where, self.form, f"{shown(value)}{advice}")
+        return value
+
+
+@dataclass(frozen=True)
+class Text:
+    """A name, or the path of a file."""
+
+    form: str = "a name in quotes"
+
+    def read(self, value: Any, where: str) -> str:
+        """Return the text without blanks around it."""
+        text = isinstance(value, str) and value.strip()
+        require(text, where, self.form, shown(value))
+        return value.strip()
+
+
+@dataclass(frozen=True)
+class Truth:
+    """True or false."""
+
+    form: str = "true or false"
+
+    def read(self, value: Any, where: str) -> bool:
+        """Return the boolean."""
+        require(isinstance(value, bool), where, self.form, shown(value))
+        return value
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table within a table, read by the keys of its name."""
+
+    name: str
+    form: str
+
+    def read(self, value: Any, where: str) -> dict[str, Any]:
+        """Return the unchecked table."""
+        require(isinstance(value, dict), where, self.form, shown(value))
+        return value
+
+
+@dataclass(frozen=True)
+class Records:
+    """Recorded quantities with their sigmas.
+
+    A sigma is a plain number in seconds for times and in radians for directions. For
+    other quantities it is a share of the value, "5%". A plain number there could also
+    be an error in the unit of the quantity, as in a log, so it is rejected.
+    """
+
+    form: str = "{ QUANTITY = sigma }"
+
+    def read(self, value: Any, where: str) -> tuple[tuple[str, float], ...]:
+        """Return pairs of quantity and sigma: seconds, radians, or relative."""
+        require(isinstance(value, dict), where, self.form, shown(value))
+        pairs = []
+        for quantity, sigma in value.items():
+            known(quantity, QUANTITIES, where, "quantity")
+            # Times may be zero or negative, so that they have no relative error.
+            read = _additive if quantity in ADDITIVE else _share
+            pairs.append((quantity, read(sigma, quantity, f"{where} {quantity}")))
+        return tuple(pairs)
+
+
+def _additive(sigma: Any, quantity: str, where: str) -> float:
+    unit = "radians" if quantity in DIRECTIONS else "seconds"
+    expected = f"a positive sigma in {unit}, without a sign"
+    number = finite(sigma, where, expected)
+    require(number > 0, where, expected, shown(sigma))
+    return number
+
+
+def _share(sigma: Any, quantity: str, where: str) -> float:
+    match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
+    share = float(match.group(1)) / 100 if match else 0.0
+    # A share and an error in the unit look the same, hence both readings.
+    advice = ""
+    if isinstance(sigma, int | float) and not isinstance(sigma, bool) and sigma > 0:
+        unit = QUANTITIES[quantity].unit
+        advice = (
+            f"; if this is a share, multiply by 100 and write {share_text(sigma)}, "
+            f"if it is in {unit}, divide by the value first"
+        )
+    expected = 'a positive share of the value with its % sign, as "5%"'
+    require(0 < share < math.inf, where, expected, f"{shown(sigma)}{advice}")
+    return share
+
+
+def share_text(share: float) -> str:
+    """Return a share in the form of a scene file: 0.05 is "5%"."""
+    return f'"{100 * share:.3g}%"'
+
+
+@dataclass(frozen=True)
+class Uncertain:
+    """A number that is fixed, free or has a prior; several of them in a list.
+
+    Attributes:
+        rows: Rows of the table of numbers, in the order of the list.
+        list_form: Form of the list; "" for a single number.
+    """
+
+    rows: tuple[Parameter, ...]
+    list_form: str = ""
+
+    @property
+    def form(self) -> str:
+        """Form of a value."""
+        bounds = that_is(self.rows[0].bounds)
+        return self.list_form or f'a number{bounds}, "free" or a prior'
+
+    def read(self, value: Any, where: str) -> list[tuple[float, Prior | Free | None]]:
+        """Return the start of a fit of each number, and its prior; None: fixed."""
+        if not self.list_form:
+            return [self._one(value, self.rows[0], where)]
+        items = listed(value, self.list_form, where)
+        return [
+            self._one(item, row, f"{where}[{i}]")
+            for i, (item, row) in enumerate(zip(items, self.rows, strict=True))
+        ]
+
+    def _one(
+        self, value: Any, row: Parameter, where: str
+    ) -> tuple[float, Prior | Free | None]:
+        if value == "free":
+            # The default is only the start of the fit.
+            return row.default, Free(row.positive)
+        if isinstance(value, dict):
+            prior = read_prior(value, row.bounds, row.positive, where)
+            return prior.middle, prior
+        form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
+        return within(row.bounds, finite(value, where, form), value, where), None
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A number that is fixed or sampled from a prior; a pair is a uniform prior."""
+
+    bounds: Bounds
+
+    @property
+    def form(self) -> str:
+        """Form of a value."""
+        return f"a number{that_is(self.bounds)}, [lo, hi] or a prior to sample from"
+
+    def read(self, value: Any, where: str) -> float | Prior:
+        """Return the number or its prior."""
+        if isinstance(value, list):
+            value = {"uniform": value}
+        if isinstance(value, dict):
+            return read_prior(value, self.bounds, False, where)
+        return within(self.bounds, finite(value, where, self.form), value, where)
+
+
+def read_prior(
+    value: dict[str, Any], bounds: Bounds, positive: bool, where: str
+) -> Prior:
+    """Return the prior of a number.
+
+    Args:
+        value: Kind of prior with its two numbers: { normal = [mean, sd] }.
+        bounds: Bounds of the number, which also those of the prior satisfy.
+        positive: True if the number is positive.
+        where: File, table and key, for messages.
+
+    Raises:
+        InputError: The kind is unknown, or a number is out of bounds.
+    """
+    for kind in value:
+        known(kind, PRIORS, where, "prior")
+    got = " and ".join(value) or "an empty table"
+    require(len(value) == 1, where, f"one of {', '.join(PRIORS)}", got)
+    ((kind, pair),) = value.items()
+    make, *words = PRIORS[kind]
+    form, in_ln = f"{kind} = [{', '.join(words)}]", kind.startswith("log")
+    a, b = (
+        finite(item, where, f"two finite numbers in {form}")
+        for item in listed(pair, form, where)
+    )
+    if "hi" in words:
+        require(a < b, where, f"lo < hi in {form}", shown(pair))
+    else:
+        second = "a factor above 1" if in_ln else "a positive sd"
+        require(b > in_ln, where, f"{second} in {form}", shown(pair))
+    require(not in_ln or a > 0, where, f"a positive {words[0]} in {form}", shown(pair))
+    # Bounds of the prior must respect those of the number, so that every sample does.
+    within(bounds, a, pair[0], where, "a bound" if "hi" in words else f"a {words[0]}")
+    if "hi" in words:
+        within(bounds, b, pair[1], where, "a bound")
+    require(
+        kind != "normal" or not positive or a >= MIN_MEAN_SDS * b,
+        where,
+        f"a mean at least {MIN_MEAN_SDS:g} sd above zero in {form}; lognormal suits a "
+        "positive number",
+        shown(pair),
+    )
+    return make(a, b)
+
+
+def is_uncertain(value: Any) -> bool:
+    """Return whether a value is free or has a prior."""
+    return value == "free" or isinstance(value, dict)
+
+
+def that_is(bounds: Bounds) -> str:
+    """Return " that is positive", or other bounds in words; "" without bounds."""
+    return "" if bounds == UNBOUNDED else f" that is {bounds.words()}"
+
+
+def within(
+    bounds: Bounds, number: float, value: Any, where: str, what: str = "a number"
+) -> float:
+    """Return a number after checking its bounds, with a hint to other units.
+
+    Args:
+        bounds: Bounds of the number.
+        number: The number.
+        value: The number as it is written, for the message.
+        where: File, table and key, for the message.
+        what: Noun of the number, for the message.
+    """
+    expected, got = f"{what}{that_is(bounds)}", f"{shown(value)}{bounds.hint(number)}"
+    require(bounds.allows(number), where, expected, got)
+    return number
+
+
+def listed(value: Any, form: str, where: str) -> list[Any]:
+    """Return a list with the length of its form, such as "[east, north]"."""
+    count = form.count(",") + 1
+    require(isinstance(value, list) and len(value) == count, where, form, shown(value))
+    return value
+
+
+def known(name: str, names: Iterable[str], where: str, what: str) -> None:
+    """Reject an unknown name, with a known unit of it or the nearest name."""
+    names = tuple(names)
+    if name in names:
+        return
+    # TOML accepts any text as a quoted key, which would garble a message.
+    word = name if name.isidentifier() and len(name) <= 60 else shown(name)
+    advice = in_other_unit(name, names) or nearest(name, names)
+    expected = f"one of {', '.join(names)}"
+    require(False, f"{where} {word}", expected, f"an unknown {what}{advice}")
