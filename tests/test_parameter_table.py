@@ -12,33 +12,18 @@ from jblast.parameters import (
 from jblast.quantities import UNITS
 from jblast.report.numbers import parameter_words, split_name
 from jblast.scene import Scene, parameter_named, value_of
-from jblast.scene.keys import keys_of
-from jblast.scene.sensor_kinds import all_instrument_keys, own_keys
+from jblast.scene.keys import KEYS
 from jblast.scene.uncertain import names_in
+from jblast.scene.values import Uncertain
 
 ALL = (*PARAMETERS.values(), CLOCK)
 every_parameter = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
 
-NO_NUMBERS = {
-    "charge": {"name", "explosive", "burst"},
-    "air": {"absorption", "absorption_scale"},
-    "ground": {"path"},
-    "sensor": {
-        *("name", "kind", "position_m", "records", "times_s"),
-        *("mount", "offset_m", "quaternion_xyzw"),
-        *all_instrument_keys(),
-        *own_keys(),
-    },
-}
-"""Keys that hold words, or numbers that cannot be free."""
 
-
-def test_every_key_that_may_hold_an_uncertain_number_is_in_the_table():
-    told = {(one.key.table, one.key.name) for one in ALL}
-    for table in ("charge", "air", "ground", "sensor"):
-        keys = set(keys_of(table)) - NO_NUMBERS.get(table, set())
-        assert keys == {name for of, name in told if of == table}
-    assert {name for of, name in told if of == "law"} < set(keys_of("law"))
+def test_every_row_is_a_key_of_a_scene_file():
+    keys = [key.value for table in KEYS.values() for key in table]
+    rows = [row for key in keys if isinstance(key, Uncertain) for row in key.rows]
+    assert {row.name for row in rows} == {row.name for row in ALL}
 
 
 def test_every_number_of_a_scene_is_in_the_table_and_the_other_way_round():

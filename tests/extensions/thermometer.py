@@ -3,7 +3,8 @@
 import jax.numpy as jnp
 
 from jblast.parameters import Bounds
-from jblast.scene import SENSOR_KINDS, SensorKey, SensorKind
+from jblast.scene import SENSOR_KINDS, SensorKind
+from jblast.scene.values import Number, SceneKey
 from jblast.sensors import overpressure, sampled_by
 from jblast.waves.propagation import ambient
 
@@ -27,8 +28,8 @@ SENSOR_KINDS.register(
         columns=("air_temperature_k",),
         recorder=sampled_by(temperature),
         keys=(
-            SensorKey("offset_k", "error of its zero", 0.0, Bounds(-10.0, -5.0, 5.0)),
-        ),
+            SceneKey("offset_k", Number(WITHIN_5), default=0.0),
+        ),  # error of its zero
         site="above",
         unmounted="a thermometer, whose cable ends on the ground",
         senses=(("air_arrival_s", "warmth"),),
