@@ -102,7 +102,7 @@ def test_a_law_is_calculated_and_its_programs_are_not_kept(extension, tmp_path):
 
 def test_a_scene_file_has_a_kind_and_its_keys_once_it_is_registered(extension, written):
     path = written(SCENE)
-    with pytest.raises(InputError, match="offset_k: expected .* an unknown key"):
+    with pytest.raises(InputError, match=r"offset_k: expected .* an unknown key"):
         read_scene(path)
     extension("thermometer")
     (sensor,) = read_scene(path).scene.sensors
