@@ -17,18 +17,23 @@ import numpy as np
 
 from calibration.charts import EFFECTS, USUAL
 from calibration.timing import best_of
-from jblast.sensors.camera.events.ideal import (
-    grey_table,
-    ideal_events,
+from jblast.sensors.camera.pixel import (
+    EIGHT_BITS,
+    NoiseModel,
+    Pixel,
+    grey_light,
     log_intensity,
+    noisy_pixel,
+    pixel_events,
 )
-from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
-from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera.stream import event_stream
 
 HEIGHT, WIDTH, FRAMES, FPS = 260, 346, 512, 1000.0
 BLOCK = 32
 REPEATS = 5
 THRESHOLD = 0.2
+TABLE = np.log(np.maximum(grey_light(), EIGHT_BITS))
+"""Logarithm of the light of each value of 8 bits."""
 SPEED, EDGE, START = 260.0, 1.0, 3.0
 BACKGROUND, BRIGHT = 0.16, 200
 
@@ -75,7 +80,7 @@ def _rows() -> list[Row]:
         ("copied, RGBA of 8 bits", _rate(lambda: np.copyto(copy, colour)), None, None),
     ]
     films = {
-        "converted, grey of 8 bits": (grey, grey_table()[grey]),
+        "converted, grey of 8 bits": (grey, TABLE[grey]),
         "converted, float32": (light, _log(light)),
     }
     for label, (frames, logs) in films.items():
@@ -100,7 +105,7 @@ def flawed(times: np.ndarray, grey: np.ndarray, effects: NoiseModel):
     def run() -> None:
         nonlocal found
         blocks = zip(_cut(times), _cut(grey), strict=True)
-        stream = noisy_stream(key, blocks, shape, both, effects)
+        stream = event_stream(blocks, noisy_pixel(key, both, effects, shape))
         found = sum(int(part.count) for part in stream)
 
     rate = _rate(run, len(grey))
@@ -133,28 +138,27 @@ def _cut(frames: np.ndarray) -> list[np.ndarray]:
 
 def streamed(times: np.ndarray, frames: np.ndarray) -> tuple[float, int]:
     """Return pixel-frames a second of the stream, and its events."""
-    both = THRESHOLD, THRESHOLD
     found = 0
 
     def run() -> None:
         nonlocal found
         blocks = zip(_cut(times), _cut(frames), strict=True)
-        parts = stream_events(blocks, both)
+        parts = event_stream(blocks, Pixel(THRESHOLD, THRESHOLD))
         found = sum(int(part.count) for part in parts)
 
     return _rate(run, frames.shape[0]), found
 
 
 def jitted(times: np.ndarray, grey: np.ndarray) -> tuple[float, int, int]:
-    """Return the same of `ideal_events`, compiled, over a part that fits in memory."""
+    """Return the same of `pixel_events`, compiled, over a part that fits in memory."""
     times, grey = times[:64], grey[:64]
-    table = jnp.asarray(grey_table(), jnp.float32)
-    known = known_count(grey_table()[grey])
+    table = jnp.asarray(TABLE, jnp.float32)
+    known = known_count(TABLE[grey])
 
     @jax.jit
     def convert(frames, times):
-        both = THRESHOLD, THRESHOLD
-        return ideal_events(table[frames], times, both, capacity=1 << 17)
+        pixel = Pixel(THRESHOLD, THRESHOLD)
+        return pixel_events(table[frames], times, pixel, capacity=1 << 17)[0]
 
     frames, clock = jnp.asarray(grey), jnp.asarray(times)
     events = convert(frames, clock)

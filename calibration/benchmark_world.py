@@ -43,7 +43,7 @@ from jblast.scene import (
 )
 from jblast.scene.random_blasts import ByCount
 from jblast.sensors import microphone
-from jblast.sensors.camera.events.stream import stream_events
+from jblast.sensors.camera import Pixel, event_stream
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import luminance
 from jblast.vehicle import Each, blast_load, hold_of, simulate, start_of, vehicle_of
@@ -122,7 +122,7 @@ def parts_of_one() -> dict[str, Callable[[], Any]]:
 
     def pictures() -> Any:
         blocks = ((times[n], luminance(x)) for n, x in ahead(film.frames(), pool))
-        found = stream_events(blocks, (0.2, 0.2), workers=1)
+        found = event_stream(blocks, Pixel(0.2, 0.2), workers=1)
         return [sum(int(e.count) for e in found)]
 
     def flight(backend: str = "jax") -> Any:

@@ -10,7 +10,7 @@ are.
 import argparse
 import sys
 import time
-from functools import partial
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -26,8 +26,16 @@ from jblast.report.colours import BLUE, COLOURS, GRID, INK, MUTED, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
-from jblast.sensors.camera import Appearance, Events, landscape, render, render_events
+from jblast.sensors.camera import (
+    Appearance,
+    Events,
+    film_events,
+    joined,
+    landscape,
+    render,
+)
 from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.geometry import Surfaces, pixel_rays
 from jblast.sensors.camera.image import luminance
 from jblast.sensors.camera.surroundings import flash
@@ -85,16 +93,14 @@ def first_events(distance: float) -> FirstEvents:
         height=HEIGHT,
     )
     behind = landscape().light(pixel_rays(camera), jnp.asarray(1.0 / FOCAL))
-    solved = partial(
-        render_events,
-        SCENE,
-        camera,
-        np.array([0.0, UNTIL]),
-        background=jnp.moveaxis(behind, 0, -1),
-        tolerance=1e-6,
+    film = Film(
+        SCENE, camera, np.array([0.0, UNTIL]), np.moveaxis(np.asarray(behind), 0, -1)
     )
-    without = solved(appearance=Appearance(flash=False))
-    return FirstEvents(distance, without, solved(appearance=Appearance()))
+    without, lit = (
+        joined(film_events(replace(film, appearance=Appearance(flash=flash))))
+        for flash in (False, True)
+    )
+    return FirstEvents(distance, without, lit)
 
 
 def brightening() -> np.ndarray:
@@ -219,7 +225,8 @@ def seen_from(distance: float) -> Seen:
     camera = level_camera(distance)
     behind = jnp.asarray(ground_and_sky(camera))
     frames = render(scene, camera, INSTANTS, background=behind, supersample=2)
-    events = render_events(scene, camera, SEEN_TIMES, background=behind)
+    film = Film(scene, camera, SEEN_TIMES, np.asarray(behind))
+    events = joined(film_events(film))
     return Seen(distance, np.asarray(frames), events)
 
 

@@ -29,14 +29,15 @@ from jblast.report.colours import BLUE, MUTED, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
-from jblast.sensors.camera.events.ideal import (
-    Events,
-    ideal_events,
-    log_intensity,
-    smooth_counts,
-)
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.image import luminance
+from jblast.sensors.camera.pixel import (
+    Events,
+    Pixel,
+    log_intensity,
+    pixel_events,
+    smooth_counts,
+)
 from jblast.sensors.camera.rendering import render
 
 MASS, START = 100.0, 0.12
@@ -113,7 +114,8 @@ def true_frames(times: Float[Array, " frame"]) -> Float[Array, "frame height wid
 def true_counts() -> Int[np.ndarray, "interval height width"]:
     """Return the net events of each pixel between frames of the true film."""
     times = jnp.asarray(TIMES)
-    events = ideal_events(true_frames(times), times, THRESHOLDS, capacity=1 << 14)
+    pixel = Pixel(*THRESHOLDS)
+    events, _ = pixel_events(true_frames(times), times, pixel, capacity=1 << 14)
     return event_counts(events, TIMES, (HEIGHT, WIDTH))
 
 

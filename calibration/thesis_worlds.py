@@ -47,7 +47,7 @@ from jblast.scene import (
     look_at,
 )
 from jblast.scene.reader import scene_from_document
-from jblast.sensors.camera.events.scene import render_events
+from jblast.sensors.camera import film_events, joined
 from jblast.sensors.camera.film import Film
 from jblast.sensors.listening import truth_of
 from jblast.study.flight_results import Flown, Options
@@ -257,9 +257,8 @@ def events() -> list[list[str]]:
         np.concatenate([np.full(signs.size, time) for time, signs in blocks]),
         np.concatenate([signs for _, signs in blocks]),
     )
-    found = render_events(scene, camera, times)
-    count = int(found.count)
-    ours = tuple(np.asarray(x)[:count] for x in (found.time, found.polarity))
+    found = joined(film_events(film))
+    ours = found.time, found.polarity
     rows = [["by", "events", "told brighter %", "first ms", "times apart"]]
     for name, (time, sign) in (("coded", coded), ("corrected", ours)):
         rows.append(

@@ -53,9 +53,9 @@ from jblast.report.tune_figures import draw_gains, tune_figure
 from jblast.report.view import aligned, terminal
 from jblast.scene import Scene
 from jblast.scene.reader import scene_from_document
-from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
-from jblast.sensors.camera.events.scene import render_events
+from jblast.sensors.camera import NoiseModel, film_events, joined
 from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.listening import packets, plan
@@ -193,24 +193,11 @@ def seen(case: Case, seed: int, noise: NoiseModel | None = None) -> tuple[Tuned,
     camera = truth.camera
     assert camera is not None
     times = np.linspace(0.0, 0.1, 401)
-    steps = float(camera.threshold[0]), float(camera.threshold[1])
-    if noise is None:
-        found = render_events(truth, camera, times, appearance=look_of(camera))
-        found = [found]
-    else:
-        light = luminance(render(truth, camera, times, appearance=look_of(camera)))
-        shape = camera.height, camera.width
-        blocks = [(times, np.asarray(light))]
-        found = list(noisy_stream(jax.random.key(seed), blocks, shape, steps, noise))
-    fields = [[], [], [], []]
-    for part in found:
-        count = int(part.count)
-        for held, one in zip(
-            fields, (part.x, part.y, part.time, part.polarity), strict=True
-        ):
-            held.append(np.asarray(one)[:count])
-    x, y, time_s, sign = (np.concatenate(held) for held in fields)
-    pairs = paired(x, y, np.round(time_s, 6), sign, 0.0)
+    film = Film(truth, camera, times, appearance=look_of(camera))
+    key = jax.random.key(seed)
+    found = joined(film_events(film, noise=noise, key=key))
+    time_s = np.round(found.time, 6)
+    pairs = paired(found.x, found.y, time_s, found.polarity, 0.0)
     wrong = scene_from_document(
         put_values(copy.deepcopy(case.document), case.wrong, None), "w"
     )

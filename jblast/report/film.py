@@ -111,8 +111,8 @@ def film_view(answer: FilmAnswer) -> View:
     """Return size and accuracy of a film."""
     times, lifted_by = "", ""
     if found := answer.found:
-        share = " for 99 % of them" if found.stamps != "solved for" else ""
-        times = f"{found.stamps}, error below {1e6 * found.stamp_error_s:g} us{share}"
+        error = f"error below {1e6 * found.stamp_error_s:g} us for 99 % of them"
+        times = f"{found.stamps}, {error}"
     if answer.lifted_m is not None:
         lifted_by = (
             "The pictures show a burst on the ground, but this burst is higher than "

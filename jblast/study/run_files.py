@@ -21,7 +21,6 @@ from jblast.files import save, table_text, write_text, writing
 from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.results import AMONG
-from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files.event_files import Written, write_events
 from jblast.sensors.camera.files.images import write_values
 from jblast.sensors.camera.film import Film
@@ -32,6 +31,7 @@ from jblast.sensors.camera.film_writer import (
     sheet_frames,
     write_contact_sheet,
 )
+from jblast.sensors.camera.pixel import Events
 from jblast.sensors.record_writer import (
     TRUTH,
     RecordWriter,

@@ -18,7 +18,7 @@ from jblast.sensors.camera.files.event_files import Written
 from jblast.sensors.camera.film_writer import FilmEvents, FilmFiles
 
 SIZE = (5, 64, 48, 100.0)
-FOUND = FilmEvents((0.2, 0.2), "off", Written(3000, 2000, 1000), "solved for", 1e-6)
+FOUND = FilmEvents((0.2, 0.2), "off", Written(3000, 2000, 1000), "interpolated", 1e-6)
 FILES = FilmFiles("out/frames", "out/events.h5", None, "out/contact_sheet.png")
 BOTH = FilmAnswer("a.toml", "both", *SIZE, None, 0.0, 0.04, 0, FOUND, None, FILES)
 FRAMES = replace(BOTH, mode="rgb", found=None, files=replace(FILES, events=None))
@@ -60,7 +60,7 @@ def test_the_text_has_size_accuracy_and_files(video_fps, pace):
     text = terminal(film_view(replace(BOTH, video_fps=video_fps, files=files)))
     assert text.startswith("5 frames of 64 x 48 pixels at 100 Hz from 0 s\n")
     assert "3,000 events, 2,000 brighter and 1,000 darker" in text
-    assert "solved for, error below 1 us\n" in text
+    assert "interpolated, error below 1 us for 99 % of them\n" in text
     lines = film_lines(replace(BOTH, video_fps=video_fps, files=files))
     assert lines[0] == "Written: out/frames"
     assert lines[-1] == f"Written: a.mp4 ({video_fps:g} Hz, {pace})"

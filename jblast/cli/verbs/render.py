@@ -6,10 +6,9 @@ with --video. Frame k is at START + k / frames_hz. In frames, light above white 
 its hue and tends to white. Events are computed from the light itself, so that a bright
 fire triggers more of them than its frames show.
 
-Event times do not depend on the frame rate. With --noise off they are solved for,
-unless --views or a moving --background is given. Otherwise the light is sampled until
-99 of 100 event times are known to 0.1 ms (for the camera with noise by trial, apart
-from the noise). The accuracy reached is printed.
+Event times do not depend on the frame rate. The light is sampled until 99 of 100 event
+times are known to 0.1 ms (by trial, apart from the noise), and to 1 us with --noise
+off. The accuracy is printed.
 
 example:
   jblast render scene.toml --out film --views explosion

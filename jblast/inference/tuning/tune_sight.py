@@ -34,6 +34,7 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from jblast.errors import InputError
 from jblast.inference.posterior.parameters import GROWTH, own_growth
+from jblast.inference.tuning.pixel_light import pixel_light
 from jblast.inference.tuning.result import (
     TO_MEDIAN,
     Explained,
@@ -52,7 +53,6 @@ from jblast.inference.tuning.unknowns import Unknown, filled, unknowns_of
 from jblast.results import Note, warning
 from jblast.scene import Camera, Scene, UncertainScene
 from jblast.scene.uncertain import with_values
-from jblast.sensors.camera.events.scene import pixel_light
 from jblast.sensors.camera.fireball import WHITE, Appearance
 from jblast.sensors.camera.image import BACKGROUND, linear_to_srgb, luminance, toned
 from jblast.sensors.camera.rendering import render

@@ -4,30 +4,6 @@ from jblast.sensors.camera.baked_explosion import (
     ExplosionViews as ExplosionViews,
 )
 from jblast.sensors.camera.billboards import Views as Views, ViewSet as ViewSet
-from jblast.sensors.camera.events.exact import (
-    frameless_events as frameless_events,
-    implicit_times as implicit_times,
-)
-from jblast.sensors.camera.events.ideal import (
-    Events as Events,
-    continued_events as continued_events,
-    ideal_events as ideal_events,
-    log_intensity as log_intensity,
-    reset_events as reset_events,
-    smooth_counts as smooth_counts,
-)
-from jblast.sensors.camera.events.noise import (
-    IDEAL as IDEAL,
-    NoiseModel as NoiseModel,
-    noisy_events as noisy_events,
-    noisy_stream as noisy_stream,
-)
-from jblast.sensors.camera.events.scene import (
-    events as events,
-    pixel_light as pixel_light,
-    render_events as render_events,
-)
-from jblast.sensors.camera.events.stream import stream_events as stream_events
 from jblast.sensors.camera.files.event_files import (
     read_events as read_events,
     write_events as write_events,
@@ -64,9 +40,27 @@ from jblast.sensors.camera.image import (
     over as over,
     srgb_to_linear as srgb_to_linear,
 )
+from jblast.sensors.camera.pixel import (
+    Events as Events,
+    Held as Held,
+    NoiseModel as NoiseModel,
+    Pixel as Pixel,
+    log_intensity as log_intensity,
+    noisy_pixel as noisy_pixel,
+    pixel_events as pixel_events,
+    smooth_counts as smooth_counts,
+)
 from jblast.sensors.camera.rendering import (
     render as render,
     render_carried as render_carried,
+)
+from jblast.sensors.camera.scene_events import (
+    events as events,
+    film_events as film_events,
+)
+from jblast.sensors.camera.stream import (
+    event_stream as event_stream,
+    joined as joined,
 )
 from jblast.sensors.camera.surroundings import (
     Landscape as Landscape,

@@ -39,15 +39,21 @@ from jblast.files import refuse_existing, writing
 from jblast.progress import counted
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.billboards import ViewSet
-from jblast.sensors.camera.events.ideal import DARKEST, count_below, grey_table
-from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
-from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.files.event_files import Written, check_suffix, write_events
 from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.geometry import CameraPath, pixels_moved
 from jblast.sensors.camera.image import BACKGROUND, bare, images, luminance
+from jblast.sensors.camera.pixel import (
+    DARKEST,
+    NoiseModel,
+    Pixel,
+    grey_light,
+    noisy_pixel,
+    rounding,
+)
 from jblast.sensors.camera.rendering import check_camera, render, render_carried
+from jblast.sensors.camera.stream import Block, event_stream
 from jblast.sensors.camera.surroundings import Landscape, Outlook, outlook_of
 from jblast.waves.fireball import fireball_duration, fireball_growth_time
 
@@ -61,6 +67,8 @@ Frames = Float[np.ndarray, "_ _ _ 3"]
 STAMP_ERROR = 1e-4
 """Bound of the time error of an event [s]: a fifth of the response time of the noisy
 camera's photoreceptor, and of its refractory period."""
+EXACT_ERROR = 1e-6
+"""Bound of that of an ideal camera [s]: event files have whole microseconds."""
 LIGHT_ERROR = 5e-4
 """Bound of the error of the logarithm of light for a camera with resets, in thresholds:
 found by trial, so that 99 in 100 of its events are within `STAMP_ERROR` too."""
@@ -79,7 +87,6 @@ BLOCK = 16
 QUIET = 1e-3
 """Sum of the changes of all pixels, in thresholds, up to which an interval is not
 refined: on average a thousandth of an event is affected."""
-Block = tuple[Float[np.ndarray, " _"], Float[np.ndarray, "_ height width"]]
 THRESHOLD = (0.2, 0.2)
 """Default change of the logarithm of light per event, up and down."""
 
@@ -396,7 +403,9 @@ def _is_fine(length: float, light, bounds: _Bounds) -> bool:
     passed = np.abs(middle - before) + np.abs(after - middle)
     if passed.sum() <= QUIET * bounds.threshold:
         return True
-    off, bad = np.abs(middle - 0.5 * (before + after)), np.zeros(passed.shape, bool)
+    # light is not more exact than its rounding
+    off = np.abs(middle - 0.5 * (before + after)) - rounding(middle)
+    bad = np.zeros(passed.shape, bool)
     if length > bounds.time_s:
         # d T / D of the module's docstring, without a division by a change of zero
         bad |= off * length > bounds.time_s * np.abs(after - before)
@@ -479,25 +488,23 @@ def film_to_events(
             f"{argument('darkest')}: expected a number above 0 and at most 1, got 0"
         )
     through, dark = counted(len(opened), "frames"), 0
+    floor = np.searchsorted(grey_light(srgb=srgb), darkest)  # of 8 bits
 
     def blocks() -> Iterator[Any]:
         nonlocal dark
         done = 0
         for times, frames in opened.blocks(decoded=False):
-            dark += count_below(frames, darkest, srgb=srgb)
+            whole = frames.dtype == np.uint8
+            dark += np.count_nonzero(frames < (floor if whole else darkest))
             yield times, frames
             done += len(times)
             through(done)
 
-    table = grey_table(srgb=srgb, darkest=darkest)
+    pixel = Pixel(*threshold)
     if noise:
-        key, shape = jax.random.key(seed), (opened.height, opened.width)
-        model = NoiseModel()
-        events = noisy_stream(
-            key, blocks(), shape, threshold, model, table=table, darkest=darkest
-        )
-    else:
-        events = stream_events(blocks(), threshold, table=table, darkest=darkest)
+        shape = opened.height, opened.width
+        pixel = noisy_pixel(jax.random.key(seed), threshold, NoiseModel(), shape)
+    events = event_stream(blocks(), pixel, srgb=srgb, darkest=darkest)
     seconds = float(opened.times[-1])
     with writing(out):
         written = write_events(
@@ -513,5 +520,5 @@ def film_to_events(
         written=written,
         bits=opened.bits,
         darkest=darkest,
-        below_darkest=dark / (len(opened) * opened.width * opened.height),
+        below_darkest=int(dark) / (len(opened) * opened.width * opened.height),
     )

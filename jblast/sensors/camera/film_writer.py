@@ -1,13 +1,11 @@
 """Output files of a film: frames, video, events and contact sheet.
 
-Frames are written block by block, and only those of the contact sheet are stored. If
-the light is a known function of time and the camera is ideal, the times of events are
-solved for; otherwise they are interpolated between many instants.
+Frames are written block by block, and only those of the contact sheet are stored.
 """
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -23,30 +21,21 @@ from jblast.errors import InputError, argument
 from jblast.files import refuse_existing, replacing, writing
 from jblast.progress import counted, stages
 from jblast.results import ABSENT, AMONG
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
-from jblast.sensors.camera.events.scene import render_events
-from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.files.event_files import Written, write_events
 from jblast.sensors.camera.files.images import srgb_bytes, write_values
-from jblast.sensors.camera.files.recordings import MovingBackground
 from jblast.sensors.camera.files.video import check_video, video_writer
 from jblast.sensors.camera.film import (
-    LIGHT_ERROR,
+    EXACT_ERROR,
     STAMP_ERROR,
-    Block,
     Film,
-    first_instants,
-    subdivided,
 )
-from jblast.sensors.camera.surroundings import Landscape
+from jblast.sensors.camera.pixel import NoiseModel
+from jblast.sensors.camera.scene_events import film_events
 
 Mode = Literal["rgb", "events", "both"]
 SHOWN_HZ, SCREEN_HZ = 30.0, 60.0
 """Frame rate of the video of a camera that is faster than a screen [1/s], and the frame
 rate that every screen shows."""
-SOLVED_S = 1e-6
-"""Error of solved times [s]: the file has whole microseconds."""
 ACROSS, DOWN = 4, 3
 """Frames of a contact sheet."""
 FRAME_PX, GAP_PX, FONT_PX = 320, 12, 16
@@ -64,13 +53,13 @@ class FilmEvents:
         noise: Whether the camera's noise is included.
         written: Numbers of events.
         stamps: Computation of their times.
-        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
+        stamp_error_s: Bound of the error of 99 % of the times.
     """
 
     threshold: tuple[float, float]
     noise: Literal["on", "off"]
     written: Written = field(metadata=AMONG)
-    stamps: Literal["solved for", "interpolated"]
+    stamps: Literal["interpolated"]
     stamp_error_s: float
 
 
@@ -278,58 +267,26 @@ def _saved(path: Path, frame: np.ndarray) -> np.ndarray:
 
 
 def _write_events(film: Film, path: str, noise: bool, seed: int) -> FilmEvents:
-    """Write the events; return their numbers and the accuracy of their times."""
+    """Write the events, with times from frame 0 on; return their numbers."""
     camera = film.camera
     start, stop = float(film.times[0]), float(film.times[-1])
+    through = counted(max(1, math.ceil(1e3 * (stop - start))), "milliseconds of events")
     brighter, darker = (float(step) for step in camera.threshold)
-    # solvable: the law's fireball before a still background, one ray a pixel
-    still = film.path is None and not isinstance(film.background, MovingBackground)
-    solved = not noise and film.views is None and film.supersample == 1 and still
-    if solved:
-        events = [_solved(film)]
-    else:
-        least = min(brighter, darker)
-        error = LIGHT_ERROR * least if noise else math.inf
-        blocks = _instants(film, least, error)
-        if noise:
-            key, shape = jax.random.key(seed), (camera.height, camera.width)
-            steps = brighter, darker
-            events = noisy_stream(key, blocks, shape, steps, NoiseModel())
-        else:
-            events = stream_events(blocks, (brighter, darker))
+    events = film_events(
+        film,
+        noise=NoiseModel() if noise else None,
+        key=jax.random.key(seed),
+        seen=lambda time: through(1e3 * (time - start)),
+    )
+    events = (replace(some, time=some.time - start) for some in events)
     size = camera.width, camera.height
     return FilmEvents(
         threshold=(brighter, darker),
         noise="on" if noise else "off",
         written=write_events(path, events, *size, duration_s=stop - start),
-        stamps="solved for" if solved else "interpolated",
-        # bounds all solved times, and 99 % of interpolated ones
-        stamp_error_s=SOLVED_S if solved else STAMP_ERROR,
+        stamps="interpolated",
+        stamp_error_s=STAMP_ERROR if noise else EXACT_ERROR,
     )
-
-
-def _instants(film: Film, threshold: float, light_error: float) -> Iterator[Block]:
-    """Yield times from frame 0 on with grey light, and report progress."""
-    start, stop = float(film.times[0]), float(film.times[-1])
-    through = counted(max(1, math.ceil(1e3 * (stop - start))), "milliseconds of events")
-    for times, light in subdivided(film, threshold, light_error=light_error):
-        yield times - start, light
-        through(1e3 * (times[-1] - start))
-
-
-def _solved(film: Film) -> Events:
-    """Return the events of an ideal camera, at their times from frame 0 on."""
-    assert not isinstance(film.background, MovingBackground | Landscape)
-    events = render_events(
-        film.scene,
-        film.camera,
-        first_instants(film),
-        background=film.background,
-        depth=film.depth,
-        appearance=film.appearance,
-        tolerance=0.1 * SOLVED_S,
-    )
-    return replace(events, time=events.time - film.times[0])
 
 
 def sheet_frames(

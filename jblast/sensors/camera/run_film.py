@@ -32,9 +32,6 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Charge, Scene
-from jblast.sensors.camera.events.ideal import Events
-from jblast.sensors.camera.events.noise import NoiseModel, noisy_stream
-from jblast.sensors.camera.events.stream import stream_events
 from jblast.sensors.camera.files.recordings import MovingBackground
 from jblast.sensors.camera.film import MAX_BLOCK, PIXELS, Film, growth_instants
 from jblast.sensors.camera.fireball import (
@@ -59,7 +56,10 @@ from jblast.sensors.camera.geometry import (
     turned_rays,
 )
 from jblast.sensors.camera.image import LUMINANCE, images, linear_to_srgb, toned
+from jblast.sensors.camera.pixel import Events, NoiseModel
 from jblast.sensors.camera.rendering import check_camera, exposed
+from jblast.sensors.camera.scene_events import camera_pixel
+from jblast.sensors.camera.stream import event_stream
 from jblast.sensors.camera.surroundings import Landscape, disc_light, sphere_factor
 from jblast.sensors.wave_paths import alone
 from jblast.waves.propagation import ambient
@@ -123,13 +123,8 @@ def filmed_packets(
             ends.append(times[-1])
             yield times, grey
 
-    brighter, darker = (float(step) for step in film.camera.threshold)
-    shape = film.camera.height, film.camera.width
-    if noise is None:
-        stream = stream_events(blocks(), (brighter, darker))
-    else:
-        key, steps = jax.random.key(seed), (brighter, darker)
-        stream = noisy_stream(key, blocks(), shape, steps, noise)
+    key = None if noise is None else jax.random.key(seed)
+    stream = event_stream(blocks(), camera_pixel(film.camera, noise, key))
     known = -math.inf
     for _, end in pairwise(np.asarray(bounds) - ROUNDING_S):
         while known < end and (found := next(stream, None)) is not None:

@@ -12,10 +12,12 @@ from jblast.inference.tuning.tune_sight import (
 )
 from jblast.report.tune_figures import tune_figure
 from jblast.scene.reader import scene_from_document
-from jblast.sensors.camera.events.scene import render_events
 from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
+from jblast.sensors.camera.scene_events import film_events
+from jblast.sensors.camera.stream import joined
 
 TRUE = {
     "charge": {"mass_kg": 15.0, "position_m": [0.0, 0.0, 1.0]},
@@ -45,14 +47,9 @@ def within(tuned, name, truth):
 def true_events():
     truth = scene_from_document(TRUE, "t").scene
     camera = camera_of(truth)
-    times = np.linspace(0.0, 0.06, 121)
-    events = render_events(truth, camera, times, appearance=look_of(camera))
-    count = int(events.count)
-    x, y, time, sign = (
-        np.asarray(one)[:count]
-        for one in (events.x, events.y, events.time, events.polarity)
-    )
-    return paired(x, y, np.round(time, 6), sign, 0.0)
+    film = Film(truth, camera, np.array([0.0, 0.06]), appearance=look_of(camera))
+    events = joined(film_events(film))
+    return paired(events.x, events.y, np.round(events.time, 6), events.polarity, 0.0)
 
 
 @pytest.mark.slow

@@ -10,11 +10,11 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Air, Camera, Charge, Scene, look_at
 from jblast.scene.camera import FORWARD
-from jblast.sensors.camera import landscape, stream_events
-from jblast.sensors.camera.events.noise import NoiseModel
+from jblast.sensors.camera import Pixel, event_stream, landscape
 from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.film import Film, subdivided
 from jblast.sensors.camera.geometry import CameraPath
+from jblast.sensors.camera.pixel import NoiseModel
 from jblast.sensors.camera.run_film import filmed_packets
 
 HZ, BURST = 100.0, 0.2537
@@ -115,7 +115,7 @@ def by_pixel(time, x, y, sign):
 
 @pytest.mark.slow
 def test_times_of_events_are_within_the_interval_of_their_samples():
-    fine = list(stream_events(subdivided(MOVING, 0.2), (0.2, 0.2)))
+    fine = list(event_stream(subdivided(MOVING, 0.2), Pixel(0.2, 0.2)))
     fields = ("time", "x", "y", "polarity")
     known = by_pixel(*(np.concatenate([getattr(f, n) for f in fine]) for n in fields))
     events = joined(filmed_packets(MOVING, np.array([0.0, 0.5])))[2:]

@@ -14,7 +14,6 @@ import numpy as np
 from jblast.errors import read_bytes, reading, require
 from jblast.files import replacing
 from jblast.registry import Registry
-from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files import aedat4, event_tables, evt3
 from jblast.sensors.camera.files.recorded_events import (
     Columns,
@@ -24,6 +23,7 @@ from jblast.sensors.camera.files.recorded_events import (
     checked,
     recorded,
 )
+from jblast.sensors.camera.pixel import Events
 
 
 class EventFormat(NamedTuple):

@@ -17,7 +17,6 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, argument, read_text, shown
 from jblast.scene import Camera
-from jblast.sensors.camera.events.ideal import darkest_of
 from jblast.sensors.camera.files.images import (
     frame_and_bits,
     frame_files,
@@ -27,6 +26,7 @@ from jblast.sensors.camera.files.images import (
 from jblast.sensors.camera.files.video import Video, check_even, is_even, open_video
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.image import srgb_to_linear
+from jblast.sensors.camera.pixel import darkest_of
 
 Block = tuple[Float[np.ndarray, " _"], np.ndarray]
 CACHE_BYTES = 1 << 27

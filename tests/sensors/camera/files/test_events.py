@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files.event_files import (
     EVENT_FORMATS,
     read_events,
     write_events,
 )
 from jblast.sensors.camera.files.evt3 import BLOCK
+from jblast.sensors.camera.pixel import Events
 
 HERE = Path(__file__).parent
 WRITTEN = [name for name, one in EVENT_FORMATS.items() if one.write]

@@ -7,9 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jblast.inference.tuning.pixel_light import pixel_light
 from jblast.scene import Charge, Scene
-from jblast.sensors.camera.events.scene import events, pixel_light
 from jblast.sensors.camera.rendering import in_view
+from jblast.sensors.camera.scene_events import events
 from tests.sensors.camera.fireball_scenes import small_camera
 
 CAMERA = small_camera()

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jblast.sensors.camera.events.ideal import Events
 from jblast.sensors.camera.files.event_files import write_events
 from jblast.sensors.camera.files.images import write_png
+from jblast.sensors.camera.pixel import Events
 from tests.signals.flash.films import growing
 
 SCENE = """

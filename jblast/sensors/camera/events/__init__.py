@@ -1,1 +1,0 @@
-"""From light to events: ideal crossings, the noisy pixel, streams."""
