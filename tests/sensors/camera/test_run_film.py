@@ -19,8 +19,8 @@ from jblast.sensors.camera.run_film import filmed_packets
 
 HZ, BURST = 100.0, 0.2537
 SCENE = Scene(
-    Charge(mass_kg=2.0, position_m=(-6.0, 40.0, 1.0), time_s=BURST, name="a"),
     (
+        Charge(mass_kg=2.0, position_m=(-6.0, 40.0, 1.0), time_s=BURST, name="a"),
         Charge(mass_kg=5.0, position_m=(-8.0, 60.0, 1.0), time_s=0.05, name="b"),
         Charge(mass_kg=1.0, position_m=(0.0, -50.0, 1.0), time_s=0.02, name="behind"),
         Charge(mass_kg=1.0, position_m=(0.0, 50.0, 1.0), time_s=np.inf, name="never"),
