@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 from jblast import constants
+from jblast.errors import require, shown
 from jblast.quantities import UNITS, rows_of, unit_suffix
 
 # The command line checks options by these bounds before NumPy is imported.
@@ -32,14 +33,14 @@ class Bounds:
         above: Exclusive lower bound.
         at_least: Lower bound.
         at_most: Upper bound.
-        other_units: Units in which values are given by mistake, with their sizes.
+        other_units: Units in which values are given by mistake, after their dimension.
         advice: Advice on values out of bounds.
     """
 
     above: float = -math.inf
     at_least: float = -math.inf
     at_most: float = math.inf
-    other_units: tuple[tuple[str, float], ...] = ()
+    other_units: tuple[str, ...] = ()
     advice: str = ""
 
     @overload
@@ -69,11 +70,33 @@ class Bounds:
             return f"above {self.above:g}"
         return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
 
+    def checked(
+        self, value: float, where: str, what: str = "a number", got: Any = None
+    ) -> float:
+        """Return a number within the bounds.
+
+        Args:
+            value: The number.
+            where: File, key or argument, for the message.
+            what: Noun of the number, for the message.
+            got: The number as it is written; None: the number.
+
+        Raises:
+            InputError: It is out of bounds; the message names a unit that fits.
+        """
+        actual = f"{value:g}" if got is None else shown(got)
+        expected = f"{what} that is {self.words()}"
+        require(self.allows(value), where, expected, f"{actual}{self.hint(value)}")
+        return value
+
     def hint(self, value: float) -> str:
         """Return how a refused value reads in another unit, or the advice."""
-        for unit, size in self.other_units:
-            if self.allows(value * size):
-                return f"; {value:g} {unit} is {value * size:g}"
+        from jblast.units import to_si  # imports NumPy
+
+        for unit in self.other_units[1:]:
+            in_si = to_si(value, unit, self.other_units[0])
+            if self.allows(in_si):
+                return f"; {value:g} {unit} is {in_si:g}"
         return self.advice and f"; {self.advice}"
 
 
@@ -82,8 +105,6 @@ NOT_NEGATIVE = Bounds(at_least=0.0)
 UNBOUNDED = Bounds()
 NUMBER_SIZES = (1e-30, 1e30)
 """Bounds of a number other than 0: beyond them its powers overflow, or are 0."""
-SIZES = {"hPa": 100.0, "kPa": 1e3, "bar": 1e5}
-"""Other units of the table, in SI."""
 
 
 class Place(NamedTuple):
@@ -196,13 +217,12 @@ def _number(row: dict[str, str]) -> Number:
     if not row["table"]:
         return Number(name=row["name"], words=row["words"])
     of: Any = row["of"]
-    units = row["other_units"].split()
     default = row["default"]
     bounds = Bounds(
         above=float(row["above"] or -math.inf),
         at_least=float(row["at_least"] or -math.inf),
         at_most=float(row["at_most"] or math.inf),
-        other_units=tuple((unit, SIZES[unit]) for unit in units),
+        other_units=tuple(row["other_units"].split()),
     )
     return Parameter(
         name=row["name"],

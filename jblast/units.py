@@ -123,7 +123,7 @@ REFUSED = {
     "and write gauge units",
 }
 """Advice by the form of names whose units are not converted."""
-MILLI_OR_MEGA = {"mpa": ("MPa", "mPa")}
+MILLI_OR_MEGA = {"mpa": ("MPa", "mPa"), "mt": ("Mt", "mt")}
 """Suffixes with two meanings that differ in case only."""
 COUNTS = ("1", "count", "counts", "dimensionless", "fs")
 NO_UNITS = ("", "none", "unknown")
@@ -132,13 +132,14 @@ LINEAR = ("l", "lin", "linear", "z")
 """Weightings behind a unit that leave the pressure as it is: pa.(L), dB(L), dBZ."""
 SINCE = re.compile(r"\s*(\w+)\s+since\s+(.+?)\s*")
 """Unit of time with its zero in the CF conventions: "seconds since 2020-08-04"."""
-CELSIUS = "add 273.15"
-FAHRENHEIT = "subtract 32, multiply by 5/9 and add 273.15"
+CELSIUS = (1.0, 273.15, "add 273.15")
+FAHRENHEIT = (5 / 9, 459.67 * 5 / 9, "subtract 32, multiply by 5/9 and add 273.15")
 TEMPERATURES = {
-    "c": CELSIUS, "celsius": CELSIUS, "degc": CELSIUS, "deg_c": CELSIUS,
-    "f": FAHRENHEIT, "fahrenheit": FAHRENHEIT, "degf": FAHRENHEIT, "deg_f": FAHRENHEIT,
-}  # fmt: skip
-"""Suffixes of temperatures and their conversion to kelvins, which needs an offset."""
+    "k": (1.0, 0.0, "multiply by 1"),
+    **dict.fromkeys(("c", "celsius", "degc", "deg_c", "deg_celsius"), CELSIUS),
+    **dict.fromkeys(("f", "fahrenheit", "degf", "deg_f", "deg_fahrenheit"), FAHRENHEIT),
+}
+"""Units of temperature: factor, offset and their words. No column of a log has them."""
 PER_CENT = ("percent", "pct")
 SHARE, LEVEL = "share", "level"
 """Dimensions without an SI unit: per cent, and levels, which are logarithms."""
@@ -160,7 +161,10 @@ SUFFIXES: dict[str, dict[str, str]] = {
     }
     | {"mph": "mile / hour", "kmh": "km / hour", "kn": "knot"},
     "angle": {"rad": "rad", "mrad": "mrad", "deg": "degree"},
-    "mass": {"kg": "kg", "g": "g", "mg": "mg", "t": "tonne", "lb": "lb", "oz": "oz"},
+    "mass": {
+        "kg": "kg", "g": "g", "mg": "mg", "lb": "lb", "oz": "oz",
+        "t": "tonne", "mt": "tonne", "kt": "kilotonne", "Mt": "megatonne",
+    },
     "image": {"px": "px"},
     "voltage": {"v": "V", "mv": "mV", "uv": "uV"},
     SHARE: {"percent": "percent"},
@@ -286,7 +290,7 @@ def si_ratio(suffix: str) -> Fraction:
         either = " or ".join(sorted(pint for _, pint in found))
         expected = f"{either}, which differ in case only"
         if not either:
-            expected = f"a known unit{nearest(suffix, chain(*SUFFIXES.values()))}"
+            expected = "a known unit"
         raise InputError(f"unit {shown(suffix)}: expected {expected}")
     ((dimension, pint),) = found
     if dimension == LEVEL:
@@ -315,7 +319,7 @@ def in_other_unit(key: str, known: Collection[str]) -> str:
     for length in range(min(MAX_ENDING_WORDS, len(words) - 1), 0, -1):
         stem, suffix = "_".join(words[:-length]).lower(), "_".join(words[-length:])
         if suffix.lower() in TEMPERATURES and f"{stem}_k" in known:
-            return f"; ours is {stem}_k: {TEMPERATURES[suffix.lower()]}"
+            return f"; ours is {stem}_k: {TEMPERATURES[suffix.lower()][-1]}"
         if suffix.lower() in PER_CENT and stem in known:
             return f"; ours is {stem}, a share: multiply by 0.01"
         meant = unit_spelt(suffix)
@@ -329,6 +333,34 @@ def in_other_unit(key: str, known: Collection[str]) -> str:
             ours = f"{stem}_{SI[either[0].dimension]}"
             return f"; ours is {ours}: multiply by {si_factor(suffix):.9g}"
     return ""
+
+
+def to_si(value: float, unit: str, dimension: str) -> float:
+    """Return a value in SI.
+
+    Args:
+        value: Value in the unit.
+        unit: The unit as it is written: "kPa", "ft/s", "°C", "%"; a pressure may be a
+            peak level, "dB".
+        dimension: Dimension of the value: a key of `SI`, "temperature" or "share".
+
+    Raises:
+        InputError: The unit is no unit of the dimension, or one of several.
+    """
+    if dimension == "temperature":
+        known = TEMPERATURES
+        if (spelling := spelt(unit)) in TEMPERATURES:
+            factor, offset, _ = TEMPERATURES[spelling]
+            return value * factor + offset
+    else:
+        known = SUFFIXES[dimension]
+        if dimension == "pressure" and spelt(unit) in SUFFIXES[LEVEL]:
+            return float(overpressure(np.asarray(value)))
+        if any(one.dimension == dimension for one in unit_spelt(unit)):
+            ratio = si_ratio(unit)
+            return value * float(ratio.numerator) / float(ratio.denominator)
+    some = ", ".join([*known][:MAX_LISTED])
+    raise InputError(f"unit {shown(unit)}: expected a unit of {dimension}: {some}")
 
 
 class SampleUnit(NamedTuple):

@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.parameters import UNBOUNDED, Bounds
 
 
@@ -28,9 +29,18 @@ def test_of_an_array_bounds_say_where():
 
 
 def test_a_value_that_fits_in_another_unit_is_named_with_its_size():
-    others = (("hPa", 1e2), ("bar", 1e5))
+    others = ("pressure", "hPa", "bar")
     bounds = Bounds(at_least=2e4, at_most=1.2e5, other_units=others)
     assert bounds.hint(1013.0) == "; 1013 hPa is 101300"
     assert bounds.hint(0.9) == "; 0.9 bar is 90000"
     assert bounds.hint(19.0) == bounds.hint(math.nan) == ""
     assert UNBOUNDED.hint(1013.0) == ""
+    assert Bounds(at_most=1.0, advice="swapped?").hint(2.0) == "; swapped?"
+
+
+def test_a_checked_value_is_returned_or_refused_as_it_is_written():
+    bounds = Bounds(above=0.0, at_most=1.0)
+    assert bounds.checked(0.5, "here") == 0.5
+    said = "here: expected a share that is above 0 and at most 1, got '2'"
+    with pytest.raises(InputError, match=said):
+        bounds.checked(2.0, "here", "a share", "2")

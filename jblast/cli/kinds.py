@@ -30,6 +30,8 @@ UNITS = {
     "pressure": "1psi",
     "impulse": "10psi_ms",
     "speed": "1ft/s",
+    "temperature": "20C",
+    "share": "50%",
 }
 """Dimensions of options with a unit, each with an example."""
 
@@ -100,7 +102,7 @@ def pair(word: str) -> tuple[float, float]:
 
 def share(word: str) -> float:
     """Return a number in [0, 1)."""
-    value = _number_or_nan(word)
+    value = measured(word, "share")
     if not 0.0 <= value < 1.0:
         raise ArgumentTypeError(
             f"expected a share, 0 or more and below 1, got {word!r}"
@@ -155,8 +157,13 @@ def measured(word: str, dimension: str) -> float:
     # `float` reads 1_000, which the pattern would split into 1 and a unit _000
     if found is None or not math.isnan(_number_or_nan(word)):
         return number(word)
+    from jblast.units import to_si  # here, so that --help does not load NumPy
+
     digits, unit = found.groups()
-    return number(digits) * _factor(unit, dimension)
+    try:
+        return to_si(number(digits), unit, dimension)
+    except InputError as error:
+        raise ArgumentTypeError(f"{error}, as in {UNITS[dimension]}") from None
 
 
 KINDS: dict[str, Callable[[str], Any]] = {
@@ -168,10 +175,11 @@ KINDS: dict[str, Callable[[str], Any]] = {
     "positive": positive,
     "size": positive_of_any_size,
     "pair": pair,
-    "share": share,
     "seed": seed,
     "span": span,
     **{name: partial(measured, dimension=name) for name in UNITS},
+    "percentage": partial(measured, dimension="share"),
+    "share": share,
 }
 """Readers by name; `kind` adds "positive NAME" and "several NAME"."""
 
@@ -238,17 +246,3 @@ def _number_or_nan(word: str) -> float:
         return float(word)
     except ValueError:
         return math.nan
-
-
-def _factor(unit: str, dimension: str) -> float:
-    from jblast.units import si_factor, unit_spelt  # here, as NumPy above
-
-    expected = f"expected a unit of {dimension}, as in {UNITS[dimension]}"
-    meant = unit_spelt(unit)
-    # An unknown unit is left to `si_factor`, whose message names the nearest one.
-    if meant and all(one.dimension != dimension for one in meant):
-        raise ArgumentTypeError(f"{expected}; got {shown(unit)}")
-    try:
-        return si_factor(unit)
-    except InputError as error:
-        raise ArgumentTypeError(f"{expected}: {error}") from None

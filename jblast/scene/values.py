@@ -106,7 +106,7 @@ class Number:
     def read(self, value: Any, where: str) -> float:
         """Return the number."""
         require(not is_uncertain(value), where, "a fixed number", shown(value))
-        return within(self.bounds, finite(value, where, self.form), value, where)
+        return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
 @dataclass(frozen=True)
@@ -391,7 +391,8 @@ class Uncertain:
             prior = read_prior(value, row.bounds, row.positive, where)
             return prior.middle, prior
         form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
-        return within(row.bounds, finite(value, where, form), value, where), None
+        number = finite(value, where, form)
+        return row.bounds.checked(number, where, got=value), None
 
 
 @dataclass(frozen=True)
@@ -411,7 +412,7 @@ class Sampled:
             value = {"uniform": value}
         if isinstance(value, dict):
             return read_prior(value, self.bounds, False, where)
-        return within(self.bounds, finite(value, where, self.form), value, where)
+        return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
 def read_prior(
@@ -446,9 +447,11 @@ def read_prior(
         require(b > in_ln, where, f"{second} in {form}", shown(pair))
     require(not in_ln or a > 0, where, f"a positive {words[0]} in {form}", shown(pair))
     # Bounds of the prior must respect those of the number, so that every sample does.
-    within(bounds, a, pair[0], where, "a bound" if "hi" in words else f"a {words[0]}")
     if "hi" in words:
-        within(bounds, b, pair[1], where, "a bound")
+        bounds.checked(a, where, "a bound", pair[0])
+        bounds.checked(b, where, "a bound", pair[1])
+    else:
+        bounds.checked(a, where, f"a {words[0]}", pair[0])
     require(
         kind != "normal" or not positive or a >= MIN_MEAN_SDS * b,
         where,
@@ -467,23 +470,6 @@ def is_uncertain(value: Any) -> bool:
 def that_is(bounds: Bounds) -> str:
     """Return " that is positive", or other bounds in words; "" without bounds."""
     return "" if bounds == UNBOUNDED else f" that is {bounds.words()}"
-
-
-def within(
-    bounds: Bounds, number: float, value: Any, where: str, what: str = "a number"
-) -> float:
-    """Return a number after checking its bounds, with a hint to other units.
-
-    Args:
-        bounds: Bounds of the number.
-        number: The number.
-        value: The number as it is written, for the message.
-        where: File, table and key, for the message.
-        what: Noun of the number, for the message.
-    """
-    expected, got = f"{what}{that_is(bounds)}", f"{shown(value)}{bounds.hint(number)}"
-    require(bounds.allows(number), where, expected, got)
-    return number
 
 
 def listed(value: Any, form: str, where: str) -> list[Any]:

@@ -433,13 +433,8 @@ def _listed(key: str, value: Any, where: str) -> tuple[float, ...]:
 
 def _allowed(key: str, value: Any, where: str) -> float:
     """Return a value within the bounds of a parameter."""
-    number, bounds = finite(value, where), parameter_named(key).bounds
-    if not bounds.allows(number):
-        raise InputError(
-            f"{where}: expected a number that is {bounds.words()}, got {shown(value)}"
-            f"{bounds.hint(number)}"
-        )
-    return number
+    bounds = parameter_named(key).bounds
+    return bounds.checked(finite(value, where), where, got=value)
 
 
 def _bounds_and_scale(

@@ -77,7 +77,10 @@ def test_the_help_shows_names_defaults_and_sections():
         ("several", "", "1:2:1", "a COUNT"),
         ("several", "", "2:1:3", "write 1:2:3"),
         ("mass", "", "3ft", "a unit of mass"),
-        ("mass", "", "3parsnip", "a unit of mass"),
+        ("mass", "", "3parsnip", "a unit of mass: kg, g, mg, lb, .*, as in 33lb"),
+        ("mass", "", "5MT", "megatonne or tonne"),
+        ("temperature", "", "20kg", "a unit of temperature"),
+        ("share", "", "150%", "a share"),
         ("mass", "", "1,5kg", "a decimal point"),
         ("positive length", "", "-3ft", "a positive number"),
     ],
@@ -85,6 +88,24 @@ def test_the_help_shows_names_defaults_and_sections():
 def test_a_wrong_value_is_refused(name, metavar, word, message):
     with pytest.raises(Exception, match=message):
         kind(name, metavar)(word)
+
+
+@pytest.mark.parametrize(
+    ("name", "word", "value"),
+    [
+        ("mass", "1kt", 1e6),
+        ("mass", "2 Mt", 2e9),
+        ("time", "12.4ms", 0.0124),
+        ("pressure", "140dB", 200.0),
+        ("temperature", "20C", 293.15),
+        ("temperature", "-40 °F", 233.15),
+        ("temperature", "288", 288.0),
+        ("percentage", "50%", 0.5),
+        ("share", "5%", 0.05),
+    ],
+)
+def test_a_value_with_a_unit_is_in_si(name, word, value):
+    assert kind(name, "")(word) == pytest.approx(value, rel=1e-15)
 
 
 def test_digits_of_other_scripts_are_refused_by_name():

@@ -31,7 +31,7 @@ def test_every_ending_has_a_factor_and_ours_is_one(dimension):
 
 @pytest.mark.parametrize(
     ("suffix", "said"),
-    [("mpa", "expected MPa or mPa"), ("kpal", "mean kpa?"), ("db", "no factor")],
+    [("mpa", "expected MPa or mPa"), ("kpal", "a known unit"), ("db", "no factor")],
 )
 def test_what_is_no_unit_is_told(suffix, said):
     with pytest.raises(InputError, match=said):

@@ -17,7 +17,7 @@ input:
   --range M...          several length; slant range [m], or with a unit (100ft): one,
                         several, or FROM:TO:COUNT, evenly spaced in ln
   --overpressure PA     positive pressure; incident peak overpressure [Pa], or with a
-                        unit (1psi), to find the range or the mass
+                        unit (1psi, 140dB), to find the range or the mass
   --impulse PA_S        positive impulse; incident positive impulse [Pa s], or with a
                         unit (10psi_ms), to find the range or the mass
   --arrival S           positive time; travel time of the air shock [s], or with a unit
@@ -36,8 +36,10 @@ model:
                         height)
   --explosive NAME      text; explosive (default: TNT)
   --height M            length; height of burst [m], negative if buried (default: 0)
-  --temperature K       number; air temperature [K] (default: 288.15)
-  --pressure PA         pressure; air pressure [Pa] (default: 101325)
+  --temperature K       temperature; air temperature [K], or with a unit (20C)
+                        (default: 288.15)
+  --pressure PA         pressure; air pressure [Pa], or with a unit (1013hPa)
+                        (default: 101325)
   --altitude M          length; altitude in the standard atmosphere [m], in place of
                         temperature and pressure
 output:
@@ -49,7 +51,8 @@ output:
   --csv                 values of all laws as CSV, one a line
   --force               permission to overwrite an existing --plot
 advanced:
-  --humidity F          number; relative humidity, 0 to 1 (default: 0)
+  --humidity F          percentage; relative humidity, 0 to 1, or with a unit (50%)
+                        (default: 0)
   --sound-speed M_S     speed; speed of sound in air [m/s] (default: from temperature
                         and humidity)
   --p-speed M_S         speed; P-wave speed of the ground [m/s] (default: granite, 5660)
@@ -263,13 +266,7 @@ def _scene(options: argparse.Namespace, given: "Mapping[str, Any]") -> "Scene":
 
 def _bounded(option: str, given: "Mapping[str, Any]", parameter: str) -> float:
     """Return an option within the bounds of the same parameter of a scene file."""
-    bounds, value = PARAMETERS[parameter].bounds, given[option]
-    if not bounds.allows(value):
-        raise InputError(
-            f"--{option}: expected a number that is {bounds.words()}, "
-            f"got {value:g}{bounds.hint(value)}"
-        )
-    return value
+    return PARAMETERS[parameter].bounds.checked(given[option], f"--{option}")
 
 
 def selection(options: argparse.Namespace) -> tuple[str, str]:

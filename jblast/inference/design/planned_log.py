@@ -196,11 +196,7 @@ def _checked(name: str, value: float, belief: Belief) -> float:
         InputError: It is outside.
     """
     bounds, where = parameter_named(name).bounds, f"{argument('at')} {name}"
-    if not bounds.allows(value):
-        raise InputError(
-            f"{where}: expected a number that is {bounds.words()}, got {value:g}"
-            f"{bounds.hint(value)}"
-        )
+    bounds.checked(value, where)
     if not math.isfinite(value):
         raise InputError(f"{where}: expected a finite number, got {value:g}")
     if not math.isfinite(float(belief.unconstrain(jnp.asarray(value)))):
