@@ -20,7 +20,7 @@ ROOT = PACKAGE.parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 BASE = (
     *("errors", "types", "constants", "lazy", "progress", "registry"),
-    *("addresses", "files", "results", "quantities", "parameters", "units"),
+    *("addresses", "files", "results", "quantities", "units", "parameters"),
     "kept_programs",
 )
 """Modules at the root: each may import those before it."""
