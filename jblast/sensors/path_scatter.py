@@ -36,8 +36,9 @@ the cost grows in proportion to the number of paths.
 The linear systems of some tens of unknowns are solved without LAPACK. XLA on CPUs
 passes a batch of LAPACK calls to the thread pool that already runs the program, and
 waits for it there. If two such calls meet, in one program or in two, all threads of a
-machine with two cores wait for each other and the program never ends. The elimination
-here is a loop of operations on whole matrices.
+machine with two cores wait for each other and the program never ends: so do LU and
+triangular solves of jaxlib 0.10.2, and with them the derivative of a Cholesky factor.
+The elimination here is a loop of operations on whole matrices.
 """
 
 import jax
@@ -161,50 +162,50 @@ def split(
         Individual variance $\psi$ of each path, and contribution of one standard
         deviation of each shared effect ($B$), for a total variance of 1.
     """
-    count = len(place)
-    if count > DENSE:
+    if len(place) > DENSE:
         return _split_by_anchors(place, placed, weights)
-    # duplicate paths make the matrix singular: this variance keeps it invertible
-    nugget = jnp.sqrt(jnp.finfo(place.dtype).eps)
-    both = placed[:, None] & placed[None, :] & ~np.eye(count, dtype=bool)
-    matrix = jnp.where(both, correlations(place, place, weights), 0.0)
-    matrix = matrix + (1 + nugget) * jnp.eye(count, dtype=place.dtype)
-    precision, _ = solve_system(matrix, jnp.eye(count, dtype=place.dtype))
+    unit = jnp.eye(len(place), dtype=place.dtype)
+    matrix = _among(place, placed, weights)
+    precision, _ = solve_system(matrix, unit)
     size = jnp.diagonal(precision)
     # smoothed |Q|: the exact absolute value has no derivative at 0
     least = NEAR_ZERO**2 * size[:, None] * size[None, :]
-    row_sum = jnp.sum(
-        jnp.where(
-            np.eye(count, dtype=bool), 0.0, jnp.sqrt(jnp.square(precision) + least)
-        ),
-        axis=1,
-    )
+    absolute = jnp.sqrt(jnp.square(precision) + least)
+    row_sum = jnp.sum(jnp.where(unit > 0, 0.0, absolute), axis=1)
     # bound of diagonal dominance (module docstring)
     own = 1 / (size + row_sum)
-    shared = matrix - jnp.diag(own) + nugget * jnp.eye(count, dtype=place.dtype)
-    return own, cholesky_factor(shared)
+    return own, cholesky_columns(matrix - jnp.diag(own) + _nugget(place) * unit)
 
 
 def _split_by_anchors(place, placed, weights):
     """Return the parts of many paths, shared through some of them as anchors."""
     # Anchors are evenly spread over the rows of a log.
     anchors = np.linspace(0, len(place) - 1, ANCHORS).astype(int)
-    nugget = jnp.sqrt(jnp.finfo(place.dtype).eps)
     at, is_placed = place[anchors], placed[anchors]
     among = placed[:, None] & is_placed[None, :]
     across = jnp.where(among, correlations(place, at, weights), 0.0)
-    both = is_placed[:, None] & is_placed[None, :] & ~np.eye(ANCHORS, dtype=bool)
-    inner = jnp.where(both, across[anchors], 0.0)
-    inner = inner + (1 + nugget) * jnp.eye(ANCHORS, dtype=place.dtype)
-    root = cholesky_factor(inner)
-    columns = solve_system(root, across.T)[0].T
+    inner = _among(at, is_placed, weights)
+    columns = cholesky_columns(jnp.concatenate([inner, across]))[ANCHORS:]
     # without the anchor's correlation with itself
     neighbours = jnp.maximum(jnp.sum(across, axis=0) - 1, 0.0)
     share = neighbours / (neighbours + FEW_NEIGHBOURS)
-    columns = columns * jnp.sqrt(share + nugget)[None, :]
+    columns = columns * jnp.sqrt(share + _nugget(place))[None, :]
     own = 1 - jnp.sum(jnp.square(columns), axis=1)
     # rounding may leave a variance just below 0
-    return jnp.maximum(own, nugget), columns
+    return jnp.maximum(own, _nugget(place)), columns
+
+
+def _among(place, placed, weights):
+    """Return the correlations among paths; those without a direction have none."""
+    unit = jnp.eye(len(place), dtype=place.dtype)
+    both = placed[:, None] & placed[None, :] & (unit == 0)
+    matrix = jnp.where(both, correlations(place, place, weights), 0.0)
+    return matrix + (1 + _nugget(place)) * unit
+
+
+def _nugget(place):
+    """Return the variance that keeps the matrix of duplicate paths invertible."""
+    return jnp.sqrt(jnp.finfo(place.dtype).eps)
 
 
 @jax.custom_jvp
@@ -255,15 +256,21 @@ def _eliminated(matrix, right):
     return both[:, count:], size
 
 
-def cholesky_factor(matrix: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """Return the lower factor of a matrix; NaN where it is not positive definite."""
-    count = len(matrix)
-    rows = jnp.arange(count)
+def cholesky_columns(matrix: Float[Array, "row n"]) -> Float[Array, "row n"]:
+    r"""Return the Cholesky factor $L$ of the first n rows, and $a L^{-T}$ of others.
+
+    NaN where the first rows are not positive definite.
+
+    Args:
+        matrix: A symmetric matrix, and further rows $a$ below it.
+    """
+    rows = jnp.arange(len(matrix))
+    count = matrix.shape[1]
 
     def step(i, state):
         left, root = state
         column = jnp.where(rows >= i, left[:, i] / jnp.sqrt(left[i, i]), 0.0)
-        root = jnp.where(rows[None, :] == i, column[:, None], root)
-        return left - column[:, None] * column[None, :], root
+        root = jnp.where(rows[None, :count] == i, column[:, None], root)
+        return left - column[:, None] * column[None, :count], root
 
     return lax.fori_loop(0, count, step, (matrix, jnp.zeros_like(matrix)))[1]

@@ -12,7 +12,7 @@ from jblast.sensors.path_scatter import (
     DENSE,
     KERNELS,
     TYPICAL,
-    cholesky_factor,
+    cholesky_columns,
     correlations,
     decorrelation,
     embedded,
@@ -23,6 +23,7 @@ from jblast.sensors.record import record
 from jblast.sensors.simulated_readings import error_model, observe
 
 LAWS = {"air_arrival_s": "kingery_bulmash"}
+SCENE = Scene(Charge(mass_kg=10.0))
 
 
 def ring(radius, count=8, middle=(0.0, 0.0)):
@@ -37,21 +38,14 @@ def placed(position):
     return embedded(toward, jnp.linalg.norm(toward, axis=1))
 
 
-def layout_at(position):
-    n = len(position)
-    nothing = jnp.full(n, jnp.nan)
-    return Layout(
-        ("air_arrival_s",) * n,
-        jnp.asarray(position),
-        nothing,
-        nothing,
-        tuple(range(n)),
-        (0,) * n,
-        ("",) * n,
-    )
+def layout_of_ring():
+    nothing, rows = jnp.full(8, jnp.nan), tuple(range(8))
+    position = jnp.asarray(ring(1.0, 8, (40.0, 0.0)))
+    names = ("air_arrival_s",) * 8
+    return Layout(names, position, nothing, nothing, rows, (0,) * 8, ("",) * 8)
 
 
-def test_what_separates_neighbours_is_what_their_correlation_lacks():
+def test_decorrelation_is_what_a_correlation_lacks():
     apart = np.array([1e-3, 0.02, 0.3, 1.0])
     place = jnp.zeros((1, 4)), jnp.zeros((4, 4)).at[:, 0].set(apart)
     for weights in np.eye(len(KERNELS)):
@@ -60,70 +54,58 @@ def test_what_separates_neighbours_is_what_their_correlation_lacks():
 
 
 @pytest.mark.parametrize("kernel", range(len(KERNELS)))
-def test_what_paths_share_and_have_for_themselves_adds_up_to_the_correlation(kernel):
-    position = np.concatenate([ring(1.0, 6, (40.0, 0.0)), ring(50.0, 5)])
-    place, known = placed(position)
+def test_individual_and_shared_parts_sum_to_the_correlation(kernel):
     weights = jnp.eye(len(KERNELS))[kernel]
+    place, known = placed(np.concatenate([ring(1.0, 6, (40.0, 0.0)), ring(50.0, 5)]))
     own, shared = split(place, known, weights)
     expected = np.array(correlations(place, place, weights))
     np.fill_diagonal(expected, 1.0)
     got = np.diag(own) + np.asarray(shared) @ np.asarray(shared).T
     np.testing.assert_allclose(got, expected, atol=1e-7)  # the nugget
     assert (np.asarray(own) > 0).all()
-
-
-def test_paths_around_a_charge_stay_independent():
-    place, known = placed(ring(20.0))
-    for weights in jnp.eye(len(KERNELS)):
-        own, _ = split(place, known, weights)
-        np.testing.assert_allclose(own, 1.0, atol=0.12)
+    # paths around a charge remain nearly independent
+    own, _ = split(*placed(ring(20.0)), weights)
+    np.testing.assert_allclose(own, 1.0, atol=0.12)
 
 
 def test_a_long_log_is_split_by_some_of_its_paths():
-    # two tight arrays, and paths by themselves
+    # two tight arrays, and single paths
     arrays = [ring(0.1, 16, (100.0, 0.0)), ring(0.1, 16, (0.0, 100.0))]
     place, known = placed(np.concatenate([*arrays, ring(30.0, 3)]))
     assert len(place) > DENSE
     own, shared = map(np.asarray, split(place, known, jnp.asarray(TYPICAL)))
     got = np.diag(own) + shared @ shared.T
     np.testing.assert_allclose(np.diag(got), 1.0, atol=1e-6)
-    assert got[0, 1] > 0.98
-    assert got[16, 20] > 0.98
+    assert min(got[0, 1], got[16, 20]) > 0.98
     assert abs(got[0, 16]) < 0.02
     np.testing.assert_allclose(own[32:], 1.0, atol=0.5)
 
 
 def test_the_scatter_of_travel_times_keeps_its_size():
-    layout = layout_at(ring(1.0, 8, (40.0, 0.0)))
-    found = record(Scene(Charge(mass_kg=10.0)), layout, LAWS)
+    layout = layout_of_ring()
+    found = record(SCENE, layout, LAWS)
     of_laws = error_model(found, layout)
     shot = np.asarray(found.shot_loading["air_arrival_s"])
     shared = np.sum(np.square(of_laws.loading), axis=1) - shot**2
     total = np.square(of_laws.record_sd) + shared
     np.testing.assert_allclose(np.sqrt(total), found.record_sd, rtol=1e-6)
-    # neighbours differ by far less than two independent paths would
-    difference = np.asarray(of_laws.loading[0] - of_laws.loading[1])
-    apart = np.sqrt(difference @ difference + np.sum(np.square(of_laws.record_sd[:2])))
-    assert apart < 0.25 * np.sqrt(2) * float(found.record_sd[0])
 
 
 def test_simulated_neighbours_scatter_together():
-    layout = layout_at(ring(1.0, 8, (40.0, 0.0)))
-    scene = Scene(Charge(mass_kg=10.0))
-    keys = jax.random.split(jax.random.key(0), 400)
-    drawn = jax.jit(
-        jax.vmap(
-            lambda key: observe(
-                key, scene, layout, LAWS, jnp.full(8, 1e-6), noise="gaussian"
-            )
-        )
-    )(keys)
-    exact = record(scene, layout, LAWS)
-    left = np.asarray(drawn) - np.asarray(exact.value)
-    travel = float(exact.value[0])
-    # a shot's and a path's 1 %; 400 draws: 4 % of an sd
-    assert np.std(left[:, 0]) == pytest.approx(0.01 * np.sqrt(2) * travel, rel=0.15)
-    assert np.std(left[:, 0] - left[:, 4]) < 0.5 * 0.01 * np.sqrt(2) * travel
+    layout = layout_of_ring()
+    sigma = jnp.full(8, 1e-6)
+
+    @jax.jit
+    @jax.vmap
+    def drawn(key):
+        return observe(key, SCENE, layout, LAWS, sigma, noise="gaussian")
+
+    exact = np.asarray(record(SCENE, layout, LAWS).value)
+    left = np.asarray(drawn(jax.random.split(jax.random.key(0), 400))) - exact
+    # 1 % of a shot and of a path; 400 draws: 4 % of an sd
+    expected = 0.01 * np.sqrt(2) * exact[0]
+    assert np.std(left[:, 0]) == pytest.approx(expected, rel=0.15)
+    assert np.std(left[:, 0] - left[:, 4]) < 0.5 * expected
 
 
 def systems(count, size, right=2):
@@ -133,47 +115,42 @@ def systems(count, size, right=2):
     return matrix, rng.normal(size=(count, size, right))
 
 
-@pytest.mark.parametrize("size", [1, 2, 7, 40])
+@pytest.mark.parametrize("size", [1, 2, 40])
 def test_solutions_determinants_and_factors_are_those_of_numpy(size):
     matrix, right = systems(3, size)
     answer, log_determinant = jax.vmap(solve_system)(matrix, right)
     np.testing.assert_allclose(answer, np.linalg.solve(matrix, right), rtol=1e-10)
     expected = np.linalg.slogdet(matrix)[1]
     np.testing.assert_allclose(log_determinant, expected, rtol=1e-12)
-    factor = jax.vmap(cholesky_factor)(matrix)
-    np.testing.assert_allclose(factor, np.linalg.cholesky(matrix), atol=1e-12)
+    columns = jax.vmap(cholesky_columns)(np.concatenate([matrix, matrix], axis=1))
+    factor = np.linalg.cholesky(matrix)
+    # a row of A itself, below it: A L^-T is L
+    expected = np.concatenate([factor, factor], axis=1)
+    np.testing.assert_allclose(columns, expected, atol=1e-11)
 
 
 def test_a_matrix_that_is_not_positive_definite_has_no_determinant():
     matrix = jnp.array([[1.0, 2.0], [2.0, 1.0]])
     assert np.isnan(solve_system(matrix, jnp.ones((2, 1)))[1])
-    assert np.isnan(cholesky_factor(matrix)).any()
+    assert np.isnan(cholesky_columns(matrix)).any()
 
 
-def test_first_and_second_derivatives_are_those_of_differences():
+def test_derivatives_are_those_of_differences():
     matrix, right = systems(1, 4)
 
     def both(matrix, right):
         # the differences are taken of NumPy arrays
-        answer, log_determinant = solve_system(jnp.asarray(matrix), jnp.asarray(right))
-        return jnp.sum(answer**2) + log_determinant
+        matrix, right = jnp.asarray(matrix), jnp.asarray(right)
+        answer, log_determinant = solve_system(matrix, right)
+        factor = jnp.sum(jnp.sin(cholesky_columns(matrix + matrix.T)))
+        return jnp.sum(answer**2) + log_determinant + factor
 
-    check_grads(
-        both, (jnp.array(matrix[0]), jnp.array(right[0])), order=2, rtol=1e-5, atol=1e-6
-    )
-
-
-def test_the_derivative_of_a_factor_is_that_of_differences():
-    matrix = jnp.array(systems(1, 4)[0][0])
-
-    def factor(a):
-        return jnp.sum(jnp.sin(cholesky_factor(jnp.asarray(a + a.T))))
-
-    check_grads(factor, (matrix,), order=1, modes=["fwd"], rtol=1e-5, atol=1e-6)
+    given = jnp.array(matrix[0]), jnp.array(right[0])
+    check_grads(both, given, order=2, modes=["fwd"], rtol=1e-5, atol=1e-6)
 
 
 @pytest.mark.slow
-def test_batches_that_meet_in_one_program_come_to_an_end():
+def test_batches_that_meet_in_one_program_end():
     """LAPACK deadlocks here on two cores: inverses of one program wait for others."""
     batches = [systems(40, 24)[0] for _ in range(6)]
 
