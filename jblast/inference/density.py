@@ -60,7 +60,7 @@ from jblast.scene.uncertain import Normal as NormalPrior, names_in, value_of
 from jblast.sensors import Layout, layout_of, record
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.path_scatter import DENSE, KERNELS, MAX_PATHS
-from jblast.sensors.record import path_effects, path_to, to_error_scale
+from jblast.sensors.record import effects_of, path_to, to_error_scale
 from jblast.sensors.simulated_readings import Noise, paths_of
 
 LANES, ROWS_OF_ALL = 512, 2**18
@@ -639,8 +639,10 @@ def _rows(
     # only the range of an array depends on the kernel
     weighted = correlated and bool(bases & {*CHARGE_POSITION})
     sharing = np.full(count, correlated)
-    for quantity, shot in path_effects(scene, layout, laws):
-        sharing[layout.rows(quantity, shot)[0]] = True
+    effects = effects_of(scene, layout, laws)
+    for name, quantity, shot in effects.fields:
+        if name in effects.path_loading:
+            sharing[layout.rows(quantity, shot)[0]] = True
     label = np.zeros(count, int) if correlated else group
     block = _blocks(np.where(sharing, label, -1 - np.arange(count)), shared)
     members = np.maximum(block, 0)

@@ -10,6 +10,11 @@ from jblast.sensors.calculator import (
     calculate as calculate,
     roots as roots,
 )
+from jblast.sensors.jolt import (
+    jolt_bearing as jolt_bearing,
+    jolt_elevation as jolt_elevation,
+    jolt_speed as jolt_speed,
+)
 from jblast.sensors.layout import (
     Layout as Layout,
     layout_of as layout_of,
@@ -17,9 +22,6 @@ from jblast.sensors.layout import (
 )
 from jblast.sensors.record import (
     Recording as Recording,
-    jolt_bearing as jolt_bearing,
-    jolt_elevation as jolt_elevation,
-    jolt_speed as jolt_speed,
     record as record,
 )
 

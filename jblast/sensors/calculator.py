@@ -45,7 +45,7 @@ if TYPE_CHECKING:  # the tables of `fidelity` are read only where a law is recom
     from jblast.fidelity import Choice
     from jblast.fidelity.errors import Conditions
 
-NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
+NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt"}
 """Arguments that a question does not state: laws with one of them are left out."""
 FEWEST_ROWS = 64
 """Rows are padded to a power of two from here on, so few shapes are compiled. A smaller

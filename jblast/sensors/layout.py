@@ -11,6 +11,7 @@ concatenated, which XLA fuses with the operations around them.
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import equinox as eqx
@@ -21,7 +22,7 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.observations import Observations
 from jblast.observations.placement import camera_place
 from jblast.quantities import BY_CAMERA, DIRECTIONS, PLACELESS, TIMED, components
@@ -67,28 +68,20 @@ class Layout(eqx.Module):
 
     def beside(self, more: "Layout") -> "Layout":
         """Return these rows followed by those of another layout."""
+        both = zip(self._columns(), more._columns(), strict=True)
         return Layout(
-            quantity=self.quantity + more.quantity,
-            position=jnp.concatenate([self.position, more.position]),
-            slant_range=jnp.concatenate([self.slant_range, more.slant_range]),
-            time=jnp.concatenate([self.time, more.time]),
-            group=self.group + more.group,
-            shot=self.shot + more.shot,
-            clock=self.clock + more.clock,
+            *(
+                a + b if isinstance(a, tuple) else jnp.concatenate([a, b])
+                for a, b in both
+            )
         )
 
     def only(self, rows: Int[np.ndarray, " kept"]) -> "Layout":
         """Return some of the rows."""
-        return Layout(
-            quantity=tuple(self.quantity[row] for row in rows),
-            position=_column_rows(self.position, rows),
-            slant_range=_column_rows(self.slant_range, rows),
-            time=_column_rows(self.time, rows),
-            group=tuple(self.group[row] for row in rows),
-            shot=tuple(self.shot[row] for row in rows),
-            clock=tuple(self.clock[row] for row in rows),
-            free_air=tuple(self.free_air[row] for row in rows if self.free_air),
-        )
+        return Layout(*(_column_rows(column, rows) for column in self._columns()))
+
+    def _columns(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, one.name) for one in fields(self))
 
     def rows(self, quantity: str, shot: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the rows and signs with which a quantity of a charge enters."""
@@ -109,8 +102,10 @@ class Layout(eqx.Module):
         return np.unique(np.asarray(self.position)[placed], axis=0)
 
 
-def _column_rows(column: Array, rows: Int[np.ndarray, " kept"]) -> Array:
+def _column_rows(column: Any, rows: Int[np.ndarray, " kept"]) -> Any:
     """Return rows of a column; by NumPy if it is concrete, so that nothing compiles."""
+    if isinstance(column, tuple):
+        return tuple(column[row] for row in rows)
     # a gather in the program; concrete columns are indexed by NumPy instead
     if isinstance(column, Tracer):
         return column[rows]
@@ -157,13 +152,13 @@ def planned_layout(scene: Scene) -> tuple[Layout, Float[Array, " row"], Sequence
         for quantity, sigma in sensor.records
         for time in _times(charge, sensor, quantity)
     ]
-    if not plan:
-        never = all(bool(charge.never) for charge in scene.charges)
-        raise InputError(
-            "no sensor records anything: expected at least one [[sensor]] with "
-            "records = { QUANTITY = SIGMA }"
-            + ("; got charges that never happen" if never else "")
-        )
+    never = all(bool(charge.never) for charge in scene.charges)
+    require(
+        plan,
+        "no sensor records anything",
+        "at least one [[sensor]] with records = { QUANTITY = SIGMA }",
+        "charges that never happen" if never else "",
+    )
     layout = Layout(
         quantity=tuple(quantity for *_, quantity, _, _ in plan),
         position=jnp.stack(
@@ -184,16 +179,10 @@ def _times(charge: Charge, sensor: Sensor, quantity: str) -> tuple[float, ...]:
     if quantity not in TIMED:
         return (math.nan,)
     where = f"sensor {sensor.name!r} records {quantity}"
-    if not sensor.times_s:
-        raise InputError(
-            f"{where}: expected times_s = [...] in its [[sensor]], got none"
-        )
-    start = float(charge.time_s + sensor.clock_offset_s)
-    if sensor.times_s[0] <= start:
-        raise InputError(
-            f"{where}: expected times_s after the origin time, {start:g} s on its "
-            f"clock, got {sensor.times_s[0]:g}"
-        )
+    require(sensor.times_s, where, "times_s = [...] in its [[sensor]]", "none")
+    start, first = float(charge.time_s + sensor.clock_offset_s), sensor.times_s[0]
+    after = f"times_s after the origin time, {start:g} s on its clock"
+    require(first > start, where, after, f"{first:g}")
     return sensor.times_s
 
 
@@ -203,22 +192,18 @@ def _position(scene: Scene, shot: int, sensor: Sensor, quantity: str) -> Array:
     if quantity in BY_CAMERA:
         label = f"sensor {sensor.name!r}"
         return jnp.asarray(camera_place(scene, sensor.position_m, label))
+    where = f"sensor {sensor.name!r} records {quantity}"
     if scene.charges[shot].range_m is not None:
-        if quantity in DIRECTIONS:
-            raise InputError(
-                f"sensor {sensor.name!r} records {quantity}: expected [charge] "
-                "position_m, got range_m, which has no direction"
-            )
-    elif sensor.mount and not is_placed and quantity not in PLACELESS:
-        raise InputError(
-            f"sensor {sensor.name!r} records {quantity}: expected a flight of the "
-            f"{sensor.mount} that carries it (jblast world); got none"
+        has_direction = quantity not in DIRECTIONS
+        lacks = "range_m, which has no direction"
+        require(has_direction, where, "[charge] position_m", lacks)
+    elif quantity not in PLACELESS:
+        place = (
+            f"a flight of the {sensor.mount} that carries it (jblast world)"
+            if sensor.mount
+            else "position_m = [east, north, up] in its [[sensor]]"
         )
-    elif not is_placed and quantity not in PLACELESS:
-        raise InputError(
-            f"sensor {sensor.name!r} records {quantity}: expected position_m = "
-            "[east, north, up] in its [[sensor]], got none"
-        )
+        require(is_placed, where, place, "none")
     return sensor.position_m if is_placed else jnp.zeros(3)
 
 
@@ -250,8 +235,7 @@ def check_layout(layout: Layout) -> None:
         _check(f"layout.{name}", getattr(layout, name), (n,))
     for name in ("group", "shot", "clock"):
         length = len(getattr(layout, name))
-        if length != n:
-            raise InputError(f"layout.{name}: expected {n} entries, got {length}")
+        require(length == n, f"layout.{name}", f"{n} entries", length)
 
 
 def check_laws(laws: Mapping[str, str], layout: Layout) -> None:
@@ -260,18 +244,15 @@ def check_laws(laws: Mapping[str, str], layout: Layout) -> None:
     Raises:
         InputError: A quantity has no law.
     """
-    for quantity in layout.quantities():
-        if quantity not in laws:
-            raise InputError(
-                f"laws: expected a name for each of {', '.join(layout.quantities())}; "
-                f"got none for {quantity}"
-            )
+    needed = layout.quantities()
+    for quantity in needed:
+        names = f"a name for each of {', '.join(needed)}"
+        require(quantity in laws, "laws", names, f"none for {quantity}")
 
 
 def _check(name: str, value: Any, expected: tuple[int, ...]) -> None:
     shape = np.shape(value)
-    if shape != expected:
-        raise InputError(f"{name}: expected shape {expected}, got {shape}{VMAP}")
+    require(shape == expected, name, f"shape {expected}", f"{shape}{VMAP}")
 
 
 def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:

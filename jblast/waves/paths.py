@@ -73,10 +73,6 @@ class Path(Module):
         fireball_growth: Time constant of the expansion of the fireball [s]; NaN for
             that of the law.
         camera_focal: Focal length of the camera of the scene [px]; NaN without one.
-        jolt_east: East component of the velocity change of a vehicle by the blast
-            [m/s]; NaN if it is not requested.
-        jolt_north: North component of the velocity change [m/s].
-        jolt_up: Upward component of the velocity change [m/s].
         burst: "surface" or "free-air"; None if `free_air` selects the curve set.
         free_air: True where the reflection from the ground follows the positive phase;
             None if `burst` is given.
@@ -101,9 +97,6 @@ class Path(Module):
     toward_up: Float[Array, "..."] = _optional()
     fireball_growth: Float[Array, "..."] = _optional()
     camera_focal: Float[Array, "..."] = _optional()
-    jolt_east: Float[Array, "..."] = _optional()
-    jolt_north: Float[Array, "..."] = _optional()
-    jolt_up: Float[Array, "..."] = _optional()
     free_air: Bool[Array, "..."] | None = None
     burst: Burst | None = field(static=True, default="surface")
     ground_path: GroundPath = field(static=True, default="head")

@@ -123,5 +123,5 @@ def test_a_charge_that_never_happens_jolts_nobody():
 
 
 def test_a_scene_without_a_vehicle_has_nothing_to_jolt():
-    with pytest.raises(InputError, match=r"jolt_velocity_m_s: expected a \[vehicle\]"):
+    with pytest.raises(InputError, match=r"jolt: expected a \[vehicle\]"):
         record(replace(scene_of(), vehicle=None), LAYOUT, LAWS)

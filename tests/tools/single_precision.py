@@ -54,9 +54,6 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         toward_east=along,
         toward_north=along,
         toward_up=along,
-        jolt_east=1.0 / along,
-        jolt_north=1.0 / along,
-        jolt_up=0.1 / along,
         fireball_growth=jnp.asarray(3e-3),
         camera_focal=jnp.asarray(1e3),
     )
@@ -66,6 +63,7 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         return {
             f"{quantity} {name}": call(law.function, path)
             for (quantity, name), law in LAWS.items()
+            if "jolt" not in law.arguments()
         }
 
     return {name: summary_of(told) for name, told in all_of_them(path).items()}

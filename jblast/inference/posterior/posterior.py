@@ -30,7 +30,7 @@ from jblast.scene import Scene
 from jblast.sensors import Layout, record
 from jblast.sensors.layout import components
 from jblast.sensors.path_scatter import TYPICAL
-from jblast.sensors.record import Recording, count_effects, residuals_of, to_error_scale
+from jblast.sensors.record import Recording, effects_of, residuals_of, to_error_scale
 from jblast.sensors.simulated_readings import Noise, error_model, independent_scale
 
 MAX_EFFECT_NUMBERS = 30_000_000
@@ -203,7 +203,9 @@ def refuse_vast(
     most = kinds * (1 + len(set(layout.group))) + shared_errors
     if rows * most <= MAX_EFFECT_NUMBERS and rows * most**2 <= WORK:
         return  # counting them takes longer than a small fit
-    effects = count_effects(scene, layout, laws) + shared_errors
+    found = effects_of(scene, layout, laws)
+    paths = len(set(layout.group)) * len(found.path_loading)
+    effects = len(found.shot_loading) + paths + shared_errors
     if rows * effects > MAX_EFFECT_NUMBERS or rows * effects**2 > WORK:
         raise InputError(
             f"{observations.source or 'observations'}: {rows} rows of "

@@ -22,7 +22,7 @@ def words_of(law: Law) -> str | None:
 CASES = [
     pytest.param(law, word, id=f"{law.quantity}-{law.name}-{word or 'any'}")
     for law in LAWS.values()
-    if "jolt_east" not in law.arguments()  # those of a vehicle, sensors/jolt.py
+    if "jolt" not in law.arguments()  # those of a vehicle, sensors/jolt.py
     for word in CHOICES.get(words_of(law) or "", (None,))
 ]
 every_law = pytest.mark.parametrize(("law", "word"), CASES)
