@@ -70,6 +70,10 @@ class Bounds:
             return f"above {self.above:g}"
         return "not negative" if self.at_least == 0 else f"at least {self.at_least:g}"
 
+    def that_is(self) -> str:
+        """Return " that is positive", or other bounds in words; "" without bounds."""
+        return "" if self == UNBOUNDED else f" that is {self.words()}"
+
     def checked(
         self, value: float, where: str, what: str = "a number", got: Any = None
     ) -> float:

@@ -125,7 +125,13 @@ def field(
     )
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def number(default: Any = MISSING) -> Any:
+    """Return a field of a `Module` with a unit: a float array, or None by default."""
+    convert = as_optional_float_array if default is None else as_float_array
+    return field(converter=convert, default=default)
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field, number))
 class Module:
     """Base of values: a subclass is a frozen dataclass, and a PyTree in JAX.
 

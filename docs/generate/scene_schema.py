@@ -77,13 +77,8 @@ def _(value: values.Number) -> Schema:
 def _(value: values.Numbers) -> Schema:
     one = limited(value.bounds)
     item = {"anyOf": [one, {"const": value.word}]} if value.word else one
-    return listed(item, value.form.count(",") + 1)
-
-
-@schema_of.register
-def _(value: values.Pair) -> Schema:
-    one = limited(value.bounds)
-    return {"anyOf": [one, listed(one, 2)]}
+    several = listed(item, value.form.count(",") + 1)
+    return {"anyOf": [one, several]} if value.repeated else several
 
 
 @schema_of.register

@@ -102,10 +102,10 @@ def keys() -> str:
 
 def written(key: SceneKey) -> str:
     """Return the form of the value of a key."""
-    bounds = getattr(key.value, "bounds", UNBOUNDED)
-    listed = f", each {required(bounds)}" if required(bounds) else ""
-    form = key.value.form
-    return f"{code([form])}{listed}" if form[0] in "[{" else form
+    form, bounds = key.value.form, getattr(key.value, "bounds", UNBOUNDED)
+    each = f", each {bounds.words()}" if bounds != UNBOUNDED else ""
+    each = "" if bounds.that_is() in form else each
+    return f"{code([form])}{each}" if form[0] in "[{" else f"{form}{each}"
 
 
 def sensor_kinds() -> str:

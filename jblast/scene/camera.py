@@ -15,17 +15,17 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import require, shown
 from jblast.types import (
     Array,
     ArrayLike,
     Module,
     as_float_array,
-    as_optional_float_array,
     compiled,
     field,
     is_traced,
     namespace,
+    number,
 )
 
 FRAMES_HZ = 1000.0
@@ -67,52 +67,40 @@ class Camera(Module):
             Inside jit numbers are not checked.
     """
 
-    position: Float[Array, "3"] = field(converter=as_float_array)
-    quaternion: Float[Array, "4"] = field(converter=as_float_array)
-    focal: Float[Array, "2"] = field(converter=as_float_array)
-    center: Float[Array, "2"] = field(converter=as_float_array)
+    position: Float[Array, "3"] = number()
+    quaternion: Float[Array, "4"] = number()
+    focal: Float[Array, "2"] = number()
+    center: Float[Array, "2"] = number()
     width: int = field(static=True)
     height: int = field(static=True)
     distortion: Float[Array, "5"] = field(
         converter=as_float_array, default_factory=lambda: np.zeros(5)
     )
-    frames_hz: Float[Array, ""] = field(converter=as_float_array, default=FRAMES_HZ)
-    exposure_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    frames_hz: Float[Array, ""] = number(FRAMES_HZ)
+    exposure_s: Float[Array, ""] = number(0.0)
     threshold: Float[Array, "2"] = field(
         converter=as_float_array, default_factory=lambda: np.full(2, 0.2)
     )
-    daylight: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    daylight: Float[Array, ""] | None = number(None)
     mount: str = field(static=True, default="")
 
-    def __check_init__(self):
+    def __check_init__(self) -> None:
         for name in ("width", "height"):
-            if getattr(self, name) < 1:
-                raise InputError(
-                    f"camera {name}: expected at least 1 px, "
-                    f"got {shown(getattr(self, name))}"
-                )
+            pixels = getattr(self, name)
+            require(pixels >= 1, f"camera {name}", "at least 1 px", pixels)
         for name in NUMBERS:
-            value = getattr(self, name)
-            if is_traced(value):
+            if is_traced(value := getattr(self, name)):
                 continue
             # NumPy, because JAX operations on constants inside jit would be traced.
             number = np.asarray(value)
-            if not np.isfinite(number).all():
-                raise _refused(name, "finite numbers", value)
-            if name in POSITIVE and not (number > 0).all():
-                raise _refused(name, "positive numbers", value)
-            if name == "quaternion" and not (number != 0).any():
-                raise _refused(name, "one that is not zero", value)
-            if name == "exposure_s" and number < 0:
-                raise _refused(name, "zero or more", value)
-
-
-def _refused(name: str, expected: str, value: Array) -> InputError:
-    return InputError(
-        f"camera {name}: expected {expected}, got {shown(value.tolist())}"
-    )
+            where, got = f"camera {name}", shown(number.tolist())
+            require(np.isfinite(number).all(), where, "finite numbers", got)
+            positive = name not in POSITIVE or (number > 0).all()
+            require(positive, where, "positive numbers", got)
+            turned = name != "quaternion" or number.any()
+            require(turned, where, "one that is not zero", got)
+            exposed = name != "exposure_s" or number >= 0
+            require(exposed, where, "zero or more", got)
 
 
 @compiled

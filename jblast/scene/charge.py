@@ -14,7 +14,7 @@ from typing import Literal, cast
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.errors import InputError, nearest, shown
+from jblast.errors import InputError, nearest, require, shown
 from jblast.parameters import PARAMETERS
 from jblast.quantities import quantity_named
 from jblast.types import (
@@ -22,10 +22,10 @@ from jblast.types import (
     ArrayLike,
     Described,
     as_float_array,
-    as_optional_float_array,
     field,
     is_traced,
     namespace,
+    number,
 )
 
 Burst = Literal["surface", "free-air"]
@@ -89,32 +89,22 @@ class Charge(Described):
         `jblast.Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.5), explosive="C4")`
     """
 
-    mass_kg: Float[Array, ""] = field(
-        converter=as_float_array, default=PARAMETERS["charge_mass_kg"].default
-    )
+    mass_kg: Float[Array, ""] = number(PARAMETERS["charge_mass_kg"].default)
     position_m: EastNorthUp = field(converter=_place, default=(0.0, 0.0, 0.0))
-    time_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
-    range_m: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    time_s: Float[Array, ""] = number(0.0)
+    range_m: Float[Array, ""] | None = number(None)
     burst: Burst | None = field(static=True, default=None)
     by_height: bool = field(static=True, default=False)
     explosive: str = field(static=True, default="TNT")
-    tnt_factor: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    tnt_factor: Float[Array, ""] | None = number(None)
     name: str = field(static=True, default="")
 
-    def __check_init__(self):
-        if is_traced(self.time_s):
-            return
-        # NumPy, because JAX operations on constants inside jit would be traced.
-        time = np.asarray(self.time_s)
-        if not (time > -np.inf).all():
-            raise InputError(
-                "charge time_s: expected a number, or inf for never [s], got "
-                f"{time.tolist()}"
-            )
+    def __check_init__(self) -> None:
+        if not is_traced(self.time_s):
+            # NumPy, because JAX operations on constants inside jit would be traced.
+            time = np.asarray(self.time_s)
+            expected = "a number, or inf for never [s]"
+            require((time > -np.inf).all(), "charge time_s", expected, time.tolist())
 
     @property
     def east(self) -> Float[Array, "..."]:

@@ -22,7 +22,6 @@ from jblast.scene.values import (
     Box,
     Number,
     Numbers,
-    Pair,
     Records,
     Ring,
     Sampled,
@@ -48,6 +47,8 @@ SLOPE = Bounds(at_least=-MAX_SLOPE_DB_OCTAVE, at_most=MAX_SLOPE_DB_OCTAVE)
 TICK = Bounds(at_least=1e-3, at_most=1e6)
 LAW = Text("the name of a law in quotes")
 BODY = "[forward, left, up]"
+XY = Numbers("a number or [x, y]", POSITIVE, repeated=True)
+THRESHOLDS = Numbers("a number or [brighter, darker]", POSITIVE, repeated=True)
 QUATERNION = Numbers("[x, y, z, w]", not_zero=True)
 MOUNTED = ("mount with offset_m",)
 BOX_OR_RING = (
@@ -126,12 +127,12 @@ KEYS: dict[str, tuple[Key, ...]] = {
         Key("offset_m", Numbers(BODY), "position", needs=('mount = "vehicle"',)),
         Key("width", Whole(1, MAX_IMAGE_PX), needed=True),
         Key("height", Whole(1, MAX_IMAGE_PX), needed=True),
-        Key("focal_px", Pair("[x, y]", POSITIVE), "focal", needed=True),
+        Key("focal_px", XY, "focal", needed=True),
         Key("center_px", Numbers("[x, y]"), "center"),
         Key("distortion", Numbers("[k1, k2, p1, p2, k3]")),
         Key("frames_hz", Number(POSITIVE)),
         Key("exposure_s", Number(NOT_NEGATIVE)),
-        Key("threshold", Pair("[brighter, darker]", POSITIVE)),
+        Key("threshold", THRESHOLDS),
         Key("daylight_lux", Number(POSITIVE), "daylight"),
     ),
     "vehicle": (

@@ -6,61 +6,16 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.parameters import POSITIVE, Bounds, Key, Parameter, Spread
 from jblast.scene.uncertain import Prior, Uniform
-from jblast.types import Array, ArrayLike, Module, as_float_array, field
+from jblast.types import Array, ArrayLike, Module, as_float_array, field, number
 
 About = Literal["world", "vehicle"]
 ABOUT: tuple[About, ...] = ("world", "vehicle")
 """Centres of a region: the origin, or the target position of the vehicle."""
-COUNT = 5
-"""Default number of blasts; declared."""
+COUNT, GAP_S = 5, 0.5
+"""Defaults of the number of blasts and the minimum time between two [s]; declared."""
 Number = Float[Array, ""] | Prior
 """A number of a world: fixed, or the prior that it is sampled from."""
-# Rows of `Parameter`, so that the reader of priors and the manual treat them like the
-# numbers of a scene; they are not fitted, and stay out of `PARAMETERS`.
-WORLD_NUMBERS: dict[str, Parameter] = {
-    row.key.name: row
-    for row in (
-        Parameter(
-            name="world_mass_kg",
-            words="mass of a random charge",
-            attribute="mass",
-            key=Key("world", "mass_kg"),
-            spread=Spread(2.0, "factor"),
-            default=10.0,
-            bounds=POSITIVE,
-        ),
-        Parameter(
-            name="world_time_s",
-            words="time of a random blast",
-            attribute="time",
-            key=Key("world", "time_s"),
-            spread=Spread(10.0, "unit"),
-            default=10.0,
-            bounds=Bounds(at_least=0.0),
-        ),
-        Parameter(
-            name="world_gap_s",
-            words="minimum time between random blasts",
-            attribute="gap",
-            key=Key("world", "gap_s"),
-            spread=Spread(1.0, "unit"),
-            default=0.5,
-            bounds=Bounds(at_least=0.0),
-        ),
-        Parameter(
-            name="world_rate_hz",
-            words="rate of random blasts",
-            attribute="rate",
-            key=Key("world", "rate_hz"),
-            spread=Spread(2.0, "factor"),
-            default=0.25,
-            bounds=POSITIVE,
-        ),
-    )
-}
-"""Numbers of a world of random blasts by their key in [world]: fixed, or a prior."""
 
 
 def _number(value: ArrayLike | Prior) -> Number:
@@ -75,8 +30,8 @@ class Box(Module):
         high: Maximum east, north, up [m]; up may equal the minimum.
     """
 
-    low: Float[Array, "3"] = field(converter=as_float_array)
-    high: Float[Array, "3"] = field(converter=as_float_array)
+    low: Float[Array, "3"] = number()
+    high: Float[Array, "3"] = number()
 
 
 class Ring(Module):
@@ -87,8 +42,8 @@ class Ring(Module):
         outer: Maximum horizontal distance [m].
     """
 
-    inner: Float[Array, ""] = field(converter=as_float_array)
-    outer: Float[Array, ""] = field(converter=as_float_array)
+    inner: Float[Array, ""] = number()
+    outer: Float[Array, ""] = number()
 
 
 class ByCount(Module):
@@ -148,7 +103,7 @@ class WorldSpec(Module):
     mass: Number = field(converter=_number, default_factory=lambda: Uniform(5.0, 15.0))
     time: Number = field(converter=_number, default_factory=lambda: Uniform(1.0, 20.0))
     # The gap keeps the waves of two blasts apart in a record.
-    gap: Number = field(converter=_number, default=WORLD_NUMBERS["gap_s"].default)
+    gap: Number = field(converter=_number, default=GAP_S)
 
     @property
     def window(self) -> tuple[float, float]:

@@ -9,13 +9,14 @@ import math
 import os
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jblast.errors import InputError, read_text, require, shown
+from jblast.parameters import CLOCK_OFFSET
 from jblast.quantities import BY_CAMERA, QUANTITIES, TIMED, components
 from jblast.scene.camera import FORWARD, FRAMES_HZ, Camera, look_at
 from jblast.scene.charge import Charge
@@ -31,8 +32,15 @@ from jblast.scene.random_blasts import (
 from jblast.scene.scene import Air, Ambient, Ground, Scene, VehicleSpec
 from jblast.scene.sensor import RATE_HZ, Clock, Imu, Instrument, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS, SensorKind, kind_keys
-from jblast.scene.uncertain import Belief, Place, Prior, UncertainScene, Uniform
-from jblast.scene.values import SceneKey, Table, Uncertain, known
+from jblast.scene.uncertain import (
+    Belief,
+    Place,
+    Prior,
+    UncertainScene,
+    Uniform,
+    with_values,
+)
+from jblast.scene.values import POSITION, SceneKey, Table, Uncertain, known
 from jblast.types import as_float_array
 
 
@@ -109,9 +117,7 @@ def read_scene_or_world(
     document, source = document_of(path), str(path)
     if "world" in document:
         return world_from_document(document, source)
-    if "charge" in document or needs_charge:
-        return scene_from_document(document, source), None
-    return _without_blast(document, source), None
+    return _File(document, source).scene(needs_charge=needs_charge), None
 
 
 def document_of(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -138,13 +144,8 @@ def scene_from_document(document: dict[str, Any], source: str) -> UncertainScene
     Raises:
         InputError: As in `read_scene`.
     """
-    require(
-        "world" not in document,
-        f"{source}: [world]",
-        "single blasts in [charge]",
-        "random ones; run jblast world on this scene, and jblast fit on the files that "
-        "it writes",
-    )
+    single = "single blasts in [charge]; run jblast world on this scene"
+    require("world" not in document, f"{source}: [world]", single, "random ones")
     return _File(document, source).scene()
 
 
@@ -160,18 +161,8 @@ def world_from_document(
     Raises:
         InputError: As in `read_world`.
     """
-    world = _File(document, source).world()
-    rest = {key: value for key, value in document.items() if key != "world"}
-    read = scene_from_document if "charge" in document else _without_blast
-    return read(rest, source), world
-
-
-def _without_blast(document: dict[str, Any], source: str) -> UncertainScene:
-    """Build a scene without [charge]."""
-    uncertain = scene_from_document(document | {"charge": {"mass_kg": 1.0}}, source)
-    # A scene needs a charge: one that never detonates has no effect.
-    never = replace(uncertain.scene.charge, time_s=math.inf)
-    return replace(uncertain, scene=replace(uncertain.scene, charges=(never,)))
+    file = _File(document, source)
+    return file.scene(needs_charge=False), file.world()
 
 
 SENSOR_KEYS = [key.name for key in KEYS["sensor"]]
@@ -184,45 +175,52 @@ class _File:
     Attributes:
         document: The tables of the file.
         source: The file's name, for messages.
-        beliefs: Priors of the numbers that have been read, and free numbers.
+        starts: Values of the numbers that have been read, by name.
+        beliefs: Priors of these numbers, and free numbers; others are fixed.
     """
 
     def __init__(self, document: dict[str, Any], source: str):
         self.document, self.source = document, source
+        self.starts: dict[str, float] = {}
         self.beliefs: dict[str, Belief] = {}
 
-    def scene(self) -> UncertainScene:
-        """Return the scene of the file."""
-        tables = [name for name in KEYS if name not in WITHIN]
-        for name in self.document:
+    def scene(self, *, needs_charge: bool = True) -> UncertainScene:
+        """Return the scene; without [charge] its charge is free, or never detonates."""
+        document, tables = self.document, [name for name in KEYS if name not in WITHIN]
+        for name in document:
             known(name, ("schema", *tables), f"{self.source}:", "table")
-        schema = self.document.get("schema", 1)
+        schema = document.get("schema", 1)
         first = type(schema) is int and schema == 1
         require(first, f"{self.source}: schema", "1", shown(schema))
         law = self.single("law")
         names = {name: law.pop(name) for name in QUANTITIES if name in law}
         sensors = tuple(self.sensor(*each) for each in self.named("sensor"))
-        charges = tuple(self.charge(*each, len(sensors)) for each in self.charges())
+        # A scene needs a charge: one that never detonates has no effect.
+        charges: tuple[Charge, ...] = (Charge(time_s=math.inf),)
+        if needs_charge or "charge" in document:
+            charges = tuple(self.charge(*each, len(sensors)) for each in self.charges())
         scene = Scene(
             charges=charges,
             air=Air(**self.single("air")),
             ground=Ground(**self.single("ground")),
             sensors=sensors,
-            ambient=self.ambient() if "ambient" in self.document else None,
-            camera=self.camera() if "camera" in self.document else None,
-            vehicle=self.vehicle() if "vehicle" in self.document else None,
+            ambient=self.ambient() if "ambient" in document else None,
+            camera=self.camera() if "camera" in document else None,
+            vehicle=self.vehicle() if "vehicle" in document else None,
             clocks=tuple(self.clock(*each) for each in self.named("clock")),
             # The reader imports no laws: `sensors.resolve_laws` rejects unknown names.
             law=tuple(pair for pair in names.items() if pair[1] != "auto"),
             **law,
         )
-        place = Place(**self.single("place")) if "place" in self.document else None
+        place = Place(**self.single("place")) if "place" in document else None
+        # One table places the numbers, not this class.
+        scene = with_values(scene, self.starts)
         return UncertainScene(scene, self.beliefs, self.source, place)
 
     def fields(
         self, entry: dict[str, Any], keys: Iterable[SceneKey], where: str, of: str = ""
     ) -> dict[str, Any]:
-        """Return the checked values of a table, by field of a class.
+        """Return the checked values of a table by field, without uncertain numbers.
 
         Args:
             entry: The table.
@@ -243,23 +241,20 @@ class _File:
                 got = "neither" if key.instead else "nothing"
                 require(not key.needed or others, at, expected, got)
                 continue
-            both = f"either {key.name} or {' or '.join(others)}"
-            require(not others, at, both, "both")
+            excluded = f"either {key.name} or {' or '.join(others)}"
+            require(not others, at, excluded, "both")
             value = key.value.read(value, at)
             for words in key.needs if value is not None else ():
                 require(words.split()[0] in entry, at, f"{words} with it", "none")
+            if isinstance(key.value, Uncertain):
+                for row, (start, belief) in zip(key.value.rows, value, strict=True):
+                    self.starts[f"{row.name}{of}"] = start
+                    if belief is not None:
+                        self.beliefs[f"{row.name}{of}"] = belief
+                continue
             if isinstance(key.value, Table):
                 value = self.table(value, key.value.name, at)
-            if not isinstance(key.value, Uncertain):
-                found[key.field or key.name] = value
-                continue
-            starts: dict[str, list[float]] = {}
-            for row, (start, belief) in zip(key.value.rows, value, strict=True):
-                field = key.field or row.attribute.rpartition(".")[2]
-                starts.setdefault(field, []).append(start)
-                if belief is not None:
-                    self.beliefs[f"{row.name}{of}"] = belief
-            found |= {f: v if len(v) > 1 else v[0] for f, v in starts.items()}
+            found[key.field or key.name] = value
         return found
 
     def table(
@@ -275,48 +270,40 @@ class _File:
     def single(self, name: str) -> dict[str, Any]:
         """Return the checked values of a table that a file has once, or not at all."""
         entry, where = self.document.get(name, {}), f"{self.source}: [{name}]"
-        require(
-            isinstance(entry, dict), where, f"one table written [{name}]", shown(entry)
-        )
+        expected = f"one table written [{name}]"
+        require(isinstance(entry, dict), where, expected, shown(entry))
         return self.table(entry, name, where)
 
     def named(self, name: str) -> Iterator[tuple[dict[str, Any], str, str]]:
         """Yield each of several tables, its place in the file, and its name."""
         entries, where = self.document.get(name, []), f"{self.source}: [[{name}]]"
-        several = isinstance(entries, list) and all(
-            isinstance(one, dict) for one in entries
-        )
-        require(several, where, f"tables written [[{name}]]", shown(entries))
-        names: set[str] = set()
+        tables = isinstance(entries, list) and all(isinstance(x, dict) for x in entries)
+        require(tables, where, f"tables written [[{name}]]", shown(entries))
+        names: list[str] = []
         for number, entry in enumerate(entries, start=1):
             for key in entry:
                 known(key, keys_of(name), where, "key")
             at, word = f"{where} name", entry.get("name")
-            good = isinstance(word, str) and word.strip()
+            named = isinstance(word, str) and word.strip()
             got = "nothing" if word is None else shown(word)
-            require(good, at, f"a name in quotes for {name} {number}", got)
-            word = word.strip()
-            require(word not in names, at, "each name once", f"{shown(word)} twice")
-            names.add(word)
-            yield entry, f"{where} {shown(word)}", f".{word}"
+            require(named, at, f"a name in quotes for {name} {number}", got)
+            names.append(word.strip())
+            once = names.count(names[-1]) == 1
+            require(once, at, "each name once", f"{shown(names[-1])} twice")
+            yield entry, f"{where} {shown(names[-1])}", f".{names[-1]}"
 
     def charges(self) -> Iterator[tuple[dict[str, Any], str, str]]:
         """Yield the tables of charges: [charge], [[charge]], or an empty default."""
         entries, where = self.document.get("charge", {}), f"{self.source}: [charge]"
-        if not isinstance(entries, list):
-            require(
-                isinstance(entries, dict),
-                where,
-                "a table written [charge]",
-                shown(entries),
-            )
-            entries = [entries]
-        require(entries, f"{self.source}: [[charge]]", "a charge", "an empty list")
-        # A single charge has plain names, also if the file names it.
-        if len(entries) == 1 and isinstance(entries[0], dict):
-            yield entries[0], where, ""
-        else:
+        require(entries != [], where, "a charge", "an empty list")
+        if isinstance(entries, list) and len(entries) > 1:
             yield from self.named("charge")
+            return
+        # A single charge has plain names, also if the file names it.
+        entry = entries[0] if isinstance(entries, list) else entries
+        expected = "a table written [charge]"
+        require(isinstance(entry, dict), where, expected, shown(entry))
+        yield entry, where, ""
 
     def charge(
         self, entry: dict[str, Any], where: str, of: str, sensors: int
@@ -326,32 +313,20 @@ class _File:
         require(entry.get("time_s") != math.inf, f"{where} time_s", never, "inf")
         # The mass is what a scene is mostly for: without the key it is fitted.
         values = self.table({"mass_kg": "free"} | entry, "charge", where, of)
-        both = "tnt_factor" in values and values.get("explosive", "TNT") != "TNT"
-        require(
-            not both,
-            f"{where} tnt_factor",
-            "either tnt_factor or an explosive",
-            "both",
-        )
+        both = "tnt_factor" in entry and values.get("explosive", "TNT") != "TNT"
+        either = "either tnt_factor or an explosive"
+        require(not both, f"{where} tnt_factor", either, "both")
         # A range without a direction determines the distance to a single sensor only.
-        require(
-            "range_m" not in entry or sensors <= 1,
-            f"{where} range_m",
-            "one sensor (it is the distance to it)",
-            sensors,
-        )
+        alone = "range_m" not in entry or sensors <= 1
+        require(alone, f"{where} range_m", "one sensor (its distance)", sensors)
         return Charge(**values)
 
     def clock(self, entry: dict[str, Any], where: str, of: str) -> Clock:
         """Return the clock of a recorder."""
         # A sensor and a recorder of one name would have two offsets.
-        own = [one for one, *_, name in self.named("sensor") if name == of]
-        require(
-            not any("clock_offset_s" in one for one in own),
-            f"{where} name",
-            "another name than that of a [[sensor]] with a clock_offset_s",
-            shown(of[1:]),
-        )
+        own = f"{CLOCK_OFFSET}{of}" not in self.starts
+        other = "another name than that of a [[sensor]] with a clock_offset_s"
+        require(own, f"{where} name", other, shown(of[1:]))
         return Clock(**self.table(entry, "clock", where, of))
 
     def ambient(self) -> Ambient:
@@ -369,26 +344,20 @@ class _File:
         position = values.setdefault("position", np.zeros(3))
         if (target := values.pop("look_at", None)) is not None:
             # There is no direction from a position to itself.
+            apart, where_to = (target != position).any(), f"{where} look_at_m"
             require(
-                (target != position).any(),
-                f"{where} look_at_m",
-                "a position other than position_m",
-                shown(target.tolist()),
+                apart, where_to, "a position other than position_m", target.tolist()
             )
             values["quaternion"] = look_at(position, target)
         quaternion = np.asarray(values.get("quaternion", FORWARD))
         values["quaternion"] = quaternion / np.linalg.norm(quaternion)
-        values.setdefault(
-            "center", np.array([values["width"] - 1, values["height"] - 1]) / 2
-        )
+        size = np.array([values["width"], values["height"]])
+        values.setdefault("center", (size - 1) / 2)
         # The exposure of a frame ends before the next frame begins.
         interval = 1 / values.get("frames_hz", FRAMES_HZ)
-        require(
-            values.get("exposure_s", 0) <= interval,
-            f"{where} exposure_s",
-            f"between 0 and {interval:g}, the time from frame to frame",
-            values.get("exposure_s"),
-        )
+        expected = f"between 0 and {interval:g}, the time from frame to frame"
+        exposure = values.get("exposure_s", 0.0)
+        require(exposure <= interval, f"{where} exposure_s", expected, exposure)
         return Camera(**values)
 
     def check_mount(self, values: Mapping[str, Any], where: str) -> None:
@@ -403,61 +372,45 @@ class _File:
         fields = ("integral", "target", "yaw")
         values |= {name: control.pop(name) for name in fields if name in control}
         values["gains"] = {name: as_float_array(gain) for name, gain in control.items()}
-        if "mission" not in values:
-            require(
-                "position" in values,
-                f"{where} position_m",
-                "[east, north, up]",
-                "nothing",
-            )
-            return VehicleSpec(**values)
-        require(
-            "target" not in values,
-            f"{where} control target_m",
-            "no value with a mission, which has its own targets",
-            "one",
-        )
-        values["mission"] = str(Path(self.source).parent / values["mission"])
-        # The home of the plan is not read here.
-        home = {"position": np.zeros(3), "placed": "position" in values}
-        return VehicleSpec(**(home | values))
+        placed, mission = "position" in values, "mission" in values
+        require(placed or mission, f"{where} position_m", POSITION, "nothing")
+        if mission:
+            own = "no value with a mission, which has its own targets"
+            require("target" not in values, f"{where} control target_m", own, "one")
+            values["mission"] = str(Path(self.source).parent / values["mission"])
+        # The home of a plan is not read here.
+        return VehicleSpec(**{"position": np.zeros(3), "placed": placed} | values)
 
     def sensor(self, entry: dict[str, Any], where: str, of: str) -> Sensor:
         """Return a sensor; a missing position is NaN until a log gives it."""
         values = self.fields(entry, KEYS["sensor"], where, of)
         self.check_mount(values, where)
-        kind = values.get("kind", "")
+        kind, mounted = values.get("kind", ""), "mount" in values
         own = {key.name: key for key in kind_keys(kind)}
         given = [key for key in entry if key not in SENSOR_KEYS]
         for key in given:
             expected = f"one of {', '.join(own)}" if own else "no further key"
-            require(
-                key in own, f"{where} {key}", f"{expected} for kind {shown(kind)}", key
-            )
+            expected += f" for kind {shown(kind)}"
+            require(key in own, f"{where} {key}", expected, key)
         options = self.fields(entry, own.values(), where)
         records = values.get("records", ())
-        require(
-            "times_s" not in values or any(name in TIMED for name, _ in records),
-            f"{where} times_s",
-            f"one of {', '.join(TIMED)} in records (only these have times)",
-            "none",
-        )
+        timed = "times_s" not in values or any(name in TIMED for name, _ in records)
+        expected = f"one of {', '.join(TIMED)} in records (only these have times)"
+        require(timed, f"{where} times_s", expected, "none")
         position = values.setdefault("position_m", np.full(3, np.nan))
         # Sound in the ground has no law; a geophone records its motion.
-        require(
-            kind != "microphone" or not position[2] < 0,
-            f"{where} position_m[2]",
+        above = kind != "microphone" or not position[2] < 0
+        expected, height = (
             "a microphone on the ground or above it",
             f"{position[2]:g} m",
         )
-        if "mount" in values:
+        require(above, f"{where} position_m[2]", expected, height)
+        if mounted:
             _check_mountable(SENSOR_KINDS.get(kind), records, where)
         if kind == "imu":
+            expected = 'mount = "vehicle" for the samples of an imu'
             require(
-                not given or "mount" in values,
-                f"{where} {given[0] if given else ''}",
-                'mount = "vehicle" for the samples of an imu',
-                "no mount",
+                mounted or not given, f"{where} {''.join(given[:1])}", expected, "none"
             )
             return Sensor(**values, imu=Imu(**options) if given else None)
         settings = [key.name for key in SENSOR_KINDS[kind or "pressure"].keys]
@@ -475,31 +428,26 @@ class _File:
                 fit with their gap, or its vehicle is missing.
         """
         where = f"{self.source}: [world]"
-        require("world" in self.document, where, "a table of random blasts", "none")
+        given = "world" in self.document
+        require(given, where, "a table of random blasts", "none")
         values = self.single("world")
         region = values.pop("region", {})
         once = not ("about" in values and "about" in region)
         require(once, f"{where} about", "it once", "it in region_m, too")
         values |= {name: region[name] for name in ("about",) if name in region}
-        require(
-            values.get("about") != "vehicle" or "vehicle" in self.document,
-            f"{where} about",
-            "a [vehicle] as centre of the region",
-            '"vehicle" without that table',
-        )
-        if "box" in region:
-            values["region"] = Box(*region["box"])
-        if "ring" in region:
-            values["region"] = Ring(*region["ring"])
-        count, rate, chance, tick = (
-            values.pop(name, None) for name in ("count", "rate", "probability", "tick")
-        )
-        if count is not None:
-            values["occurrence"] = ByCount(count)
-        if rate is not None:
-            values["occurrence"] = ByRate(rate)
-        if chance is not None:
-            values["occurrence"] = ByTick(chance, tick)
+        found = values.get("about") != "vehicle" or "vehicle" in self.document
+        require(found, f"{where} about", "a [vehicle] as centre of the region", "none")
+        for name, shape in (("box", Box), ("ring", Ring)):
+            if name in region:
+                values["region"] = shape(*region[name])
+        tick = values.pop("tick", None)
+        for name, occurrence in (
+            ("count", ByCount),
+            ("rate", ByRate),
+            ("probability", partial(ByTick, tick=tick)),
+        ):
+            if name in values:
+                values["occurrence"] = occurrence(values.pop(name))
         world = WorldSpec(**values)
         _check_times(world, where)
         return world
@@ -510,21 +458,15 @@ def _instrument(
 ) -> Instrument:
     """Return the instrument of a sensor."""
     high, low = corners = options.pop("filter_hz", (None, None))
-    half = options.get("rate", RATE_HZ) / 2
+    half, at = options.get("rate", RATE_HZ) / 2, f"{where} filter_hz"
     for index, corner in enumerate(corners):
         # Above the Nyquist frequency a digital filter is not defined.
-        require(
-            corner is None or corner < half,
-            f"{where} filter_hz[{index}]",
-            f"a corner below {half:g}, half of rate_hz",
-            corner,
-        )
-    require(
-        high is None or low is None or high < low,
-        f"{where} filter_hz",
-        "the high-pass corner below the low-pass one, as in [20, 20000]",
-        shown(entry.get("filter_hz")),
-    )
+        below = corner is None or corner < half
+        expected = f"a corner below {half:g}, half of rate_hz"
+        require(below, f"{at}[{index}]", expected, corner)
+    band = high is None or low is None or high < low
+    expected = "the high-pass corner below the low-pass one, as in [20, 20000]"
+    require(band, at, expected, shown(entry.get("filter_hz")))
     return Instrument(**options, high_pass=high, low_pass=low)
 
 
@@ -534,37 +476,30 @@ def _check_mountable(
     """Reject a sensor in the ground, or records whose motion is not supported."""
     reason = kind.unmounted if kind else ""
     require(not reason, f"{where} mount", "a sensor that a vehicle can carry", reason)
-    for quantity, _ in records:
+    for name, _ in records:
         # A sum of arrivals, a timed radius and an image have no single position of a
         # moving sensor.
-        apart = len(components(quantity)) > 1 or quantity in (*TIMED, *BY_CAMERA)
-        of_ground = quantity.startswith("ground_") and quantity != "ground_arrival_s"
-        require(
-            not apart and not of_ground,
-            f"{where} records {quantity}",
-            "a quantity that a sensor on a vehicle can record",
-            quantity,
-        )
+        apart = len(components(name)) > 1 or name in (*TIMED, *BY_CAMERA)
+        of_ground = name.startswith("ground_") and name != "ground_arrival_s"
+        expected = "a quantity that a sensor on a vehicle can record"
+        require(not apart and not of_ground, f"{where} records {name}", expected, name)
 
 
 def _check_times(world: WorldSpec, where: str) -> None:
     """Reject times that do not fit the requested blasts."""
     uniform = isinstance(world.time, Uniform)
     if not isinstance(world.occurrence, ByCount):
-        interval = "{ uniform = [from, to] } with rate_hz or probability, the interval"
-        require(uniform, f"{where} time_s", f"{interval} with blasts", "another form")
+        expected = "{ uniform = [from, to] }, the interval with blasts"
+        require(uniform, f"{where} time_s", expected, "another form")
         return
     gap = world.gap
     least = float(getattr(gap, "lo", 0.0) if isinstance(gap, Prior) else gap)
     # Sampling sorts uniform times within the interval less the gaps; for another
     # distribution that changes its shape.
-    even = uniform or not isinstance(world.time, Prior)
-    require(
-        even or (least == 0 and not isinstance(gap, Prior)),
-        f"{where} gap_s",
-        "0 between times that are not uniform",
-        "a gap",
-    )
+    apart = least > 0 or isinstance(gap, Prior)
+    sorted_well = uniform or not isinstance(world.time, Prior) or not apart
+    expected = "0 between times that are not uniform"
+    require(sorted_well, f"{where} gap_s", expected, "a gap")
     check_fits(world.occurrence.count, *world.window, least, where)
 
 
@@ -584,9 +519,6 @@ def check_fits(count: int, first: float, last: float, gap: float, where: str) ->
     # Two blasts at one fixed time would be one: also refused without a gap.
     at_once = count > 1 and first == last
     most = int((last - first) / gap) + 1 if last > first and gap else 1
-    require(
-        (count - 1) * gap <= last - first and not at_once,
-        f"{where} count",
-        f"at most {most}, which fit between {first:g} and {last:g} s at gap_s {gap:g}",
-        count,
-    )
+    expected = f"at most {most}, which fit between {first:g} and {last:g} s"
+    fits = (count - 1) * gap <= last - first and not at_once
+    require(fits, f"{where} count", f"{expected} at gap_s {gap:g}", count)

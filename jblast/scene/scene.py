@@ -11,11 +11,18 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from jblast.errors import require
 from jblast.parameters import PARAMETERS
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
 from jblast.scene.sensor import Clock, Sensor
-from jblast.types import Array, Module, as_float_array, as_optional_float_array, field
+from jblast.types import (
+    Array,
+    Module,
+    as_float_array,
+    field,
+    number,
+)
 
 GroundPath = Literal["head", "thesis"]
 HEIGHT_M = 30.0
@@ -41,25 +48,17 @@ class Air(Module):
         absorption_scale: Absorption over that of ISO 9613-1 [-].
     """
 
-    temperature: Float[Array, ""] = field(
-        converter=as_float_array, default=PARAMETERS["air_temperature_k"].default
+    temperature: Float[Array, ""] = number(PARAMETERS["air_temperature_k"].default)
+    pressure: Float[Array, ""] = number(PARAMETERS["air_pressure_pa"].default)
+    relative_humidity: Float[Array, ""] = number(
+        PARAMETERS["air_relative_humidity"].default
     )
-    pressure: Float[Array, ""] = field(
-        converter=as_float_array, default=PARAMETERS["air_pressure_pa"].default
-    )
-    relative_humidity: Float[Array, ""] = field(
-        converter=as_float_array, default=PARAMETERS["air_relative_humidity"].default
-    )
-    altitude: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
-    sound_speed: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
-    wind_east: Float[Array, ""] = field(converter=as_float_array, default=0.0)
-    wind_north: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    altitude: Float[Array, ""] | None = number(None)
+    sound_speed: Float[Array, ""] | None = number(None)
+    wind_east: Float[Array, ""] = number(0.0)
+    wind_north: Float[Array, ""] = number(0.0)
     absorption: bool = field(static=True, default=False)
-    absorption_scale: Float[Array, ""] = field(converter=as_float_array, default=1.0)
+    absorption_scale: Float[Array, ""] = number(1.0)
 
 
 class Ambient(Module):
@@ -75,28 +74,22 @@ class Ambient(Module):
         loop_rate: Their sample rate [Hz].
     """
 
-    level: Float[Array, ""] = field(converter=as_float_array, default=0.0)
-    slope: Float[Array, ""] = field(converter=as_float_array, default=0.0)
-    height: Float[Array, ""] = field(converter=as_float_array, default=HEIGHT_M)
+    level: Float[Array, ""] = number(0.0)
+    slope: Float[Array, ""] = number(0.0)
+    height: Float[Array, ""] = number(HEIGHT_M)
     file: str = field(static=True, default="")
-    full_scale: Float[Array, ""] = field(converter=as_float_array, default=1.0)
-    loop: Float[Array, " sample"] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    full_scale: Float[Array, ""] = number(1.0)
+    loop: Float[Array, " sample"] | None = number(None)
     loop_rate: float = field(static=True, converter=float, default=math.nan)
 
-    def __check_init__(self):
+    def __check_init__(self) -> None:
         # The loop is read later: a scene file names only the recording.
-        if self.loop is None:
-            return
-        if self.loop.ndim != 1 or self.loop.size < 2:
-            raise ValueError(
-                f"loop must be a row of two samples or more, got {self.loop.shape}"
-            )
-        if not 0 < self.loop_rate < math.inf:
-            raise ValueError(
-                f"loop_rate must be positive and finite, got {self.loop_rate:g} Hz"
-            )
+        if self.loop is not None:
+            row, shape = self.loop.ndim == 1 and self.loop.size > 1, self.loop.shape
+            require(row, "ambient loop", "a row of two samples or more", shape)
+            rate = self.loop_rate
+            positive = 0 < rate < math.inf
+            require(positive, "ambient loop_rate", "a positive, finite rate [Hz]", rate)
 
 
 class Ground(Module):
@@ -108,9 +101,7 @@ class Ground(Module):
             "thesis" (then up at the mean speed of the air shock).
     """
 
-    p_speed: Float[Array, ""] = field(
-        converter=as_float_array, default=PARAMETERS["ground_p_speed_m_s"].default
-    )
+    p_speed: Float[Array, ""] = number(PARAMETERS["ground_p_speed_m_s"].default)
     path: GroundPath = field(static=True, default="head")
 
 
@@ -133,12 +124,12 @@ class VehicleSpec(Module):
     """
 
     model: str = field(static=True)
-    position: Float[Array, "3"] = field(converter=as_float_array)
+    position: Float[Array, "3"] = number()
     target: Float[Array, "3"] | None = None
     velocity: Float[Array, "3"] = field(
         converter=as_float_array, default_factory=lambda: np.zeros(3)
     )
-    yaw: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    yaw: Float[Array, ""] = number(0.0)
     integral: bool | None = field(static=True, default=None)
     gains: dict[str, Float[Array, "..."]] = field(default_factory=dict)
     mission: str | None = field(static=True, default=None)
@@ -188,13 +179,9 @@ class Scene(Module):
     law: tuple[tuple[str, str], ...] = field(static=True, default=())
     scatter: bool = field(static=True, default=True)
     instant_light: bool = field(static=True, default=False)
-    sedov_gamma: Float[Array, ""] = field(
-        converter=as_float_array, default=PARAMETERS["sedov_gamma"].default
-    )
+    sedov_gamma: Float[Array, ""] = number(PARAMETERS["sedov_gamma"].default)
     # None differs from a number: a fit can free it only if it is given.
-    fireball_growth: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    fireball_growth: Float[Array, ""] | None = number(None)
 
     @property
     def charge(self) -> Charge:

@@ -11,16 +11,16 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.constants import STANDARD_GRAVITY
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.types import (
     Array,
     Described,
     Module,
     as_float_array,
-    as_optional_float_array,
     field,
     jax_is_loaded,
     namespace,
+    number,
 )
 
 VECTORS = {
@@ -72,31 +72,16 @@ class Imu(Module):
     """
 
     rate: float = field(static=True, converter=float, default=1000.0)
-    accelerometer_range: Float[Array, ""] = field(
-        converter=as_float_array, default=24 * STANDARD_GRAVITY
+    accelerometer_range: Float[Array, ""] = number(24 * STANDARD_GRAVITY)
+    gyroscope_range: Float[Array, ""] = number(math.radians(2000))
+    accelerometer_noise: Float[Array, ""] = number(160e-6 * STANDARD_GRAVITY)
+    gyroscope_noise: Float[Array, ""] = number(math.radians(0.014))
+    accelerometer_bias: Float[Array, ""] = number(20e-3 * STANDARD_GRAVITY)
+    gyroscope_bias: Float[Array, ""] = number(math.radians(1))
+    accelerometer_walk: Float[Array, ""] = number(
+        20e-3 * STANDARD_GRAVITY / 10 / math.sqrt(1000)
     )
-    gyroscope_range: Float[Array, ""] = field(
-        converter=as_float_array, default=math.radians(2000)
-    )
-    accelerometer_noise: Float[Array, ""] = field(
-        converter=as_float_array, default=160e-6 * STANDARD_GRAVITY
-    )
-    gyroscope_noise: Float[Array, ""] = field(
-        converter=as_float_array, default=math.radians(0.014)
-    )
-    accelerometer_bias: Float[Array, ""] = field(
-        converter=as_float_array, default=20e-3 * STANDARD_GRAVITY
-    )
-    gyroscope_bias: Float[Array, ""] = field(
-        converter=as_float_array, default=math.radians(1)
-    )
-    accelerometer_walk: Float[Array, ""] = field(
-        converter=as_float_array,
-        default=20e-3 * STANDARD_GRAVITY / 10 / math.sqrt(1000),
-    )
-    gyroscope_walk: Float[Array, ""] = field(
-        converter=as_float_array, default=math.radians(1) / 10 / math.sqrt(1000)
-    )
+    gyroscope_walk: Float[Array, ""] = number(math.radians(1) / 10 / math.sqrt(1000))
     bits: int | None = field(static=True, default=16)
 
     def sample_noise(self) -> Float[Array, "2"]:
@@ -132,37 +117,27 @@ class Instrument(Module):
     """
 
     rate: float = field(static=True, converter=float, default=RATE_HZ)
-    full_scale: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
-    noise: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    full_scale: Float[Array, ""] | None = number(None)
+    noise: Float[Array, ""] | None = number(None)
     bits: int | None = field(static=True, default=None)
-    high_pass: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
-    low_pass: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    high_pass: Float[Array, ""] | None = number(None)
+    low_pass: Float[Array, ""] | None = number(None)
     saturation: Saturation = field(static=True, default="clip")
-    noise_slope: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
-    wind_noise: Float[Array, ""] | None = field(
-        converter=as_optional_float_array, default=None
-    )
+    noise_slope: Float[Array, ""] | None = number(None)
+    wind_noise: Float[Array, ""] | None = number(None)
 
-    def __check_init__(self):
-        if not 0 < self.rate < math.inf:
-            raise ValueError(f"rate must be positive and finite, got {self.rate:g} Hz")
-        if self.bits is not None and not FEWEST_BITS <= self.bits <= MOST_BITS:
-            raise ValueError(
-                f"bits must be {FEWEST_BITS} to {MOST_BITS}, got {self.bits}"
+    def __check_init__(self) -> None:
+        rate, bits = self.rate, self.bits
+        positive = 0 < rate < math.inf
+        require(positive, "instrument rate", "a positive, finite rate [Hz]", rate)
+        if bits is not None:
+            expected = f"{FEWEST_BITS} to {MOST_BITS}"
+            require(FEWEST_BITS <= bits <= MOST_BITS, "instrument bits", expected, bits)
+            # The quantization step is the range over 2**bits.
+            ranged = self.full_scale is not None
+            require(
+                ranged, "instrument full_scale", f"the range of {bits} bits", "none"
             )
-        # The quantization step is the range over 2**bits.
-        if self.bits is not None and self.full_scale is None:
-            raise ValueError(f"{self.bits} bits need a full_scale for their range")
 
 
 class Sensor(Described):
@@ -196,7 +171,7 @@ class Sensor(Described):
     name: str = field(static=True)
     position_m: Float[Array, "3"] = field(converter=_vector)
     kind: str = field(static=True, default="")
-    clock_offset_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    clock_offset_s: Float[Array, ""] = number(0.0)
     records: tuple[tuple[str, float], ...] = field(static=True, default=())
     times_s: tuple[float, ...] = field(static=True, default=())
     instrument: Instrument | None = None
@@ -214,14 +189,12 @@ class Sensor(Described):
         default_factory=dict,
     )
 
-    def __check_init__(self):
+    def __check_init__(self) -> None:
         for name, numbers in VECTORS.items():
-            shape = getattr(self, name).shape
-            if shape[-1:] != (len(numbers),):
-                raise InputError(
-                    f"sensor {self.name} {name}: expected {len(numbers)} numbers: "
-                    f"{', '.join(numbers)}; got shape {shape}"
-                )
+            shape, where = getattr(self, name).shape, f"sensor {self.name} {name}"
+            expected = f"{len(numbers)} numbers: {', '.join(numbers)}"
+            whole = shape[-1:] == (len(numbers),)
+            require(whole, where, expected, f"shape {shape}")
 
 
 class Clock(Described):
@@ -236,4 +209,4 @@ class Clock(Described):
     """
 
     name: str = field(static=True)
-    offset_s: Float[Array, ""] = field(converter=as_float_array, default=0.0)
+    offset_s: Float[Array, ""] = number(0.0)

@@ -10,13 +10,14 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import InputError, argument, nearest
+from jblast.errors import argument, nearest, require
 from jblast.parameters import (
     CLOCK,
     CLOCK_OFFSET,
@@ -34,6 +35,7 @@ from jblast.types import (
     field,
     is_traced,
     namespace,
+    number,
 )
 
 if TYPE_CHECKING:
@@ -97,22 +99,19 @@ def draw_scene(key: "PRNGKeyArray", uncertain: UncertainScene) -> Scene:
     Raises:
         InputError: A number is free, so it has no distribution.
     """
-    names = list(uncertain.beliefs)
     import jax
 
-    values = {}
+    beliefs = uncertain.beliefs
+    for name, belief in beliefs.items():
+        where = f"{uncertain.source or 'scene'}: {name}"
+        drawable = not isinstance(belief, Free)
+        got = "a number that is free and cannot be drawn"
+        require(drawable, where, "a value or a prior", got)
     # At least one key, as `split` into none is an error; strict=False for that case.
-    for name, key_ in zip(
-        names, jax.random.split(key, max(len(names), 1)), strict=False
-    ):
-        belief = uncertain.beliefs[name]
-        if isinstance(belief, Free):
-            raise InputError(
-                f"{uncertain.source or 'scene'}: {name} is free and cannot be drawn; "
-                "give it a value or a prior"
-            )
-        values[name] = draw(key_, belief)  # pyright: ignore[reportArgumentType]  a prior, not being free
-    return with_values(uncertain.scene, values)
+    keys = jax.random.split(key, max(len(beliefs), 1))
+    pairs = zip(beliefs.items(), keys, strict=False)
+    drawn = {name: draw(one, belief) for (name, belief), one in pairs}
+    return with_values(uncertain.scene, drawn)
 
 
 def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
@@ -133,53 +132,41 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
     scene = replace(scene, clocks=(*scene.clocks, *map(Clock, added)))
     known = names_in(scene)
     for name in names:
-        if name not in known:
-            raise InputError(
-                f"{argument('freed')} {name}: expected one of {', '.join(known)} or "
-                f"{CLOCK_OFFSET}.NAME; got {name!r}{nearest(name, known)}"
-            )
-        if list(names).count(name) > 1:
-            raise InputError(
-                f"{argument('freed')} {name}: expected each name once, got it twice"
-            )
+        where, got = f"{argument('freed')} {name}", f"{name!r}{nearest(name, known)}"
+        expected = f"one of {', '.join(known)} or {CLOCK_OFFSET}.NAME"
+        require(name in known, where, expected, got)
+        require(list(names).count(name) == 1, where, "each name once", "it twice")
         _check_exclusive(name, uncertain, names)
-    beliefs = dict(uncertain.beliefs) | {
-        name: Free(positive=parameter_named(name).positive) for name in names
-    }
+    rows = {name: parameter_named(name) for name in names}
+    freed = {name: Free(positive=row.positive) for name, row in rows.items()}
     # A number that the scene derives from others gets its default as a start.
-    unset = {
-        name: parameter_named(name).default
-        for name in names
-        if value_of(scene, name) is None
-    }
-    return replace(uncertain, scene=with_values(scene, unset), beliefs=beliefs)
+    derived = [name for name in names if value_of(scene, name) is None]
+    scene = with_values(scene, {name: rows[name].default for name in derived})
+    return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **freed})
 
 
 def _check_exclusive(
     name: str, uncertain: UncertainScene, names: Sequence[str]
 ) -> None:
     """Reject freeing a number together with one that replaces it."""
-    scene = uncertain.scene
-    _, dot, label = name.partition(".")
-    for base, parameter in PARAMETERS.items():
-        one = base + dot + label
-        others = tuple(o + dot + label for o in parameter.takes_the_place_of)
+    base, dot, label = name.partition(".")
+    values = partial(value_of, uncertain.scene)
+    for one, parameter in PARAMETERS.items():
         # Both would determine one number, so that a fit had a null direction.
-        rivals: list[str] = []
-        if name == one:
+        replaced = [f"{other}{dot}{label}" for other in parameter.takes_the_place_of]
+        replacing, rivals = f"{one}{dot}{label}", []
+        if base == one:
             rivals = [
                 other
-                for other in others
+                for other in replaced
                 if other in (*uncertain.beliefs, *names)
-                or value_of(scene, other) != parameter_named(other).default
+                or values(other) != parameter_named(other).default
             ]
-        elif name in others and value_of(scene, one) is not None:
-            rivals = [one]
-        if rivals:
-            raise InputError(
-                f"{argument('freed')} {name}: expected {one} alone or "
-                f"{' and '.join(others)}, got {name} and {' and '.join(rivals)}"
-            )
+        elif name in replaced and values(replacing) is not None:
+            rivals = [replacing]
+        expected = f"{replacing} alone or {' and '.join(replaced)}"
+        got = f"{name} and {' and '.join(rivals)}"
+        require(not rivals, f"{argument('freed')} {name}", expected, got)
 
 
 def with_laws(uncertain: UncertainScene, laws: Mapping[str, str]) -> UncertainScene:
@@ -334,24 +321,24 @@ class Prior(Module):
 class Normal(Prior):
     """Normal about `mean` with standard deviation `sd`."""
 
-    mean: Float[Array, ""] = field(converter=as_float_array)
-    sd: Float[Array, ""] = field(converter=as_float_array)
+    mean: Float[Array, ""] = number()
+    sd: Float[Array, ""] = number()
 
 
 class LogNormal(Prior):
     """Normal in ln about `median`, with standard deviation ln `factor`."""
 
     in_ln: ClassVar[bool] = True
-    median: Float[Array, ""] = field(converter=as_float_array)
-    factor: Float[Array, ""] = field(converter=as_float_array)
+    median: Float[Array, ""] = number()
+    factor: Float[Array, ""] = number()
 
 
 class Uniform(Prior):
     """Uniform from `lo` to `hi`."""
 
     of_interval: ClassVar[bool] = True
-    lo: Float[Array, ""] = field(converter=as_float_array)
-    hi: Float[Array, ""] = field(converter=as_float_array)
+    lo: Float[Array, ""] = number()
+    hi: Float[Array, ""] = number()
 
 
 class LogUniform(Prior):
@@ -359,8 +346,8 @@ class LogUniform(Prior):
 
     in_ln: ClassVar[bool] = True
     of_interval: ClassVar[bool] = True
-    lo: Float[Array, ""] = field(converter=as_float_array)
-    hi: Float[Array, ""] = field(converter=as_float_array)
+    lo: Float[Array, ""] = number()
+    hi: Float[Array, ""] = number()
 
 
 PRIORS = {

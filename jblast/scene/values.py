@@ -17,14 +17,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import nearest, require, shown
-from jblast.parameters import (
-    NUMBER_SIZES,
-    UNBOUNDED,
-    Bounds,
-    Parameter,
-)
+from jblast.parameters import NUMBER_SIZES, UNBOUNDED, Bounds, Parameter
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES
-from jblast.scene.uncertain import PRIORS, Free, Prior
+from jblast.scene.uncertain import PRIORS, Belief, Free, Prior
 from jblast.units import in_other_unit
 
 MIN_MEAN_SDS = 3.0
@@ -86,9 +81,8 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
     plain = isinstance(value, int | float) and not isinstance(value, bool)
     require(plain, where, expected, shown(value))
     low, high = NUMBER_SIZES
-    sized = value == 0 or low <= abs(value) <= high
     size = f"a finite number between {low:g} and {high:g} in size, or 0"
-    require(sized, where, size, shown(value))
+    require(value == 0 or low <= abs(value) <= high, where, size, shown(value))
     return float(value)
 
 
@@ -101,11 +95,12 @@ class Number:
     @property
     def form(self) -> str:
         """Form of a value."""
-        return f"a number{that_is(self.bounds)}"
+        return f"a number{self.bounds.that_is()}"
 
     def read(self, value: Any, where: str) -> float:
         """Return the number."""
-        require(not is_uncertain(value), where, "a fixed number", shown(value))
+        uncertain = value == "free" or isinstance(value, dict)
+        require(not uncertain, where, "a fixed number", shown(value))
         return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
@@ -118,48 +113,27 @@ class Numbers:
         bounds: Bounds of each number.
         not_zero: One number at least differs from zero.
         word: Word in place of a number, which is read as None; "": no word.
+        repeated: A single number stands for all of the list.
     """
 
     form: str
     bounds: Bounds = UNBOUNDED
     not_zero: bool = False
     word: str = ""
+    repeated: bool = False
 
     def read(self, value: Any, where: str) -> Float[np.ndarray, " number"] | list[Any]:
         """Return the numbers, an array unless a word is accepted."""
-        items = listed(value, self.form, where)
         one = Number(self.bounds)
+        if self.repeated and not isinstance(value, list):
+            return np.full(self.form.count(",") + 1, one.read(value, where))
         numbers = [
-            None if self.word and item == self.word else one.read(item, f"{where}[{i}]")
-            for i, item in enumerate(items)
+            None if item == self.word else one.read(item, f"{where}[{i}]")
+            for i, item in enumerate(listed(value, self.form, where))
         ]
         zero = self.not_zero and not any(numbers)
         require(not zero, where, f"{self.form} that is not zero", shown(value))
         return numbers if self.word else np.array(numbers)
-
-
-@dataclass(frozen=True)
-class Pair:
-    """Two fixed numbers, or one for both.
-
-    Attributes:
-        list_form: Form of the list, such as "[x, y]".
-        bounds: Bounds of each number.
-    """
-
-    list_form: str
-    bounds: Bounds = UNBOUNDED
-
-    @property
-    def form(self) -> str:
-        """Form of a value."""
-        return f"a number or {self.list_form}"
-
-    def read(self, value: Any, where: str) -> Float[np.ndarray, "2"]:
-        """Return both numbers."""
-        if isinstance(value, list):
-            return np.array(Numbers(self.list_form, self.bounds).read(value, where))
-        return np.full(2, Number(self.bounds).read(value, where))
 
 
 @dataclass(frozen=True)
@@ -168,22 +142,20 @@ class Box:
 
     form: str = f"[{POSITION}, {POSITION}]"
 
-    def read(self, value: Any, where: str) -> tuple[np.ndarray, np.ndarray]:
+    def read(self, value: Any, where: str) -> np.ndarray:
         """Return both corners."""
         pair = isinstance(value, list) and len(value) == 2
         require(pair, where, self.form, shown(value))
         one = Numbers(POSITION)
-        low, high = (one.read(at, f"{where}[{i}]") for i, at in enumerate(value))
-        for axis, name in enumerate(("east", "north", "up")):
-            flat = axis == 2 and low[axis] == high[axis]  # a constant height is valid
-            require(
-                low[axis] < high[axis] or flat,
-                where,
-                "a region with an extent, its first corner less than its second "
-                f"{name}",
-                shown(value),
-            )
-        return np.asarray(low), np.asarray(high)
+        corners = np.array(
+            [one.read(at, f"{where}[{i}]") for i, at in enumerate(value)]
+        )
+        east, north, up = corners[1] - corners[0]
+        area = (
+            "a box with an area, its first corner south-west of its second, not higher"
+        )
+        require(east > 0 and north > 0 and up >= 0, where, area, shown(value))
+        return corners
 
 
 @dataclass(frozen=True)
@@ -194,10 +166,10 @@ class Ring:
 
     def read(self, value: Any, where: str) -> Float[np.ndarray, "2"]:
         """Return both radii."""
-        inner, outer = numbers = Numbers(self.form).read(value, where)
-        expected = f"{self.form} with 0 <= inner < outer, so that the ring has an area"
-        require(0 <= inner < outer, where, expected, shown(value))
-        return np.asarray(numbers)
+        inner, outer = radii = np.array(Numbers(self.form).read(value, where))
+        area = f"{self.form} with 0 <= inner < outer, so that the ring has an area"
+        require(0 <= inner < outer, where, area, shown(value))
+        return radii
 
 
 @dataclass(frozen=True)
@@ -232,12 +204,11 @@ class Whole:
 
     def read(self, value: Any, where: str) -> int | None:
         """Return the number, or None for the word."""
-        if self.word and value == self.word:
-            return None
         # `type`, not `isinstance`: True is an int, too.
         whole = type(value) is int and self.low <= value <= self.high
-        require(whole, where, self.form, shown(value))
-        return value
+        word = bool(self.word) and value == self.word
+        require(whole or word, where, self.form, shown(value))
+        return None if word else value
 
 
 @dataclass(frozen=True)
@@ -315,20 +286,20 @@ class Records:
     def read(self, value: Any, where: str) -> tuple[tuple[str, float], ...]:
         """Return pairs of quantity and sigma: seconds, radians, or relative."""
         require(isinstance(value, dict), where, self.form, shown(value))
-        pairs = []
-        for quantity, sigma in value.items():
+        for quantity in value:
             known(quantity, QUANTITIES, where, "quantity")
-            # Times may be zero or negative, so that they have no relative error.
-            read = _additive if quantity in ADDITIVE else _share
-            pairs.append((quantity, read(sigma, quantity, f"{where} {quantity}")))
-        return tuple(pairs)
+        # Times may be zero or negative, so that they have no relative error.
+        return tuple(
+            (name, (_additive if name in ADDITIVE else _share)(sigma, name, where))
+            for name, sigma in value.items()
+        )
 
 
 def _additive(sigma: Any, quantity: str, where: str) -> float:
     unit = "radians" if quantity in DIRECTIONS else "seconds"
     expected = f"a positive sigma in {unit}, without a sign"
-    number = finite(sigma, where, expected)
-    require(number > 0, where, expected, shown(sigma))
+    number = finite(sigma, f"{where} {quantity}", expected)
+    require(number > 0, f"{where} {quantity}", expected, shown(sigma))
     return number
 
 
@@ -337,14 +308,14 @@ def _share(sigma: Any, quantity: str, where: str) -> float:
     share = float(match.group(1)) / 100 if match else 0.0
     # A share and an error in the unit look the same, hence both readings.
     advice = ""
-    if isinstance(sigma, int | float) and not isinstance(sigma, bool) and sigma > 0:
-        unit = QUANTITIES[quantity].unit
+    if isinstance(sigma, int | float) and sigma > 0:
         advice = (
-            f"; if this is a share, multiply by 100 and write {share_text(sigma)}, "
-            f"if it is in {unit}, divide by the value first"
+            f"; if this is a share, multiply by 100 and write {share_text(sigma)}, if "
+            f"it is in {QUANTITIES[quantity].unit}, divide by the value first"
         )
     expected = 'a positive share of the value with its % sign, as "5%"'
-    require(0 < share < math.inf, where, expected, f"{shown(sigma)}{advice}")
+    valid = 0 < share < math.inf
+    require(valid, f"{where} {quantity}", expected, f"{shown(sigma)}{advice}")
     return share
 
 
@@ -368,31 +339,26 @@ class Uncertain:
     @property
     def form(self) -> str:
         """Form of a value."""
-        bounds = that_is(self.rows[0].bounds)
+        bounds = self.rows[0].bounds.that_is()
         return self.list_form or f'a number{bounds}, "free" or a prior'
 
-    def read(self, value: Any, where: str) -> list[tuple[float, Prior | Free | None]]:
+    def read(self, value: Any, where: str) -> list[tuple[float, Belief | None]]:
         """Return the start of a fit of each number, and its prior; None: fixed."""
         if not self.list_form:
-            return [self._one(value, self.rows[0], where)]
-        items = listed(value, self.list_form, where)
-        return [
-            self._one(item, row, f"{where}[{i}]")
-            for i, (item, row) in enumerate(zip(items, self.rows, strict=True))
-        ]
+            return [_uncertain(value, self.rows[0], where)]
+        items = zip(listed(value, self.list_form, where), self.rows, strict=True)
+        return [_uncertain(x, row, f"{where}[{i}]") for i, (x, row) in enumerate(items)]
 
-    def _one(
-        self, value: Any, row: Parameter, where: str
-    ) -> tuple[float, Prior | Free | None]:
-        if value == "free":
-            # The default is only the start of the fit.
-            return row.default, Free(row.positive)
-        if isinstance(value, dict):
-            prior = read_prior(value, row.bounds, row.positive, where)
-            return prior.middle, prior
-        form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
-        number = finite(value, where, form)
-        return row.bounds.checked(number, where, got=value), None
+
+def _uncertain(value: Any, row: Parameter, where: str) -> tuple[float, Belief | None]:
+    if value == "free":
+        # The default is only the start of the fit.
+        return row.default, Free(row.positive)
+    if isinstance(value, dict):
+        prior = read_prior(value, row.bounds, row.positive, where)
+        return prior.middle, prior
+    form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
+    return row.bounds.checked(finite(value, where, form), where, got=value), None
 
 
 @dataclass(frozen=True)
@@ -404,7 +370,7 @@ class Sampled:
     @property
     def form(self) -> str:
         """Form of a value."""
-        return f"a number{that_is(self.bounds)}, [lo, hi] or a prior to sample from"
+        return f"a number{self.bounds.that_is()}, [lo, hi] or a prior to sample from"
 
     def read(self, value: Any, where: str) -> float | Prior:
         """Return the number or its prior."""
@@ -435,41 +401,28 @@ def read_prior(
     require(len(value) == 1, where, f"one of {', '.join(PRIORS)}", got)
     ((kind, pair),) = value.items()
     make, *words = PRIORS[kind]
-    form, in_ln = f"{kind} = [{', '.join(words)}]", kind.startswith("log")
+    form = f"{kind} = [{', '.join(words)}]"
+
+    def check(condition: bool, expected: str) -> None:
+        require(condition, where, f"{expected} in {form}", shown(pair))
+
     a, b = (
-        finite(item, where, f"two finite numbers in {form}")
-        for item in listed(pair, form, where)
+        finite(one, where, f"two finite numbers in {form}")
+        for one in listed(pair, form, where)
     )
-    if "hi" in words:
-        require(a < b, where, f"lo < hi in {form}", shown(pair))
+    if make.of_interval:
+        check(a < b, "lo < hi")
     else:
-        second = "a factor above 1" if in_ln else "a positive sd"
-        require(b > in_ln, where, f"{second} in {form}", shown(pair))
-    require(not in_ln or a > 0, where, f"a positive {words[0]} in {form}", shown(pair))
+        check(b > make.in_ln, "a factor above 1" if make.in_ln else "a positive sd")
+    check(not make.in_ln or a > 0, f"a positive {words[0]}")
     # Bounds of the prior must respect those of the number, so that every sample does.
-    if "hi" in words:
-        bounds.checked(a, where, "a bound", pair[0])
-        bounds.checked(b, where, "a bound", pair[1])
-    else:
-        bounds.checked(a, where, f"a {words[0]}", pair[0])
-    require(
-        kind != "normal" or not positive or a >= MIN_MEAN_SDS * b,
-        where,
-        f"a mean at least {MIN_MEAN_SDS:g} sd above zero in {form}; lognormal suits a "
-        "positive number",
-        shown(pair),
-    )
+    noun = "a bound" if make.of_interval else f"a {words[0]}"
+    bounds.checked(a, where, noun, pair[0])
+    if make.of_interval:
+        bounds.checked(b, where, noun, pair[1])
+    sure = kind != "normal" or not positive or a >= MIN_MEAN_SDS * b
+    check(sure, f"a mean at least {MIN_MEAN_SDS:g} sd above zero (or a lognormal)")
     return make(a, b)
-
-
-def is_uncertain(value: Any) -> bool:
-    """Return whether a value is free or has a prior."""
-    return value == "free" or isinstance(value, dict)
-
-
-def that_is(bounds: Bounds) -> str:
-    """Return " that is positive", or other bounds in words; "" without bounds."""
-    return "" if bounds == UNBOUNDED else f" that is {bounds.words()}"
 
 
 def listed(value: Any, form: str, where: str) -> list[Any]:

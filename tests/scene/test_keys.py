@@ -110,7 +110,7 @@ def within(bounds):
 def good(value):
     """Return a value that is accepted by a kind of value."""
     match value:
-        case values.Number() | values.Pair():
+        case values.Number():
             return within(value.bounds)
         case values.Sampled():
             return [within(value.bounds), 30.0]
@@ -149,7 +149,7 @@ def beyond(value):
     outside = [(x, bounds.words()) for x in numbers if abs(x) < float("inf")]
     if isinstance(value, values.Numbers):
         return [([x] * (value.form.count(",") + 1), words) for x, words in outside]
-    if getattr(value, "list_form", "") and not isinstance(value, values.Pair):
+    if getattr(value, "list_form", ""):
         return [([x] * len(value.rows), words) for x, words in outside]
     return outside
 

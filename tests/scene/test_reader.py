@@ -372,10 +372,17 @@ def test_what_no_scene_has_is_refused_by_file_key_expectation_and_find(line, tmp
         ),
         ({"count": 2, "time_s": 3}, "count: expected at most 1"),
         ({"count": 2, "time_s": 3, "gap_s": 0}, "count: expected at most 1"),
-        ({"region_m": {"box": [[0, 0, 0], [0, 5, 0]]}}, "region_m box: .* second east"),
+        (
+            {"region_m": {"box": [[0, 0, 0], [0, 5, 0]]}},
+            "region_m box: .* with an area",
+        ),
         (
             {"region_m": {"box": [[1, 1, 1], [2, 2, 0]]}},
-            "region_m box: .* its second up",
+            "region_m box: .* not higher",
+        ),
+        (
+            {"region_m": {"box": [[0, 0, 0], [5, 0, 0]]}},
+            "region_m box: .* with an area",
         ),
         ({"region_m": {"box": [[0, 0, 0]]}}, "region_m box: expected"),
         ({"region_m": {"ring": [5, 5]}}, "region_m ring: .*area, got"),

@@ -55,5 +55,5 @@ def test_every_uncertain_number_is_drawn_on_its_own():
 
 
 def test_a_free_number_cannot_be_drawn_and_says_so():
-    with pytest.raises(ValueError, match="charge_mass_kg is free and cannot be drawn"):
+    with pytest.raises(ValueError, match="free and cannot be drawn"):
         draw_scene(jax.random.key(0), default_scene())

@@ -16,15 +16,15 @@ from tests.cli.verbs.simulate.render.scenes import (
 )
 
 SCENES = table("""
-focal_px = 24 -> focal_px = 0 => [camera] focal_px: expected a positive number, got 0
+focal_px = 24 -> focal_px = 0 => [camera] focal_px: expected a number that is positive, got 0
 focal_px = 24 -> focal_px = nan =>\
- [camera] focal_px: expected a positive number, got nan
-0.3] -> -0.3] => [camera] threshold[1]: expected a positive number, got -0.3
-frames_hz = 500 -> frames_hz = 0 => [camera] frames_hz: expected a positive number
+ [camera] focal_px: expected a finite number
+0.3] -> -0.3] => [camera] threshold[1]: expected a number that is positive, got -0.3
+frames_hz = 500 -> frames_hz = 0 => [camera] frames_hz: expected a number that is
 width = 24 ->  => [camera] width: expected a whole number
 mass_kg = 15.0 -> mass_kg = "free" =>\
- charge_mass_kg is free and cannot be drawn; give it
-mass_kg = 15.0 ->  => charge_mass_kg is free
+ charge_mass_kg: | free and cannot be drawn
+mass_kg = 15.0 ->  => charge_mass_kg: expected a value or a prior
 position_m = [0, 0, 1] -> range_m = 5.0 => [charge] range_m: expected position_m
 [0, -40, 2] -> [0, -40, -2] => position on or above the ground, up = 0, got up = -2 m
 [0, 0, 4] -> [0, -80, 2] => the blast is towards 0 degrees from north, -1 degrees up
