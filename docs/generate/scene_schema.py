@@ -70,7 +70,8 @@ def schema_of(value: Any) -> Schema:
 
 @schema_of.register
 def _(value: values.Number) -> Schema:
-    return limited(value.bounds)
+    one = limited(value.bounds)
+    return {"anyOf": [one, listed(NUMBER, 2), prior()]} if value.sampled else one
 
 
 @schema_of.register
@@ -84,11 +85,6 @@ def _(value: values.Numbers) -> Schema:
 @schema_of.register
 def _(value: values.Box) -> Schema:
     return listed(listed(NUMBER, 3), 2)
-
-
-@schema_of.register
-def _(value: values.Ring) -> Schema:
-    return listed(limited(Bounds(at_least=0.0)), 2)
 
 
 @schema_of.register
@@ -134,8 +130,3 @@ def _(value: values.Uncertain) -> Schema:
         return items[0]
     length = {"minItems": len(items), "maxItems": len(items)}
     return {"type": "array", "prefixItems": items, **length}
-
-
-@schema_of.register
-def _(value: values.Sampled) -> Schema:
-    return {"anyOf": [limited(value.bounds), listed(NUMBER, 2), prior()]}

@@ -23,8 +23,6 @@ from jblast.scene.values import (
     Number,
     Numbers,
     Records,
-    Ring,
-    Sampled,
     SceneKey as Key,
     Table,
     Text,
@@ -47,6 +45,7 @@ SLOPE = Bounds(at_least=-MAX_SLOPE_DB_OCTAVE, at_most=MAX_SLOPE_DB_OCTAVE)
 TICK = Bounds(at_least=1e-3, at_most=1e6)
 LAW = Text("the name of a law in quotes")
 BODY = "[forward, left, up]"
+RING = Numbers("[inner, outer]", NOT_NEGATIVE, rising=True)
 XY = Numbers("a number or [x, y]", POSITIVE, repeated=True)
 THRESHOLDS = Numbers("a number or [brighter, darker]", POSITIVE, repeated=True)
 QUATERNION = Numbers("[x, y, z, w]", not_zero=True)
@@ -157,19 +156,19 @@ KEYS: dict[str, tuple[Key, ...]] = {
     ),
     "world": (
         Key("count", Whole(1, MAX_BLASTS)),
-        Key("rate_hz", Sampled(POSITIVE), "rate", instead=("count",)),
+        Key("rate_hz", Number(POSITIVE, sampled=True), "rate", instead=("count",)),
         Key("probability", Number(Bounds(above=0.0, at_most=1.0)),
             instead=("count", "rate_hz"), needs=("tick_s",)),
         Key("tick_s", Number(TICK), "tick", needs=("probability",)),
         Key("region_m", Table("region", BOX_OR_RING), "region"),
         Key("about", Word(ABOUT)),
-        Key("mass_kg", Sampled(POSITIVE), "mass"),
-        Key("time_s", Sampled(NOT_NEGATIVE), "time"),
-        Key("gap_s", Sampled(NOT_NEGATIVE), "gap"),
+        Key("mass_kg", Number(POSITIVE, sampled=True), "mass"),
+        Key("time_s", Number(NOT_NEGATIVE, sampled=True), "time"),
+        Key("gap_s", Number(NOT_NEGATIVE, sampled=True), "gap"),
     ),
     "region": (
         Key("box", Box()),
-        Key("ring", Ring(), instead=("box",)),
+        Key("ring", RING, instead=("box",)),
         Key("about", Word(ABOUT)),
     ),
     "law": (

@@ -20,6 +20,7 @@ from jblast.scene.values import Number, Numbers, SceneKey, Whole, Word
 
 BITS = Whole(FEWEST_BITS, MOST_BITS, word="float")
 
+BAND = Numbers("[high-pass, low-pass]", POSITIVE, rising=True, word="none")
 SATURATIONS = ("clip", "compress")
 
 
@@ -31,7 +32,7 @@ def instrument_keys(unit: str) -> tuple[SceneKey, ...]:
         SceneKey(f"noise_{unit}", Number(NOT_NEGATIVE), "noise"),
         # The quantization step is the range over 2**bits.
         SceneKey("bits", BITS, needs=(f"full_scale_{unit}",)),
-        SceneKey("filter_hz", Numbers("[high-pass, low-pass]", POSITIVE, word="none")),
+        SceneKey("filter_hz", BAND),
         SceneKey("saturation", Word(SATURATIONS)),
     )
 
@@ -128,11 +129,6 @@ def hears_ambient(kind: str) -> bool:
     """Return whether a kind's samples contain ambient sound; True without a kind."""
     # A sensor without a kind may be a microphone: it keeps its background.
     return kind not in SENSOR_KINDS or SENSOR_KINDS[kind].hears_ambient
-
-
-def kind_of(name: str) -> SensorKind | None:
-    """Return a kind; None for "", a sensor without one."""
-    return SENSOR_KINDS[name] if name else None
 
 
 MAX_IMU_RATE_HZ = 1e5

@@ -138,35 +138,35 @@ def freed(uncertain: UncertainScene, names: Sequence[str]) -> UncertainScene:
         require(list(names).count(name) == 1, where, "each name once", "it twice")
         _check_exclusive(name, uncertain, names)
     rows = {name: parameter_named(name) for name in names}
-    freed = {name: Free(positive=row.positive) for name, row in rows.items()}
+    free = {name: Free(positive=row.positive) for name, row in rows.items()}
     # A number that the scene derives from others gets its default as a start.
     derived = [name for name in names if value_of(scene, name) is None]
     scene = with_values(scene, {name: rows[name].default for name in derived})
-    return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **freed})
+    return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **free})
 
 
 def _check_exclusive(
     name: str, uncertain: UncertainScene, names: Sequence[str]
 ) -> None:
     """Reject freeing a number together with one that replaces it."""
-    base, dot, label = name.partition(".")
-    values = partial(value_of, uncertain.scene)
-    for one, parameter in PARAMETERS.items():
+    _, dot, label = name.partition(".")
+    value, given = partial(value_of, uncertain.scene), (*uncertain.beliefs, *names)
+    for base, row in PARAMETERS.items():
+        one, *others = (
+            f"{number}{dot}{label}" for number in (base, *row.takes_the_place_of)
+        )
+        if name not in (one, *others):
+            continue
         # Both would determine one number, so that a fit had a null direction.
-        replaced = [f"{other}{dot}{label}" for other in parameter.takes_the_place_of]
-        replacing, rivals = f"{one}{dot}{label}", []
-        if base == one:
-            rivals = [
-                other
-                for other in replaced
-                if other in (*uncertain.beliefs, *names)
-                or values(other) != parameter_named(other).default
-            ]
-        elif name in replaced and values(replacing) is not None:
-            rivals = [replacing]
-        expected = f"{replacing} alone or {' and '.join(replaced)}"
-        got = f"{name} and {' and '.join(rivals)}"
-        require(not rivals, f"{argument('freed')} {name}", expected, got)
+        rivals = [
+            other
+            for other in others
+            if other in given or value(other) != parameter_named(other).default
+        ]
+        both = rivals and (one in names or value(one) is not None)
+        expected = f"{one} alone or {' and '.join(others)}"
+        got = f"{one} and {' and '.join(rivals)}"
+        require(not both, f"{argument('freed')} {name}", expected, got)
 
 
 def with_laws(uncertain: UncertainScene, laws: Mapping[str, str]) -> UncertainScene:

@@ -8,7 +8,7 @@ in contrast, are written by instruments and are converted.
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Protocol
@@ -88,19 +88,31 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
 
 @dataclass(frozen=True)
 class Number:
-    """A fixed number."""
+    """A fixed number, or one that is sampled.
+
+    Attributes:
+        bounds: Bounds of the number.
+        sampled: It may have a prior to sample from; a pair is a uniform prior.
+    """
 
     bounds: Bounds = UNBOUNDED
+    sampled: bool = False
 
     @property
     def form(self) -> str:
         """Form of a value."""
-        return f"a number{self.bounds.that_is()}"
+        prior = ", [lo, hi] or a prior to sample from" if self.sampled else ""
+        return f"a number{self.bounds.that_is()}{prior}"
 
-    def read(self, value: Any, where: str) -> float:
-        """Return the number."""
+    def read(self, value: Any, where: str) -> float | Prior:
+        """Return the number, or its prior."""
+        if self.sampled and isinstance(value, list):
+            value = {"uniform": value}
+        if self.sampled and isinstance(value, dict):
+            return read_prior(value, self.bounds, False, where)
         uncertain = value == "free" or isinstance(value, dict)
-        require(not uncertain, where, "a fixed number", shown(value))
+        expected = self.form if self.sampled else "a fixed number"
+        require(not uncertain, where, expected, shown(value))
         return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
@@ -112,6 +124,7 @@ class Numbers:
         form: Form of the list, such as "[east, north]".
         bounds: Bounds of each number.
         not_zero: One number at least differs from zero.
+        rising: Each number is larger than the one before it.
         word: Word in place of a number, which is read as None; "": no word.
         repeated: A single number stands for all of the list.
     """
@@ -119,6 +132,7 @@ class Numbers:
     form: str
     bounds: Bounds = UNBOUNDED
     not_zero: bool = False
+    rising: bool = False
     word: str = ""
     repeated: bool = False
 
@@ -133,7 +147,13 @@ class Numbers:
         ]
         zero = self.not_zero and not any(numbers)
         require(not zero, where, f"{self.form} that is not zero", shown(value))
+        falls = self.rising and not _rises([x for x in numbers if x is not None])
+        require(not falls, where, f"{self.form} in increasing order", shown(value))
         return numbers if self.word else np.array(numbers)
+
+
+def _rises(numbers: Sequence[float]) -> bool:
+    return all(low < high for low, high in pairwise(numbers))
 
 
 @dataclass(frozen=True)
@@ -159,20 +179,6 @@ class Box:
 
 
 @dataclass(frozen=True)
-class Ring:
-    """Inner and outer radius of a ring with an area."""
-
-    form: str = "[inner, outer]"
-
-    def read(self, value: Any, where: str) -> Float[np.ndarray, "2"]:
-        """Return both radii."""
-        inner, outer = radii = np.array(Numbers(self.form).read(value, where))
-        area = f"{self.form} with 0 <= inner < outer, so that the ring has an area"
-        require(0 <= inner < outer, where, area, shown(value))
-        return radii
-
-
-@dataclass(frozen=True)
 class Times:
     """Increasing times."""
 
@@ -183,8 +189,7 @@ class Times:
         require(isinstance(value, list) and value, where, self.form, shown(value))
         times = [finite(time, f"{where}[{i}]") for i, time in enumerate(value)]
         # Rows of one sensor are distinguished by their times.
-        rising = all(early < late for early, late in pairwise(times))
-        require(rising, where, self.form, shown(value))
+        require(_rises(times), where, self.form, shown(value))
         return tuple(times)
 
 
@@ -359,26 +364,6 @@ def _uncertain(value: Any, row: Parameter, where: str) -> tuple[float, Belief | 
         return prior.middle, prior
     form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
     return row.bounds.checked(finite(value, where, form), where, got=value), None
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """A number that is fixed or sampled from a prior; a pair is a uniform prior."""
-
-    bounds: Bounds
-
-    @property
-    def form(self) -> str:
-        """Form of a value."""
-        return f"a number{self.bounds.that_is()}, [lo, hi] or a prior to sample from"
-
-    def read(self, value: Any, where: str) -> float | Prior:
-        """Return the number or its prior."""
-        if isinstance(value, list):
-            value = {"uniform": value}
-        if isinstance(value, dict):
-            return read_prior(value, self.bounds, False, where)
-        return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
 def read_prior(

@@ -110,10 +110,10 @@ def within(bounds):
 def good(value):
     """Return a value that is accepted by a kind of value."""
     match value:
+        case values.Number(sampled=True):
+            return [within(value.bounds), 30.0]
         case values.Number():
             return within(value.bounds)
-        case values.Sampled():
-            return [within(value.bounds), 30.0]
         case values.Numbers():
             return [within(value.bounds) + i for i in range(value.form.count(",") + 1)]
         case values.Uncertain():
@@ -133,8 +133,6 @@ def good(value):
             return {"air_arrival_s": 1e-3, "shock_radius_m": "5%"}
         case values.Box():
             return [[0, 0, 0], [1, 1, 0]]
-        case values.Ring():
-            return [0, 10]
     return "a name"
 
 

@@ -385,8 +385,8 @@ def test_what_no_scene_has_is_refused_by_file_key_expectation_and_find(line, tmp
             "region_m box: .* with an area",
         ),
         ({"region_m": {"box": [[0, 0, 0]]}}, "region_m box: expected"),
-        ({"region_m": {"ring": [5, 5]}}, "region_m ring: .*area, got"),
-        ({"region_m": {"ring": [-1, 5]}}, "region_m ring: .*area, got"),
+        ({"region_m": {"ring": [5, 5]}}, "region_m ring: .*increasing order, got"),
+        ({"region_m": {"ring": [-1, 5]}}, "region_m ring.0.: .*not negative, got -1"),
         ({"region_m": 5}, "region_m: expected { box = "),
         ({"about": "world", "region_m": {"about": "world"}}, "about: expected it once"),
         (

@@ -16,7 +16,7 @@ from tests.cli.verbs.simulate.render.scenes import (
 )
 
 SCENES = table("""
-focal_px = 24 -> focal_px = 0 => [camera] focal_px: expected a number that is positive, got 0
+focal_px = 24 -> focal_px = 0 => [camera] focal_px: expected a number that is positive
 focal_px = 24 -> focal_px = nan =>\
  [camera] focal_px: expected a finite number
 0.3] -> -0.3] => [camera] threshold[1]: expected a number that is positive, got -0.3
