@@ -48,7 +48,9 @@ class InputError(ValueError):
         return "".join(option(p) if i % 2 else p for i, p in enumerate(parts))
 
 
-def require(condition: Any, where: str, expected: str, got: Any = "") -> None:
+def require(
+    condition: Any, where: str | os.PathLike[str], expected: str, got: Any = ""
+) -> None:
     """Reject input unless a condition is satisfied.
 
     Args:

@@ -15,12 +15,9 @@ import numpy as np
 
 from jblast.errors import InputError, argument
 from jblast.scene import Camera, draw_scene, quaternion_matrix
-from jblast.sensors.camera.files.backgrounds import background_named
+from jblast.sensors.camera.files.backgrounds import background_named, read_camera_path
 from jblast.sensors.camera.files.images import read_colours, read_depth
-from jblast.sensors.camera.files.recordings import (
-    MovingBackground,
-    read_camera_path,
-)
+from jblast.sensors.camera.files.recordings import ImageSequence
 
 if TYPE_CHECKING:
     from jblast.scene import Scene, UncertainScene
@@ -139,7 +136,7 @@ def film_of(
         _check_moving_camera(film, options)
         return replace(film, path=path)
     # a moving background may be filmed for itself, without a blast
-    if not isinstance(film.background, MovingBackground):
+    if not isinstance(film.background, ImageSequence):
         _check_blast_in_view(film, source)
     return film
 

@@ -25,7 +25,7 @@ from jblast.observations.records.formats import is_record
 from jblast.scene import Camera, read_scene
 from jblast.sensors.camera.files.backgrounds import background_named
 from jblast.sensors.camera.files.event_files import EVENT_FORMATS, read_events
-from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
+from jblast.sensors.camera.files.recordings import ImageSequence, open_recording
 from jblast.sensors.camera.image import BACKGROUND, linear_to_srgb
 from jblast.sensors.listening import with_ambient
 
@@ -115,7 +115,7 @@ def _background(word: str | None, camera: Camera, times: np.ndarray) -> Any:
     if word is None:
         return BACKGROUND
     light = background_named(word, camera, times)
-    if isinstance(light, MovingBackground):
+    if isinstance(light, ImageSequence):
         raise InputError(
             f"{argument('background')}: expected light or a still picture, got {word!r}"
         )

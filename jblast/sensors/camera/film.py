@@ -40,7 +40,7 @@ from jblast.progress import counted
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.billboards import ViewSet
 from jblast.sensors.camera.files.event_files import Written, check_suffix, write_events
-from jblast.sensors.camera.files.recordings import MovingBackground, open_recording
+from jblast.sensors.camera.files.recordings import ImageSequence, open_recording
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.geometry import CameraPath, pixels_moved
 from jblast.sensors.camera.image import BACKGROUND, bare, images, luminance
@@ -112,7 +112,7 @@ class Film:
     scene: Scene
     camera: Camera
     times: Float[np.ndarray, " frame"]
-    background: float | Float[np.ndarray, "..."] | MovingBackground | Landscape = (
+    background: float | Float[np.ndarray, "..."] | ImageSequence | Landscape = (
         BACKGROUND
     )
     views: ViewSet | None = None
@@ -180,7 +180,7 @@ class Film:
         # padded to the size of a block, so that one compiled program serves all
         times = np.pad(times, (0, self._length() - count), mode="edge")
         background = self._behind
-        if isinstance(background, MovingBackground):
+        if isinstance(background, ImageSequence):
             # a moving background starts with the film, whatever the clock
             background = background.at(times - self.times[0])
         if self.path is not None:
@@ -220,9 +220,9 @@ class Film:
     @cached_property
     def _behind(
         self,
-    ) -> Float[Array, "..."] | MovingBackground | Landscape:
+    ) -> Float[Array, "..."] | ImageSequence | Landscape:
         """Background; a grey or colour becomes an image, once for all blocks."""
-        if isinstance(self.background, MovingBackground | Landscape):
+        if isinstance(self.background, ImageSequence | Landscape):
             return self.background
         return images(self.camera, self.background, len(self.times))
 
@@ -287,7 +287,7 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     else:
         for burst, charge in zip(bursts, charges, strict=True):
             found.append(burst + film.views.instants(charge))
-    if isinstance(film.background, MovingBackground):
+    if isinstance(film.background, ImageSequence):
         found.append(start + film.background.times)
     if film.path is not None:
         moved = np.asarray(pixels_moved(film.camera, film.path), float)

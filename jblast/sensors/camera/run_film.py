@@ -32,7 +32,7 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError
 from jblast.scene import Camera, Charge, Scene
-from jblast.sensors.camera.files.recordings import MovingBackground
+from jblast.sensors.camera.files.recordings import ImageSequence
 from jblast.sensors.camera.film import MAX_BLOCK, PIXELS, Film, growth_instants
 from jblast.sensors.camera.fireball import (
     WINDOW_SIZES,
@@ -171,7 +171,7 @@ def _blocks(film: Film, srgb: bool) -> Iterator[tuple[Any, Any, Any, Any]]:
     behind: Any = film.background
     plain = film.views is None and film.depth is None and film.supersample == 1
     plain &= film.gain == 1.0
-    plain &= not isinstance(behind, MovingBackground)
+    plain &= not isinstance(behind, ImageSequence)
     if not plain or isinstance(behind, Landscape) is not moves:
         raise InputError(
             "film of a run: expected ground and sky of a moving camera or an image of "

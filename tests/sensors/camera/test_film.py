@@ -10,8 +10,8 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import film as film_module, project
+from jblast.sensors.camera.files.backgrounds import background_frames
 from jblast.sensors.camera.files.images import write_png
-from jblast.sensors.camera.files.recordings import background_frames
 from jblast.sensors.camera.files.views import read_views
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.fireball import Appearance

@@ -8,8 +8,8 @@ import pytest
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera.billboards import Views
+from jblast.sensors.camera.files.backgrounds import background_frames
 from jblast.sensors.camera.files.images import write_png
-from jblast.sensors.camera.files.recordings import background_frames
 from jblast.sensors.camera.film import (
     LEFT,
     LIGHT_ERROR,

@@ -5,7 +5,7 @@ References:
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +63,7 @@ def write_aedat4(file: NewFile, blocks: Iterable[Columns]) -> None:
     aedat = needed("faery", "aedat4", file.path, "AEDAT4 is written").aedat
     node, attribute = aedat.DescriptionNode, aedat.DescriptionAttribute
 
-    def described(path: str, values: dict[str, str | int], *children: Any) -> Any:
+    def described(path: str, values: Mapping[str, str | int], *children: Any) -> Any:
         kinds = {str: "string", int: "int"}
         stated = {key: attribute(kinds[type(v)], v) for key, v in values.items()}
         return node(path.split("/")[-2], path, stated, [*children])

@@ -237,7 +237,7 @@ def read_lines(path: Path, order: str = "txyp") -> Content:
     require(rows.shape[1] == 4, path, expected, f"{rows.shape[1]} numbers")
     got = f"{len(rows):,} of {count or 0:,} events"
     require(count in (None, len(rows)), path, expected, got)
-    columns = dict(zip(order, rows.T, strict=True))
+    columns: dict[str, np.ndarray] = dict(zip(order, rows.T, strict=True))
     ours, t = count is not None, columns["t"]
     if ours:
         columns["t"] = np.rint(1e6 * t)

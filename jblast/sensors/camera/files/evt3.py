@@ -205,7 +205,8 @@ def read_raw(path: Path) -> Content:
         expected = f"a complete {name} file of {words} words of {width} bytes"
         require(words in (None, octets / width), path, expected, f"{octets:,} bytes")
         columns = joined(decoded(_word_blocks(path, file, word, kinds)))
-    fields = dict(option.partition("=")[::2] for option in options.split(";"))
+    parts = (option.partition("=") for option in options.split(";"))
+    fields = {key: value for key, _, value in parts}
     across, _, down = stated.get("geometry", "").partition("x")
     size = _size(fields.get("width", across), fields.get("height", down))
     over = octets % width

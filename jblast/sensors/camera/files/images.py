@@ -1,22 +1,19 @@
 """Images as files: PNG, WebP, depth images and folders of frames.
 
 Linear light is written as sRGB of 8 bits. Frames of a folder are ordered by the numbers
-in their names; unequal steps are an error. PNG with several channels of 16 bits is
-decoded here, without interlacing, and all other PNG by Pillow.
+in their names; unequal steps are an error. Pillow reads PNG, except for colours of 16
+bits, of which it drops the lower half: these are read by PyAV.
 """
 
 import io
 import re
-import struct
-import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
-from jblast.errors import InputError
+from jblast.errors import needed, read_bytes, reading, require
 from jblast.files import replacing
 from jblast.scene import Camera, quaternion_matrix
 from jblast.sensors.camera.geometry import pixel_rays
@@ -27,11 +24,10 @@ ARRAYS = ".npy"
 """Suffix of frames of linear light as NumPy arrays: floats, full scale 1."""
 COMPRESSION = 1
 """Level of zlib: a third of the time of the default 6, a tenth more bytes."""
-CHANNELS = {2: 3, 4: 2, 6: 4}
-"""Channels of PNG colour types with more than one: RGB, grey with alpha, RGBA."""
-# Depth images have whole millimetres, as is usual for 16-bit PNG depth.
+CHANNELS = {2: [0, 1, 2], 4: [0, 3], 6: [0, 1, 2, 3]}
+"""Channels of PNG colour types with more than one, as of red, green, blue and alpha."""
 MILLIMETRE = 1e-3
-EXPECTED = "a PNG of 16 bits, grey, in millimetres, or an .npy file in metres"
+"""Unit of 16-bit PNG depth, as is usual [m]."""
 
 
 def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
@@ -46,19 +42,14 @@ def frame_files(directory: str | Path, *, arrays: bool = False) -> list[Path]:
             numbers of its frames have a gap.
     """
     directory = Path(directory)
-    if not directory.is_dir():
-        what = "is no directory" if directory.exists() else "no such directory"
-        raise InputError(f"{directory}: {what}; expected one with PNG frames")
-    every = [*directory.iterdir()]
-    names = [path for path in every if path.suffix.lower() == ".png"]
-    if arrays and not names:
-        names = [path for path in every if path.suffix.lower() == ARRAYS]
+    what = "a file" if directory.exists() else "no such directory"
+    require(directory.is_dir(), directory, "a directory with PNG frames", what)
+    found: list[Path] = []
+    for suffix in (".png", ARRAYS)[: 1 + arrays]:
+        found = found or [p for p in directory.iterdir() if p.suffix.lower() == suffix]
     # frame 10 after frame 9, with or without leading zeros
-    files = sorted(names, key=lambda path: (_parts(path), path.name))
-    if len(files) < 2:
-        raise InputError(
-            f"{directory}: expected at least two PNG frames, got {len(files)}"
-        )
+    files = sorted(found, key=lambda path: (_parts(path), path.name))
+    require(len(files) > 1, directory, "at least two PNG frames", f"{len(files)}")
     _check_gaps(files)
     return files
 
@@ -75,114 +66,53 @@ def _check_gaps(files: list[Path]) -> None:
     # names of different patterns: gaps cannot be recognised
     if len({len(row) for row in rows}) > 1:
         return
-    changing = [
-        i for i, column in enumerate(zip(*rows, strict=True)) if len({*column}) > 1
-    ]
-    if len(changing) != 1 or changing[0] % 2 == 0:
+    changing = [column for column in zip(*rows, strict=True) if len({*column}) > 1]
+    if len(changing) != 1 or changing[0][0][0]:
         return
-    numbers = np.array([row[changing[0]][1] for row in rows])
+    numbers = np.array([number for _, number in changing[0]])
     steps = np.diff(numbers)
-    if steps.min() == 0:
-        again = files[int(np.argmin(steps)) + 1]
-        raise InputError(f"{again}: expected one frame per number, got two")
-    if steps.max() != steps.min():
-        at = int(np.argmax(steps))
-        missing = int(numbers[at] + steps.min())
-        raise InputError(
-            f"{files[at].parent}: frame {missing} is missing between "
-            f"{files[at].name} and {files[at + 1].name}"
-        )
-
-
-def read_frames(
-    files: list[Path], *, srgb: bool = False, block: int = 16
-) -> Iterator[np.ndarray]:
-    """Yield the frames as blocks (frame, height, width) of linear light.
-
-    8-bit grey is unchanged, for a table that decodes it; all else becomes floats with
-    full scale 1, colours by their luminance.
-
-    Args:
-        files: PNG or `.npy` files of one size and bit depth.
-        srgb: True if colours and 16-bit values are sRGB, false for linear light. Floats
-            are linear light.
-        block: Frames of a block.
-
-    Raises:
-        InputError: A file cannot be read, has another size or kind than the first, or
-            is transparent.
-    """
-    first: np.ndarray | None = None
-    bits: int | None = None
-    for start in range(0, len(files), block):
-        frames = []
-        for path in files[start : start + block]:
-            frame, depth = frame_and_bits(path, srgb=srgb)
-            if first is None:
-                first, bits = frame, depth
-            if frame.shape != first.shape:
-                raise InputError(
-                    f"{path}: expected {_size(first)} pixels as in {files[0].name}, "
-                    f"got {_size(frame)}"
-                )
-            if frame.dtype != first.dtype:
-                raise InputError(
-                    f"{path}: expected grey of 8 bits in all frames or in none, got "
-                    f"another kind than {files[0].name}"
-                )
-            if depth != bits:
-                raise InputError(
-                    f"{path}: expected {_depth(bits)} as in {files[0].name}, got "
-                    f"{_depth(depth)}"
-                )
-            frames.append(frame)
-        yield np.stack(frames)
-
-
-def _size(frame: np.ndarray) -> str:
-    return f"{frame.shape[1]} x {frame.shape[0]}"
-
-
-def _depth(bits: int | None) -> str:
-    return "floats" if bits is None else f"{bits} bits"
+    again = files[int(np.argmin(steps)) + 1]
+    require(steps.min() > 0, again, "one frame per number", "two")
+    at = int(np.argmax(steps))
+    expected = f"frame {numbers[at] + steps.min()} after {files[at].name}"
+    is_even = steps.max() == steps.min()
+    require(is_even, files[at].parent, expected, files[at + 1].name)
 
 
 def frame_and_bits(path: Path, *, srgb: bool = False) -> tuple[np.ndarray, int | None]:
-    """Return one frame as `read_frames` does, and its bit depth; None for floats."""
+    """Return one frame as grey linear light, full scale 1, and its bit depth.
+
+    Grey of 8 bits is unchanged, for a table that decodes it.
+
+    Args:
+        path: A PNG or `.npy` file.
+        srgb: True if colours and 16-bit values are sRGB, false for linear light. Floats
+            are linear light.
+
+    Raises:
+        InputError: It cannot be read, or is transparent.
+    """
     if path.suffix.lower() == ARRAYS:
-        return _read_array(path), None
-    pixels = read_png(path)
-    bits = 8 if pixels.dtype == np.uint8 else 16
-    if pixels.ndim == 2 and bits == 8:
-        return pixels, bits
-    light = _light(path, pixels, srgb)
+        light, bits = _floats(path), None
+        is_image = light.ndim == 2 or light.shape[2:] == (3,)
+        expected = "floats of shape (height, width) or (height, width, 3)"
+        require(is_image, path, expected, f"shape {light.shape}")
+    else:
+        light = read_png(path)
+        bits = 8 if light.dtype == np.uint8 else 16
+        if light.ndim > 2 or bits > 8:
+            light = _light(path, light, srgb)
     return light if light.ndim == 2 else luminance(light), bits
 
 
-def _read_array(path: Path) -> Float[np.ndarray, "height width"]:
-    """Return the grey light of a file of floats; colours by their luminance."""
-    expected = "floats of shape (height, width) or (height, width, 3)"
-    light = _loaded(path, expected)
-    if not isinstance(light, np.ndarray) or light.dtype.kind != "f":
-        kind = getattr(light, "dtype", "several arrays")
-        raise InputError(f"{path}: expected {expected}, got {kind}")
-    if light.ndim not in (2, 3) or (light.ndim == 3 and light.shape[2] != 3):
-        raise InputError(f"{path}: expected {expected}, got shape {light.shape}")
-    light = light.astype(float)
-    return light if light.ndim == 2 else luminance(light)
-
-
-def _loaded(path: Path, expected: str) -> Any:
-    """Return the content of an .npy file, or of another file that NumPy reads.
-
-    Raises:
-        InputError: It cannot be read, or is not an array of numbers.
-    """
-    try:
-        return np.load(io.BytesIO(path.read_bytes()), allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or "it is not an array of numbers"
-        raise InputError(f"{path}: expected {expected}, but {reason}") from None
+def _floats(path: Path) -> np.ndarray:
+    """Return the array of a file of floats."""
+    expected = "an array of floats"
+    data = io.BytesIO(read_bytes(path, expected))
+    with reading(path, expected):
+        values = np.lib.format.read_array(data, allow_pickle=False)
+    require(values.dtype.kind == "f", path, expected, f"{values.dtype}")
+    return values.astype(float)
 
 
 def read_colours(
@@ -213,35 +143,37 @@ def read_pictures(files: Sequence[Path]) -> UInt8[np.ndarray, "frame height widt
         # the upper byte of 16 bits: an 8-bit display needs no more
         if picture.dtype != np.uint8:
             picture = (picture >> 8).astype(np.uint8)
-        if picture.ndim == 3 and picture.shape[2] == 2:  # grey and alpha
+        if picture.shape[2:] == (2,):  # grey and alpha
             picture = picture[..., [0, 0, 0, 1]]
-        if picture.ndim != 3 or picture.shape[2] != 4:
-            raise InputError(
-                f"{path}: expected a frame with alpha (RGBA), got one without"
-            )
-        if pictures and picture.shape != pictures[0].shape:
-            (height, width), (rows, columns) = pictures[0].shape[:2], picture.shape[:2]
-            raise InputError(
-                f"{path}: expected {width} x {height} pixels as in {files[0].name}, "
-                f"got {columns} x {rows}"
-            )
+        is_rgba = picture.shape[2:] == (4,)
+        require(is_rgba, path, "a frame with alpha (RGBA)", "one without")
         pictures.append(picture)
+        check_size(path, picture.shape[1::-1], pictures[0].shape[1::-1])
     return np.stack(pictures)
+
+
+def check_size(
+    path: Path, size: tuple[int, ...], expected: Camera | tuple[int, ...]
+) -> None:
+    """Reject an image of another width and height than a camera's or the first."""
+    if isinstance(expected, Camera):
+        width, height, whose = expected.width, expected.height, "as the camera has"
+    else:
+        (width, height), whose = expected, "as in the first frame"
+    got = f"{size[0]} x {size[1]}"
+    require(size == (width, height), path, f"{width} x {height} pixels {whose}", got)
 
 
 def _light(path: Path, pixels: np.ndarray, srgb: bool) -> np.ndarray:
     """Return linear light without alpha: (height, width) or with three channels."""
     value = pixels / (255.0 if pixels.dtype == np.uint8 else 65535.0)
-    if value.ndim == 3 and value.shape[2] in (2, 4):
+    if value.shape[2:] in ((2,), (4,)):
         # opaque alpha is harmless and frequent; any transparency has no defined light
-        if value[..., -1].min() < 1.0:
-            raise InputError(
-                f"{path}: expected an opaque frame, got a transparent one; composite "
-                "it over its background first"
-            )
+        expected = "an opaque frame; composite it over its background first"
+        require(value[..., -1].min() == 1.0, path, expected, "a transparent one")
         value = value[..., :-1]
     light = srgb_to_linear(value) if srgb else value
-    return light[..., 0] if light.ndim == 3 and light.shape[2] == 1 else light
+    return light[..., 0] if light.shape[2:] == (1,) else light
 
 
 def write_png(
@@ -286,99 +218,38 @@ def read_png(path: str | Path) -> np.ndarray:
     """Return the values of a PNG file, 8 or 16 bits.
 
     A palette is resolved. There are one to four channels, the last of two or four being
-    alpha. Pillow drops the lower half of colours of 16 bits, so these are decoded here.
+    alpha.
 
     Raises:
         InputError: It is not a PNG file, or incomplete.
     """
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image
 
-    try:
-        data = Path(path).read_bytes()
-        is_png = data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR"
-        # 16 bits in each of several channels
-        if is_png and len(data) > 28 and data[24] == 16 and data[25] in CHANNELS:
-            return _deep_channels(data)
-        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
-            # palettes and bits have no direct values
-            if image.mode in ("1", "P", "PA"):
-                image = image.convert("RGBA" if image.has_transparency_data else "RGB")
-            pixels = np.asarray(image)
-        if b"IEND" not in data:  # Pillow accepts some files that are cut short
-            raise EOFError("cut short")
-    except UnidentifiedImageError:
-        raise InputError(f"{path}: expected a PNG image, got something else") from None
-    except (OSError, SyntaxError, ValueError, EOFError, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(
-            f"{path}: expected a complete PNG image, but it cannot be read ({reason})"
-        ) from None
-    return pixels
+    expected = "a complete PNG image"
+    data = read_bytes(path, expected)
+    require(data.startswith(b"\x89PNG\r\n\x1a\n"), path, expected, "something else")
+    with (
+        reading(path, expected),
+        Image.open(io.BytesIO(data), formats=["PNG"]) as image,
+    ):
+        # Pillow accepts some files that are cut short
+        require(b"IEND" in data, path, expected, "one that is cut short")
+        if data[24] == 16 and data[25] in CHANNELS:
+            return _deep_colours(path, data)
+        # palettes and bits have no direct values
+        if image.mode in ("1", "P", "PA"):
+            image = image.convert("RGBA" if image.has_transparency_data else "RGB")
+        return np.asarray(image)
 
 
-def _deep_channels(data: bytes) -> UInt16[np.ndarray, "height width channel"]:
-    """Return the values of a PNG with 16 bits in each of several channels.
-
-    References:
-        W3C (2003), Portable Network Graphics specification, second edition: chunks in
-        section 5, filters in section 9.
-    """
-    width, height, _, kind, _, _, interlaced = struct.unpack(">IIBBBBB", data[16:29])
-    if interlaced:
-        raise ValueError("colours of 16 bits are supported without interlacing only")
-    packed, place, chunk = [], 8, b""
-    while chunk != b"IEND":
-        if place + 12 > len(data):
-            raise EOFError("cut short")
-        (size,), chunk = struct.unpack_from(">I", data, place), data[place + 4 :][:4]
-        if chunk == b"IDAT":
-            packed.append(data[place + 8 : place + 8 + size])
-        place += 12 + size
-    # two bytes per channel: the filters' distance to the left neighbour
-    step = 2 * CHANNELS[kind]
-    raw = np.frombuffer(zlib.decompress(b"".join(packed)), np.uint8)
-    if raw.size != height * (1 + width * step):
-        raise EOFError("cut short")
-    lines = raw.reshape(height, 1 + width * step)
-    bytes_ = _unfiltered(lines[:, 0], lines[:, 1:].reshape(height, width, step))
-    return bytes_.view(">u2").astype(np.uint16)
-
-
-def _unfiltered(
-    filters: UInt8[np.ndarray, " height"], coded: UInt8[np.ndarray, "height width step"]
-) -> UInt8[np.ndarray, "height width step"]:
-    """Return the bytes of pixels from the filtered bytes of their rows.
-
-    A pixel needs its neighbours to the left, above, and above to the left. Pixels of
-    one antidiagonal do not depend on each other, so they are computed together.
-    """
-    if filters.max(initial=0) > 4:
-        raise ValueError(f"unknown filter {filters.max()}")
-    height, width, step = coded.shape
-    out = np.zeros((height + 1, width + 1, step), np.int16)  # zeros left and above
-    kinds = filters[:, None]
-    for diagonal in range(height + width - 1):
-        rows = np.arange(max(diagonal - width + 1, 0), min(diagonal, height - 1) + 1)
-        columns = diagonal - rows
-        left, above = out[rows + 1, columns], out[rows, columns + 1]
-        corner, kind = out[rows, columns], kinds[rows]
-        # Paeth's predictor, for filter 4
-        guess = left + above - corner
-        to_left, to_above, to_corner = (
-            np.abs(guess - near) for near in (left, above, corner)
-        )
-        nearest = np.where(
-            (to_left <= to_above) & (to_left <= to_corner),
-            left,
-            np.where(to_above <= to_corner, above, corner),
-        )
-        # the filters' numbers: none, left, above, mean, nearest (Paeth)
-        predicted = np.select(
-            [kind == number for number in range(5)],
-            [np.zeros_like(left), left, above, (left + above) // 2, nearest],
-        )
-        out[rows + 1, columns + 1] = (coded[rows, columns] + predicted) & 255
-    return out[1:, 1:].astype(np.uint8)
+def _deep_colours(
+    path: str | Path, data: bytes
+) -> UInt16[np.ndarray, "height width channel"]:
+    """Return the values of a PNG with 16 bits in each of several channels."""
+    av = needed("av", "video", path, "PNG with colours of 16 bits is read")
+    with av.open(io.BytesIO(data), format="png_pipe") as file:
+        frame = next(file.decode(video=0)).reformat(format="rgba64be")
+    return frame.to_ndarray()[..., CHANNELS[data[25]]]
 
 
 def check_whole_webp(path: Path) -> None:
@@ -387,22 +258,12 @@ def check_whole_webp(path: Path) -> None:
     Raises:
         InputError: With the name of the file.
     """
-    try:
-        with path.open("rb") as file:
-            head = file.read(12)
-        size = path.stat().st_size
-    except OSError as error:
-        raise InputError(
-            f"{path}: expected a WebP image, but it cannot be read ({error.strerror})"
-        ) from None
-    if len(head) < 12 or head[:4] != b"RIFF" or head[8:] != b"WEBP":
-        raise InputError(f"{path}: expected a WebP image, got something else")
-    expected = 8 + int.from_bytes(head[4:8], "little")
-    if size < expected:
-        raise InputError(
-            f"{path}: expected a complete WebP image of {expected:,} bytes, got "
-            f"{size:,}; it is cut short"
-        )
+    expected = "a complete WebP image"
+    head = read_bytes(path, expected, 12)
+    is_webp = head[:4] == b"RIFF" and head[8:] == b"WEBP"
+    require(is_webp, path, expected, "something else")
+    size, whole = path.stat().st_size, 8 + int.from_bytes(head[4:8], "little")
+    require(size >= whole, path, expected, f"{size:,} of {whole:,} bytes")
 
 
 def read_webp(path: Path) -> UInt8[np.ndarray, "height width 4"]:
@@ -414,17 +275,9 @@ def read_webp(path: Path) -> UInt8[np.ndarray, "height width 4"]:
     from PIL import Image
 
     check_whole_webp(path)
-    try:
-        with Image.open(io.BytesIO(path.read_bytes()), formats=["WEBP"]) as image:
-            mode, pixels = image.mode, np.asarray(image)
-    except (OSError, SyntaxError, ValueError, EOFError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(
-            f"{path}: expected a complete WebP image, but it cannot be read ({reason})"
-        ) from None
-    if mode != "RGBA":
-        raise InputError(f"{path}: expected an image with alpha, got none")
-    return pixels
+    with reading(path, "a complete WebP image"), Image.open(path) as image:
+        require(image.mode == "RGBA", path, "an image with alpha", f"{image.mode}")
+        return np.asarray(image)
 
 
 def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height width"]:
@@ -442,19 +295,19 @@ def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height wi
         InputError: It is none of these, has another size, or a distance of 0 or less.
     """
     path = Path(path)
-    along = _array(path) if path.suffix.lower() == ARRAYS else _millimetres(path)
-    if along.shape != (camera.height, camera.width):
-        rows, columns = along.shape
-        raise InputError(
-            f"{path}: expected {camera.width} x {camera.height} pixels as the camera "
-            f"has, got {columns} x {rows}"
-        )
-    if not (along > 0.0).all():
-        row, column = np.unravel_index(np.argmin(along > 0.0), along.shape)
-        raise InputError(
-            f"{path}: expected distances above 0 m, got {along[row, column]:g} at row "
-            f"{row}, column {column}"
-        )
+    if path.suffix.lower() == ARRAYS:
+        along, is_depth = _floats(path), True
+    else:
+        along = read_png(path)
+        is_depth = along.dtype != np.uint8
+        along = np.where(along > 0, MILLIMETRE * along, np.inf)
+    expected = "a grey PNG of 16 bits, in millimetres, or an .npy file in metres"
+    got = f"an array of shape {along.shape}" if is_depth else "8 bits"
+    require(is_depth and along.ndim == 2, path, expected, got)
+    check_size(path, along.shape[::-1], camera)
+    for row, column in np.argwhere(~(along > 0.0))[:1]:
+        got = f"{along[row, column]:g} at row {row}, column {column}"
+        require(False, path, "distances above 0 m", got)
     # camera axis in the world: its component along a ray converts depth to distance
     axis = np.asarray(quaternion_matrix(camera.quaternion))[:, 2]
     ahead = np.tensordot(
@@ -462,25 +315,3 @@ def read_depth(path: str | Path, camera: Camera) -> Float[np.ndarray, "height wi
     )
     # pixels beyond the lens's fold have no direction: any finite divisor will do
     return along / np.where(ahead > 0.0, ahead, 1.0)
-
-
-def _millimetres(path: Path) -> np.ndarray:
-    values = read_png(path)
-    # Pillow returns 16 bits as 32 in modes without a type of their own
-
-    if values.ndim != 2 or values.dtype == np.uint8:
-        bits = "8 bits" if values.dtype == np.uint8 else "colours"
-        raise InputError(f"{path}: expected {EXPECTED}, got a PNG with {bits}")
-    return np.where(values > 0, MILLIMETRE * values, np.inf)
-
-
-def _array(path: Path) -> np.ndarray:
-    values = _loaded(path, EXPECTED)
-    if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
-        kind = getattr(values, "dtype", "several arrays")
-        raise InputError(f"{path}: expected floats, in metres, got {kind}")
-    if values.ndim != 2:
-        raise InputError(
-            f"{path}: expected rows and columns, got an array of shape {values.shape}"
-        )
-    return values.astype(float)

@@ -15,25 +15,22 @@ References:
     ITU-R BT.709-6, item 1.2; ITU-T H.273, table 3 (the numbers of the curves).
 """
 
-from bisect import bisect_left
-from collections.abc import Callable, Iterator, Sequence
+import re
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from jblast.errors import InputError, needed
+from jblast.errors import needed, reading, require
 from jblast.files import replacing
 from jblast.observations.records.clips import open_container
 from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
-
-if TYPE_CHECKING:
-    from av.error import FFmpegError
 
 HIGH_DEFINITION = 720
 """Rows from which on a video without a stated matrix is decoded as BT.709, below as
@@ -57,15 +54,17 @@ UNSPECIFIED, SRGB = 2, 13
 """Numbers of transfer curves in H.273."""
 
 
+COMPLETE = "a complete video"
+
+
 @dataclass(frozen=True)
 class Video:
-    """An indexed video: time stamps of its frames, and its header.
+    """An indexed video: times of its frames, and its header.
 
     Attributes:
         path: The file.
         width: Width as shown, after rotation [px].
         height: Height as shown [px].
-        stamps: Time stamps of its frames, in order, in the file's own ticks.
         times: Times of its frames, from the first [s].
         turns: Quarter turns counterclockwise from the stored to the shown image.
         table: Linear light of each value, 256 or 65,536 of them, full scale 1.
@@ -75,47 +74,34 @@ class Video:
     path: Path
     width: int
     height: int
-    stamps: tuple[int, ...]
     times: Float[np.ndarray, " frame"]
     turns: int
     table: Float[np.ndarray, " value"]
     bits: int = 8
 
     def __len__(self) -> int:
-        return len(self.stamps)
+        return len(self.times)
 
-    def frames(self, first: int = 0) -> Iterator[np.ndarray]:
-        """Yield values of red, green and blue, (height, width, 3), from a frame on.
+    def frames(self) -> Iterator[np.ndarray]:
+        """Yield values of red, green and blue, (height, width, 3).
 
         Raises:
             InputError: A frame cannot be decoded, or has another size.
         """
-        with opened(self.path) as (container, stream):
-            number = 0
-            # AVI cannot be sought by stamps: it is decoded from the start
-            if first and not has_no_stamps(container):
-                container.seek(self.stamps[first], stream=stream, backward=True)
-                number = None
-            try:
-                for frame in container.decode(stream):
-                    _check_frame(self.path, frame)
-                    if number is None:  # a seek ends at the key frame before
-                        number = bisect_left(self.stamps, frame.pts)
-                    if number >= first:
-                        yield self._values(frame)
-                    number += 1
-            except ffmpeg_error() as error:
-                why = f"frame {number}: {error.strerror}"
-                raise cut_short(self.path, why) from None
+        count = 0
+        for frame in _decoded(self.path):
+            values = _rgb(frame, deep=len(self.table) > 256)
+            # cameras held upright store their frames lying, with a rotation
+            values = np.rot90(values, self.turns)
+            got = f"{values.shape[1]} x {values.shape[0]}"
+            expected = f"frames of {self.width} x {self.height} pixels"
+            is_same = values.shape[:2] == (self.height, self.width)
+            require(is_same, self.path, expected, got)
+            yield values
+            count += 1
         # frames may be missing without an error of the decoder
-        if number != len(self):
-            raise cut_short(self.path, f"{number:,} of {len(self):,} frames")
-
-    def colours(
-        self, values: np.ndarray, scale: float = 1.0
-    ) -> Float[np.ndarray, "height width 3"]:
-        """Return the linear light of values, full scale `scale`."""
-        return scale * self.table[values]
+        got = f"{count:,} of {len(self):,} frames"
+        require(count == len(self), self.path, COMPLETE, got)
 
     def luminance(self, values: np.ndarray) -> Float[np.ndarray, "height width"]:
         """Return the grey linear light of values, full scale 1, in single precision."""
@@ -125,17 +111,6 @@ class Video:
             for channel, weight in enumerate(LUMINANCE)
         )
         return red + green + blue
-
-    def _values(self, frame: Any) -> np.ndarray:
-        values = _rgb(frame, deep=len(self.table) > 256)
-        # cameras held upright store their frames lying, with a rotation
-        values = np.rot90(values, self.turns)
-        if values.shape[:2] != (self.height, self.width):
-            raise InputError(
-                f"{self.path}: expected frames of one size, got {self.width} x "
-                f"{self.height} and {values.shape[1]} x {values.shape[0]} pixels"
-            )
-        return values
 
 
 def open_video(path: str | Path, *, even: bool = True) -> Video:
@@ -157,51 +132,67 @@ def open_video(path: str | Path, *, even: bool = True) -> Video:
     """
     path = Path(path)
     with opened(path) as (container, stream):
-        stamps = frame_stamps(path, container, stream)
-        base = stream.time_base
         ratio = stream.codec_context.sample_aspect_ratio
-    if ratio not in (None, 0, 1):
-        raise InputError(
-            f"{path}: expected square pixels, got width over height {ratio}; scale "
-            "it first"
-        )
-    times = seconds(stamps, base)
+        got = f"width over height {ratio}"
+        require(ratio in (None, 0, 1), path, "square pixels; scale it first", got)
+        ticks = np.array(_stamps(path, container, stream), np.int64)
+        base = stream.time_base
+    times = (ticks - ticks[0]) * base.numerator / base.denominator
     if even:
         check_even(path, times)
-    with opened(path) as (container, stream):
-        try:
-            frame = next(iter(container.decode(stream)))
-        except StopIteration:
-            raise cut_short(path, "no frame can be decoded") from None
-        except ffmpeg_error() as error:
-            raise cut_short(path, f"frame 0: {error.strerror}") from None
-        _check_frame(path, frame)
-        if frame.rotation % 90:
-            raise InputError(
-                f"{path}: expected a stated rotation by a multiple of 90 degrees, got "
-                f"{frame.rotation}"
-            )
-        turns = frame.rotation // 90 % 4
-        bits = max(part.bits for part in frame.format.components)
-        size = frame.width, frame.height
-        width, height = size if turns % 2 == 0 else size[::-1]
-        # a video without a stated curve in RGB comes from a screen: sRGB
-        curve = int(frame.color_trc)
-        if curve == UNSPECIFIED and frame.format.is_rgb:
-            curve = SRGB
-        table = light_table(curve, 16 if bits > 8 else 8, path)
-    return Video(path, width, height, tuple(stamps), times, turns, table, max(bits, 8))
+    frame = next(_decoded(path), None)
+    require(frame is not None, path, COMPLETE, "one without a frame")
+    assert frame is not None
+    expected = "a stated rotation by a multiple of 90 degrees"
+    require(not frame.rotation % 90, path, expected, f"{frame.rotation}")
+    turns = frame.rotation // 90 % 4
+    width, height = (frame.width, frame.height)[:: -1 if turns % 2 else 1]
+    bits = max(8, *(part.bits for part in frame.format.components))
+    curve = int(frame.color_trc)
+    # a video without a stated curve in RGB comes from a screen: sRGB
+    if curve == UNSPECIFIED and frame.format.is_rgb:
+        curve = SRGB
+    expected = "standard dynamic range; convert it to BT.709"
+    got = f"transfer curve {curve} of ITU-T H.273 (HDR, if 16 or 18)"
+    require(curve in CURVES, path, expected, got)
+    values = np.linspace(0.0, 1.0, 65536 if bits > 8 else 256)
+    table = CURVES[curve](values).astype(np.float32)
+    return Video(path, width, height, times, turns, table, bits)
 
 
-def _check_frame(path: Path, frame: Any) -> None:
-    """Reject a frame that is damaged or interlaced."""
-    if frame.is_corrupt:
-        raise cut_short(path, f"a damaged frame at {float(frame.time or 0.0):.6g} s")
-    if frame.interlaced_frame:
-        raise InputError(
-            f"{path}: expected progressive frames, got interlaced ones, whose rows "
-            "have two times; convert it (ffmpeg -i IN -vf yadif OUT)"
-        )
+def _decoded(path: Path) -> Iterator[Any]:
+    """Yield the frames of a video as PyAV's, none damaged or interlaced."""
+    with opened(path) as (container, stream), reading(path, COMPLETE):
+        for frame in container.decode(stream):
+            got = f"a damaged frame at {float(frame.time or 0.0):.6g} s"
+            require(not frame.is_corrupt, path, COMPLETE, got)
+            expected = "progressive frames (ffmpeg -i IN -vf yadif OUT)"
+            require(not frame.interlaced_frame, path, expected, "interlaced ones")
+            yield frame
+
+
+def _stamps(path: Path, container: Any, stream: Any) -> list[int]:
+    """Return the time stamps of all frames in order, without decoding."""
+    # AVI has no time stamps, but one tick for each frame
+    is_avi = container.format.name == "avi"
+    with reading(path, COMPLETE):
+        packets = [p for p in container.demux(stream) if p.size and not p.is_discard]
+    stamps = [packet.dts if is_avi else packet.pts for packet in packets]
+    expected = "a video whose frames have time stamps, as in MP4"
+    require(None not in stamps, path, expected, "one without")
+    require(len(stamps) > 1, path, "a video of at least two frames", f"{len(stamps)}")
+    # packets are in order of decoding, which for B-frames is not that of showing
+    stamps.sort()
+    step = max(b - a for a, b in pairwise(stamps))
+    if stream.frames:  # AVI counts empty ones, too
+        count, stated = stamps[-1] + step if is_avi else len(stamps), stream.frames
+    else:  # of Matroska: 00:01:02.500000000
+        tag = re.fullmatch(r"(\d+):(\d+):([\d.]+)", stream.metadata.get("DURATION", ""))
+        hours, minutes, seconds = map(float, tag.groups()) if tag else (0, 0, 0)
+        count = stamps[-1] + 1.5 * step
+        stated = (3600 * hours + 60 * minutes + seconds) / stream.time_base
+    require(count >= stated, path, COMPLETE, f"{count:g} of {float(stated):g} ticks")
+    return stamps
 
 
 def _rgb(frame: Any, *, deep: bool) -> np.ndarray:
@@ -225,10 +216,9 @@ def check_video(path: str | Path) -> None:
         InputError: Its name ends in none of `CONTAINERS`, PyAV is not installed, or it
             has no H.264 encoder.
     """
-    if Path(path).suffix.lower() not in CONTAINERS:
-        raise InputError(
-            f"{path}: expected a name of a video ending in {', '.join(CONTAINERS)}"
-        )
+    suffix = Path(path).suffix.lower()
+    expected = f"a name of a video ending in {', '.join(CONTAINERS)}"
+    require(suffix in CONTAINERS, path, expected, suffix or "no suffix")
     _encoder(path)
 
 
@@ -293,54 +283,9 @@ def _encoder(path: str | Path) -> str:
     """Return the name of the first available encoder."""
     av = needed("av", "video", path, "a video is written")
     there = [name for name in ENCODERS if name in av.codecs_available]
-    if not there:
-        raise InputError(
-            f"{path}: expected a PyAV with an H.264 encoder, {' or '.join(ENCODERS)}, "
-            "got one without"
-        )
+    expected = f"a PyAV with an H.264 encoder, {' or '.join(ENCODERS)}"
+    require(there, path, expected, "one without")
     return there[0]
-
-
-def frame_stamps(path: Path, container: Any, stream: Any) -> list[int]:
-    """Return the time stamps of all frames in order, without decoding.
-
-    Raises:
-        InputError: The file is incomplete, or has fewer than two frames.
-    """
-    decoding = has_no_stamps(container)
-    stamps = []
-    try:
-        for packet in container.demux(stream):
-            if packet.size and not packet.is_discard:
-                stamps.append(packet.dts if decoding else packet.pts)
-    except ffmpeg_error() as error:
-        raise cut_short(path, str(error.strerror)) from None
-    if None in stamps:
-        raise InputError(
-            f"{path}: expected a video whose frames have time stamps, got one without; "
-            "put it into a container such as MP4"
-        )
-    if len(stamps) < 2:
-        raise InputError(
-            f"{path}: expected a video of at least two frames, got {len(stamps)}"
-        )
-    # packets are in order of decoding, which for B-frames is not that of showing
-    stamps.sort()
-    if len(stamps) < stream.frames and not _is_spaced(container, stream, stamps):
-        raise cut_short(path, f"{len(stamps):,} of {stream.frames:,} frames")
-    _check_end(path, container, stream, stamps)
-    return stamps
-
-
-def has_no_stamps(container: Any) -> bool:
-    """Return True if frames have no time stamps but only their order, as in AVI."""
-    return container.format.name == "avi"
-
-
-def seconds(stamps: Sequence[int], base: Fraction) -> Float[np.ndarray, " frame"]:
-    """Return time stamps as seconds from the first."""
-    ticks = np.array(stamps, np.int64) - stamps[0]
-    return ticks * base.numerator / base.denominator
 
 
 def is_even(times: Float[np.ndarray, " frame"]) -> bool:
@@ -361,60 +306,16 @@ def check_even(path: Path, times: Float[np.ndarray, " frame"]) -> None:
     Raises:
         InputError: The times are not even (`is_even`).
     """
-    if is_even(times):
-        return
     steps = np.diff(times)
     usual = float(np.median(steps))
-    longest = int(np.argmax(np.abs(steps - usual)))
-    at = int(np.argmin(steps)) if steps.min() <= 0 else longest
-    raise InputError(
-        f"{path}: expected a constant frame rate, got frames {at} and {at + 1} "
-        f"{1e3 * steps[at]:.4g} ms apart, usually {1e3 * usual:.4g} ms; convert "
-        "it (ffmpeg -i IN -fps_mode cfr OUT)"
+    far = np.abs(steps - usual)
+    at = int(np.argmin(steps) if steps.min() <= 0 else np.argmax(far))
+    got = (
+        f"frames {at} and {at + 1} {1e3 * steps[at]:.4g} ms apart, usually "
+        f"{1e3 * usual:.4g} ms"
     )
-
-
-def cut_short(path: Path, why: str) -> InputError:
-    """Return the error for an incomplete video."""
-    return InputError(
-        f"{path}: expected a complete video, but it is cut short or damaged ({why})"
-    )
-
-
-def _is_spaced(container: Any, stream: Any, stamps: list[int]) -> bool:
-    """Return True if an AVI has its stated number of frames, empty ones included."""
-    if not has_no_stamps(container):  # there, one tick is one frame
-        return False
-    return stamps[-1] + max(b - a for a, b in pairwise(stamps)) >= stream.frames
-
-
-def _check_end(path: Path, container: Any, stream: Any, stamps: list[int]) -> None:
-    """Raise if the last frame ends before the stated duration of a file."""
-    if stream.frames:
-        return
-    stated = _stated_duration(container, stream)
-    steps = [b - a for a, b in pairwise(stamps)]
-    last = float((stamps[-1] + max(steps)) * stream.time_base)
-    if (
-        stated is not None
-        and last + 0.5 * float(max(steps) * stream.time_base) < stated
-    ):
-        raise cut_short(path, f"{last:.4g} of {stated:.4g} s")
-
-
-def _stated_duration(container: Any, stream: Any) -> float | None:
-    """Return the stated duration of the stream [s], or None."""
-    if text := stream.metadata.get("DURATION"):  # Matroska's, "00:01:02.500000000"
-        try:
-            hours, minutes, rest = (float(part) for part in text.split(":"))
-        except ValueError:
-            return None
-        return 3600 * hours + 60 * minutes + rest
-    if stream.duration:
-        return float(stream.duration * stream.time_base)
-    if len(container.streams) == 1 and container.duration:
-        return container.duration / 1e6
-    return None
+    expected = "a constant frame rate (ffmpeg -i IN -fps_mode cfr OUT)"
+    require(is_even(times), path, expected, got)
 
 
 def bt709_to_linear(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
@@ -433,27 +334,6 @@ CURVES = {
 """Transfer curves by their number in H.273, table 3."""
 
 
-def light_table(number: int, bits: int, path: Path) -> Float[np.ndarray, " value"]:
-    """Return the linear light of each value of a bit depth.
-
-    Args:
-        number: Number of the curve in H.273.
-        bits: 8 or 16; the largest value is full scale.
-        path: The video, for the message.
-
-    Raises:
-        InputError: The curve is not supported, such as those of HDR.
-    """
-    if number not in CURVES:
-        raise InputError(
-            f"{path}: expected a video of standard dynamic range, got one with "
-            f"transfer curve {number} of ITU-T H.273 (HDR, if 16 or 18); convert it "
-            "to BT.709"
-        )
-    values = np.arange(1 << bits) / ((1 << bits) - 1)
-    return CURVES[number](values).astype(np.float32)
-
-
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     """Open a video, and yield it with its video stream.
@@ -466,15 +346,7 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
 
         cover = Disposition.attached_pic  # an image that stands for the file
         streams = [s for s in container.streams.video if not s.disposition & cover]
-        if not streams:
-            raise InputError(f"{path}: expected a video, got a file without one")
+        require(streams, path, "a video", "a file without one")
         # decoding by frames and slices in parallel
         streams[0].thread_type = "AUTO"
         yield container, streams[0]
-
-
-def ffmpeg_error() -> "type[FFmpegError]":
-    """Return PyAV's error type, imported on use."""
-    from av.error import FFmpegError
-
-    return FFmpegError

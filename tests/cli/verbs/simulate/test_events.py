@@ -8,7 +8,7 @@ from PIL import Image
 
 from jblast.sensors.camera.files.event_files import read_events
 from tests.cli.cli_files import Command
-from tests.sensors.camera.files.video.made import flat, make_video
+from tests.sensors.camera.files.made_video import flat, make_video
 
 SHAPE = (6, 9)
 GREYS = (32, 64, 64, 128, 32, 16)

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -29,9 +30,9 @@ DAT = b"% Version 2\n% Height 3\n% Width 4\n"
 def events_of(x, y, t, p) -> Events:
     """Events, with an empty place after the last."""
     sign, lost = 2 * np.asarray(p, int) - 1, np.zeros((), int)
-    places = [np.append(np.asarray(column, int), -1) for column in (x, y)]
+    column, row = (np.append(np.asarray(place, int), -1) for place in (x, y))
     time = np.append(1e-6 * np.asarray(t, float), np.inf)
-    return Events(*places, time, np.append(sign, 0), np.array(len(sign)), lost)
+    return Events(column, row, time, np.append(sign, 0), np.array(len(sign)), lost)
 
 
 @st.composite
@@ -175,8 +176,8 @@ def test_a_file_without_its_size_needs_it(tmp_path, suffix):
     assert found.p.tolist() == [1, 0, 1]  # minus one is darker, too
 
 
-def rows(kinds) -> np.ndarray:
-    table = np.zeros(3, kinds)
+def rows(kinds):
+    table: Any = np.zeros(3, kinds)
     for name, column in COLUMNS.items():
         table[name] = column
     return table
@@ -387,7 +388,8 @@ def decoded(path: Path) -> np.ndarray:
         elif kind == 0x0:
             y = value
         else:
-            assert (kind, high is None) == (0x2, False)
+            assert kind == 0x2
+            assert high is not None
             t = (loops << 24) + (high << 12) + low
             found.append((value & 0x7FF, y, t, value >> 11))
     return np.array(found).T

@@ -82,15 +82,15 @@ BROKEN = {
     ),
     "a missing file": (
         lambda c: (c / "03.webp").unlink(),
-        r"03\.webp: expected a WebP image, .*No such file",
+        r"03\.webp: no such file; expected a complete WebP",
     ),
     "cut short": (
         lambda c: (c / "03.webp").write_bytes((c / "03.webp").read_bytes()[:2000]),
-        r"03\.webp: expected a complete WebP image of .* cut short",
+        r"03\.webp: expected a complete WebP image, got 2,000 of",
     ),
     "another format": (
         lambda c: Image.new("RGBA", (9, 9)).save(c / "03.webp", format="PNG"),
-        r"03\.webp: expected a WebP image, got something else",
+        r"03\.webp: expected a complete WebP image, got something else",
     ),
     "another size": (
         lambda c: sheet(c, lambda i: i.crop((0, 0, 200, 256))),
@@ -98,7 +98,7 @@ BROKEN = {
     ),
     "no alpha": (
         lambda c: sheet(c, lambda i: i.convert("RGB")),
-        r"^\S*03\.webp: expected an image with alpha, got none$",
+        r"^\S*03\.webp: expected an image with alpha, got RGB$",
     ),
     "falling phases": (
         lambda c: text(c, "0.002, 0.006", "0.006, 0.002"),

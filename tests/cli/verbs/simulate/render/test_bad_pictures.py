@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from tests.cli.verbs.simulate.render.scenes import refused
-from tests.sensors.camera.files.video.made import flat, make_video
+from tests.sensors.camera.files.made_video import flat, make_video
 
 INDEX = """frames_hz = 30.0
 metres_per_pixel = 0.05
@@ -29,7 +29,7 @@ def cut(path, share=0.5):
 OWN = {
     "a frame missing": (
         lambda d: (d / "south/0001.png").unlink(),
-        "set/south: frame 1 is missing between 0000.png and 0002.png",
+        "set/south: expected frame 1 after 0000.png, got 0002.png",
     ),
     "another size": (
         lambda d: picture(d / "south/0001.png", size=(5, 5)),
