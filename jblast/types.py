@@ -26,8 +26,11 @@ from jblast.errors import nearest, shown
 # checked by `Float[Any, "..."]` for the arrays of both.
 if TYPE_CHECKING:
     from jaxtyping import Array as Array, ArrayLike as ArrayLike
+
+    Scalar = Any  # the constructor also accepts plain numbers
 else:
     Array = ArrayLike = Any
+    Scalar = Float[Any, ""]
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -125,8 +128,8 @@ def field(
     )
 
 
-def number(default: Any = MISSING) -> Any:
-    """Return a field of a `Module` with a unit: a float array, or None by default."""
+def number(*, default: Any = MISSING) -> Any:
+    """Return a field of one number: a float array, or None if that is the default."""
     convert = as_optional_float_array if default is None else as_float_array
     return field(converter=convert, default=default)
 

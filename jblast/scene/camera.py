@@ -20,6 +20,7 @@ from jblast.types import (
     Array,
     ArrayLike,
     Module,
+    Scalar,
     as_float_array,
     compiled,
     field,
@@ -67,21 +68,21 @@ class Camera(Module):
             Inside jit numbers are not checked.
     """
 
-    position: Float[Array, "3"] = number()
-    quaternion: Float[Array, "4"] = number()
-    focal: Float[Array, "2"] = number()
-    center: Float[Array, "2"] = number()
+    position: Float[Array, "3"] = field(converter=as_float_array)
+    quaternion: Float[Array, "4"] = field(converter=as_float_array)
+    focal: Float[Array, "2"] = field(converter=as_float_array)
+    center: Float[Array, "2"] = field(converter=as_float_array)
     width: int = field(static=True)
     height: int = field(static=True)
     distortion: Float[Array, "5"] = field(
         converter=as_float_array, default_factory=lambda: np.zeros(5)
     )
-    frames_hz: Float[Array, ""] = number(FRAMES_HZ)
-    exposure_s: Float[Array, ""] = number(0.0)
+    frames_hz: Scalar = number(default=FRAMES_HZ)
+    exposure_s: Scalar = number(default=0.0)
     threshold: Float[Array, "2"] = field(
         converter=as_float_array, default_factory=lambda: np.full(2, 0.2)
     )
-    daylight: Float[Array, ""] | None = number(None)
+    daylight: Scalar | None = number(default=None)
     mount: str = field(static=True, default="")
 
     def __check_init__(self) -> None:

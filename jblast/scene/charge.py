@@ -21,6 +21,7 @@ from jblast.types import (
     Array,
     ArrayLike,
     Described,
+    Scalar,
     as_float_array,
     field,
     is_traced,
@@ -89,14 +90,14 @@ class Charge(Described):
         `jblast.Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.5), explosive="C4")`
     """
 
-    mass_kg: Float[Array, ""] = number(PARAMETERS["charge_mass_kg"].default)
+    mass_kg: Scalar = number(default=PARAMETERS["charge_mass_kg"].default)
     position_m: EastNorthUp = field(converter=_place, default=(0.0, 0.0, 0.0))
-    time_s: Float[Array, ""] = number(0.0)
-    range_m: Float[Array, ""] | None = number(None)
+    time_s: Scalar = number(default=0.0)
+    range_m: Scalar | None = number(default=None)
     burst: Burst | None = field(static=True, default=None)
     by_height: bool = field(static=True, default=False)
     explosive: str = field(static=True, default="TNT")
-    tnt_factor: Float[Array, ""] | None = number(None)
+    tnt_factor: Scalar | None = number(default=None)
     name: str = field(static=True, default="")
 
     def __check_init__(self) -> None:

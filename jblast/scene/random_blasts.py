@@ -7,14 +7,14 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.scene.uncertain import Prior, Uniform
-from jblast.types import Array, ArrayLike, Module, as_float_array, field, number
+from jblast.types import Array, ArrayLike, Module, Scalar, as_float_array, field, number
 
 About = Literal["world", "vehicle"]
 ABOUT: tuple[About, ...] = ("world", "vehicle")
 """Centres of a region: the origin, or the target position of the vehicle."""
 COUNT, GAP_S = 5, 0.5
 """Defaults of the number of blasts and the minimum time between two [s]; declared."""
-Number = Float[Array, ""] | Prior
+Number = Scalar | Prior
 """A number of a world: fixed, or the prior that it is sampled from."""
 
 
@@ -30,8 +30,8 @@ class Box(Module):
         high: Maximum east, north, up [m]; up may equal the minimum.
     """
 
-    low: Float[Array, "3"] = number()
-    high: Float[Array, "3"] = number()
+    low: Float[Array, "3"] = field(converter=as_float_array)
+    high: Float[Array, "3"] = field(converter=as_float_array)
 
 
 class Ring(Module):
@@ -42,8 +42,8 @@ class Ring(Module):
         outer: Maximum horizontal distance [m].
     """
 
-    inner: Float[Array, ""] = number()
-    outer: Float[Array, ""] = number()
+    inner: Scalar = number()
+    outer: Scalar = number()
 
 
 class ByCount(Module):

@@ -243,18 +243,18 @@ class _File:
                 continue
             excluded = f"either {key.name} or {' or '.join(others)}"
             require(not others, at, excluded, "both")
-            value = key.value.read(value, at)
-            for words in key.needs if value is not None else ():
-                require(words.split()[0] in entry, at, f"{words} with it", "none")
+            read = key.value.read(value, at)
             if isinstance(key.value, Uncertain):
-                for row, (start, belief) in zip(key.value.rows, value, strict=True):
+                for row, (start, belief) in zip(key.value.rows, read, strict=True):
                     self.starts[f"{row.name}{of}"] = start
                     if belief is not None:
                         self.beliefs[f"{row.name}{of}"] = belief
                 continue
             if isinstance(key.value, Table):
-                value = self.table(value, key.value.name, at)
-            found[key.field or key.name] = value
+                read = self.table(read, key.value.name, at)
+            found[key.field or key.name] = read
+            for words in key.needs if read is not None else ():
+                require(words.split()[0] in entry, at, f"{words} with it", "none")
         return found
 
     def table(
@@ -287,7 +287,7 @@ class _File:
             named = isinstance(word, str) and word.strip()
             got = "nothing" if word is None else shown(word)
             require(named, at, f"a name in quotes for {name} {number}", got)
-            names.append(word.strip())
+            names.append(str(word).strip())
             once = names.count(names[-1]) == 1
             require(once, at, "each name once", f"{shown(names[-1])} twice")
             yield entry, f"{where} {shown(names[-1])}", f".{names[-1]}"

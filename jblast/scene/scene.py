@@ -19,7 +19,9 @@ from jblast.scene.sensor import Clock, Sensor
 from jblast.types import (
     Array,
     Module,
+    Scalar,
     as_float_array,
+    as_optional_float_array,
     field,
     number,
 )
@@ -48,17 +50,17 @@ class Air(Module):
         absorption_scale: Absorption over that of ISO 9613-1 [-].
     """
 
-    temperature: Float[Array, ""] = number(PARAMETERS["air_temperature_k"].default)
-    pressure: Float[Array, ""] = number(PARAMETERS["air_pressure_pa"].default)
-    relative_humidity: Float[Array, ""] = number(
-        PARAMETERS["air_relative_humidity"].default
+    temperature: Scalar = number(default=PARAMETERS["air_temperature_k"].default)
+    pressure: Scalar = number(default=PARAMETERS["air_pressure_pa"].default)
+    relative_humidity: Scalar = number(
+        default=PARAMETERS["air_relative_humidity"].default
     )
-    altitude: Float[Array, ""] | None = number(None)
-    sound_speed: Float[Array, ""] | None = number(None)
-    wind_east: Float[Array, ""] = number(0.0)
-    wind_north: Float[Array, ""] = number(0.0)
+    altitude: Scalar | None = number(default=None)
+    sound_speed: Scalar | None = number(default=None)
+    wind_east: Scalar = number(default=0.0)
+    wind_north: Scalar = number(default=0.0)
     absorption: bool = field(static=True, default=False)
-    absorption_scale: Float[Array, ""] = number(1.0)
+    absorption_scale: Scalar = number(default=1.0)
 
 
 class Ambient(Module):
@@ -74,12 +76,14 @@ class Ambient(Module):
         loop_rate: Their sample rate [Hz].
     """
 
-    level: Float[Array, ""] = number(0.0)
-    slope: Float[Array, ""] = number(0.0)
-    height: Float[Array, ""] = number(HEIGHT_M)
+    level: Scalar = number(default=0.0)
+    slope: Scalar = number(default=0.0)
+    height: Scalar = number(default=HEIGHT_M)
     file: str = field(static=True, default="")
-    full_scale: Float[Array, ""] = number(1.0)
-    loop: Float[Array, " sample"] | None = number(None)
+    full_scale: Scalar = number(default=1.0)
+    loop: Float[Array, " sample"] | None = field(
+        converter=as_optional_float_array, default=None
+    )
     loop_rate: float = field(static=True, converter=float, default=math.nan)
 
     def __check_init__(self) -> None:
@@ -101,7 +105,7 @@ class Ground(Module):
             "thesis" (then up at the mean speed of the air shock).
     """
 
-    p_speed: Float[Array, ""] = number(PARAMETERS["ground_p_speed_m_s"].default)
+    p_speed: Scalar = number(default=PARAMETERS["ground_p_speed_m_s"].default)
     path: GroundPath = field(static=True, default="head")
 
 
@@ -124,12 +128,12 @@ class VehicleSpec(Module):
     """
 
     model: str = field(static=True)
-    position: Float[Array, "3"] = number()
+    position: Float[Array, "3"] = field(converter=as_float_array)
     target: Float[Array, "3"] | None = None
     velocity: Float[Array, "3"] = field(
         converter=as_float_array, default_factory=lambda: np.zeros(3)
     )
-    yaw: Float[Array, ""] = number(0.0)
+    yaw: Scalar = number(default=0.0)
     integral: bool | None = field(static=True, default=None)
     gains: dict[str, Float[Array, "..."]] = field(default_factory=dict)
     mission: str | None = field(static=True, default=None)
@@ -179,9 +183,9 @@ class Scene(Module):
     law: tuple[tuple[str, str], ...] = field(static=True, default=())
     scatter: bool = field(static=True, default=True)
     instant_light: bool = field(static=True, default=False)
-    sedov_gamma: Float[Array, ""] = number(PARAMETERS["sedov_gamma"].default)
+    sedov_gamma: Scalar = number(default=PARAMETERS["sedov_gamma"].default)
     # None differs from a number: a fit can free it only if it is given.
-    fireball_growth: Float[Array, ""] | None = number(None)
+    fireball_growth: Scalar | None = number(default=None)
 
     @property
     def charge(self) -> Charge:

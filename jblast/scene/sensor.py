@@ -16,6 +16,7 @@ from jblast.types import (
     Array,
     Described,
     Module,
+    Scalar,
     as_float_array,
     field,
     jax_is_loaded,
@@ -72,16 +73,16 @@ class Imu(Module):
     """
 
     rate: float = field(static=True, converter=float, default=1000.0)
-    accelerometer_range: Float[Array, ""] = number(24 * STANDARD_GRAVITY)
-    gyroscope_range: Float[Array, ""] = number(math.radians(2000))
-    accelerometer_noise: Float[Array, ""] = number(160e-6 * STANDARD_GRAVITY)
-    gyroscope_noise: Float[Array, ""] = number(math.radians(0.014))
-    accelerometer_bias: Float[Array, ""] = number(20e-3 * STANDARD_GRAVITY)
-    gyroscope_bias: Float[Array, ""] = number(math.radians(1))
-    accelerometer_walk: Float[Array, ""] = number(
-        20e-3 * STANDARD_GRAVITY / 10 / math.sqrt(1000)
+    accelerometer_range: Scalar = number(default=24 * STANDARD_GRAVITY)
+    gyroscope_range: Scalar = number(default=math.radians(2000))
+    accelerometer_noise: Scalar = number(default=160e-6 * STANDARD_GRAVITY)
+    gyroscope_noise: Scalar = number(default=math.radians(0.014))
+    accelerometer_bias: Scalar = number(default=20e-3 * STANDARD_GRAVITY)
+    gyroscope_bias: Scalar = number(default=math.radians(1))
+    accelerometer_walk: Scalar = number(
+        default=20e-3 * STANDARD_GRAVITY / 10 / math.sqrt(1000)
     )
-    gyroscope_walk: Float[Array, ""] = number(math.radians(1) / 10 / math.sqrt(1000))
+    gyroscope_walk: Scalar = number(default=math.radians(1) / 10 / math.sqrt(1000))
     bits: int | None = field(static=True, default=16)
 
     def sample_noise(self) -> Float[Array, "2"]:
@@ -117,14 +118,14 @@ class Instrument(Module):
     """
 
     rate: float = field(static=True, converter=float, default=RATE_HZ)
-    full_scale: Float[Array, ""] | None = number(None)
-    noise: Float[Array, ""] | None = number(None)
+    full_scale: Scalar | None = number(default=None)
+    noise: Scalar | None = number(default=None)
     bits: int | None = field(static=True, default=None)
-    high_pass: Float[Array, ""] | None = number(None)
-    low_pass: Float[Array, ""] | None = number(None)
+    high_pass: Scalar | None = number(default=None)
+    low_pass: Scalar | None = number(default=None)
     saturation: Saturation = field(static=True, default="clip")
-    noise_slope: Float[Array, ""] | None = number(None)
-    wind_noise: Float[Array, ""] | None = number(None)
+    noise_slope: Scalar | None = number(default=None)
+    wind_noise: Scalar | None = number(default=None)
 
     def __check_init__(self) -> None:
         rate, bits = self.rate, self.bits
@@ -171,7 +172,7 @@ class Sensor(Described):
     name: str = field(static=True)
     position_m: Float[Array, "3"] = field(converter=_vector)
     kind: str = field(static=True, default="")
-    clock_offset_s: Float[Array, ""] = number(0.0)
+    clock_offset_s: Scalar = number(default=0.0)
     records: tuple[tuple[str, float], ...] = field(static=True, default=())
     times_s: tuple[float, ...] = field(static=True, default=())
     instrument: Instrument | None = None
@@ -209,4 +210,4 @@ class Clock(Described):
     """
 
     name: str = field(static=True)
-    offset_s: Float[Array, ""] = number(0.0)
+    offset_s: Scalar = number(default=0.0)

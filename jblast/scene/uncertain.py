@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +31,7 @@ from jblast.types import (
     Array,
     ArrayLike,
     Module,
+    Scalar,
     as_float_array,
     field,
     is_traced,
@@ -110,7 +111,7 @@ def draw_scene(key: "PRNGKeyArray", uncertain: UncertainScene) -> Scene:
     # At least one key, as `split` into none is an error; strict=False for that case.
     keys = jax.random.split(key, max(len(beliefs), 1))
     pairs = zip(beliefs.items(), keys, strict=False)
-    drawn = {name: draw(one, belief) for (name, belief), one in pairs}
+    drawn = {name: draw(one, cast(Prior, belief)) for (name, belief), one in pairs}
     return with_values(uncertain.scene, drawn)
 
 
@@ -321,24 +322,24 @@ class Prior(Module):
 class Normal(Prior):
     """Normal about `mean` with standard deviation `sd`."""
 
-    mean: Float[Array, ""] = number()
-    sd: Float[Array, ""] = number()
+    mean: Scalar = number()
+    sd: Scalar = number()
 
 
 class LogNormal(Prior):
     """Normal in ln about `median`, with standard deviation ln `factor`."""
 
     in_ln: ClassVar[bool] = True
-    median: Float[Array, ""] = number()
-    factor: Float[Array, ""] = number()
+    median: Scalar = number()
+    factor: Scalar = number()
 
 
 class Uniform(Prior):
     """Uniform from `lo` to `hi`."""
 
     of_interval: ClassVar[bool] = True
-    lo: Float[Array, ""] = number()
-    hi: Float[Array, ""] = number()
+    lo: Scalar = number()
+    hi: Scalar = number()
 
 
 class LogUniform(Prior):
@@ -346,8 +347,8 @@ class LogUniform(Prior):
 
     in_ln: ClassVar[bool] = True
     of_interval: ClassVar[bool] = True
-    lo: Float[Array, ""] = number()
-    hi: Float[Array, ""] = number()
+    lo: Scalar = number()
+    hi: Scalar = number()
 
 
 PRIORS = {

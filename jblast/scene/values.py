@@ -141,7 +141,7 @@ class Numbers:
         one = Number(self.bounds)
         if self.repeated and not isinstance(value, list):
             return np.full(self.form.count(",") + 1, one.read(value, where))
-        numbers = [
+        numbers: list[Any] = [
             None if item == self.word else one.read(item, f"{where}[{i}]")
             for i, item in enumerate(listed(value, self.form, where))
         ]

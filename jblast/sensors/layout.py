@@ -105,7 +105,7 @@ class Layout(eqx.Module):
 def _column_rows(column: Any, rows: Int[np.ndarray, " kept"]) -> Any:
     """Return rows of a column; by NumPy if it is concrete, so that nothing compiles."""
     if isinstance(column, tuple):
-        return tuple(column[row] for row in rows)
+        return tuple(column[row] for row in rows if column)
     # a gather in the program; concrete columns are indexed by NumPy instead
     if isinstance(column, Tracer):
         return column[rows]

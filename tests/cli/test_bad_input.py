@@ -32,7 +32,7 @@ SCENES = table("""
 [charge] / mass_kg = { uniform = [3, 1] } => mass_kg | lo < hi | [3, 1]
 [law] / air_arrival_s = "kingery" => kingery_bulmash
 [[charge]] / name = "x" / [[charge]] / name = "y" => shot | 'x', 'y' | got nothing
-[camera] => [camera] position_m | got nothing
+[camera] => [camera] position_m | got neither
 [vehicle] => [vehicle] model | got nothing
 [world] / count = 0 => [world] count | got 0
 [law] / positive_duration_s = "ford_2020" => _duration_s | did you mean ford_2021

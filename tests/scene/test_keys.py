@@ -1,5 +1,7 @@
 """Every key of the table: good values are read, others refused by file and key."""
 
+from typing import Any
+
 import pytest
 from jsonschema import Draft202012Validator
 
@@ -107,7 +109,7 @@ def within(bounds):
     return next(x for x in (1.5, 0.5, 45.0, 300.0, 1e5) if bounds.allows(x))
 
 
-def good(value):
+def good(value) -> Any:
     """Return a value that is accepted by a kind of value."""
     match value:
         case values.Number(sampled=True):
@@ -223,7 +225,7 @@ def test_a_number_may_be_free_or_have_a_prior(case):
     for i, row in enumerate(case.key.value.rows):
         middle = within(row.bounds)
         for belief in ("free", {"normal": [middle, middle / 10]}):
-            value = good(case.key.value)
+            value: Any = good(case.key.value)
             value = (
                 [*value[:i], belief, *value[i + 1 :]]
                 if row.key.index is not None

@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,16 +90,16 @@ CAMERA = "[camera]\nwidth = 346\nheight = 260\nfocal_px = 300\n"
 PLACED = CAMERA + "position_m = [0, -50, 2]\n"
 
 
-def read(text):
+def read(text) -> Any:
     return scene_from_document(tomllib.loads(text), "there/s.toml")
 
 
-def world(**keys):
+def world(**keys) -> Any:
     document = {"world": keys} | tomllib.loads(VEHICLE)
     return world_from_document(document, "s.toml")[1]
 
 
-def sensor(text):
+def sensor(text) -> Any:
     (one,) = read(f"{VEHICLE}[[sensor]]\nname = 'a'\n{text}").scene.sensors
     return one
 
@@ -196,7 +197,7 @@ def test_an_imu_on_a_vehicle_has_all_of_its_keys():
     keys = zip(keys_of_imu(), numbers, strict=True)
     text = "kind = 'imu'\nmount = 'vehicle'\nbits = 'float'\n"
     one = sensor(text + "".join(f"{key} = {value}\n" for key, value in keys))
-    assert one.imu == Imu(*numbers, None)
+    assert one.imu == Imu(*numbers, bits=None)
     assert sensor("kind = 'imu'\nmount = 'vehicle'").imu is None
     assert sensor("kind = 'imu'\nmount = 'vehicle'\nrate_hz = 500").imu == Imu(rate=500)
 
@@ -263,11 +264,11 @@ def test_a_vehicle_holds_its_position_or_flies_a_mission_from_its_home():
     control = {"integral": False, "target_m": [10, 0, 3], "yaw_rad": 0.5} | gains
     entry = {"model": "iris", "position_m": [1, 2, 3], "velocity_m_s": [1, 0, -0.5]}
     document = {"vehicle": entry | {"control": control}}
-    spec = scene_from_document(document, "s.toml").scene.vehicle
+    spec: Any = scene_from_document(document, "s.toml").scene.vehicle
     assert (spec.integral, spec.target.tolist(), spec.yaw) == (False, [10, 0, 3], 0.5)
     assert spec.velocity.tolist() == [1, 0, -0.5]
     assert {name: gain.tolist() for name, gain in spec.gains.items()} == gains
-    assert float(hold_of(spec, integral=True).gains.motor_lead) == 2
+    assert hold_of(spec, integral=True).gains.motor_lead == 2
     spec = read("[vehicle]\nmodel = 'iris'\nmission = 'plans/a.plan'").scene.vehicle
     assert (spec.mission, spec.placed) == ("there/plans/a.plan", False)
     spec = read(f"{VEHICLE}mission = 'a.plan'").scene.vehicle
@@ -353,7 +354,7 @@ def test_what_no_scene_has_is_refused_by_file_key_expectation_and_find(line, tmp
     )
     blocks = {"V": VEHICLE, "C": CAMERA, "P": placed}
     path = tmp_path / "s.toml"
-    path.write_text("\n".join(blocks.get(part, part) for part in text.split(";")))
+    path.write_text("\n".join(blocks.get(part) or part for part in text.split(";")))
     with pytest.raises(InputError) as caught:
         read_scene(path)
     message = str(caught.value)

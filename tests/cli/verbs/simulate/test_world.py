@@ -167,7 +167,10 @@ def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
         (("[world]", "[air]"), "[world]: expected a table of random blasts, got none"),
         (("count = 1", "count = 0"), "[world] count: expected a whole number, 1 to"),
         (("count = 1", "rate_hz = -1"), "[world] rate_hz: expected a number that is p"),
-        (("[-10, -10, 0]", "[10, -10, 0]"), "region_m box: expected a region with an"),
+        (
+            ("[-10, -10, 0]", "[10, -10, 0]"),
+            "region_m box: expected a box with an area",
+        ),
         (("count = 1", "count = 9"), "count: expected at most 1, which fit between"),
         (("position_m = [40, 0, 1.5]", 'mount = "vehicle"'), "mount: expected a [vehi"),
     ],

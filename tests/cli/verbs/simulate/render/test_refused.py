@@ -23,7 +23,7 @@ focal_px = 24 -> focal_px = nan =>\
 frames_hz = 500 -> frames_hz = 0 => [camera] frames_hz: expected a number that is
 width = 24 ->  => [camera] width: expected a whole number
 mass_kg = 15.0 -> mass_kg = "free" =>\
- charge_mass_kg: | free and cannot be drawn
+ charge_mass_kg: expected a value or a prior, got a number that is free
 mass_kg = 15.0 ->  => charge_mass_kg: expected a value or a prior
 position_m = [0, 0, 1] -> range_m = 5.0 => [charge] range_m: expected position_m
 [0, -40, 2] -> [0, -40, -2] => position on or above the ground, up = 0, got up = -2 m
