@@ -11,7 +11,7 @@ so a law is called with the attributes of a path.
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from jblast.errors import InputError, nearest, shown
@@ -201,14 +201,26 @@ def names() -> tuple[str, ...]:
 def call(function: Callable[..., Any], path: Any) -> Any:
     """Call a law (or its `valid` or `scatter`) with the attributes of a path.
 
-    Without a single curve set for the path, the height of burst selects it per
-    position.
+    Without a burst a law that depends on it is the mean of its curves for free air and
+    for the surface with the weight `path.free_air`, and valid where that is 0 or 1.
     """
     # Laws are called by the names of their arguments, as each has another set.
     names = inspect.signature(function).parameters
     if "burst" in names and path.burst is None:
-        return path.by_height(lambda way: call(function, way))
+        low, free = (
+            call(function, replace(path, burst=burst))
+            for burst in ("surface", "free-air")
+        )
+        return _between(low, free, path.free_air)
     return function(*(getattr(path, name) for name in names))
+
+
+def _between(low: Any, free: Any, weight: Any) -> Any:
+    if isinstance(low, tuple):
+        return tuple(_between(*both, weight) for both in zip(low, free, strict=True))
+    if getattr(low, "dtype", type(low)) == bool:
+        return ((weight >= 1.0) & free) | ((weight <= 0.0) & low)
+    return weight * free + (1.0 - weight) * low
 
 
 def total_scatter(law: Law, path: Any) -> Any:

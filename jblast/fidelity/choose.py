@@ -191,7 +191,7 @@ def _of_heights(
             continue
         path = tnt_path(scene, replace(charge, burst=None), quantity, position)
         height = float(scaled_height(scene, charge))
-        free = np.asarray(path.free_air)
+        free = np.asarray(path.free_air) >= 1.0
         notes += burst_notes(charge, (height, height), free, "sensor")
     left = {path.burst for path in by_curves(by_height)} if by_height else set()
     return tuple(burst for burst in BURSTS if burst in left), tuple(notes)
@@ -396,14 +396,14 @@ def by_curves(paths: Sequence[Path]) -> list[Path]:
     """
     first, more = [], []
     for path in paths:
-        if path.free_air is None:
+        if path.burst is not None:
             first.append(path)
             continue
-        free = np.asarray(path.free_air)
+        free = np.asarray(path.free_air) >= 1.0
         one = "free-air" if free.all() else "surface"
-        first.append(replace(path, burst=one, free_air=None))
+        first.append(replace(path, burst=one))
         if free.any() and not free.all():
-            more.append(replace(path, burst="free-air", free_air=None))
+            more.append(replace(path, burst="free-air"))
     return first + more
 
 

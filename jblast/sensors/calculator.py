@@ -37,7 +37,7 @@ from jblast.scene.charge import Burst
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
 from jblast.types import as_float_array
-from jblast.waves.height_of_burst import bursts_in_free_air
+from jblast.waves.height_of_burst import free_air_weight
 from jblast.waves.paths import Path
 from jblast.waves.waveform import friedlander_decay
 
@@ -144,9 +144,9 @@ def with_rows(
         charge_mass: TNT-equivalent masses [kg].
     """
     free_air = path.free_air
-    if free_air is not None:
+    if path.burst is None:
         ranges = jnp.asarray(slant_range)
-        free_air = bursts_in_free_air(
+        free_air = free_air_weight(
             ranges,
             charge_mass,
             path.height_of_burst,
@@ -188,7 +188,7 @@ def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     # with no curve set stated, the path chooses one for each row by its height
     scene = replace(question.scene, charges=(replace(charge, burst=None),))
     rows = path_of_rows(replace(question, scene=scene))
-    return np.asarray(rows.free_air)
+    return np.asarray(rows.free_air) >= 1.0
 
 
 def with_burst(question: Question) -> Question:
@@ -553,7 +553,7 @@ def choices_at(question: Question, quantities: Iterable[str]) -> "dict[str, Choi
         if factor not in by_factor:
             path = path_of_rows(question, quantity)
             if path.burst is None:
-                burst = "free-air" if bool(np.asarray(path.free_air)[0]) else "surface"
+                burst = "free-air" if float(np.asarray(path.free_air)[0]) >= 1.0 else "surface"
                 path = path.at_burst(burst)
             by_factor[factor] = path
         paths[quantity] = by_factor[factor]

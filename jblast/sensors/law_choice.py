@@ -158,7 +158,7 @@ def _conditions(
     }
     for charge, shot, burst in _charges(scene):
         # one burst per call: the errors of laws are tabulated by curve set
-        path = replace(path_to(scene, layout, charge), burst=burst, free_air=None)
+        path = replace(path_to(scene, layout, charge), burst=burst)
         for quantity, found in conditions.items():
             rows = _rows(layout, quantity, shot, charge, burst)
             to_rows = replace(
@@ -243,7 +243,7 @@ def free_rows(scene: Scene, layout: Layout, charge: Charge) -> Bool[np.ndarray, 
         return np.zeros(len(layout.quantity), bool)
     undecided = replace(charge, burst=None, by_height=False)
     path = path_to(scene, replace(layout, free_air=()), undecided)
-    return np.asarray(path.free_air)
+    return np.asarray(path.free_air) >= 1.0
 
 
 def height_notes(scene: Scene, layout: Layout, shot: int) -> list[str]:

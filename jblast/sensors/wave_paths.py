@@ -345,7 +345,7 @@ def is_there(
     if charge.burst is None:
         seen, _ = as_seen(scene, position, shot, "air")
         path = path_to(seen, rows_of_place(position, ("peak_overpressure_pa",)))
-        above = above & jnp.asarray(path.free_air)[0]
+        above = above & (jnp.asarray(path.free_air)[0] >= 1.0)
     return above & ~charge.never
 
 

@@ -117,7 +117,7 @@ def free_air_at(scene: Scene, charge: Charge, place: Array) -> Bool[Array, " pla
     nothing = jnp.full(len(place), jnp.nan)
     any_burst = replace(charge, burst=None)
     free_air = path_between(scene, any_burst, place, nothing, nothing).free_air
-    return jnp.zeros(len(place), bool) if free_air is None else free_air
+    return free_air >= 1.0
 
 
 def _burst(charge: Charge, scene: Scene) -> Burst:

@@ -3,25 +3,29 @@
 A law's arguments have one name, unit and meaning wherever they occur, so one table
 (`ARGUMENTS`) checks them all. Outside `jit` a law raises for values that no scene can
 have. Inside `jit` it cannot raise: a negative number in place of a positive one becomes
-NaN, and so does the result. Zero remains zero there and gives the limit. Outside `jit`
-a law is compiled as a whole, once for each shape, which is many times as fast as
-separate operations, both in compilation and in each call.
+NaN, and so does the result. Zero remains zero there and gives the limit.
+
+Numbers and NumPy arrays are evaluated by NumPy. For arrays of JAX outside `jit` a law
+is compiled as a whole, once for each shape, which is many times as fast as separate
+operations, both in compilation and in each call.
 """
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Float
 
+from jblast.errors import require
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
+from jblast.types import ArrayLike, is_traced, namespace
+from jblast.waves.tables import Numbers
 
+Number = Float[ArrayLike, "..."]
+"""A number, or an array of NumPy or of JAX."""
 NOT_NEGATIVE = Bounds(at_least=0.0)
 
 P = ParamSpec("P")
@@ -44,27 +48,29 @@ class Argument:
     bounds: Bounds = UNBOUNDED
     open: bool = False
 
-    def fault(self, values: Float[np.ndarray, "..."]) -> str:
-        """Return the fault of values, in words; empty if there is none."""
+    def fault(self, values: Float[np.ndarray, "..."]) -> tuple[str, str] | None:
+        """Return the expected and the first bad value, in words; None if all are good."""
         for bad, expected in (
             (~(self.bounds.allows(values) | np.isnan(values)), self.bounds.words()),
             (np.isnan(values) & (not self.open), "a number"),
-            (np.isinf(values) & (not self.open), "finite"),
+            (np.isinf(values) & (not self.open), "a finite number"),
         ):
             if bad.any():
                 unit = "" if self.unit == "1" else f" {self.unit}"
-                return f"must be {expected}, got {values[bad][0]:g}{unit}"
-        return ""
+                return expected, f"{values[bad][0]:g}{unit}"
+        return None
 
     def or_nan(self, values: Any) -> Any:
-        """Return traced values; NaN for negative ones that must be positive.
+        """Return traced values; NaN for those beyond a bound.
 
         Open arguments keep theirs, since NaN there means that no value is given.
         """
-        if self.bounds.above != 0.0 or self.open:
+        low, high = max(self.bounds.above, self.bounds.at_least), self.bounds.at_most
+        if self.open or (low, high) == (-np.inf, np.inf):
             return values
         # On the input, not on the result: its slope is then 1 where values are good.
-        return jnp.where(values < 0.0, jnp.nan, values)
+        beyond = (values < low) | (values > high)
+        return namespace(values).where(beyond, np.nan, values)
 
 
 def _positive(unit: str, low: float, high: float, *, open: bool = False) -> Argument:
@@ -115,57 +121,56 @@ WORDS = ("burst", "ground_path", "quantity")
 """Arguments that are not numbers."""
 
 
-def checked(law: Callable[P, R]) -> Callable[P, R]:
-    """Make a law raise for arguments that no scene can have, and compile it.
+def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]:
+    """Make a law raise for arguments that no scene can have, and compile it for JAX.
+
+    Args:
+        law: Function of numbers; its arguments are named as in `ARGUMENTS` and `WORDS`.
+        absent: Arguments with a default on which the law does not depend.
 
     Raises:
-        ValueError: An argument lies outside the bounds of `ARGUMENTS`, the burst is
+        InputError: An argument lies outside the bounds of `ARGUMENTS`, the burst is
             unknown, or shapes do not broadcast; the message names the argument, what
             was expected and what was found.
     """
-    signature = inspect.signature(law)
-    words = [name for name in signature.parameters if name in WORDS]
-    compiled = jax.jit(law, static_argnames=words)
+    full = inspect.signature(law).parameters.values()
+    signature = inspect.Signature([p for p in full if p.name not in absent])
+
+    @functools.cache
+    def compiled() -> Callable[..., R]:
+        import jax
+
+        words = [name for name in signature.parameters if name in WORDS]
+        return jax.jit(law, static_argnames=words)
 
     @functools.wraps(law)
     def checking(*args: P.args, **kwargs: P.kwargs) -> R:
-        bound = signature.bind(*args, **kwargs)
-        given = bound.arguments
-        for name, value in list(given.items()):
+        given = signature.bind(*args, **kwargs).arguments
+        xp = namespace(*given.values())
+        traced = False
+        for name, value in given.items():
             if name == "burst":
-                if value not in ("surface", "free-air"):
-                    raise ValueError(
-                        f"burst must be 'surface' or 'free-air', got {value!r}"
-                    )
-            elif name in ARGUMENTS and isinstance(value, Tracer):
-                given[name] = ARGUMENTS[name].or_nan(value)
+                known = value in ("surface", "free-air")
+                require(known, "burst", "'surface' or 'free-air'", value)
+            elif name in ARGUMENTS and is_traced(value):
+                traced, given[name] = True, ARGUMENTS[name].or_nan(value)
             elif name in ARGUMENTS:
-                _check(name, np.atleast_1d(np.asarray(value, float)))
-        traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given))
-        try:
-            if traced:
-                return law(*bound.args, **bound.kwargs)
-            return compiled(*args, **kwargs)
-        except (TypeError, ValueError) as error:
-            if fault := _shape_fault(given):
-                raise ValueError(f"{law.__name__}: {fault}") from error
-            raise
+                numbers = np.asarray(value, float)
+                fault = ARGUMENTS[name].fault(np.atleast_1d(numbers))
+                require(not fault, name, *(fault or ("",)))
+                given[name] = numbers if xp is np else value
+        _check_shapes(law.__name__, given)
+        return (law if xp is np or traced else compiled())(**given)
 
+    checking.__signature__ = signature  # type: ignore[attr-defined]
     return checking
 
 
-def _shape_fault(given: Mapping[str, Any]) -> str:
-    """Return the shapes that do not broadcast, in words; empty if all do."""
+def _check_shapes(law: str, given: dict[str, Any]) -> None:
     shapes = {name: np.shape(x) for name, x in given.items() if name in ARGUMENTS}
     try:
         np.broadcast_shapes(*shapes.values())
     except ValueError:
         shaped = [f"{name} {shape}" for name, shape in shapes.items() if shape]
-        return f"expected one shape, or single numbers, got {', '.join(shaped)}"
-    return ""
-
-
-def _check(name: str, values: Float[np.ndarray, "..."]) -> None:
-    fault = ARGUMENTS[name].fault(values)
-    if fault:
-        raise ValueError(f"{name} {fault}")
+        one = "one shape, or single numbers"
+        require(False, law, one, ", ".join(shaped))

@@ -45,13 +45,12 @@ soot.
 
 import math
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
 
 from jblast.constants import STANDARD_GRAVITY, STANDARD_TEMPERATURE
-from jblast.types import as_float_array, as_float_arrays
+from jblast.types import Module, namespace
+from jblast.waves.arguments import Number
+from jblast.waves.tables import Numbers
 
 # Within 6 % of Rakaczky (1975), W^0.325, from 1 kg to 100 t.
 LARGEST_RADIUS = 1.81
@@ -84,7 +83,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 """Gauss-Legendre nodes and weights of the integral over the drift."""
 
 
-class Fireball(eqx.Module):
+class Fireball(Module):
     """Visible state of a fireball at a time.
 
     Attributes:
@@ -96,36 +95,36 @@ class Fireball(eqx.Module):
             centre as 1 - (r/radius)^2.
     """
 
-    radius: Float[Array, "..."]
-    rise: Float[Array, "..."]
-    drift_time: Float[Array, "..."]
-    temperature: Float[Array, "..."]
-    optical_depth: Float[Array, "..."]
+    radius: Numbers
+    rise: Numbers
+    drift_time: Numbers
+    temperature: Numbers
+    optical_depth: Numbers
 
 
-def fireball_growth_time(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def fireball_growth_time(charge_mass: Number) -> Numbers:
     r"""Return the time constant $\tau$ of the expansion [s], good to a factor of two.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
     """
-    return GROWTH_TIME * jnp.cbrt(as_float_array(charge_mass))
+    return GROWTH_TIME * namespace(charge_mass).cbrt(charge_mass)
 
 
-def fireball_duration(charge_mass: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def fireball_duration(charge_mass: Number) -> Numbers:
     """Return the duration of the visible glow [s]: Rakaczky (1975), from memory.
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
     """
-    return 0.258 * as_float_array(charge_mass) ** 0.349
+    return 0.258 * charge_mass**0.349
 
 
 def fireball_radius(
-    charge_mass: Float[ArrayLike, "..."],
-    time: Float[ArrayLike, "..."],
-    growth_time: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    charge_mass: Number,
+    time: Number,
+    growth_time: Number,
+) -> Numbers:
     r"""Return the radius of the luminous fireball, without entrained air [m].
 
     Args:
@@ -133,17 +132,17 @@ def fireball_radius(
         time: Time since detonation [s]; the radius is zero before it.
         growth_time: Time constant $\tau$ of the expansion [s], positive.
     """
-    mass, time, growth = as_float_arrays(charge_mass, time, growth_time)
-    largest = LARGEST_RADIUS * jnp.cbrt(mass)
+    xp = namespace(charge_mass, time, growth_time)
+    largest = LARGEST_RADIUS * xp.cbrt(charge_mass)
     # expm1 keeps all digits shortly after detonation
-    return -largest * jnp.expm1(-jnp.maximum(time, 0.0) / growth)
+    return -largest * xp.expm1(-xp.maximum(time, 0.0) / growth_time)
 
 
 def fireball_rise(
-    charge_mass: Float[ArrayLike, "..."],
-    time: Float[ArrayLike, "..."],
-    air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
-) -> Float[Array, "..."]:
+    charge_mass: Number,
+    time: Number,
+    air_temperature: Number = STANDARD_TEMPERATURE,
+) -> Numbers:
     """Return the rise of the centre of the fireball above the burst [m].
 
     Args:
@@ -151,22 +150,24 @@ def fireball_rise(
         time: Time since detonation [s]; no rise before it.
         air_temperature: Temperature of the ambient air [K], below 2200.
     """
-    mass, time, air = as_float_arrays(charge_mass, time, air_temperature)
-    lightness = air / HOTTEST  # densities at one pressure
+    xp = namespace(charge_mass, time, air_temperature)
+    lightness = air_temperature / HOTTEST  # densities at one pressure
     start = STANDARD_GRAVITY * (1.0 - lightness) / (lightness + 0.5)
-    final = 2.0 / 3.0 * jnp.sqrt(STANDARD_GRAVITY * LARGEST_RADIUS * jnp.cbrt(mass))
-    x = jnp.maximum(time, 0.0) * start / final
+    final = 2.0 / 3.0 * xp.sqrt(
+        STANDARD_GRAVITY * LARGEST_RADIUS * xp.cbrt(charge_mass)
+    )
+    x = xp.maximum(time, 0.0) * start / final
     # ln cosh x: exact near zero, without overflow far from it
-    near = jnp.log1p(2.0 * jnp.square(jnp.sinh(0.5 * jnp.minimum(x, 1.0))))
-    far = x + jnp.log1p(jnp.exp(-2.0 * x)) - math.log(2.0)
-    return final**2 / start * jnp.where(x < 1.0, near, far)
+    near = xp.log1p(2.0 * xp.square(xp.sinh(0.5 * xp.minimum(x, 1.0))))
+    far = x + xp.log1p(xp.exp(-2.0 * x)) - math.log(2.0)
+    return final**2 / start * xp.where(x < 1.0, near, far)
 
 
 def smoke_drift_time(
-    charge_mass: Float[ArrayLike, "..."],
-    time: Float[ArrayLike, "..."],
-    air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
-) -> Float[Array, "..."]:
+    charge_mass: Number,
+    time: Number,
+    air_temperature: Number = STANDARD_TEMPERATURE,
+) -> Numbers:
     r"""Return the drift of the centre of the fireball over the wind speed [s].
 
     It is $\int_0^t (1 - f)\,dt'$, by Gauss-Legendre quadrature in $\sqrt{t'/t}$. Value
@@ -177,13 +178,14 @@ def smoke_drift_time(
         time: Time since detonation [s]; no drift before it.
         air_temperature: Temperature of the ambient air [K], below 2200.
     """
-    mass, time, air = as_float_arrays(charge_mass, time, air_temperature)
-    since = jnp.maximum(time, 0.0)
+    xp = namespace(charge_mass, time, air_temperature)
+    mass, air = charge_mass, air_temperature
+    since = xp.maximum(time, 0.0)
     lightness = air / HOTTEST
-    total = jnp.zeros_like(since * mass * air)
+    total = xp.zeros_like(since * mass * air)
     for node, weight in zip(0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS, strict=True):
         widened = ENTRAINMENT * fireball_rise(mass, since * float(node) ** 2, air)
-        part = widened / (LARGEST_RADIUS * jnp.cbrt(mass))
+        part = widened / (LARGEST_RADIUS * xp.cbrt(mass))
         gained = 1.5 * part * (3.0 + part * (3.0 + part))  # 3/2 (V - V0) / V0
         followed = gained / (lightness + 0.5 + gained)
         total = total + 2.0 * float(node * weight) * followed
@@ -191,10 +193,10 @@ def smoke_drift_time(
 
 
 def fireball(
-    charge_mass: Float[ArrayLike, "..."],
-    time: Float[ArrayLike, "..."],
-    air_temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
-    growth_time: Float[ArrayLike, "..."] | None = None,
+    charge_mass: Number,
+    time: Number,
+    air_temperature: Number = STANDARD_TEMPERATURE,
+    growth_time: Number | None = None,
 ) -> Fireball:
     r"""Return the fireball of a charge at a time, with zero size before detonation.
 
@@ -207,20 +209,21 @@ def fireball(
     """
     if growth_time is None:
         growth_time = fireball_growth_time(charge_mass)
-    mass, time, air = as_float_arrays(charge_mass, time, air_temperature)
+    xp = namespace(charge_mass, time, air_temperature)
+    mass, air = charge_mass, air_temperature
     begun = time > 0.0
     rise = fireball_rise(mass, time, air)
     expansion = fireball_radius(mass, time, growth_time)
     radius = expansion + ENTRAINMENT * rise
-    cooled = jnp.log((HOTTEST - air) / (DRAPER_POINT - air))
-    part = jnp.maximum(time, 0.0) / fireball_duration(mass)
+    cooled = xp.log((HOTTEST - air) / (DRAPER_POINT - air))
+    part = xp.maximum(time, 0.0) / fireball_duration(mass)
     soot = SOOT_EXTINCTION * SOOT_YIELD * mass
     # 1 before detonation: a guard of the division, its result is not used
-    depth = 2.5 / math.pi * soot / jnp.square(jnp.where(begun, radius, 1.0))
+    depth = 2.5 / math.pi * soot / xp.square(xp.where(begun, radius, 1.0))
     return Fireball(
         radius=radius,
         rise=rise,
         drift_time=smoke_drift_time(mass, time, air),
-        temperature=air + (HOTTEST - air) * jnp.exp(-part * cooled),
-        optical_depth=jnp.where(begun, depth, 0.0),
+        temperature=air + (HOTTEST - air) * xp.exp(-part * cooled),
+        optical_depth=xp.where(begun, depth, 0.0),
     )

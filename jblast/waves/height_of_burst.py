@@ -1,4 +1,4 @@
-r"""Choice of the curve set, surface or free-air, by the height of burst.
+r"""Weight of the free-air curves for a charge above the ground.
 
 The free-air curves hold until the reflection from the ground arrives. It comes from the
 image of the charge below the ground, at a distance of
@@ -8,30 +8,44 @@ $$R' = \sqrt{R^2 + 4 h h_s}$$
 for a charge $h$ and a sensor $h_s$ above the ground. Where it arrives after the
 positive phase has ended, peak, impulse and duration are those of free air. This agrees
 with UFC 3-340-02 (from memory), whose free-air burst reaches a position before any
-reflection does. Both times are those of the free-air curves. The reflection travels
-through air that is heated and moved by the incident wave, so it arrives slightly
-earlier than computed. On the ground both waves arrive simultaneously. `burst_notes`
-describes the curves used and any contradiction to the height.
+reflection does. On the ground both waves arrive simultaneously: the surface curves.
+
+With the delay $\tau$ of the reflection behind the front and the duration $t_d$, both by
+the free-air curves, the weight of the free-air curves is
+
+$$w = s\!\left(\frac{\ln(2\tau/t_d)}{\ln 2}\right), \qquad
+  s(x) = 6x^5 - 15x^4 + 10x^3 \text{ from 0 to 1}$$
+
+so it is 1 from $\tau = t_d$ on, 0 up to $\tau = t_d/2$, and smooth between, where a fit
+has to move a height through it. Laws are not valid there: the reflection arrives within
+the positive phase, which neither curve contains. The reflection travels through air
+that is heated and moved by the incident wave, so it arrives slightly earlier than
+computed.
 """
 
-import jax.numpy as jnp
+import math
+
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Bool
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.scene import Charge, Scene
-from jblast.types import as_float_arrays
+from jblast.types import namespace
+from jblast.waves.arguments import Number
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
 from jblast.waves.laws.shock_kinematics import shock_kinematics_arrival_time
 from jblast.waves.propagation import ambient
 from jblast.waves.scaling import sachs_distance_factor
+from jblast.waves.tables import Numbers, smooth_step
+
+# A choice: the contract marks these rows, and a fit needs a slope over a factor of two.
+FIRST_DELAY = 0.5
+"""Delay of the reflection over the duration at which the weight leaves zero [-]."""
 
 
 def image_range(
-    slant_range: Float[ArrayLike, "..."],
-    height_of_burst: Float[ArrayLike, "..."],
-    sensor_height: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    slant_range: Number, height_of_burst: Number, sensor_height: Number
+) -> Numbers:
     r"""Return the distance from the image of the charge, $\sqrt{R^2 + 4 h h_s}$ [m].
 
     Args:
@@ -39,24 +53,25 @@ def image_range(
         height_of_burst: $h$ [m]; negative heights count as zero.
         sensor_height: $h_s$ [m]; negative heights count as zero.
     """
-    r, h, h_s = as_float_arrays(slant_range, height_of_burst, sensor_height)
+    xp = namespace(slant_range, height_of_burst, sensor_height)
     # The image is at -h: R'^2 - R^2 = (h + h_s)^2 - (h - h_s)^2.
-    lifted = 4.0 * jnp.maximum(h, 0.0) * jnp.maximum(h_s, 0.0)
+    lifted = 4.0 * xp.maximum(height_of_burst, 0.0) * xp.maximum(sensor_height, 0.0)
     above = lifted > 0.0
     # R itself on the ground: the root of a square would lose its last digits, and its
     # slope at zero is NaN
-    return jnp.where(above, jnp.sqrt(jnp.where(above, r**2 + lifted, 1.0)), r)
+    image = xp.sqrt(xp.where(above, slant_range**2 + lifted, 1.0))
+    return xp.where(above, image, slant_range)
 
 
-def bursts_in_free_air(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    height_of_burst: Float[ArrayLike, "..."],
-    sensor_height: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-) -> Bool[Array, "..."]:
-    """Return True where the reflection from the ground follows the positive phase.
+def free_air_weight(
+    slant_range: Number,
+    charge_mass: Number,
+    height_of_burst: Number,
+    sensor_height: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+    sound_speed: Number = STANDARD_SOUND_SPEED,
+) -> Numbers:
+    """Return the weight of the free-air curves, 0 to 1.
 
     Args:
         slant_range: Distance from the charge [m].
@@ -66,16 +81,18 @@ def bursts_in_free_air(
         ambient_pressure: $P_0$ [Pa].
         sound_speed: $c_0$ [m/s].
     """
-    r, mass = as_float_arrays(slant_range, charge_mass)
-    far = image_range(r, height_of_burst, sensor_height)
-    good = (r > 0.0) & (mass > 0.0) & (far > r)
+    xp = namespace(slant_range, charge_mass, height_of_burst, sensor_height)
+    far = image_range(slant_range, height_of_burst, sensor_height)
+    good = (slant_range > 0.0) & (charge_mass > 0.0) & (far > slant_range)
     # harmless arguments elsewhere, so that gradients stay finite
-    r, mass = jnp.where(good, r, 1.0), jnp.where(good, mass, 1.0)
-    far = jnp.where(good, far, 2.0)
+    near, mass = xp.where(good, slant_range, 1.0), xp.where(good, charge_mass, 1.0)
+    far = xp.where(good, far, 2.0)
     air = (mass, ambient_pressure, sound_speed, "free-air")
     delay = shock_kinematics_arrival_time(far, *air)
-    delay = delay - shock_kinematics_arrival_time(r, *air)
-    return good & (delay >= kingery_bulmash_duration(r, *air))
+    delay = delay - shock_kinematics_arrival_time(near, *air)
+    share = delay / kingery_bulmash_duration(near, *air)
+    weight = smooth_step(xp.log(share), math.log(FIRST_DELAY), 0.0)
+    return xp.where(good, weight, 0.0)
 
 
 def burst_notes(
@@ -137,7 +154,7 @@ def burst_notes(
     return [f"{between}, of which the surface ones were used"]
 
 
-def scaled_height(scene: Scene, charge: Charge) -> Float[Array, ""]:
+def scaled_height(scene: Scene, charge: Charge) -> Numbers:
     """Return the height of burst [m/kg^(1/3)]."""
     _, pressure = ambient(scene.air)
     mass = charge.tnt_mass("peak_overpressure_pa")

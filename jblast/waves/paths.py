@@ -6,19 +6,20 @@ with the effective sound speed along the path, wind included.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+import numpy as np
+from jaxtyping import Bool, Float
 
+from jblast.registry import call, law_for, names_for, total_scatter
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
 from jblast.scene.scene import GroundPath
-from jblast.types import Module, as_float_array, field
-from jblast.waves.height_of_burst import bursts_in_free_air
+from jblast.types import Array, Module, as_float_array, field, namespace
+from jblast.waves.height_of_burst import free_air_weight
 from jblast.waves.propagation import (
     air_density,
     ambient,
@@ -34,17 +35,18 @@ def _optional() -> Any:
 def slant_range(
     source: Float[Array, "... axis"], sensor: Float[Array, "... axis"]
 ) -> Float[Array, "..."]:
-    """Return the straight distance between two positions [m].
+    """Return the straight distance between two positions [m], on the last axis.
 
     Its gradient at distance zero is defined as zero. A NaN position gives NaN.
     """
+    xp = namespace(source, sensor)
     # axis by axis: a reduction over three numbers costs more than the rest of the path
-    squared = jnp.square(sensor[..., 0] - source[..., 0])
+    squared = xp.square(sensor[..., 0] - source[..., 0])
     for axis in range(1, sensor.shape[-1]):
-        squared += jnp.square(sensor[..., axis] - source[..., axis])
+        squared = squared + xp.square(sensor[..., axis] - source[..., axis])
     apart = ~(squared <= 0)  # also where it is NaN
     # the guard is on the input of the root, whose slope at zero is infinite
-    return jnp.where(apart, jnp.sqrt(jnp.where(apart, squared, 1.0)), 0.0)
+    return xp.where(apart, xp.sqrt(xp.where(apart, squared, 1.0)), 0.0)
 
 
 class Path(Module):
@@ -73,9 +75,9 @@ class Path(Module):
         fireball_growth: Time constant of the expansion of the fireball [s]; NaN for
             that of the law.
         camera_focal: Focal length of the camera of the scene [px]; NaN without one.
-        burst: "surface" or "free-air"; None if `free_air` selects the curve set.
-        free_air: True where the reflection from the ground follows the positive phase;
-            None if `burst` is given.
+        burst: "surface" or "free-air"; None for the mean with the weight `free_air`.
+        free_air: Weight of the free-air curves: 1 where the reflection from the ground
+            follows the positive phase, 0 where it is far inside it.
         ground_path: "head" (along the ground) or "thesis" (ground leg, then up).
     """
 
@@ -97,7 +99,7 @@ class Path(Module):
     toward_up: Float[Array, "..."] = _optional()
     fireball_growth: Float[Array, "..."] = _optional()
     camera_focal: Float[Array, "..."] = _optional()
-    free_air: Bool[Array, "..."] | None = None
+    free_air: Float[Array, "..."] = field(converter=as_float_array, default=0.0)
     burst: Burst | None = field(static=True, default="surface")
     ground_path: GroundPath = field(static=True, default="head")
 
@@ -115,18 +117,19 @@ class Path(Module):
 
     def at_burst(self, burst: Burst) -> "Path":
         """Return the same path with one curve set at all positions."""
-        return replace(self, burst=burst, free_air=None)
+        return replace(self, burst=burst)
 
     def by_height(self, answer: Callable[["Path"], Any]) -> Any:
-        """Return a result with the curve set that the height selects at each position.
+        """Return a result by the curves of both bursts, with the weight of each.
 
         Args:
             answer: Function of a path with one burst.
         """
-        # both sets are evaluated, since the selection is by element
-        surface, free_air = (answer(self.at_burst(burst)) for burst in BURSTS)
-        high = False if self.free_air is None else self.free_air
-        return jax.tree.map(lambda f, s: jnp.where(high, f, s), free_air, surface)
+        import jax
+
+        low, free = (answer(self.at_burst(burst)) for burst in BURSTS)
+        weight = self.free_air
+        return jax.tree.map(lambda f, s: weight * f + (1.0 - weight) * s, free, low)
 
 
 def path_between(
@@ -151,49 +154,50 @@ def path_between(
         time_since_detonation: Requested time at each position [s]; NaN for none.
     """
     air = scene.air
-    source = jnp.stack(charge.position_m)[None, :]
-    given = jnp.isfinite(stated_range)
+    xp = namespace(position, stated_range, time_since_detonation, charge.mass_kg)
+    source = xp.stack(charge.position_m)[None, :]
+    given = xp.isfinite(stated_range)
     slant = slant_range(source, position)
     ground = slant_range(source[:, :2], position[:, :2])
     if charge.range_m is not None:
-        slant = ground = jnp.broadcast_to(charge.range_m, slant.shape)
+        slant = ground = xp.broadcast_to(charge.range_m, slant.shape)
     # A NaN of the unused branch would reach the gradient.
-    stated = jnp.where(given, stated_range, 1.0)
+    stated = xp.where(given, stated_range, 1.0)
     temperature, pressure = ambient(air)
     sound_speed = sound_speed_of(air)
     # axis by axis: a matrix product of two columns costs more than its sums
     along = (position[:, 0] - source[:, 0]) * air.wind_east
     along += (position[:, 1] - source[:, 1]) * air.wind_north
-    along /= jnp.where(slant > 0, slant, 1.0)
-    is_placed = ~given if charge.range_m is None else jnp.zeros_like(given)
-    toward = jnp.where(is_placed[:, None], source - position, 0.0)
-    unspecified = jnp.full((), jnp.nan)
+    along /= xp.where(slant > 0, slant, 1.0)
+    is_placed = ~given if charge.range_m is None else xp.zeros_like(given)
+    toward = xp.where(is_placed[:, None], source - position, 0.0)
+    unspecified = xp.full((), xp.nan)
     growth, camera = scene.fireball_growth, scene.camera
     if growth is not None:  # laws read a NaN growth as "not given", so the time is NaN
-        time_since_detonation = jnp.where(
-            jnp.isnan(growth), jnp.nan, time_since_detonation
+        time_since_detonation = xp.where(
+            xp.isnan(growth), xp.nan, time_since_detonation
         )
-    distance = jnp.where(given, stated, slant)
-    sensor_height = jnp.where(is_placed, position[:, 2], 0.0)
-    free_air = None
+    distance = xp.where(given, stated, slant)
+    sensor_height = xp.where(is_placed, position[:, 2], 0.0)
+    free_air = 0.0
     if charge.burst is None:
-        lowest = jnp.maximum(charge.up - distance, 0.0)  # that the range allows
-        free_air = bursts_in_free_air(
+        lowest = xp.maximum(charge.up - distance, 0.0)  # that the range allows
+        free_air = free_air_weight(
             distance,
             charge.tnt_mass("peak_overpressure_pa"),
             charge.up,
-            jnp.where(is_placed, position[:, 2], lowest),
+            xp.where(is_placed, position[:, 2], lowest),
             pressure,
             sound_speed,
         )
     return Path(
         slant_range=distance,
-        ground_range=jnp.where(given, stated, ground),
+        ground_range=xp.where(given, stated, ground),
         charge_mass=charge.mass_kg,
         height_of_burst=charge.up,
         ambient_pressure=pressure,
         sound_speed=effective_sound_speed(
-            sound_speed, jnp.where(is_placed, along, 0.0)
+            sound_speed, xp.where(is_placed, along, 0.0)
         ),
         air_density=air_density(temperature, pressure, air.relative_humidity),
         p_speed=scene.ground.p_speed,
@@ -208,9 +212,61 @@ def path_between(
         fireball_growth=unspecified if growth is None else growth,
         # with two focal lengths a circle becomes an ellipse: the mean keeps its area
         camera_focal=(
-            unspecified if camera is None else jnp.sqrt(jnp.prod(camera.focal))
+            unspecified if camera is None else xp.sqrt(xp.prod(camera.focal))
         ),
         free_air=free_air,
         burst=charge.burst,
         ground_path=scene.ground.path,
+    )
+
+
+class Evaluated(NamedTuple):
+    """All laws of a quantity on a path.
+
+    Attributes:
+        names: Name of each law, in the order of registration.
+        value: Value of each law and row.
+        valid: True where the law is valid.
+        sd: Scatter of real blasts about the law: of `registry.total_scatter`.
+    """
+
+    names: tuple[str, ...]
+    value: Float[Any, "law ..."]
+    valid: Bool[Any, "law ..."]
+    sd: Float[Any, "law ..."]
+
+
+def evaluate(quantity: str, path: Path) -> Evaluated:
+    """Evaluate all laws of a quantity: in NumPy, or as one program of JAX.
+
+    Args:
+        quantity: A quantity with laws.
+        path: Numbers of the path, single or one for each row. If one of them is an
+            array of JAX, the laws are those of JAX.
+    """
+    if namespace(*vars(path).values()) is np:
+        return _evaluated(quantity, path)
+    return _program()(quantity, path)
+
+
+@cache
+def _program() -> Callable[[str, Path], Evaluated]:
+    from jblast.kept_programs import kept  # at the first use: it imports JAX
+
+    return kept(_evaluated)
+
+
+def _evaluated(quantity: str, path: Path) -> Evaluated:
+    laws = [law_for(quantity, name) for name in names_for(quantity)]
+    numbers = [x for x in vars(path).values() if not isinstance(x, str | None)]
+    xp, shape = namespace(*numbers), np.broadcast_shapes(*map(np.shape, numbers))
+
+    def rows(results: Iterable[Any]) -> Any:
+        return xp.stack([xp.broadcast_to(xp.asarray(x), shape) for x in results])
+
+    return Evaluated(
+        tuple(law.name for law in laws),
+        rows(call(law.function, path) for law in laws),
+        rows(call(law.valid, path) for law in laws),
+        rows(total_scatter(law, path) for law in laws),
     )

@@ -28,9 +28,7 @@ by $\ln 2\,f_s\,c\,d/\pi^2$ for an absorption of $c f^2$ (0.3 ms at 5 km and 48 
 
 import math
 
-import jax.numpy as jnp
-from jax import lax
-from jaxtyping import Array, ArrayLike, Complex, Float
+from typing import Any
 
 from jblast.constants import (
     AIR_HEAT_CAPACITY_RATIO,
@@ -39,8 +37,9 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 from jblast.scene.scene import Air
-from jblast.types import as_float_array, as_float_arrays
-from jblast.waves.arguments import checked
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
+from jblast.waves.tables import Numbers
 
 LAPSE_RATE = 0.0065
 """Fall of temperature with height below the tropopause [K/m]. ISO 2533:1975."""
@@ -66,8 +65,8 @@ TAIL_S = 0.25
 
 @checked
 def standard_atmosphere(
-    altitude: Float[ArrayLike, "..."],
-) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    altitude: Number,
+) -> tuple[Numbers, Numbers]:
     r"""Return temperature [K] and pressure [Pa] of the standard atmosphere.
 
     $$T = T_0 - L h, \qquad P = P_0\,(T/T_0)^{g/(R L)}$$
@@ -82,18 +81,18 @@ def standard_atmosphere(
     References:
         ISO 2533:1975.
     """
-    altitude = as_float_array(altitude)
+    xp = namespace(altitude)
     # Capped: from 44 km on the line would be below 0 K, and its power NaN.
-    temperature = STANDARD_TEMPERATURE - LAPSE_RATE * jnp.minimum(altitude, TROPOPAUSE)
+    temperature = STANDARD_TEMPERATURE - LAPSE_RATE * xp.minimum(altitude, TROPOPAUSE)
     troposphere = (temperature / STANDARD_TEMPERATURE) ** (
         HYDROSTATIC_GRADIENT / LAPSE_RATE
     )
-    height_above = jnp.maximum(altitude - TROPOPAUSE, 0.0)
-    stratosphere = jnp.exp(-HYDROSTATIC_GRADIENT * height_above / temperature)
+    height_above = xp.maximum(altitude - TROPOPAUSE, 0.0)
+    stratosphere = xp.exp(-HYDROSTATIC_GRADIENT * height_above / temperature)
     return temperature, STANDARD_PRESSURE * troposphere * stratosphere
 
 
-def saturation_pressure(temperature: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def saturation_pressure(temperature: Number) -> Numbers:
     r"""Return the pressure of water vapour over water [Pa].
 
     $$p_{sat} = P_0\,10^{4.6151 - 6.8346\,(273.16/T)^{1.261}}$$
@@ -104,27 +103,25 @@ def saturation_pressure(temperature: Float[ArrayLike, "..."]) -> Float[Array, ".
     References:
         ISO 9613-1:1993, annex B, read second-hand in two implementations that agree.
     """
-    temperature = as_float_array(temperature)
     exponent = 4.6151 - 6.8346 * (TRIPLE_POINT / temperature) ** 1.261
     return STANDARD_PRESSURE * 10.0**exponent
 
 
 def water_vapour_fraction(
-    temperature: Float[ArrayLike, "..."],
-    pressure: Float[ArrayLike, "..."],
-    relative_humidity: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    temperature: Number,
+    pressure: Number,
+    relative_humidity: Number,
+) -> Numbers:
     r"""Return the mole fraction of water vapour, $x = h\,p_{sat}(T)/P$ [-]."""
-    pressure, relative_humidity = as_float_arrays(pressure, relative_humidity)
     return relative_humidity * saturation_pressure(temperature) / pressure
 
 
 @checked
 def sound_speed_in_air(
-    temperature: Float[ArrayLike, "..."],
-    pressure: Float[ArrayLike, "..."],
-    relative_humidity: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    temperature: Number,
+    pressure: Number,
+    relative_humidity: Number,
+) -> Numbers:
     r"""Return the speed of sound in humid air [m/s].
 
     $$c = \sqrt{\gamma R T},\quad \gamma = \frac{C}{C-1},\quad
@@ -144,22 +141,21 @@ def sound_speed_in_air(
     References:
         Ideal mixture; Cramer (1993), J. Acoust. Soc. Am. 93:2510, to compare.
     """
-    temperature = as_float_array(temperature)
     fraction = water_vapour_fraction(temperature, pressure, relative_humidity)
     dry_heat_capacity = AIR_HEAT_CAPACITY_RATIO / (AIR_HEAT_CAPACITY_RATIO - 1.0)
     heat_capacity = dry_heat_capacity + fraction * (
         WATER_VAPOUR_HEAT_CAPACITY - dry_heat_capacity
     )
     gamma = heat_capacity / (heat_capacity - 1.0)
-    return jnp.sqrt(gamma * _gas_constant(fraction) * temperature)
+    return namespace(gamma).sqrt(gamma * _gas_constant(fraction) * temperature)
 
 
 @checked
 def air_density(
-    temperature: Float[ArrayLike, "..."],
-    pressure: Float[ArrayLike, "..."],
-    relative_humidity: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    temperature: Number,
+    pressure: Number,
+    relative_humidity: Number,
+) -> Numbers:
     r"""Return the density of humid air [kg/m3], $\rho = P/(R T)$.
 
     Lower than CIPM-2007, which includes the compressibility of air, by 0.02 to 0.06 %
@@ -170,7 +166,6 @@ def air_density(
         pressure: Pressure $P$ [Pa].
         relative_humidity: Fraction $h$, 0 to 1.
     """
-    temperature, pressure = as_float_arrays(temperature, pressure)
     fraction = water_vapour_fraction(temperature, pressure, relative_humidity)
     return pressure / (_gas_constant(fraction) * temperature)
 
@@ -182,9 +177,9 @@ def _gas_constant(fraction):
 
 @checked
 def effective_sound_speed(
-    sound_speed: Float[ArrayLike, "..."],
-    wind_along: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    sound_speed: Number,
+    wind_along: Number,
+) -> Numbers:
     r"""Return the speed of sound along a path through wind [m/s].
 
     $$c_{eff} = c_0 + \mathbf{w} \cdot \mathbf{n}$$
@@ -201,18 +196,17 @@ def effective_sound_speed(
         wind_along: Wind's component along the path
             $\mathbf{w} \cdot \mathbf{n}$ [m/s]; negative is a head wind.
     """
-    sound_speed, wind_along = as_float_arrays(sound_speed, wind_along)
     return sound_speed + wind_along
 
 
-def ambient(air: Air) -> tuple[Float[Array, ""], Float[Array, ""]]:
+def ambient(air: Air) -> tuple[Numbers, Numbers]:
     """Return temperature [K] and pressure [Pa], given or from the altitude."""
     if air.altitude is None:
         return air.temperature, air.pressure
     return standard_atmosphere(air.altitude)
 
 
-def sound_speed_of(air: Air) -> Float[Array, ""]:
+def sound_speed_of(air: Air) -> Numbers:
     """Return the speed of sound [m/s], given or from temperature and humidity."""
     if air.sound_speed is not None:
         return air.sound_speed
@@ -221,46 +215,12 @@ def sound_speed_of(air: Air) -> Float[Array, ""]:
 
 
 @checked
-def stokes_absorption(
-    frequency: Float[ArrayLike, "..."],
-    air_density: Float[ArrayLike, "..."],
-    sound_speed: Float[ArrayLike, "..."],
-    temperature: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the absorption by shear viscosity alone [Np/m].
-
-    $$\alpha = \frac{2\,\eta\,\omega^2}{3\,\rho_0 c_0^3}, \qquad
-      \eta = 2.791\times10^{-7}\,T^{0.7355}\ \mathrm{Pa\,s}$$
-
-    One or two orders of magnitude too low at audible frequencies.
-
-    Args:
-        frequency: $f = \omega/2\pi$ [Hz], positive.
-        air_density: $\rho_0$ [kg/m3].
-        sound_speed: $c_0$ [m/s].
-        temperature: $T$ [K].
-
-    References:
-        Parab's thesis, eq. 3.1; its viscosity is read from the public plugin.
-    """
-    frequency, air_density, sound_speed = as_float_arrays(
-        frequency, air_density, sound_speed
-    )
-    return (
-        (2.0 / 3.0)
-        * _shear_viscosity(temperature)
-        * _square_over_cube(frequency, sound_speed)
-        / air_density
-    )
-
-
-@checked
 def iso_9613_absorption(
-    frequency: Float[ArrayLike, "..."],
-    temperature: Float[ArrayLike, "..."],
-    pressure: Float[ArrayLike, "..."],
-    relative_humidity: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    frequency: Number,
+    temperature: Number,
+    pressure: Number,
+    relative_humidity: Number,
+) -> Numbers:
     r"""Return the absorption with the relaxation of oxygen and nitrogen [Np/m].
 
     $$8.686\,\alpha = 8.686\,f^2 \left\{ 1.84\times10^{-11}\,\frac{p_r}{P} \theta^{1/2}
@@ -285,7 +245,7 @@ def iso_9613_absorption(
     References:
         ISO 9613-1:1993, eqs. 3-5, second-hand from two implementations that agree.
     """
-    frequency, temperature, pressure = as_float_arrays(frequency, temperature, pressure)
+    xp = namespace(frequency, temperature, pressure, relative_humidity)
     atmospheres = pressure / STANDARD_PRESSURE
     theta = temperature / REFERENCE_TEMPERATURE
     # The relaxation frequencies of the standard are fits in per cent, not in fractions.
@@ -297,38 +257,24 @@ def iso_9613_absorption(
     nitrogen = (
         atmospheres
         * theta**-0.5
-        * (9.0 + 280.0 * percent * jnp.exp(-4.170 * (theta ** (-1.0 / 3.0) - 1.0)))
+        * (9.0 + 280.0 * percent * xp.exp(-4.170 * (theta ** (-1.0 / 3.0) - 1.0)))
     )
     square = frequency * frequency
     relaxation = theta**-2.5 * (
-        0.01275 * jnp.exp(-2239.1 / temperature) / (oxygen + square / oxygen)
-        + 0.1068 * jnp.exp(-3352.0 / temperature) / (nitrogen + square / nitrogen)
+        0.01275 * xp.exp(-2239.1 / temperature) / (oxygen + square / oxygen)
+        + 0.1068 * xp.exp(-3352.0 / temperature) / (nitrogen + square / nitrogen)
     )
     return square * (1.84e-11 * theta**0.5 / atmospheres + relaxation)
-
-
-def _shear_viscosity(temperature: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Return the dynamic viscosity of air [Pa s] by a power of temperature."""
-    (temperature,) = as_float_arrays(temperature)
-    return 2.791e-7 * temperature**0.7355
-
-
-def _square_over_cube(
-    frequency: Float[Array, "..."], sound_speed: Float[Array, "..."]
-) -> Float[Array, "..."]:
-    r"""Return $\omega^2/c_0^3$ [s/m3]."""
-    omega = 2.0 * math.pi * frequency
-    return omega * omega / sound_speed**3
 
 
 def absorption_transfer(
     count: int,
     rate: float,
-    distance: Float[ArrayLike, ""],
-    temperature: Float[ArrayLike, ""],
-    pressure: Float[ArrayLike, ""],
-    relative_humidity: Float[ArrayLike, ""],
-) -> Complex[Array, " frequency"]:
+    distance: Number,
+    temperature: Number,
+    pressure: Number,
+    relative_humidity: Number,
+) -> Numbers:
     """Return the transfer function at 0, rate / count, ... to half the rate [-].
 
     Args:
@@ -339,15 +285,16 @@ def absorption_transfer(
         pressure: Pressure [Pa].
         relative_humidity: Relative humidity, 0 to 1.
     """
-    distance = as_float_array(distance)
-    frequency = jnp.arange(count // 2 + 1, dtype=distance.dtype) * (rate / count)
+    xp = namespace(distance, temperature, pressure, relative_humidity)
+    distance = xp.asarray(distance)
+    frequency = xp.arange(count // 2 + 1, dtype=distance.dtype) * (rate / count)
     log_gain = -distance * iso_9613_absorption(
         frequency, temperature, pressure, relative_humidity
     )
-    cepstrum = jnp.fft.irfft(log_gain, count)
+    cepstrum = xp.fft.irfft(log_gain, count)
     # A causal filter of least delay has a causal cepstrum: the part at negative times
     # is folded onto the positive ones, which doubles them.
     causal = cepstrum[1 : count // 2]
-    phase = jnp.fft.rfft(jnp.pad(2.0 * causal, (1, count // 2))).imag
-    gain = jnp.exp(log_gain)
-    return lax.complex(gain * jnp.cos(phase), gain * jnp.sin(phase))
+    phase = xp.fft.rfft(xp.pad(2.0 * causal, (1, count // 2))).imag
+    gain = xp.exp(log_gain)
+    return gain * xp.cos(phase) + 1j * (gain * xp.sin(phase))

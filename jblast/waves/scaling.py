@@ -1,10 +1,11 @@
-r"""Scaled distance and Sachs' factors: one curve for every charge and atmosphere.
+r"""Scaled distance, Sachs' factors, and laws that are one curve times a factor.
 
 Hopkinson (1915) and Cranz (1926): at a given ambient air, distance, time and impulse
 grow as $W^{1/3}$ while pressure stays. Sachs (1944, BRL Report 466): in other air the
 overpressure over the ambient pressure $P_0$ depends on $R (P_0/W)^{1/3}$ alone. The
-curves are tabulated for 101325 Pa and 340.29 m/s; evaluate them at $Z = R/S_d$ and
-multiply by the factors below. Temperature enters only through the sound speed.
+curves are those of 1 kg at 101325 Pa and 340.29 m/s. A law evaluates its curve at
+$Z = R/S_d$ and multiplies by the factor of its quantity (`FACTORS`). Temperature enters
+only through the sound speed.
 
 Half of a nuclear yield goes into air blast, the rest into heat and radiation, so a
 charge of mass W blasts like a nuclear yield of 2 W: 1 kt of TNT like 2 kt. The factor
@@ -13,13 +14,14 @@ distance in metres per kt^(1/3).
 """
 
 import math
-
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.types import as_float_array, as_float_arrays
-from jblast.waves.arguments import checked
+from jblast.registry import Law, declared_scatter, register
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
+from jblast.waves.tables import Curve, Numbers
 
 NUCLEAR_YIELD_PER_MASS = 2.0
 """Nuclear yield with the air blast of a TNT charge, over its mass [-]."""
@@ -29,13 +31,19 @@ NUCLEAR_SCALED_METRES = (1e6 / NUCLEAR_YIELD_PER_MASS) ** (1.0 / 3.0)
 
 LOG_NUCLEAR_SCALED_METRES = math.log(NUCLEAR_SCALED_METRES)
 
+Span = tuple[float, float]
+"""First and last valid scaled distance [m/kg^(1/3)]."""
+SD = (0.10, 0.10)
+"""Declared scatter of a shot and a record, where the source states none [ln]."""
+NOWHERE: Span = (math.inf, -math.inf)
+
 
 @checked
 def scaled_distance(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
+    slant_range: Number,
+    charge_mass: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+) -> Numbers:
     r"""Return the scaled distance $Z = R/S_d$ [m/kg^(1/3)].
 
     At standard pressure it is Hopkinson's and Cranz's $Z = R/W^{1/3}$.
@@ -45,66 +53,54 @@ def scaled_distance(
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         ambient_pressure: $P_0$ [Pa], positive.
     """
-    slant_range = as_float_array(slant_range)
     return slant_range / sachs_distance_factor(charge_mass, ambient_pressure)
 
 
 def log_scaled_distance(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    r"""Return $\ln Z = \ln R - \tfrac13 \ln(W/S_p)$, what the curves are evaluated at.
+    slant_range: Number, charge_mass: Number, ambient_pressure: Number
+) -> Numbers:
+    r"""Return $\ln Z = \ln R - \tfrac13 \ln(W/S_p)$, the argument of the curves.
 
     Two logarithms: cheaper than the cube root and its logarithm.
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
     """
-    slant_range, charge_mass = as_float_arrays(slant_range, charge_mass)
-    return jnp.log(slant_range) - (
-        jnp.log(charge_mass / sachs_pressure_factor(ambient_pressure)) / 3.0
-    )
+    xp = namespace(slant_range, charge_mass, ambient_pressure)
+    log_mass = xp.log(charge_mass / (ambient_pressure / STANDARD_PRESSURE))
+    return xp.log(slant_range) - log_mass / 3.0
 
 
 @checked
-def sachs_pressure_factor(
-    ambient_pressure: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+def sachs_pressure_factor(ambient_pressure: Number) -> Numbers:
     r"""Return $S_p = P_0 / 101325$ Pa, by which pressures multiply [-].
 
     Args:
         ambient_pressure: $P_0$ [Pa].
     """
-    return as_float_array(ambient_pressure) / STANDARD_PRESSURE
+    return ambient_pressure / STANDARD_PRESSURE
 
 
 @checked
 def sachs_distance_factor(
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
+    charge_mass: Number, ambient_pressure: Number = STANDARD_PRESSURE
+) -> Numbers:
     r"""Return $S_d = (W/S_p)^{1/3}$, by which distances multiply [kg^(1/3)].
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
         ambient_pressure: $P_0$ [Pa], positive.
     """
-    charge_mass = as_float_array(charge_mass)
+    xp = namespace(charge_mass, ambient_pressure)
     # Neither cbrt, which XLA does not vectorise on a CPU, nor a power: this shares its
     # logarithm with that of Z, which makes an arrival a third faster.
-    log_mass = jnp.log(charge_mass / sachs_pressure_factor(ambient_pressure))
-    return jnp.exp(log_mass / 3.0)
+    log_mass = xp.log(charge_mass / (ambient_pressure / STANDARD_PRESSURE))
+    return xp.exp(log_mass / 3.0)
 
 
 @checked
 def sachs_time_factor(
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-) -> Float[Array, "..."]:
+    charge_mass: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+    sound_speed: Number = STANDARD_SOUND_SPEED,
+) -> Numbers:
     r"""Return $S_t = S_d \cdot 340.29/c_0$, by which times multiply [kg^(1/3)].
 
     In dry air it is the usual $S_d (288.15/T)^{1/2}$.
@@ -114,18 +110,16 @@ def sachs_time_factor(
         ambient_pressure: $P_0$ [Pa], positive.
         sound_speed: $c_0$ [m/s], positive.
     """
-    distance_factor, sound_speed = as_float_arrays(
-        sachs_distance_factor(charge_mass, ambient_pressure), sound_speed
-    )
-    return distance_factor * (STANDARD_SOUND_SPEED / sound_speed)
+    factor = sachs_distance_factor(charge_mass, ambient_pressure)
+    return factor * (STANDARD_SOUND_SPEED / sound_speed)
 
 
 @checked
 def sachs_impulse_factor(
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-) -> Float[Array, "..."]:
+    charge_mass: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+    sound_speed: Number = STANDARD_SOUND_SPEED,
+) -> Numbers:
     r"""Return $S_i = S_p S_t$, by which impulses multiply [kg^(1/3)].
 
     Args:
@@ -133,6 +127,114 @@ def sachs_impulse_factor(
         ambient_pressure: $P_0$ [Pa], positive.
         sound_speed: $c_0$ [m/s], positive.
     """
-    return sachs_pressure_factor(ambient_pressure) * sachs_time_factor(
-        charge_mass, ambient_pressure, sound_speed
+    time_factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
+    return ambient_pressure / STANDARD_PRESSURE * time_factor
+
+
+FACTORS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
+    "pressure": lambda r, w, p, c: p / STANDARD_PRESSURE,
+    "impulse": lambda r, w, p, c: sachs_impulse_factor(w, p, c),
+    "time": lambda r, w, p, c: sachs_time_factor(w, p, c),
+    "speed": lambda r, w, p, c: c / STANDARD_SOUND_SPEED,
+    "travel": lambda r, w, p, c: r / c,
+}
+"""Factor of a curve by slant range, mass, ambient pressure and sound speed.
+
+A curve with the factor "travel" is $c_0 t/R$: the share of the travel time of sound.
+"""
+
+
+def scaled_law(
+    quantity: str,
+    factor: str,
+    curves: Curve | Mapping[str, Curve],
+    spans: Mapping[str, Span] | None = None,
+    *,
+    name: str,
+    source: str,
+    title: str = "",
+    note: str = "",
+    words: str = "",
+    sd: tuple[float, float] | None = None,
+    far_scatter: Callable[..., tuple[Any, Any]] | None = None,
+) -> Callable[..., Any]:
+    """Register a law that is a curve of Z times a factor, and return its function.
+
+    Args:
+        quantity: Predicted quantity.
+        factor: Key of `FACTORS`.
+        curves: One curve, or one for "surface" and one for "free-air".
+        spans: Range of validity for each burst with a validity; that of its curve if
+            None.
+        name: Name of the law.
+        source: Reference.
+        title: Name in sentences.
+        note: Addition to the range in words.
+        words: Range in words; "" for that of `spans`.
+        sd: Declared scatter in ln: of a shot and of a record. None: 1 % each for
+            arrival and shock speed, 10 % each for other quantities.
+        far_scatter: As in `registry.Law`.
+    """
+    if spans is None:
+        assert not isinstance(curves, Curve)
+        spans = {burst: (curve.z_min, curve.z_max) for burst, curve in curves.items()}
+    if sd is None:
+        sd = (0.01, 0.01) if quantity in ("air_arrival_s", "shock_speed_m_s") else SD
+    forms = [curves] if isinstance(curves, Curve) else list(curves.values())
+
+    def law(
+        slant_range: Number,
+        charge_mass: Number,
+        ambient_pressure: Number = STANDARD_PRESSURE,
+        sound_speed: Number = STANDARD_SOUND_SPEED,
+        burst: str = "surface",
+    ) -> Numbers:
+        log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
+        curve = curves if isinstance(curves, Curve) else curves[burst]
+        value = namespace(log_z).exp(curve(log_z))
+        air = slant_range, charge_mass, ambient_pressure, sound_speed
+        return FACTORS[factor](*air) * value
+
+    absent = ["sound_speed"] * (factor == "pressure") + ["burst"] * (len(forms) == 1)
+    function = checked(law, absent)
+    function.__name__ = function.__qualname__ = f"{name}_{quantity}"
+    register(
+        Law(
+            quantity=quantity,
+            name=name,
+            title=title,
+            function=function,
+            range=(words or span_words(spans)) + note,
+            source=source,
+            valid=valid_within(spans),
+            scatter=declared_scatter(*sd),
+            scatter_source="declared",
+            joins=tuple(z for c in forms for z in (c.z_min, *c.joins, c.z_max)),
+            far_scatter=far_scatter,
+        )
     )
+    return function
+
+
+def valid_within(spans: Mapping[str, Span]) -> Callable[..., Any]:
+    """Return the validity function of a span of Z for each burst."""
+
+    def valid(
+        slant_range: Number,
+        charge_mass: Number,
+        ambient_pressure: Number = STANDARD_PRESSURE,
+        burst: str = "surface",
+    ) -> Any:
+        first, last = spans.get(burst, NOWHERE)
+        z = scaled_distance(slant_range, charge_mass, ambient_pressure)
+        return (z >= first) & (z <= last)
+
+    return valid
+
+
+def span_words(spans: Mapping[str, Span]) -> str:
+    """Return spans in words: "Z = 0.0674 (free-air 0.0531) to 40 m/kg^(1/3)"."""
+    (burst, (first, last)), *others = spans.items()
+    alone = "" if others else f"{burst.replace('-', ' ')}, "
+    other = "".join(f" (free-air {z:g})" for _, (z, _) in others if z != first)
+    return f"{alone}Z = {first:g}{other} to {last:g} m/kg^(1/3)"

@@ -56,19 +56,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from typing import Any, NamedTuple
-
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from typing import NamedTuple
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.errors import InputError
-from jblast.types import as_float_array, as_float_arrays
-from jblast.waves.arguments import checked
-from jblast.waves.curves import Segment
+from jblast.errors import require
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
 from jblast.waves.scaling import scaled_distance
+from jblast.waves.tables import Curve, Numbers, slope_of
 
 # Median of recorded peaks over the law, each shot relative to its own level: 0.97 to
 # 1.04 in all bins up to here, 0.50 from 300 to 450
@@ -80,14 +75,15 @@ duration [m/kg^(1/3)]."""
 # somewhat better, but makes the scatter a step at the weather of one site.
 FAR_SCATTER_EXPONENT = 4.0
 """Exponent of $Z_k/Z$ in the far scatter [-]."""
+LOG_STANDARD_PRESSURE = math.log(STANDARD_PRESSURE)
 
 
 @checked
 def blast_wind(
-    peak_overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-) -> Float[Array, "..."]:
+    peak_overpressure: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+    sound_speed: Number = STANDARD_SOUND_SPEED,
+) -> Numbers:
     r"""Return the speed of the air behind the front, $u = 5 c_0 x/(7M)$ [m/s].
 
     Args:
@@ -95,33 +91,47 @@ def blast_wind(
         ambient_pressure: $P_0$ [Pa], positive.
         sound_speed: $c_0$ [m/s], positive.
     """
-    p, ambient, sound = as_float_arrays(
-        peak_overpressure, ambient_pressure, sound_speed
-    )
-    return plane_wave_wind(p / ambient, sound)
+    return plane_wave_wind(peak_overpressure / ambient_pressure, sound_speed)
 
 
-def plane_wave_wind(
-    overpressure: Float[Array, "..."], sound_speed: Float[Array, "..."]
-) -> Float[Array, "..."]:
+def plane_wave_wind(overpressure: Numbers, sound_speed: Number) -> Numbers:
     r"""Return $5 c_0 x/(7\sqrt{1 + 6x/7})$ [m/s]; negative for a suction.
 
     Args:
         overpressure: $x = p/P_0$ [-], above -7/6.
         sound_speed: $c_0$, or its share along an axis [m/s].
     """
-    steep = jnp.sqrt(1.0 + 6.0 / 7.0 * overpressure)
+    steep = namespace(overpressure).sqrt(1.0 + 6.0 / 7.0 * overpressure)
     return 5.0 / 7.0 * sound_speed * overpressure / steep
 
 
 @checked
 def dynamic_pressure(
-    peak_overpressure: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
+    peak_overpressure: Number, ambient_pressure: Number = STANDARD_PRESSURE
+) -> Numbers:
     r"""Return the dynamic pressure of the wind, $q = \tfrac12\rho u^2$ [Pa]."""
-    p, ambient = as_float_arrays(peak_overpressure, ambient_pressure)
-    return 2.5 * p * (p / (7.0 * ambient + p))
+    p = peak_overpressure
+    return 2.5 * p * (p / (7.0 * ambient_pressure + p))
+
+
+def log_shock_speed(log_pressure: Numbers) -> Numbers:
+    """Return ln U [m/s] in standard air, of ln p (p in Pa)."""
+    xp = namespace(log_pressure)
+    strength = 6.0 / 7.0 * xp.exp(log_pressure - LOG_STANDARD_PRESSURE)
+    return 0.5 * xp.log1p(strength) + math.log(STANDARD_SOUND_SPEED)
+
+
+def log_wind(log_pressure: Numbers) -> Numbers:
+    """Return ln u [m/s] in standard air, of ln p (p in Pa)."""
+    speed = log_pressure + math.log(5.0 / 7.0 / STANDARD_PRESSURE)
+    return speed - log_shock_speed(log_pressure) + 2.0 * math.log(STANDARD_SOUND_SPEED)
+
+
+def log_dynamic_pressure(log_pressure: Numbers) -> Numbers:
+    """Return ln q (q in Pa) in standard air, of ln p (p in Pa)."""
+    xp = namespace(log_pressure)
+    total = 7.0 * STANDARD_PRESSURE + xp.exp(log_pressure)
+    return math.log(2.5) + 2.0 * log_pressure - xp.log(total)
 
 
 @dataclass(frozen=True)
@@ -138,13 +148,10 @@ class WeakShockTail:
     amplitude: float
     length: float
 
-    def log_pressure(self, log_z: Any) -> Any:
-        """Return ln p (p in Pa) for NumPy and JAX arrays; log_z must exceed ln b."""
-        # NumPy stays NumPy: tables are integrated in float64, also under jit.
-        log = jnp.log if isinstance(log_z, jax.Array) else np.log
-        return (
-            math.log(self.amplitude) - log_z - 0.5 * log(log_z - math.log(self.length))
-        )
+    def log_pressure(self, log_z: Numbers) -> Numbers:
+        """Return ln p (p in Pa); log_z must exceed ln b."""
+        reach = namespace(log_z).log(log_z - math.log(self.length))
+        return math.log(self.amplitude) - log_z - 0.5 * reach
 
 
 def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
@@ -158,8 +165,7 @@ def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
     Raises:
         InputError: The slope is flatter than that of 1/Z; no tail has this slope.
     """
-    if not slope < -1.0:
-        raise InputError(f"slope at join must be steeper than -1, got {slope:g}")
+    require(slope < -1.0, "slope at join", "below -1", f"{slope:g}")
     # ln(Z/b), from the slope -1 - 1/(2 ln(Z/b)).
     log_reach = -0.5 / (slope + 1.0)
     return WeakShockTail(
@@ -169,7 +175,7 @@ def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:
     )
 
 
-def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
+def weak_shock_tail(pressure: Curve, join: float) -> WeakShockTail:
     """Return the tail that joins a pressure curve in value and slope.
 
     Args:
@@ -180,9 +186,22 @@ def weak_shock_tail(pressure: Segment, join: float) -> WeakShockTail:
         InputError: The curve is flatter than 1/Z at the join.
     """
     log_z = math.log(join)
-    return tail_from(
-        join, math.exp(pressure.log_value(log_z)), pressure.log_slope(log_z)
-    )
+    slope = float(slope_of(pressure.form, log_z))
+    return tail_from(join, math.exp(pressure.form(log_z)), slope)
+
+
+def with_tail(pressure: Curve, tail: WeakShockTail, last: float) -> Curve:
+    """Return a pressure curve that continues as a weak shock past the join."""
+    log_join = math.log(tail.join)
+
+    def form(log_z: Numbers) -> Numbers:
+        xp = namespace(log_z)
+        # each branch has an argument in its own range, so that none is NaN
+        near = pressure.form(xp.minimum(log_z, log_join))
+        far = tail.log_pressure(xp.maximum(log_z, log_join))
+        return xp.where(log_z < log_join, near, far)
+
+    return Curve(form, pressure.z_min, last, (*pressure.joins, tail.join))
 
 
 class FarScatter(NamedTuple):
@@ -198,12 +217,10 @@ class FarScatter(NamedTuple):
     record: float
     knee: float
 
-    def at(
-        self, z: Float[ArrayLike, "..."]
-    ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    def at(self, z: Numbers) -> tuple[Numbers, Numbers]:
         """Return both standard deviations in ln at a scaled distance."""
         # In Z/Z_k, not in its inverse: power and slope are finite at Z = 0.
-        power = (as_float_array(z) / self.knee) ** FAR_SCATTER_EXPONENT
+        power = (z / self.knee) ** FAR_SCATTER_EXPONENT
         share = power / (1.0 + power)
         return self.shared * share, self.record * share
 
@@ -215,7 +232,7 @@ def _packaged() -> dict[str, FarScatter]:
     return {quantity: FarScatter(**each) for quantity, each in numbers.items()}
 
 
-def measured_far_scatter(quantity: str) -> Callable[..., tuple]:
+def measured_far_scatter(quantity: str) -> Callable[..., tuple[Numbers, Numbers]]:
     """Return the far scatter of a quantity, for `registry.Law.far_scatter`.
 
     Args:
@@ -224,10 +241,10 @@ def measured_far_scatter(quantity: str) -> Callable[..., tuple]:
     """
 
     def far_scatter(
-        slant_range: Float[ArrayLike, "..."],
-        charge_mass: Float[ArrayLike, "..."],
-        ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    ) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+        slant_range: Number,
+        charge_mass: Number,
+        ambient_pressure: Number = STANDARD_PRESSURE,
+    ) -> tuple[Numbers, Numbers]:
         z = scaled_distance(slant_range, charge_mass, ambient_pressure)
         return _packaged()[quantity].at(z)
 

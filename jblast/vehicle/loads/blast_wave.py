@@ -55,7 +55,6 @@ from jblast.constants import (
 from jblast.types import as_float_array
 from jblast.vehicle.quadrotor import Body
 from jblast.vehicle.state import Number, State, Vector, three
-from jblast.waves.curves import HermiteCurve, natural_log_spline
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import (
     log_scaled_distance,
@@ -63,6 +62,7 @@ from jblast.waves.scaling import (
     sachs_time_factor,
 )
 from jblast.waves.shock import plane_wave_wind
+from jblast.waves.tables import Table, hermite_table, spline_slopes
 from jblast.waves.waveform import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
@@ -92,25 +92,29 @@ class WaveCurves(NamedTuple):
         suction: $P^-/P_0$, in ln.
     """
 
-    sound_fraction: HermiteCurve
-    peak: HermiteCurve
-    duration: HermiteCurve
-    decay: HermiteCurve
-    suction: HermiteCurve
+    sound_fraction: Table
+    peak: Table
+    duration: Table
+    decay: Table
+    suction: Table
 
 
 @cache
 def wave_curves(burst: str) -> WaveCurves:
     """Tabulate the laws of a burst, "surface" or "free-air"."""
     count = int(np.ceil(np.log(LAST / FIRST) / SPACING)) + 1
-    z = np.geomspace(FIRST, LAST, count)
+    log_z, step = np.linspace(np.log(FIRST), np.log(LAST), count, retstep=True)
     # Also if first called while a program is traced: the cache must hold numbers.
     with jax.ensure_compile_time_eval():
         columns = [
             np.asarray(x, float)
-            for x in jax.jit(_laws, static_argnums=1)(jnp.asarray(z), burst)
+            for x in jax.jit(_laws, static_argnums=1)(jnp.exp(log_z), burst)
         ]
-    return WaveCurves(*(natural_log_spline(z, column) for column in columns))
+    logs = [np.log(column) for column in columns]
+    tables = (
+        hermite_table(log_z[0], float(step), y, spline_slopes(log_z, y)) for y in logs
+    )
+    return WaveCurves(*tables)
 
 
 def _laws(z: Float[Array, " node"], burst: str) -> tuple[Float[Array, " node"], ...]:
@@ -173,7 +177,7 @@ def arrival_time(
         burst: "surface" or "free-air".
     """
     log_z = _clamped(log_scaled_distance(distance_m, mass_kg, pressure_pa))
-    fraction = jnp.exp(wave_curves(burst).sound_fraction.value(log_z))
+    fraction = jnp.exp(wave_curves(burst).sound_fraction(log_z))
     return distance_m / sound_speed_m_s * fraction
 
 
@@ -200,10 +204,10 @@ def wave_at(
     own = _clamped(log_scaled_distance(distance_m, impulse_mass_kg, pressure_pa))
     time = sachs_time_factor(impulse_mass_kg, pressure_pa, sound_speed_m_s)
     peak, suction = (
-        jnp.exp(curve.value(log_z)) for curve in (curves.peak, curves.suction)
+        jnp.exp(curve(log_z)) for curve in (curves.peak, curves.suction)
     )
-    decay = curves.decay.value(log_z)
-    duration = time * jnp.exp(curves.duration.value(own))
+    decay = curves.decay(log_z)
+    duration = time * jnp.exp(curves.duration(own))
     impulse = _pulse_impulse(jnp.ones_like(peak), peak, duration, decay)
     return Wave(
         peak=peak,

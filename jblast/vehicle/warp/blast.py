@@ -318,10 +318,8 @@ def drag_functions(real: type) -> SimpleNamespace:
 
 
 def curve_table() -> np.ndarray:
-    """Return coefficients of all curves: (curve, interval, 4)."""
-    return np.stack(
-        [curve.coefficients for burst in BURSTS for curve in wave_curves(burst)]
-    )
+    """Return the rows of all curves: (curve, interval, 4)."""
+    return np.stack([curve.rows for burst in BURSTS for curve in wave_curves(burst)])
 
 
 @cache
@@ -333,20 +331,13 @@ def wave_functions(real: type) -> SimpleNamespace:
         real: `wp.float32` or `wp.float64`.
     """
     vec3, vec4 = body_functions(real).vec3, body_functions(real).vec4
-    curves = wave_curves("surface")
-    nodes = curves.sound_fraction.nodes
-    # Slopes beyond the last node, where each curve is a power law.
-    slopes = [c.slope_after for burst in BURSTS for c in wave_curves(burst)]
-    outer = wp.constant(wp.types.vector(len(slopes), real)(*slopes))
-    first, last = wp.constant(real(nodes[0])), wp.constant(real(nodes[-1]))
-    per_spacing = wp.constant(real((len(nodes) - 1) / (nodes[-1] - nodes[0])))
-    stretches = wp.constant(len(nodes) - 1)
+    table = wave_curves("surface").sound_fraction
+    first, per_step = wp.constant(real(table.first)), wp.constant(real(1 / table.step))
+    last_row = wp.constant(len(table.rows) - 1)
     own = wp.constant(len(WaveCurves._fields))
     names = {name: wp.constant(n) for n, name in enumerate(WaveCurves._fields)}
     ARRIVAL, PEAK, DURATION = names["sound_fraction"], names["peak"], names["duration"]
     DECAY, SUCTION = names["decay"], names["suction"]
-    # No distance is below FIRST, so no curve is read before its first node.
-    assert nodes[0] <= np.log(FIRST) + 1e-12
 
     class Blasts:
         """Numbers of all blasts.
@@ -390,15 +381,12 @@ def wave_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def curve(blasts: Blasts, n: int, log_z: real) -> real:
-        """Return the value of a curve; constant before its first node."""
-        inside = wp.clamp(log_z, first, last)
-        way = (inside - first) * per_spacing
-        # The last node belongs to the last interval.
-        stretch = wp.min(int(way), stretches - 1)
-        t = way - real(stretch)
-        c = blasts.curves[n, stretch]
-        past = wp.max(log_z - last, real(0.0))
-        return c[0] + t * (c[1] + t * (c[2] + t * c[3])) + outer[n] * past
+        """Return the value of a curve, as `waves.tables.Table`."""
+        position = (log_z - first) * per_step + real(1.0)
+        row = wp.clamp(int(position), 0, last_row)
+        t = position - real(row)
+        c = blasts.curves[n, row]
+        return c[0] + t * (c[1] + t * (c[2] + t * c[3]))
 
     @wp.func
     def way_to(blasts: Blasts, b: int, n: int, place: vec3) -> Way:

@@ -7,13 +7,13 @@ this law an arrival does not constrain the mass, and it is late: by 18 % at Z = 
 3.8 % at 100, 0.86 % at 500. Prefer `shock_kinematics`, which includes the lead.
 """
 
-from jaxtyping import Array, ArrayLike, Bool, Float
+from typing import Any
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_arrays
-from jblast.waves.arguments import checked
+from jblast.waves.arguments import Number, checked
 from jblast.waves.scaling import scaled_distance
+from jblast.waves.tables import Numbers
 
 # Farther out the lead of the shock is less than the declared scatter of 1 %.
 NEAREST_SCALED_DISTANCE = 500.0
@@ -21,10 +21,7 @@ NEAREST_SCALED_DISTANCE = 500.0
 
 
 @checked
-def acoustic_arrival_time(
-    slant_range: Float[ArrayLike, "..."],
-    sound_speed: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+def acoustic_arrival_time(slant_range: Number, sound_speed: Number) -> Numbers:
     r"""Return the travel time of sound in still air [s].
 
     $$t_a = R/c_0$$
@@ -33,15 +30,14 @@ def acoustic_arrival_time(
         slant_range: Range $R$ [m].
         sound_speed: Ambient sound speed $c_0$ [m/s], positive.
     """
-    slant_range, sound_speed = as_float_arrays(slant_range, sound_speed)
     return slant_range / sound_speed
 
 
 def acoustic_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Bool[Array, "..."]:
+    slant_range: Number,
+    charge_mass: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+) -> Any:
     """Return True where the lead of the shock is below 1 % of the range: Z >= 500."""
     z = scaled_distance(slant_range, charge_mass, ambient_pressure)
     return z >= NEAREST_SCALED_DISTANCE

@@ -25,98 +25,45 @@ root scaling knows no such bound.) Against `shock_kinematics`, free air, the pre
 it is too high, 1.5 times at 0.5 and 5 times at 0.2: a bomb has no size there, TNT has.
 """
 
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
+from functools import partial
 
-from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_arrays
-from jblast.waves.arguments import checked
-from jblast.waves.scaling import (
-    NUCLEAR_SCALED_METRES,
-    sachs_pressure_factor,
-    scaled_distance,
-)
+from jblast.types import namespace
+from jblast.waves.scaling import NUCLEAR_SCALED_METRES, scaled_law
+from jblast.waves.tables import Curve, Numbers
 
-SOURCE = "DNA 1 kt free-air standard (program BLAST, 1984), over two transcriptions"
-RANGE = "free air, r = 16 to 4000 m/kt^(1/3) (Z = 0.2 to 50 m/kg^(1/3)), Y = 2 W"
+EVERYWHERE = (1e-4, 1e6)
+"""Scaled distances of the curves, powers at both ends [m/kg^(1/3)]."""
 
 
-@checked
-def dna_1kt_pressure(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Float[Array, "..."]:
-    """Return the peak incident overpressure in free air [Pa].
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], half of the nuclear yield.
-        ambient_pressure: $P_0$ [Pa], positive.
-    """
-    r = _nuclear_range(slant_range, charge_mass, ambient_pressure)
+def _log_pressure(log_z: Numbers) -> Numbers:
+    """Return ln p (p in Pa)."""
+    xp = namespace(log_z)
+    r = NUCLEAR_SCALED_METRES * xp.exp(log_z)
     x = r / 445.42
-    weak = jnp.sqrt(jnp.log(x + 3.0 * jnp.exp(-jnp.sqrt(x) / 3.0)))
-    standard = (3.04e11 / r**2 + 1.13e9 / r + 7.9e6 / weak) / r
-    return sachs_pressure_factor(ambient_pressure) * standard
+    weak = xp.sqrt(xp.log(x + 3.0 * xp.exp(-xp.sqrt(x) / 3.0)))
+    return xp.log((3.04e11 / r**2 + 1.13e9 / r + 7.9e6 / weak) / r)
 
 
-@checked
-def dna_1kt_arrival_time(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-) -> Float[Array, "..."]:
-    """Return the time from detonation to the arrival of the shock [s].
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], half of the nuclear yield.
-        ambient_pressure: $P_0$ [Pa], positive.
-        sound_speed: $c_0$ [m/s], positive.
-    """
-    slant_range, charge_mass, sound_speed = as_float_arrays(
-        slant_range, charge_mass, sound_speed
-    )
-    r = _nuclear_range(slant_range, charge_mass, ambient_pressure)
-    # Divided through by 340.5 r^2: no power that overflows single precision.
-    fraction = (1.0 + 6.7 / r) / (1.0 + (7.32e4 / 340.5 + 7.12e6 / 340.5 / r) / r)
-    return slant_range / sound_speed * fraction
+def _log_sound_fraction(log_z: Numbers) -> Numbers:
+    """Return ln(340.5 t/r)."""
+    xp = namespace(log_z)
+    r = NUCLEAR_SCALED_METRES * xp.exp(log_z)
+    # Divided by 340.5 r^2: no power that overflows single precision.
+    slowness = 1.0 + (7.32e4 / 340.5 + 7.12e6 / 340.5 / r) / r
+    return xp.log((1.0 + 6.7 / r) / slowness)
 
 
-def dna_1kt_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "free-air",
-) -> Bool[Array, "..."]:
-    """Return True where the standard is valid, in free air only."""
-    r = _nuclear_range(slant_range, charge_mass, ambient_pressure)
-    return (r >= 16.0) & (r <= 4000.0) & (burst == "free-air")
-
-
-def _nuclear_range(slant_range, charge_mass, ambient_pressure) -> Float[Array, "..."]:
-    """Return the range that 1 kt would have [m]."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return z * NUCLEAR_SCALED_METRES
-
-
-for _quantity, _function, _sd in (
-    ("air_arrival_s", dna_1kt_arrival_time, 0.01),
-    ("peak_overpressure_pa", dna_1kt_pressure, 0.10),
-):
-    register(
-        Law(
-            quantity=_quantity,
-            name="dna_1kt",
-            title="DNA 1 kt standard",
-            function=_function,
-            range=RANGE,
-            source=SOURCE,
-            valid=dna_1kt_valid,
-            scatter=declared_scatter(shot=_sd, record=_sd),
-            scatter_source="declared",
-        )
-    )
+_law = partial(
+    scaled_law,
+    spans={"free-air": (16.0 / NUCLEAR_SCALED_METRES, 4000.0 / NUCLEAR_SCALED_METRES)},
+    name="dna_1kt",
+    title="DNA 1 kt standard",
+    source="DNA 1 kt free-air standard (program BLAST, 1984), over two transcriptions",
+    words="free air, r = 16 to 4000 m/kt^(1/3) (Z = 0.2 to 50 m/kg^(1/3)), Y = 2 W",
+)
+dna_1kt_arrival_time = _law(
+    "air_arrival_s", "travel", Curve(_log_sound_fraction, *EVERYWHERE)
+)
+dna_1kt_pressure = _law(
+    "peak_overpressure_pa", "pressure", Curve(_log_pressure, *EVERYWHERE)
+)

@@ -8,18 +8,20 @@ constant. With time itself continued, as in `sedov_taylor`, a fit would find a g
 before the explosion in time constants below $t_e$.
 """
 
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
+from typing import Any
+
+import numpy as np
 
 from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_arrays
-from jblast.waves.arguments import checked
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
 from jblast.waves.fireball import (
     fireball_duration,
     fireball_growth_time,
     fireball_radius,
 )
 from jblast.waves.laws.sedov_taylor import EARLIEST_TIME
+from jblast.waves.tables import Numbers
 
 # The outline is then 64 degrees off the centre; a camera inside the ball has none.
 NEAREST_RATIO = 0.9
@@ -28,10 +30,10 @@ NEAREST_RATIO = 0.9
 
 @checked
 def fireball_law_radius(
-    time_since_detonation: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    fireball_growth: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    time_since_detonation: Number,
+    charge_mass: Number,
+    fireball_growth: Number,
+) -> Numbers:
     """Return the radius of a fireball [m], positive at all times.
 
     A missing time (NaN) gives NaN and a gradient of zero.
@@ -41,30 +43,29 @@ def fireball_law_radius(
         charge_mass: TNT-equivalent mass [kg].
         fireball_growth: Time constant of the expansion [s]; NaN for that of the law.
     """
-    time, mass, growth = as_float_arrays(
-        time_since_detonation, charge_mass, fireball_growth
-    )
-    absent, missing = jnp.isnan(growth), jnp.isnan(time)
+    time, mass, growth = time_since_detonation, charge_mass, fireball_growth
+    xp = namespace(time, mass, growth)
+    absent, missing = xp.isnan(growth), xp.isnan(time)
     # the inner guard keeps the NaN out of the gradient
-    growth = jnp.where(
-        absent, fireball_growth_time(mass), jnp.where(absent, 1.0, growth)
+    growth = xp.where(
+        absent, fireball_growth_time(mass), xp.where(absent, 1.0, growth)
     )
-    time, earliest = jnp.where(missing, 1.0, time), EARLIEST_TIME * jnp.cbrt(mass)
+    time, earliest = xp.where(missing, 1.0, time), EARLIEST_TIME * xp.cbrt(mass)
     early = time < earliest
-    radius = fireball_radius(mass, jnp.where(early, earliest, time), growth)
+    radius = fireball_radius(mass, xp.where(early, earliest, time), growth)
     # the divisor must not be zero in the branch that is not used either
-    share = jnp.where(early, earliest / jnp.where(early, 2 * earliest - time, 1.0), 1.0)
-    return jnp.where(missing, jnp.nan, radius * share)
+    share = xp.where(early, earliest / xp.where(early, 2 * earliest - time, 1.0), 1.0)
+    return xp.where(missing, np.nan, radius * share)
 
 
 @checked
 def fireball_law_radius_in_image(
-    time_since_detonation: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    fireball_growth: Float[ArrayLike, "..."],
-    slant_range: Float[ArrayLike, "..."],
-    camera_focal: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    time_since_detonation: Number,
+    charge_mass: Number,
+    fireball_growth: Number,
+    slant_range: Number,
+    camera_focal: Number,
+) -> Numbers:
     r"""Return the radius of a fireball in an image without distortion [px].
 
     $$R_{px} = f \tan\alpha = \frac{f R}{\sqrt{d^2 - R^2}}, \qquad \sin\alpha = R/d$$
@@ -81,38 +82,38 @@ def fireball_law_radius_in_image(
         slant_range: Distance $d$ from the camera to the charge [m].
         camera_focal: Focal length $f$ [px].
     """
-    distance, focal = as_float_arrays(slant_range, camera_focal)
     radius = fireball_law_radius(time_since_detonation, charge_mass, fireball_growth)
+    distance, xp = slant_range, namespace(radius, slant_range, camera_focal)
     apart = ~(distance <= 0)  # NaN stays NaN
-    sine = jnp.where(apart, radius / jnp.where(apart, distance, 1.0), 1.0)
-    inside = jnp.minimum(sine, NEAREST_RATIO)
-    tangent = inside / jnp.sqrt(1.0 - jnp.square(inside))
-    beyond = (jnp.maximum(sine, NEAREST_RATIO) / NEAREST_RATIO) ** (
+    sine = xp.where(apart, radius / xp.where(apart, distance, 1.0), 1.0)
+    inside = xp.minimum(sine, NEAREST_RATIO)
+    tangent = inside / xp.sqrt(1.0 - xp.square(inside))
+    beyond = (xp.maximum(sine, NEAREST_RATIO) / NEAREST_RATIO) ** (
         1.0 / (1.0 - NEAREST_RATIO**2)
     )
-    return focal * tangent * beyond
+    return camera_focal * tangent * beyond
 
 
 def fireball_law_valid(
-    time_since_detonation: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-) -> Bool[Array, "..."]:
+    time_since_detonation: Number,
+    charge_mass: Number,
+) -> Any:
     """Return True from the begin to the end of the visible glow."""
-    time, mass = as_float_arrays(time_since_detonation, charge_mass)
-    begun = time >= EARLIEST_TIME * jnp.cbrt(mass)
-    return begun & (time < fireball_duration(mass))
+    earliest = EARLIEST_TIME * namespace(charge_mass).cbrt(charge_mass)
+    begun = time_since_detonation >= earliest
+    return begun & (time_since_detonation < fireball_duration(charge_mass))
 
 
 def fireball_law_valid_in_image(
-    time_since_detonation: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    fireball_growth: Float[ArrayLike, "..."],
-    slant_range: Float[ArrayLike, "..."],
-) -> Bool[Array, "..."]:
+    time_since_detonation: Number,
+    charge_mass: Number,
+    fireball_growth: Number,
+    slant_range: Number,
+) -> Any:
     """Return True during the glow, for a camera well outside the fireball."""
     radius = fireball_law_radius(time_since_detonation, charge_mass, fireball_growth)
     valid = fireball_law_valid(time_since_detonation, charge_mass)
-    return valid & (radius <= NEAREST_RATIO * jnp.asarray(slant_range))
+    return valid & (radius <= NEAREST_RATIO * slant_range)
 
 
 _SCATTER = declared_scatter(shot=0.20, record=0.05)

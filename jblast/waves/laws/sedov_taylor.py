@@ -23,15 +23,16 @@ p/p_s = x_1^{6/5} x_3^{a_4-2a_1} x_4^{1+a_5}$$
 with $x_2$ running from 0 at the centre to 1 at the shock.
 """
 
-import jax
-import jax.numpy as jnp
+import math
+from typing import Any
+
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_array, as_float_arrays
-from jblast.waves.arguments import checked
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
+from jblast.waves.tables import Curve, Numbers
 
 # The pressure is 10 % off at 21 to 26 atm (exact point-source solution).
 STRONG_SHOCK = 25.0
@@ -45,16 +46,16 @@ NODES = 24
 """Quadrature nodes."""
 # The closed form has infinite exponents at gamma = 2 and is singular at 1.
 GAMMAS = (1.02, 1.9)
-"""Range of gamma of the constant; outside it is extrapolated as a power of gamma."""
+"""Range of gamma of the constant; outside it is a power of gamma - 1."""
 
 
 @checked
 def sedov_taylor_energy(
-    shock_radius: Float[ArrayLike, "..."],
-    time_since_detonation: Float[ArrayLike, "..."],
-    air_density: Float[ArrayLike, "..."],
-    sedov_gamma: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    shock_radius: Number,
+    time_since_detonation: Number,
+    air_density: Number,
+    sedov_gamma: Number,
+) -> Numbers:
     r"""Return the energy of a point source from one radius and time [J].
 
     $$E = \alpha(\gamma)\,\rho_0 R^5/t^2$$
@@ -65,19 +66,17 @@ def sedov_taylor_energy(
         air_density: Density ahead of the shock $\rho_0$ [kg/m3].
         sedov_gamma: Ratio of specific heats behind the shock $\gamma$ [-].
     """
-    radius, time, density = as_float_arrays(
-        shock_radius, time_since_detonation, air_density
-    )
-    return sedov_alpha(sedov_gamma) * density * radius**5 / time**2
+    scale = air_density * shock_radius**5 / time_since_detonation**2
+    return sedov_alpha(sedov_gamma) * scale
 
 
 @checked
 def sedov_taylor_shock_radius(
-    time_since_detonation: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    air_density: Float[ArrayLike, "..."],
-    sedov_gamma: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    time_since_detonation: Number,
+    charge_mass: Number,
+    air_density: Number,
+    sedov_gamma: Number,
+) -> Numbers:
     r"""Return the radius of the shock of a point source [m].
 
     $$R = \left(\frac{E\,t^2}{\alpha(\gamma)\,\rho_0}\right)^{1/5}$$
@@ -95,28 +94,26 @@ def sedov_taylor_shock_radius(
         air_density: Density ahead of the shock $\rho_0$ [kg/m3].
         sedov_gamma: Ratio of specific heats behind the shock $\gamma$ [-].
     """
-    time, mass, density = as_float_arrays(
-        time_since_detonation, charge_mass, air_density
-    )
-    missing = jnp.isnan(time)
-    time = jnp.where(missing, 1.0, time)
-    earliest = EARLIEST_TIME * jnp.cbrt(mass)
+    xp = namespace(time_since_detonation, charge_mass, air_density, sedov_gamma)
+    missing = xp.isnan(time_since_detonation)
+    time = xp.where(missing, 1.0, time_since_detonation)
+    earliest = EARLIEST_TIME * xp.cbrt(charge_mass)
     early = time < earliest
     # Two guards: the divisor must not be zero in the branch that is not used either,
     # because its gradient would be NaN.
-    before = earliest**2 / jnp.where(early, 2.0 * earliest - time, 1.0)
-    time = jnp.where(early, before, time)
-    energy = TNT_SPECIFIC_ENERGY * mass
-    radius = (energy / (sedov_alpha(sedov_gamma) * density)) ** 0.2 * time**0.4
-    return jnp.where(missing, jnp.nan, radius)
+    before = earliest**2 / xp.where(early, 2.0 * earliest - time, 1.0)
+    time = xp.where(early, before, time)
+    energy = TNT_SPECIFIC_ENERGY * charge_mass
+    radius = (energy / (sedov_alpha(sedov_gamma) * air_density)) ** 0.2 * time**0.4
+    return xp.where(missing, np.nan, radius)
 
 
 @checked
 def sedov_taylor_shock_pressure(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    sedov_gamma: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+    slant_range: Number,
+    charge_mass: Number,
+    sedov_gamma: Number,
+) -> Numbers:
     r"""Return the pressure behind the shock of a point source [Pa].
 
     $$p_s = \frac{2\rho_0 U^2}{\gamma+1} = \frac{8E}{25\,(\gamma+1)\,\alpha R^3},
@@ -127,32 +124,29 @@ def sedov_taylor_shock_pressure(
         charge_mass: Hydrodynamic energy $E$ as TNT of 4.184 MJ/kg [kg].
         sedov_gamma: Ratio of specific heats behind the shock $\gamma$ [-].
     """
-    radius, mass, gamma = as_float_arrays(slant_range, charge_mass, sedov_gamma)
-    energy = TNT_SPECIFIC_ENERGY * mass
-    return 8.0 * energy / (25.0 * (gamma + 1.0) * sedov_alpha(gamma) * radius**3)
+    density = 8.0 * TNT_SPECIFIC_ENERGY / 25.0 * charge_mass / slant_range**3
+    return density / ((sedov_gamma + 1.0) * sedov_alpha(sedov_gamma))
 
 
 def sedov_taylor_valid(
-    time_since_detonation: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    air_density: Float[ArrayLike, "..."],
-    sedov_gamma: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."],
-) -> Bool[Array, "..."]:
+    time_since_detonation: Number,
+    charge_mass: Number,
+    air_density: Number,
+    sedov_gamma: Number,
+    ambient_pressure: Number,
+) -> Any:
     r"""Return True for a strong shock, $p_s \ge 25 P_0$, and a time after $t_e$."""
-    time, mass, ambient = as_float_arrays(
-        time_since_detonation, charge_mass, ambient_pressure
-    )
-    radius = sedov_taylor_shock_radius(time, mass, air_density, sedov_gamma)
-    pressure = sedov_taylor_shock_pressure(radius, mass, sedov_gamma)
-    begun = time >= EARLIEST_TIME * jnp.cbrt(mass)
-    gamma = as_float_array(sedov_gamma)
-    computed = (gamma >= GAMMAS[0]) & (gamma <= GAMMAS[1])
-    return begun & computed & (pressure >= STRONG_SHOCK * ambient)
+    xp = namespace(time_since_detonation, charge_mass)
+    time = xp.where(xp.isnan(time_since_detonation), -1.0, time_since_detonation)
+    radius = sedov_taylor_shock_radius(time, charge_mass, air_density, sedov_gamma)
+    pressure = sedov_taylor_shock_pressure(radius, charge_mass, sedov_gamma)
+    begun = time >= EARLIEST_TIME * xp.cbrt(charge_mass)
+    computed = (sedov_gamma >= GAMMAS[0]) & (sedov_gamma <= GAMMAS[1])
+    return begun & computed & (pressure >= STRONG_SHOCK * ambient_pressure)
 
 
 @checked
-def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def sedov_alpha(sedov_gamma: Number) -> Numbers:
     r"""Return $\alpha$ of a spherical point explosion, $E = \alpha\rho_0 R^5/t^2$ [-].
 
     Kinetic and internal energy behind the shock add up to
@@ -168,34 +162,32 @@ def sedov_alpha(sedov_gamma: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         sedov_gamma: Ratio of specific heats $\gamma$ [-], above 1 and below 2 (where
             two exponents of the closed form are infinite).
     """
-    gamma = as_float_array(sedov_gamma)
-    inside = jnp.clip(gamma, *GAMMAS)
-    alpha, slope = jax.jvp(jnp.vectorize(_alpha), (inside,), (inside,))
-    return alpha * jnp.exp(slope / alpha * jnp.log(gamma / inside))
+    xp = namespace(sedov_gamma)
+    return xp.exp(ALPHA(xp.log(sedov_gamma - 1.0)))
 
 
-def _alpha(gamma: Float[Array, ""]) -> Float[Array, ""]:
-    # Nodes on (0, 1), and the matrix from values there to Legendre coefficients; in
-    # NumPy, because they are constants of the compiled program.
+def _log_alpha(log_excess: Numbers) -> Numbers:
+    r"""Return $\ln\alpha$ of $\ln(\gamma - 1)$."""
+    xp = namespace(log_excess)
+    # Nodes on (0, 1), and the matrix from values there to Legendre coefficients.
     points, weights = np.polynomial.legendre.leggauss(NODES)
     values = np.polynomial.legendre.legvander(points, NODES - 1).T
     projection = (np.arange(NODES)[:, None] + 0.5) * values * weights
-    nodes, projection = (
-        jnp.asarray(array, gamma.dtype) for array in ((points + 1.0) / 2.0, projection)
-    )
+    gamma = 1.0 + xp.exp(log_excess)[..., None]
     k = 3.0 * (gamma - 1.0) / (2.0 * gamma + 1.0)
-    coefficients = projection @ _analytic_part(nodes, gamma)
-    # The integral of x^(k-1) P_n is (-1)^n/k times the product of (j-k)/(j+k), j to n;
-    # summed in ln, for the derivative of a cumulative product takes long to compile.
-    j = jnp.arange(1, NODES, dtype=gamma.dtype)
-    products = jnp.exp(jnp.cumsum(jnp.log((j - k) / (j + k))))
-    moments = jnp.concatenate([jnp.ones(1, gamma.dtype), (-1.0) ** j * products]) / k
-    return 32.0 * jnp.pi / (25.0 * (gamma**2 - 1.0)) * (moments @ coefficients)
+    part = _analytic_part(xp.asarray((points + 1.0) / 2.0), gamma)
+    coefficients = part @ xp.asarray(projection.T)
+    # The integral of x^(k-1) P_n is (-1)^n/k times the product of (j-k)/(j+k), j to n.
+    j = xp.arange(1.0, NODES)
+    products = (-1.0) ** j * xp.cumprod((j - k) / (j + k), axis=-1)
+    moments = coefficients[..., :1] + (products * coefficients[..., 1:]).sum(
+        -1, keepdims=True
+    )
+    factor = 32.0 * math.pi / (25.0 * (gamma**2 - 1.0)) / k
+    return xp.log(factor * moments)[..., 0]
 
 
-def _analytic_part(
-    x2: Float[Array, " node"], gamma: Float[Array, ""]
-) -> Float[Array, " node"]:
+def _analytic_part(x2: Numbers, gamma: Numbers) -> Numbers:
     r"""Return the energy density times $\lambda^2 d\lambda/dx_2$, over $x_2^{k-1}$.
 
     The density has the factor $x_2^{a_3}$ and $u^2$ the factor $x_2^{-2a_2}$: together
@@ -203,6 +195,7 @@ def _analytic_part(
 
     $$(x_2 + x_4)\,x_4^{a_5}\,x_3^{a_4-5a_1}\,\frac{d\ln\lambda}{d\ln x_2}$$
     """
+    xp = namespace(gamma)
     minus_a2 = (gamma - 1.0) / (2.0 * gamma + 1.0)
     a1 = (6.0 * (2.0 - gamma) / 5.0 + 5.0 * gamma * minus_a2) / (3.0 * gamma - 1.0)
     a4 = 5.0 * a1 / (2.0 - gamma)
@@ -215,7 +208,12 @@ def _analytic_part(
     x4 = b * (1.0 - 2.5 * v)
     dv = 0.4 / (b * gamma)  # dV/dx2
     slope = minus_a2 + x2 * dv * (-0.4 / v + a1 * e / (1.0 - e * v))
-    return (x2 + x4) * jnp.exp(a5 * jnp.log(x4) + (a4 - 5.0 * a1) * jnp.log(x3)) * slope
+    powers = a5 * xp.log(x4) + (a4 - 5.0 * a1) * xp.log(x3)
+    return (x2 + x4) * xp.exp(powers) * slope
+
+
+ALPHA = Curve(_log_alpha, GAMMAS[0] - 1.0, GAMMAS[1] - 1.0)
+r"""$\ln\alpha$ of $\ln(\gamma - 1)$."""
 
 
 register(

@@ -58,340 +58,130 @@ times; from 200 on the scatter grows as measured (`waves/shock.py`).
 """
 
 import math
-from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
-
-from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_array
-from jblast.waves.arguments import checked
-from jblast.waves.curves import (
-    BLEND_WIDTH,
-    Arrival,
-    Tail,
-    chebyshev_arrival,
-    log_sound_fraction,
-    smooth_step,
-)
-from jblast.waves.laws.kingery_bulmash import (
-    kingery_bulmash_curve,
-    kingery_bulmash_joins,
-)
-from jblast.waves.scaling import (
-    log_scaled_distance,
-    sachs_impulse_factor,
-    sachs_pressure_factor,
-    sachs_time_factor,
-    scaled_distance,
-)
+from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.types import namespace
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
+from jblast.waves.scaling import scaled_law
 from jblast.waves.shock import (
     FAR_END,
+    LOG_STANDARD_PRESSURE,
     WeakShockTail,
+    log_shock_speed,
     measured_far_scatter,
     weak_shock_tail,
+    with_tail,
 )
+from jblast.waves.tables import BLEND_WIDTH, Curve, Form, Numbers, arrival, joined, polynomial
 
 # Up to here absorption is negligible in an arrival (docstring of the module).
 LAST_VALID = 1e4
 """Largest valid scaled distance of arrival and speed [m/kg^(1/3)]."""
-_FIRST = "Z = 0.0674 (free-air 0.0531)"
-_TO_SOUND = f"{_FIRST} to 1e4 m/kg^(1/3); no absorption"
-_RECORDED = f"{_FIRST} to 300 m/kg^(1/3); no absorption"
+# A shock is sound there: 4e-6 of an arrival is its head start.
+END = 1e6
+"""Last scaled distance of the curves [m/kg^(1/3)]."""
 END_OF_TABLE = 40.0
 """Largest scaled distance of the Kingery-Bulmash curves [m/kg^(1/3)]."""
-BLEND = END_OF_TABLE * math.sqrt(1.0 + BLEND_WIDTH)
-"""Centre of the blend, which begins at the end of the table [m/kg^(1/3)]."""
 # Not at 40, where the table ends: its last segment departs from a weak shock
 # (`python -m calibration.laws tail`).
 JOIN = 20.0
 """Scaled distance at the start of the tail [m/kg^(1/3)]."""
-LOG_STANDARD_PRESSURE = math.log(STANDARD_PRESSURE)
+
+TAILS: dict[str, WeakShockTail] = {
+    burst: weak_shock_tail(curve, JOIN)
+    for burst, curve in kingery_bulmash_curves("incident_pressure").items()
+}
+"""Tail that continues the pressure curve of each burst."""
+FRONTS: dict[str, Curve] = {
+    burst: with_tail(curve, TAILS[burst], END)
+    for burst, curve in kingery_bulmash_curves("incident_pressure").items()
+}
+"""Pressure of the front of each burst, ln Pa against ln Z."""
 
 
-@checked
-def shock_kinematics_pressure(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    """Return the peak incident overpressure [Pa].
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-    """
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return sachs_pressure_factor(ambient_pressure) * jnp.exp(
-        front_log_pressure(log_z, burst)
+def _arrival(burst: str) -> Curve:
+    front, timed = FRONTS[burst], kingery_bulmash_curves("arrival_time")[burst]
+    start = math.exp(timed.form(math.log(front.z_min)))
+    form = arrival(
+        lambda x: front.form(x) - LOG_STANDARD_PRESSURE,
+        front.z_min,
+        STANDARD_SOUND_SPEED * start,
+        END,
     )
+    return Curve(form, front.z_min, END, front.joins)
 
 
-@checked
-def shock_kinematics_shock_speed(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    """Return the speed of the shock front [m/s]: above $c_0$, and tending to it.
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        sound_speed: $c_0$ [m/s], positive.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-    """
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return as_float_array(sound_speed) * front_mach_number(log_z, burst)
+def _continued(quantity: str, burst: str) -> Curve:
+    """Return a curve of the table with that of a weak shock beyond the table."""
+    curve = kingery_bulmash_curves(quantity)[burst]
+    log_end = math.log(END_OF_TABLE)
+    at_end, length = curve.form(log_end), math.log(TAILS[burst].length)
+    far = polynomial([at_end + log_end, -1.0])  # peak times duration falls as 1/Z
+    if quantity == "positive_phase_duration":
+        far = _lengthening(at_end, log_end, length)
 
 
-@checked
-def shock_kinematics_arrival_time(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    """Return the time from detonation to the arrival of the shock [s].
+    def near(log_z: Numbers) -> Numbers:
+        xp = namespace(log_z)
+        past = curve.end_slopes[1] * xp.maximum(log_z - log_end, 0.0)
+        return curve.form(xp.minimum(log_z, log_end)) + past
 
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        sound_speed: $c_0$ [m/s], positive.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-    """
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    sound_time = as_float_array(slant_range) / as_float_array(sound_speed)
-    return sound_time * jnp.exp(log_sound_fraction(log_z, shock_arrival(burst)))
+    # the blend begins at the end of the table
+    blend = END_OF_TABLE * math.sqrt(1.0 + BLEND_WIDTH)
+    form, joins = joined([near, far], [blend]), (*curve.joins, blend)
+    return Curve(form, curve.z_min, END, joins, cheap=True)
 
 
-def _validity(quantity: str, last: float) -> Callable[..., Bool[Array, "..."]]:
-    """Return the validity function: True from the first tabulated Z to `last`."""
+def _lengthening(at_end: float, log_end: float, log_length: float) -> Form:
+    """Return ln of the duration of a weak shock, which grows as the root of ln(Z/b)."""
 
-    def valid(
-        slant_range: Float[ArrayLike, "..."],
-        charge_mass: Float[ArrayLike, "..."],
-        ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-        burst: str = "surface",
-    ) -> Bool[Array, "..."]:
-        z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-        return (z >= kingery_bulmash_curve(quantity, burst).z_min) & (z <= last)
+    def form(log_z: Numbers) -> Numbers:
+        reach = (log_z - log_length) / (log_end - log_length)
+        return at_end + 0.5 * namespace(log_z).log(reach)
 
-    return valid
+    return form
 
 
-shock_kinematics_valid = _validity("incident_pressure", LAST_VALID)
-"""Validity of arrival and speed: True from the first tabulated Z to 1e4."""
-
-
-@checked
-def shock_kinematics_duration(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    """Return the duration of the positive phase [s].
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        sound_speed: $c_0$ [m/s], positive.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-    """
-    length = math.log(front_tail(burst).length)
-    start = math.log(END_OF_TABLE) - length
-    log_value = _continued(
-        "positive_phase_duration",
-        burst,
-        log_scaled_distance(slant_range, charge_mass, ambient_pressure),
-        # a weak shock lengthens as the root of ln(Z/b)
-        lambda log_z: 0.5 * (jnp.log(log_z - length) - math.log(start)),
-    )
-    factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
-    return factor * jnp.exp(log_value)
-
-
-@checked
-def shock_kinematics_impulse(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    """Return the incident impulse of the positive phase [Pa s].
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        sound_speed: $c_0$ [m/s], positive.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-    """
-    log_value = _continued(
-        "incident_impulse",
-        burst,
-        log_scaled_distance(slant_range, charge_mass, ambient_pressure),
-        # peak times duration of a weak shock falls as 1/Z
-        lambda log_z: math.log(END_OF_TABLE) - log_z,
-    )
-    factor = sachs_impulse_factor(charge_mass, ambient_pressure, sound_speed)
-    return factor * jnp.exp(log_value)
-
-
-def _continued(
+def _law(
     quantity: str,
-    burst: str,
-    log_z: Float[Array, "..."],
-    log_growth: Callable[[Float[Array, "..."]], Float[Array, "..."]],
-) -> Float[Array, "..."]:
-    """Return ln of a curve of the table with its continuation beyond the table.
-
-    Args:
-        quantity: Name in the table.
-        burst: "surface" or "free-air".
-        log_z: ln of the scaled distance.
-        log_growth: ln of the far curve over its value at the end of the table.
-    """
-    curve = kingery_bulmash_curve(quantity, burst)
-    near = curve.log_value(log_z)
-    end = math.log(END_OF_TABLE)
-    at_end = curve.segments[-1].log_value(end)
-    # Clamped, because nearer than b the growth would be the root of a negative number.
-    far = at_end + log_growth(jnp.maximum(log_z, end))
-    return near + smooth_step(log_z, BLEND) * (far - near)
-
-
-@cache
-def shock_arrival(burst: str) -> Arrival:
-    """Return the arrival of one burst, scaled: everything in m/kg^(1/3)."""
-    pressure = kingery_bulmash_curve("incident_pressure", burst).segments[0]
-    arrival = kingery_bulmash_curve("arrival_time", burst).segments[0]
-    tail, start = front_tail(burst), math.log(pressure.z_min)
-    return chebyshev_arrival(
-        lambda log_z: pressure.log_value(log_z) - LOG_STANDARD_PRESSURE,
-        partial(front_mach_number, burst=burst),
-        start=pressure.z_min,
-        start_time=STANDARD_SOUND_SPEED * math.exp(arrival.log_value(start)),
-        first=pressure.z_min,
-        join=JOIN,
-        # Degrees by trial: each leaves less than 1e-10 of the arrival.
-        degrees=(90, 50),
-        tail=Tail(
-            lambda log_z: tail.log_pressure(log_z) - LOG_STANDARD_PRESSURE,
-            degree=18,
-            log_length=math.log(tail.length),
-        ),
-        inner_slope=arrival.log_slope(start),
-    )
-
-
-@cache
-def front_tail(burst: str) -> WeakShockTail:
-    """Return the tail that continues the pressure curve of a burst."""
-    curve = kingery_bulmash_curve("incident_pressure", burst)
-    return weak_shock_tail(curve.segments[-1], JOIN)
-
-
-def front_log_pressure(log_z: Float[Array, "..."], burst: str) -> Float[Array, "..."]:
-    """Return ln p (p in Pa) at standard ambient pressure."""
-    near = log_z < math.log(JOIN)
-    # each branch has an input in its own range, so that no unused gradient is NaN
-    near_curve = kingery_bulmash_curve("incident_pressure", burst)
-    return jnp.where(
-        near,
-        near_curve.log_value(jnp.where(near, log_z, math.log(JOIN))),
-        front_tail(burst).log_pressure(jnp.where(near, math.log(JOIN), log_z)),
-    )
-
-
-def front_mach_number(log_z: Float[Array, "..."], burst: str) -> Float[Array, "..."]:
-    """Return U/c."""
-    return jnp.sqrt(
-        1.0
-        + 6.0 / 7.0 * jnp.exp(front_log_pressure(log_z, burst) - LOG_STANDARD_PRESSURE)
-    )
-
-
-for _quantity, _function, _range, _valid, _sd, _far in (
-    (
-        "air_arrival_s",
-        shock_kinematics_arrival_time,
-        _TO_SOUND,
-        shock_kinematics_valid,
-        0.01,
-        None,
-    ),
-    (
-        "peak_overpressure_pa",
-        shock_kinematics_pressure,
-        _RECORDED,
-        _validity("incident_pressure", FAR_END),
-        0.10,
-        measured_far_scatter("peak_overpressure_pa"),
-    ),
-    (
-        "shock_speed_m_s",
-        shock_kinematics_shock_speed,
-        _TO_SOUND,
-        shock_kinematics_valid,
-        0.01,
-        None,
-    ),
+    factor: str,
+    curves: dict[str, Curve],
+    last: float = FAR_END,
+    source: str = "Kingery & Bulmash 1984 to Z = 20, weak-shock tail, 1/U integrated",
 ):
-    register(
-        Law(
-            quantity=_quantity,
-            name="shock_kinematics",
-            function=_function,
-            range=_range,
-            source="Kingery & Bulmash 1984 to Z = 20, weak-shock tail, 1/U integrated",
-            valid=_valid,
-            scatter=declared_scatter(shot=_sd, record=_sd),
-            scatter_source="declared",
-            joins=(*kingery_bulmash_joins(), JOIN),
-            far_scatter=_far,
-        )
+    return scaled_law(
+        quantity,
+        factor,
+        curves,
+        {burst: (curve.z_min, last) for burst, curve in curves.items()},
+        name="shock_kinematics",
+        source=source,
+        note="; no absorption",
+        far_scatter=measured_far_scatter(quantity) if last == FAR_END else None,
     )
 
-for _phase_quantity, _phase_function, _phase_valid, _phase_first in (
-    (
-        "positive_duration_s",
-        shock_kinematics_duration,
-        _validity("positive_phase_duration", FAR_END),
-        "0.178 (free-air 0.147)",
-    ),
-    (
-        "positive_impulse_pa_s",
-        shock_kinematics_impulse,
-        _validity("incident_impulse", FAR_END),
-        "0.0674 (free-air 0.0531)",
-    ),
-):
-    register(
-        Law(
-            quantity=_phase_quantity,
-            name="shock_kinematics",
-            function=_phase_function,
-            range=f"Z = {_phase_first} to 300 m/kg^(1/3); no absorption",
-            source="Kingery & Bulmash 1984 to Z = 40, weak shock from there",
-            valid=_phase_valid,
-            scatter=declared_scatter(shot=0.10, record=0.10),
-            scatter_source="declared",
-            joins=kingery_bulmash_joins(),
-            far_scatter=measured_far_scatter(_phase_quantity),
-        )
-    )
+
+shock_kinematics_arrival_time = _law(
+    "air_arrival_s", "travel", {burst: _arrival(burst) for burst in FRONTS}, LAST_VALID
+)
+shock_kinematics_pressure = _law("peak_overpressure_pa", "pressure", FRONTS)
+shock_kinematics_shock_speed = _law(
+    "shock_speed_m_s",
+    "speed",
+    {burst: front.then(log_shock_speed) for burst, front in FRONTS.items()},
+    LAST_VALID,
+)
+_phase_law = partial(
+    _law, source="Kingery & Bulmash 1984 to Z = 40, weak shock from there"
+)
+shock_kinematics_duration = _phase_law(
+    "positive_duration_s",
+    "time",
+    {burst: _continued("positive_phase_duration", burst) for burst in FRONTS},
+)
+shock_kinematics_impulse = _phase_law(
+    "positive_impulse_pa_s",
+    "impulse",
+    {burst: _continued("incident_impulse", burst) for burst in FRONTS},
+)

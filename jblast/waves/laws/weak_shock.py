@@ -46,9 +46,7 @@ pressure falls by 0.003 at most for the charges above.
 """
 
 import math
-
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
+from typing import Any
 
 from jblast.constants import (
     STANDARD_PRESSURE,
@@ -56,29 +54,29 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_array
-from jblast.waves.arguments import checked
-from jblast.waves.laws.kingery_bulmash import (
-    kingery_bulmash_curve,
-    kingery_bulmash_joins,
-)
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.laws.shock_kinematics import (
+    END,
+    FRONTS,
     JOIN,
-    front_tail,
+    TAILS,
     shock_kinematics_pressure,
 )
 from jblast.waves.propagation import iso_9613_absorption
 from jblast.waves.scaling import (
+    SD,
     log_scaled_distance,
     sachs_distance_factor,
-    sachs_pressure_factor,
     sachs_time_factor,
-    scaled_distance,
+    scaled_law,
+    valid_within,
 )
 from jblast.waves.shock import FAR_END, measured_far_scatter
+from jblast.waves.tables import Curve, Numbers
 
-RANGE = (JOIN, FAR_END)
-"""Valid scaled distances [m/kg^(1/3)]."""
+SPANS = dict.fromkeys(TAILS, (JOIN, FAR_END))
 # Farther away the weather determines what is recorded.
 LAST_RANGE = 5e3
 """Largest valid range, for large charges [m]."""
@@ -86,17 +84,28 @@ LAST_RANGE = 5e3
 HUMIDITY = 0.5
 """Relative humidity of air without a stated one [-]."""
 
+weak_shock_pressure = scaled_law(
+    "peak_overpressure_pa",
+    "pressure",
+    {burst: Curve(tail.log_pressure, JOIN, END) for burst, tail in TAILS.items()},
+    SPANS,
+    name="weak_shock",
+    source="Landau 1945; Whitham 1974; from Kingery & Bulmash at Z = 20",
+    note="; no absorption",
+    far_scatter=measured_far_scatter("peak_overpressure_pa"),
+)
+
 
 @checked
 def weak_shock_iso_pressure(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
-    temperature: Float[ArrayLike, "..."] = STANDARD_TEMPERATURE,
-    relative_humidity: Float[ArrayLike, "..."] = HUMIDITY,
+    slant_range: Number,
+    charge_mass: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+    sound_speed: Number = STANDARD_SOUND_SPEED,
+    temperature: Number = STANDARD_TEMPERATURE,
+    relative_humidity: Number = HUMIDITY,
     burst: str = "surface",
-) -> Float[Array, "..."]:
+) -> Numbers:
     """Return the peak incident overpressure [Pa].
 
     Args:
@@ -109,70 +118,31 @@ def weak_shock_iso_pressure(
         burst: "surface" (hemispherical) or "free-air" (spherical).
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    log_length = math.log(front_tail(burst).length)
-    start = math.log(JOIN)
-    growth = (jnp.maximum(log_z, start) - log_length) / (start - log_length)
+    xp, start = namespace(log_z), math.log(JOIN)
+    log_length = math.log(TAILS[burst].length)
+    growth = (xp.maximum(log_z, start) - log_length) / (start - log_length)
     time_factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
-    curve = kingery_bulmash_curve("positive_phase_duration", burst)
+    curve = kingery_bulmash_curves("positive_phase_duration")[burst]
     # t_20 by Kingery and Bulmash, from where a weak shock lengthens as its tail does
-    at_join = math.exp(curve.segments[-1].log_value(start))
-    duration = at_join * time_factor * jnp.sqrt(growth)
+    duration = math.exp(curve.form(start)) * time_factor * xp.sqrt(growth)
     # one frequency stands for the pulse: half a period is the positive phase
     absorption = iso_9613_absorption(
         0.5 / duration, temperature, ambient_pressure, relative_humidity
     )
     first = JOIN * sachs_distance_factor(charge_mass, ambient_pressure)
-    path = jnp.maximum(as_float_array(slant_range) - first, 0.0)
+    path = xp.maximum(slant_range - first, 0.0)
     peak = shock_kinematics_pressure(slant_range, charge_mass, ambient_pressure, burst)
-    return peak * jnp.exp(-absorption * path)
+    return peak * xp.exp(-absorption * path)
 
 
 def weak_shock_iso_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Bool[Array, "..."]:
+    slant_range: Number,
+    charge_mass: Number,
+    ambient_pressure: Number = STANDARD_PRESSURE,
+) -> Any:
     """Return True for Z from 20 to 300 and ranges up to 5 km."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    near = as_float_array(slant_range) <= LAST_RANGE
-    return (z >= RANGE[0]) & (z <= RANGE[1]) & near
-
-
-@checked
-def weak_shock_pressure(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-    burst: str = "surface",
-) -> Float[Array, "..."]:
-    """Return the peak incident overpressure [Pa].
-
-    Args:
-        slant_range: Range $R$ [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        burst: "surface" (hemispherical) or "free-air" (spherical).
-    """
-    log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-    start = math.log(JOIN)
-    # The tail joins the curve in slope, so the slope of the curve is that of the tail.
-    curve = kingery_bulmash_curve("incident_pressure", burst)
-    slope = curve.segments[-1].log_slope(start)
-    far = jnp.maximum(log_z, start)
-    near = jnp.minimum(log_z - start, 0.0)
-    return sachs_pressure_factor(ambient_pressure) * jnp.exp(
-        front_tail(burst).log_pressure(far) + slope * near
-    )
-
-
-def weak_shock_valid(
-    slant_range: Float[ArrayLike, "..."],
-    charge_mass: Float[ArrayLike, "..."],
-    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
-) -> Bool[Array, "..."]:
-    """Return True for Z from 20 to 300."""
-    z = scaled_distance(slant_range, charge_mass, ambient_pressure)
-    return (z >= RANGE[0]) & (z <= RANGE[1])
+    near = valid_within(SPANS)(slant_range, charge_mass, ambient_pressure)
+    return near & (slant_range <= LAST_RANGE)
 
 
 register(
@@ -184,24 +154,9 @@ register(
         range="Z = 20 to 300 m/kg^(1/3), up to 5 km; loss estimated by humidity",
         source="weak shock from Kingery & Bulmash at Z = 20, ISO 9613-1:1993",
         valid=weak_shock_iso_valid,
-        scatter=declared_scatter(shot=0.10, record=0.10),
+        scatter=declared_scatter(*SD),
         scatter_source="declared",
-        joins=(*kingery_bulmash_joins(), JOIN),
-        far_scatter=measured_far_scatter("peak_overpressure_pa"),
-    )
-)
-
-register(
-    Law(
-        quantity="peak_overpressure_pa",
-        name="weak_shock",
-        function=weak_shock_pressure,
-        range="Z = 20 to 300 m/kg^(1/3); no absorption",
-        source="Landau 1945; Whitham 1974; from Kingery & Bulmash at Z = 20",
-        valid=weak_shock_valid,
-        scatter=declared_scatter(shot=0.10, record=0.10),
-        scatter_source="declared",
-        joins=(JOIN,),
+        joins=FRONTS["surface"].joins,
         far_scatter=measured_far_scatter("peak_overpressure_pa"),
     )
 )
