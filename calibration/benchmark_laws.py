@@ -20,7 +20,7 @@ from jaxtyping import Array
 
 from calibration.timing import best_of
 from jblast import waves
-from jblast.waves.laws.swisdak import swisdak_curve
+from jblast.waves.tables import data_rows
 
 POINTS = 1 << 22
 REPEATS = 7
@@ -121,15 +121,21 @@ def draws(points: int) -> tuple[np.ndarray, ...]:
 def looped_rate() -> float:
     """Evaluations a second of a loop in plain Python."""
     ranges, masses, *_ = (x.tolist() for x in draws(LOOPED))
-    curves = [swisdak_curve(q) for q in ("arrival_time", "incident_pressure")]
+    curves = [
+        [
+            (math.log(float(row["z_max"])), [float(row[c]) for c in "GFEDCBA"])
+            for row in data_rows("swisdak_1994")
+            if row["quantity"] == quantity
+        ]
+        for quantity in ("arrival_time", "incident_pressure")
+    ]
     start = time.perf_counter()
     for slant_range, mass in zip(ranges, masses, strict=True):
         log_z = math.log(slant_range / mass ** (1 / 3))
         for curve in curves:
-            segment = next(
-                s
-                for s in curve.segments
-                if log_z <= math.log(s.z_max) or s is curve.segments[-1]
-            )
-            math.exp(segment.log_value(log_z))
+            ends, value = (end for end, _ in curve), 0.0
+            segment = sum(log_z > end for end in ends) % len(curve)
+            for coefficient in curve[segment][1]:
+                value = value * log_z + coefficient
+            math.exp(value)
     return 2 * LOOPED / (time.perf_counter() - start)

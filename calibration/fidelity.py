@@ -85,7 +85,7 @@ from jblast.files import table_text, write_text
 from jblast.registry import call, law_for, total_scatter
 from jblast.scene.charge import Burst, tnt_factor
 from jblast.study.statistics import wilson_interval
-from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.paths import Path as WavePath
 from jblast.waves.propagation import (
     air_density,
@@ -401,9 +401,9 @@ def gauge_error(quantity: str) -> float:
 
 def _pressure(z: np.ndarray, burst: Burst, join: float) -> np.ndarray:
     """Return the pressure of a weak shock that leaves the curve somewhere [Pa]."""
-    curve = kingery_bulmash_curve("incident_pressure", burst)
-    tail = weak_shock_tail(curve.segments[-1], join)
-    return np.exp(np.asarray(tail.log_pressure(jnp.log(z))))
+    curve = kingery_bulmash_curves("incident_pressure")[burst]
+    tail = weak_shock_tail(curve, join)
+    return np.exp(np.asarray(tail.log_pressure(np.log(z))))
 
 
 def _mach(z: np.ndarray, burst: Burst, join: float) -> np.ndarray:

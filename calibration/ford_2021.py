@@ -56,7 +56,7 @@ from calibration.likelihood import Marginal, likelihood_maximum, marginal, print
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED, STANDARD_TEMPERATURE
 from jblast.files import write_text
-from jblast.waves.laws.ford_2021 import FordCurve, log_curve, log_scaled_place
+from jblast.waves.laws.ford_2021 import FordCurve, log_scaled_place
 from jblast.waves.scaling import sachs_impulse_factor, sachs_time_factor
 
 RECORDS = Path(__file__).parent / "data" / "acoustic_ford2021.csv"
@@ -144,7 +144,11 @@ class Fit(NamedTuple):
         if self.coefficients[-1] != 0:
             raise ValueError(f"expected b5 = 0, got {self.coefficients[-1]:g}")
         covariance = self.covariance[:-1, :-1]
-        return FordCurve(self.coefficients[:-1], covariance, *self.scatter)
+        scatter = {
+            f"{name}_sd": float(sd)
+            for name, sd in zip(SCATTERS, self.scatter, strict=True)
+        }
+        return FordCurve(self.coefficients[:-1], covariance, **scatter)
 
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
@@ -314,7 +318,8 @@ def objective(quantity: str, form: Form, restricted: bool):
             ends = np.cumsum([len(inner), *sizes])
             of_site, of_shot, of_path = (x[a:b] for a, b in itertools.pairwise(ends))
             shared = site_sd * of_site[site] + spread * of_shot[shot]
-            curve = log_curve(coefficients[:4], *place) + coefficients[4] * bend
+            curve = FordCurve.log_curve(coefficients[:4], *place)
+            curve += coefficients[4] * bend
             return curve + shared + path_sd * of_path[path]
 
         start = jnp.concatenate([theta[inner], jnp.zeros(sum(sizes))])

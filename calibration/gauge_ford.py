@@ -10,13 +10,11 @@ The text, of which every number is computed, is part 2 of `calibration.gauges`.
 import textwrap
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from scipy.stats import rankdata
 
 from calibration.ford_2021 import QUANTITIES, Records, read_records
 from jblast.waves.laws.ford_2021 import (
-    ford_2021,
     ford_2021_duration,
     ford_2021_impulse,
     log_scaled_place,
@@ -25,6 +23,7 @@ from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
 )
+from jblast.waves.regression import packaged_curves, softplus
 from jblast.waves.scaling import scaled_distance
 
 FARTHEST = 40.0
@@ -80,14 +79,14 @@ def _ground_factor(records: Records) -> np.ndarray:
     High above ground it is one. The term of duration is nearly a straight line there,
     which no law of a surface burst can be multiplied with.
     """
-    _, _, b3, b4 = ford_2021().impulse.coefficients
+    _, _, b3, b4 = packaged_curves("ford_2021")[IMPULSE]["coefficients"]
     _, height = log_scaled_place(
         records.slant_range,
         records.charge_mass,
         records.height_of_burst,
         records.ambient_pressure,
     )
-    return np.exp(-np.asarray(b4 * jax.nn.softplus(-b3 * height)))
+    return np.exp(-b4 * softplus(-b3 * np.asarray(height)))
 
 
 def ratios(records: Records) -> dict[str, dict[str, np.ndarray]]:

@@ -94,11 +94,10 @@ from jblast.report.colours import COLOURS, INK
 from jblast.report.figures import MARKERS, new_figure, quiet, titled, write_figure
 from jblast.waves.laws.ground_motion import (
     GroundMotionCurve,
-    log_curve,
-    log_gradient,
     log_scaled_place,
 )
 
+log_curve, log_gradient = GroundMotionCurve.log_curve, GroundMotionCurve.log_gradient
 DATA = Path(__file__).parent / "data" / "seismic_ford2021.csv"
 QUANTITIES = ("ground_displacement_m", "ground_peak_velocity_m_s")
 COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")
@@ -202,10 +201,8 @@ def covariance_of(
     Returns:
         Of shape [..., n, n].
     """
-    shot, path, own = curve.scatter(
-        records.slant_range, charge_mass, records.height_of_burst
-    )
-    shot = np.asarray(shot)
+    place = records.slant_range, charge_mass, records.height_of_burst
+    shot, path, own = curve.scatter(*map(np.asarray, log_scaled_place(*place)))
     same_path = records.path[:, None] == records.path[None, :]
     return (
         shot[..., :, None] * shot[..., None, :]
@@ -230,7 +227,9 @@ def log_density(
     scale = np.log(mass / shot.charge_mass) / 3.0
     value = shot.log_value[quantity] - scale * (quantity == "ground_displacement_m")
     place = log_scaled_place(shot.slant_range, mass, shot.height_of_burst)
-    residual = value - np.asarray(log_curve(curve.coefficients, *place))
+    residual = value - np.asarray(
+        log_curve(curve.coefficients, *place)
+    )
     claimed = covariance_of(curve, shot, mass)
     solved = np.linalg.solve(claimed, residual[..., None])[..., 0]
     density = -0.5 * np.sum(residual * solved, axis=-1)
@@ -367,7 +366,9 @@ def draw(curves: Mapping[str, GroundMotionCurve], path: Path) -> None:
                 label=site,
             )
         for level, style in ((BURIED, "-"), (ABOVE, "--")):
-            line = log_curve(curve.coefficients, jnp.log(z), jnp.full(z.shape, level))
+            line = log_curve(
+                curve.coefficients, jnp.log(z), jnp.full(z.shape, level)
+            )
             by_range.plot(z, np.exp(line), style, color=INK)
         at_100 = jnp.full(x.shape, jnp.log(100.0))
         line = log_curve(curve.coefficients, at_100, jnp.asarray(x))
@@ -435,7 +436,9 @@ def objective(quantity: str, form: Form, restricted: bool):
 
     def cost(theta: jax.Array, weight: jax.Array) -> tuple[jax.Array, Marginal]:
         def predict(theta: jax.Array, x: jax.Array) -> jax.Array:
-            curve = log_curve(theta[:n].at[inner].set(x[: len(inner)]), *place)
+            curve = log_curve(
+                theta[:n].at[inner].set(x[: len(inner)]), *place
+            )
             for sd, index, (start, stop) in zip(
                 theta[n:-1], groups, itertools.pairwise(ends), strict=True
             ):
@@ -477,8 +480,11 @@ def predictive(
     held = dict(form.held)
     inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
     place, b = records.place(), jnp.asarray(values[:n])
-    left = np.asarray(records.log_value[quantity] - log_curve(b, *place))[used]
-    slopes = np.asarray(log_gradient(b, *place))[used][:, inner]
+    left = np.asarray(
+        records.log_value[quantity] - log_curve(b, *place)
+    )[used]
+    gradient = log_gradient(b, *place)
+    slopes = np.stack(gradient, axis=-1)[used][:, inner]
     alike = [
         np.equal.outer(names[used], names[used])
         for names in (records.site, records.shot, records.path)

@@ -43,10 +43,11 @@ from jblast.report.numbers import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import scene_path, with_rows
-from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curve
+from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.laws.weak_shock import HUMIDITY
 from jblast.waves.paths import Path as WavePath
 from jblast.waves.shock import weak_shock_tail
+from jblast.waves.tables import slope_of
 
 MASS = 15.0
 """Of the charge [kg]: scaled by its cube root, few laws depend on it."""
@@ -430,8 +431,8 @@ def tail() -> None:
     """Print the table for both bursts."""
     jax.config.update("jax_enable_x64", True)
     for burst in ("surface", "free-air"):
-        curve = kingery_bulmash_curve("incident_pressure", burst)
-        tails = {join: weak_shock_tail(curve.segments[-1], join) for join in (20, 40)}
+        curve = kingery_bulmash_curves("incident_pressure")[burst]
+        tails = {join: weak_shock_tail(curve, join) for join in (20, 40)}
         for join, tail in tails.items():
             print(
                 f"{burst}, joined at Z = {join}: A = {tail.amplitude:.1f} Pa "
@@ -439,10 +440,10 @@ def tail() -> None:
             )
         print("      Z     KB [Pa]  slope    at 20    at 40   20/KB   40/KB   40/20")
         for z in SCALED_DISTANCES:
-            log_z = jnp.log(z)
-            plain = jnp.exp(curve.log_value(log_z))
-            slope = jax.grad(curve.log_value)(log_z)
-            at_20, at_40 = (jnp.exp(tails[j].log_pressure(log_z)) for j in (20, 40))
+            log_z = np.log(z)
+            plain = np.exp(curve.exact(log_z))
+            slope = slope_of(curve.exact, log_z)
+            at_20, at_40 = (np.exp(tails[j].log_pressure(log_z)) for j in (20, 40))
             print(
                 f"{z:7.0f} {plain:11.2f} {slope:6.3f} {at_20:8.2f} {at_40:8.2f} "
                 f"{at_20 / plain:7.4f} {at_40 / plain:7.4f} {at_40 / at_20:7.4f}"

@@ -70,7 +70,7 @@ from jblast.inference.sample import Draws
 from jblast.observations import Observations, read, resolve_positions
 from jblast.registry import Law, call, register
 from jblast.scene import UncertainScene, read_scene, with_laws
-from jblast.waves.laws.ford_2021 import Ford2021, ford_2021_laws
+from jblast.waves.laws.ford_2021 import ford_2021_law
 from jblast.waves.paths import Path as WavePath
 
 HALF_WIDTH = 5.0
@@ -152,11 +152,14 @@ def start() -> None:
 def laws_without(left_out: np.ndarray, name: str) -> list[Law]:
     """Fit both curves to the records that are not left out."""
     weight = (~left_out).astype(float)
-    impulse, duration = (
-        fit_curve(quantity, form, weight=weight).curve
+    return [
+        ford_2021_law(
+            quantity,
+            fit_curve(quantity, form, weight=weight).curve,
+            f"ford_2021 without {name}",
+        )
         for quantity, form in ADOPTED.items()
-    )
-    return ford_2021_laws(Ford2021(impulse, duration), f"ford_2021 without {name}")
+    ]
 
 
 def judge(name: str) -> list[Judged]:

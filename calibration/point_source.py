@@ -25,7 +25,6 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.colours import BLUE, INK, MUTED, VERMILLION
 from jblast.report.figures import log_ticks, new_figure, quiet, titled
-from jblast.waves.curves import log_sound_fraction
 from jblast.waves.euler import (
     Decay,
     Flow,
@@ -36,9 +35,9 @@ from jblast.waves.euler import (
     march,
 )
 from jblast.waves.laws.point_source import (
+    TAIL,
     log_overpressure_ratio,
-    point_source_arrival,
-    point_source_tail,
+    log_sound_fraction,
 )
 
 END = 100.0
@@ -227,7 +226,7 @@ def law_lines(limit: Decay) -> list[str]:
 
 def far_lines() -> list[str]:
     """Compare the weak-shock continuation with the table past the grid."""
-    tail = point_source_tail()
+    tail = TAIL
     lines = [
         f"past lambda = {tail.join:g} point_source is the weak-shock law "
         f"{tail.amplitude:.5f}/(lambda sqrt(ln(lambda/{tail.length:.4f})))",
@@ -379,7 +378,7 @@ def hancock(first: float, last: float) -> np.ndarray:
 
 def sound_fraction(log_scaled: Array) -> np.ndarray:
     """Return c t / R of the law."""
-    return np.exp(np.asarray(log_sound_fraction(log_scaled, point_source_arrival())))
+    return np.exp(np.asarray(log_sound_fraction(log_scaled)))
 
 
 def law_over(limit: Decay) -> tuple[np.ndarray, np.ndarray]:

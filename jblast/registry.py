@@ -218,7 +218,7 @@ def call(function: Callable[..., Any], path: Any) -> Any:
 def _between(low: Any, free: Any, weight: Any) -> Any:
     if isinstance(low, tuple):
         return tuple(_between(*both, weight) for both in zip(low, free, strict=True))
-    if getattr(low, "dtype", type(low)) == bool:
+    if isinstance(low, bool) or getattr(low, "dtype", None) == "bool":
         return ((weight >= 1.0) & free) | ((weight <= 0.0) & low)
     return weight * free + (1.0 - weight) * low
 

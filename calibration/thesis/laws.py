@@ -11,19 +11,17 @@ thesis, 10 m.
 """
 
 import math
-
-import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Bool, Float
+from typing import Any
 
 from jblast.registry import Law, declared_scatter, register
-from jblast.types import as_float_array, as_float_arrays
-from jblast.waves.arguments import checked
+from jblast.types import namespace
+from jblast.waves.arguments import Number, checked
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_duration,
     kingery_bulmash_pressure,
 )
 from jblast.waves.laws.wu_hao import wu_hao_air_valid
-from jblast.waves.propagation import stokes_absorption
+from jblast.waves.tables import Numbers
 
 # Charge of table 4.1, and the nearest distance in the worlds of the thesis; declared.
 MASS, RANGE = 15.0, 10.0
@@ -36,15 +34,38 @@ SILENCE = 1e-12
 """Share of the peak that represents silence [-]."""
 
 
-def _alike(like: Float[Array, "..."], *numbers: float) -> tuple[Float[Array, ""], ...]:
-    """Return numbers in the precision of an array."""
-    return tuple(jnp.asarray(number, like.dtype) for number in numbers)
+def stokes_absorption(
+    frequency: Number, air_density: Number, sound_speed: Number, temperature: Number
+) -> Numbers:
+    r"""Return the absorption by shear viscosity alone [Np/m].
+
+    $$\alpha = \frac{2\,\eta\,\omega^2}{3\,\rho_0 c_0^3}, \qquad
+      \eta = 2.791\times10^{-7}\,T^{0.7355}\ \mathrm{Pa\,s}$$
+
+    One or two orders of magnitude too low at audible frequencies.
+
+    Args:
+        frequency: $f = \omega/2\pi$ [Hz], positive.
+        air_density: $\rho_0$ [kg/m3].
+        sound_speed: $c_0$ [m/s].
+        temperature: $T$ [K].
+
+    References:
+        Parab's thesis, eq. 3.1; its viscosity is read from the public plugin.
+    """
+    viscosity = 2.791e-7 * temperature**0.7355
+    omega = 2.0 * math.pi * frequency
+    return 2.0 / 3.0 * viscosity * omega**2 / (air_density * sound_speed**3)
+
+
+ALPHA = stokes_absorption(OMEGA / (2 * math.pi), DENSITY, SOUND_SPEED, KELVIN)
+"""Absorption of the sound [Np/m]: 6.75e-8."""
+PEAK = float(kingery_bulmash_pressure(RANGE, MASS))
+DURATION = float(kingery_bulmash_duration(RANGE, MASS))
 
 
 @checked
-def thesis_sound_pressure(
-    slant_range: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+def thesis_sound_pressure(slant_range: Number) -> Numbers:
     r"""Return the peak of the sound of the thesis, nearly the same everywhere [Pa].
 
     $$p = p_{10}\,e^{-\alpha (R - 10\,\mathrm{m})}, \quad
@@ -53,18 +74,11 @@ def thesis_sound_pressure(
     Args:
         slant_range: Range $R$ [m].
     """
-    path = as_float_array(slant_range) - RANGE
-    constants = (OMEGA / (2 * math.pi), DENSITY, SOUND_SPEED, KELVIN)
-    alpha = stokes_absorption(*_alike(path, *constants))
-    near, mass = _alike(path, RANGE, MASS)
-    peak = kingery_bulmash_pressure(near, mass)
-    return peak * jnp.exp(-alpha * path)
+    return PEAK * namespace(slant_range).exp(-ALPHA * (slant_range - RANGE))
 
 
 @checked
-def coded_sound_pressure(
-    slant_range: Float[ArrayLike, "..."], charge_mass: Float[ArrayLike, "..."]
-) -> Float[Array, "..."]:
+def coded_sound_pressure(slant_range: Number, charge_mass: Number) -> Numbers:
     r"""Return the peak of the plugin's sound, with silence where it plays none [Pa].
 
     The plugin plays no air blast, without a warning, where the air shock by eq. 3.4 is
@@ -74,30 +88,24 @@ def coded_sound_pressure(
         slant_range: Range $R$ [m].
         charge_mass: TNT-equivalent mass $Q$ [kg].
     """
-    slant_range, charge_mass = as_float_arrays(slant_range, charge_mass)
     played = wu_hao_air_valid(slant_range, charge_mass)
-    return thesis_sound_pressure(slant_range) * jnp.where(played, 1.0, SILENCE)
+    share = namespace(slant_range, charge_mass).where(played, 1.0, SILENCE)
+    return thesis_sound_pressure(slant_range) * share
 
 
 @checked
-def thesis_sound_duration(
-    slant_range: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+def thesis_sound_duration(slant_range: Number) -> Numbers:
     """Return the positive duration of the sound of the thesis, a constant [s].
 
     Args:
         slant_range: Range [m].
     """
     # Adding it gives the constant the shape and the precision of the ranges.
-    nothing = 0.0 * as_float_array(slant_range)
-    near, mass = _alike(nothing, RANGE, MASS)
-    return kingery_bulmash_duration(near, mass) + nothing
+    return DURATION + 0.0 * slant_range
 
 
 @checked
-def thesis_sound_impulse(
-    slant_range: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
+def thesis_sound_impulse(slant_range: Number) -> Numbers:
     r"""Return the positive impulse of the sound of the thesis: $p\,t_d/e$ [Pa s].
 
     It is the impulse of $p (1 - t/t_d) e^{-t/t_d}$, eq. 3.5.
@@ -105,29 +113,23 @@ def thesis_sound_impulse(
     Args:
         slant_range: Range [m].
     """
-    peak = thesis_sound_pressure(slant_range)
-    return peak * thesis_sound_duration(slant_range) / math.e
+    return thesis_sound_pressure(slant_range) * (DURATION / math.e)
 
 
 @checked
-def coded_sound_impulse(
-    slant_range: Float[ArrayLike, "..."], charge_mass: Float[ArrayLike, "..."]
-) -> Float[Array, "..."]:
+def coded_sound_impulse(slant_range: Number, charge_mass: Number) -> Numbers:
     """Return the impulse of the plugin's sound, nearly zero where it is silent [Pa s].
 
     Args:
         slant_range: Range [m].
         charge_mass: TNT-equivalent mass [kg].
     """
-    peak = coded_sound_pressure(slant_range, charge_mass)
-    return peak * thesis_sound_duration(slant_range) / math.e
+    return coded_sound_pressure(slant_range, charge_mass) * (DURATION / math.e)
 
 
-def thesis_sound_valid(
-    slant_range: Float[ArrayLike, "..."],
-) -> Bool[Array, "..."]:
+def thesis_sound_valid(slant_range: Number) -> Any:
     """Return True everywhere: the law is not physical, and needs no absorption."""
-    return as_float_array(slant_range) >= 0
+    return slant_range >= 0
 
 
 for _quantity, _name, _function in (

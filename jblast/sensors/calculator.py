@@ -553,7 +553,11 @@ def choices_at(question: Question, quantities: Iterable[str]) -> "dict[str, Choi
         if factor not in by_factor:
             path = path_of_rows(question, quantity)
             if path.burst is None:
-                burst = "free-air" if float(np.asarray(path.free_air)[0]) >= 1.0 else "surface"
+                burst = (
+                    "free-air"
+                    if float(np.asarray(path.free_air)[0]) >= 1.0
+                    else "surface"
+                )
                 path = path.at_burst(burst)
             by_factor[factor] = path
         paths[quantity] = by_factor[factor]

@@ -22,7 +22,6 @@ from jaxtyping import Float
 from jblast.errors import require
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
 from jblast.types import ArrayLike, is_traced, namespace
-from jblast.waves.tables import Numbers
 
 Number = Float[ArrayLike, "..."]
 """A number, or an array of NumPy or of JAX."""
@@ -49,7 +48,7 @@ class Argument:
     open: bool = False
 
     def fault(self, values: Float[np.ndarray, "..."]) -> tuple[str, str] | None:
-        """Return the expected and the first bad value, in words; None if all are good."""
+        """Return the expected and the first bad value in words, or None."""
         for bad, expected in (
             (~(self.bounds.allows(values) | np.isnan(values)), self.bounds.words()),
             (np.isnan(values) & (not self.open), "a number"),

@@ -153,8 +153,8 @@ def fireball_rise(
     xp = namespace(charge_mass, time, air_temperature)
     lightness = air_temperature / HOTTEST  # densities at one pressure
     start = STANDARD_GRAVITY * (1.0 - lightness) / (lightness + 0.5)
-    final = 2.0 / 3.0 * xp.sqrt(
-        STANDARD_GRAVITY * LARGEST_RADIUS * xp.cbrt(charge_mass)
+    final = (
+        2.0 / 3.0 * xp.sqrt(STANDARD_GRAVITY * LARGEST_RADIUS * xp.cbrt(charge_mass))
     )
     x = xp.maximum(time, 0.0) * start / final
     # ln cosh x: exact near zero, without overflow far from it

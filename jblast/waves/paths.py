@@ -196,9 +196,7 @@ def path_between(
         charge_mass=charge.mass_kg,
         height_of_burst=charge.up,
         ambient_pressure=pressure,
-        sound_speed=effective_sound_speed(
-            sound_speed, xp.where(is_placed, along, 0.0)
-        ),
+        sound_speed=effective_sound_speed(sound_speed, xp.where(is_placed, along, 0.0)),
         air_density=air_density(temperature, pressure, air.relative_humidity),
         p_speed=scene.ground.p_speed,
         sedov_gamma=scene.sedov_gamma,

@@ -26,10 +26,6 @@ filter at all frequencies, only one up to half the sampling rate. It delays the 
 by $\ln 2\,f_s\,c\,d/\pi^2$ for an absorption of $c f^2$ (0.3 ms at 5 km and 48 kHz).
 """
 
-import math
-
-from typing import Any
-
 from jblast.constants import (
     AIR_HEAT_CAPACITY_RATIO,
     DRY_AIR_GAS_CONSTANT,
@@ -37,7 +33,7 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 from jblast.scene.scene import Air
-from jblast.types import namespace
+from jblast.types import as_float_array, namespace
 from jblast.waves.arguments import Number, checked
 from jblast.waves.tables import Numbers
 
@@ -285,16 +281,17 @@ def absorption_transfer(
         pressure: Pressure [Pa].
         relative_humidity: Relative humidity, 0 to 1.
     """
-    xp = namespace(distance, temperature, pressure, relative_humidity)
-    distance = xp.asarray(distance)
-    frequency = xp.arange(count // 2 + 1, dtype=distance.dtype) * (rate / count)
+    from jax import lax, numpy as jnp  # filters run in JAX alone
+
+    distance = as_float_array(distance)
+    frequency = jnp.arange(count // 2 + 1, dtype=distance.dtype) * (rate / count)
     log_gain = -distance * iso_9613_absorption(
         frequency, temperature, pressure, relative_humidity
     )
-    cepstrum = xp.fft.irfft(log_gain, count)
+    cepstrum = jnp.fft.irfft(log_gain, count)
     # A causal filter of least delay has a causal cepstrum: the part at negative times
     # is folded onto the positive ones, which doubles them.
     causal = cepstrum[1 : count // 2]
-    phase = xp.fft.rfft(xp.pad(2.0 * causal, (1, count // 2))).imag
-    gain = xp.exp(log_gain)
-    return gain * xp.cos(phase) + 1j * (gain * xp.sin(phase))
+    phase = jnp.fft.rfft(jnp.pad(2.0 * causal, (1, count // 2))).imag
+    gain = jnp.exp(log_gain)
+    return lax.complex(gain * jnp.cos(phase), gain * jnp.sin(phase))

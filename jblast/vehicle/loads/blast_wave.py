@@ -203,9 +203,7 @@ def wave_at(
     log_z = _clamped(log_scaled_distance(distance_m, mass_kg, pressure_pa))
     own = _clamped(log_scaled_distance(distance_m, impulse_mass_kg, pressure_pa))
     time = sachs_time_factor(impulse_mass_kg, pressure_pa, sound_speed_m_s)
-    peak, suction = (
-        jnp.exp(curve(log_z)) for curve in (curves.peak, curves.suction)
-    )
+    peak, suction = (jnp.exp(curve(log_z)) for curve in (curves.peak, curves.suction))
     decay = curves.decay(log_z)
     duration = time * jnp.exp(curves.duration(own))
     impulse = _pulse_impulse(jnp.ones_like(peak), peak, duration, decay)

@@ -15,7 +15,6 @@ import warp as wp
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene.charge import BURSTS
 from jblast.vehicle.loads.blast_wave import (
-    FIRST,
     NODES,
     PLACES,
     SO_FAR,

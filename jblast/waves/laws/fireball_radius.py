@@ -47,9 +47,7 @@ def fireball_law_radius(
     xp = namespace(time, mass, growth)
     absent, missing = xp.isnan(growth), xp.isnan(time)
     # the inner guard keeps the NaN out of the gradient
-    growth = xp.where(
-        absent, fireball_growth_time(mass), xp.where(absent, 1.0, growth)
-    )
+    growth = xp.where(absent, fireball_growth_time(mass), xp.where(absent, 1.0, growth))
     time, earliest = xp.where(missing, 1.0, time), EARLIEST_TIME * xp.cbrt(mass)
     early = time < earliest
     radius = fireball_radius(mass, xp.where(early, earliest, time), growth)

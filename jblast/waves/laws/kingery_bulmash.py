@@ -49,7 +49,14 @@ from jblast.types import namespace
 from jblast.waves.arguments import Number, checked
 from jblast.waves.scaling import log_scaled_distance, scaled_law
 from jblast.waves.shock import log_dynamic_pressure, log_wind
-from jblast.waves.tables import Curve, Numbers, data_rows, polynomial, segmented, slope_of
+from jblast.waves.tables import (
+    Curve,
+    Numbers,
+    data_rows,
+    polynomial,
+    segmented,
+    slope_of,
+)
 
 SOURCE = "Kingery & Bulmash 1984 (ARBRL-TR-02555), over eight transcriptions"
 TABLE_NAMES = {"surface": "hemispherical", "free-air": "spherical"}

@@ -57,10 +57,9 @@ TNT in free air the duration is 0.89 to 1.22 from Z = 1 to 40, and ten times as 
 0.2, where a bomb, without the size of a charge, has a higher pressure for longer.
 """
 
-import math
 from functools import partial
 
-from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.scaling import (
     LOG_NUCLEAR_SCALED_METRES,
     NUCLEAR_SCALED_METRES,
@@ -86,7 +85,12 @@ PRESSURE = broken_power(
 )
 """Pa in standard air."""
 DURATION = broken_power(
-    0.980, 0.0, (0.54, 10.0, 1.0), (0.02, 3.0, -1.0), (0.74, 6.0, -1.0), (6.9, 2.0, -0.5)
+    0.980,
+    0.0,
+    (0.54, 10.0, 1.0),
+    (0.02, 3.0, -1.0),
+    (0.74, 6.0, -1.0),
+    (6.9, 2.0, -0.5),
 )
 """Seconds for 1 kg."""
 IMPULSE = broken_power(6.7, -2.0, (0.23, 4.0, 0.5), (1.55, 3.0, -1.0 / 3.0))

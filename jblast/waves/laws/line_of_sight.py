@@ -46,9 +46,7 @@ def bearing(toward_east: Number, toward_north: Number) -> Numbers:
 
 
 @checked
-def elevation(
-    toward_east: Number, toward_north: Number, toward_up: Number
-) -> Numbers:
+def elevation(toward_east: Number, toward_north: Number, toward_up: Number) -> Numbers:
     r"""Return the direction of the charge, above the horizon [rad].
 
     The horizon is level. Over a distance $d$ the Earth drops by $d^2/2R$, an angle of
@@ -91,7 +89,10 @@ for _quantity, _name, _function, _valid, _range, _source in (
             "aside of the charge's vertical",
             "geometry",
         )
-        for quantity, function in (("bearing_rad", bearing), ("elevation_rad", elevation))
+        for quantity, function in (
+            ("bearing_rad", bearing),
+            ("elevation_rad", elevation),
+        )
     ),
 ):
     register(

@@ -16,7 +16,6 @@ the end slope, finite and not valid.
 """
 
 import math
-from functools import partial
 
 from jblast.waves.scaling import scaled_law
 from jblast.waves.tables import Curve, Form, polynomial, power_sum, segmented

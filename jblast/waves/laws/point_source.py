@@ -46,7 +46,6 @@ import numpy as np
 
 from jblast.constants import (
     STANDARD_PRESSURE,
-    STANDARD_SOUND_SPEED,
     TNT_SPECIFIC_ENERGY,
 )
 from jblast.types import namespace
@@ -73,7 +72,7 @@ SPAN = (START * LENGTH, 1e6)
 SEDOV_ALPHA = 0.851071854758
 """$E t^2/(\rho_0 R^5)$ for gamma 1.4; `laws/sedov_taylor.py` computes it."""
 STRONG = 8.0 / (60.0 * SEDOV_ALPHA)
-"""$x \lambda^3$ of the strong limit: $p = 8E/(25 \cdot 2.4\,\alpha R^3)$."""
+"""$x \\lambda^3$ of the strong limit: $p = 8E/(25 \\cdot 2.4\\,\alpha R^3)$."""
 
 
 def _front() -> tuple[Form, WeakShockTail]:

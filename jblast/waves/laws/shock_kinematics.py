@@ -73,7 +73,15 @@ from jblast.waves.shock import (
     weak_shock_tail,
     with_tail,
 )
-from jblast.waves.tables import BLEND_WIDTH, Curve, Form, Numbers, arrival, joined, polynomial
+from jblast.waves.tables import (
+    BLEND_WIDTH,
+    Curve,
+    Form,
+    Numbers,
+    arrival,
+    joined,
+    polynomial,
+)
 
 # Up to here absorption is negligible in an arrival (docstring of the module).
 LAST_VALID = 1e4
@@ -120,7 +128,6 @@ def _continued(quantity: str, burst: str) -> Curve:
     far = polynomial([at_end + log_end, -1.0])  # peak times duration falls as 1/Z
     if quantity == "positive_phase_duration":
         far = _lengthening(at_end, log_end, length)
-
 
     def near(log_z: Numbers) -> Numbers:
         xp = namespace(log_z)

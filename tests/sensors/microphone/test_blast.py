@@ -10,7 +10,7 @@ import pytest
 from jblast.scene import Air, Charge, Instrument, Scene, Sensor
 from jblast.sensors import microphone
 from jblast.sensors.microphone import WavePaths
-from tests.waves.propagation.absorbing import absorb
+from tests.waves.absorbing import absorb
 
 RATE, KEY = 20_000.0, jax.random.key(3)
 SCENE = Scene(Charge(mass_kg=15.0))

@@ -1,6 +1,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
 from jblast.waves.laws.sedov_taylor import (
@@ -24,16 +26,6 @@ def test_taylors_reading_of_the_trinity_photographs_gives_his_energy():
     np.testing.assert_allclose(energy * 0.856 / sedov_alpha(1.4), 7.14e13, rtol=2e-3)
 
 
-def test_energy_is_the_inverse_of_radius():
-    time = np.array([1e-4, 1e-2, 1.0])
-    radius = sedov_taylor_shock_radius(time, 2e7, DENSITY, 1.3)
-    np.testing.assert_allclose(
-        sedov_taylor_energy(radius, time, DENSITY, 1.3),
-        2e7 * TNT_SPECIFIC_ENERGY,
-        rtol=1e-13,
-    )
-
-
 def test_log_slopes_are_those_of_the_dimensional_analysis():
     def log_radius(x):
         time, mass, density = jnp.exp(x)
@@ -53,14 +45,6 @@ def test_shock_pressure_is_that_of_a_strong_shock_at_the_speed_of_the_radius():
         2 * DENSITY * speed**2 / (gamma + 1),
         rtol=1e-13,
     )
-
-
-def test_near_the_source_the_pressure_is_that_of_the_exact_point_source():
-    # exact point source, gamma 1.4: p/P0 = 157.8 at lambda = R (P0/E)^(1/3) = 0.1; it
-    # counts from the ambient pressure and the strong shock does not know it: 1.5/158
-    scaled = 0.1 * (TNT_SPECIFIC_ENERGY / 101325.0) ** (1 / 3)
-    pressure = sedov_taylor_shock_pressure(scaled, 1.0, 1.4) / 101325.0
-    np.testing.assert_allclose(pressure, 157.8, rtol=0.015)
 
 
 def test_valid_while_the_shock_has_25_atmospheres():
@@ -124,3 +108,60 @@ def test_a_missing_time_stays_missing_and_spoils_no_other_gradient():
         return sedov_taylor_shock_radius(1e-3, mass, DENSITY, 1.4)
 
     np.testing.assert_allclose(masked(2e7), alone(2e7), rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("gamma", "printed", "digit"),
+    [
+        (1.2, 1.71980, 1e-5),
+        (1.3, 1.14360, 1e-5),
+        (1.4, 0.851071854758, 1e-12),
+        (5 / 3, 0.493590, 1e-6),
+    ],
+)
+def test_alpha_is_the_published_value(gamma, printed, digit):
+    np.testing.assert_allclose(sedov_alpha(gamma), printed, rtol=0, atol=digit / 2)
+
+
+def test_taylors_own_constant_is_half_a_percent_high():
+    # Taylor (1950) integrated by hand: K = 0.856 at gamma = 1.4, three digits
+    np.testing.assert_allclose(sedov_alpha(1.4), 0.856, rtol=6.5e-3)
+
+
+def _alpha_by_integration(gamma):
+    """Taylor (1950), eqs. 5 to 14: from the shock inwards, and the energy with it.
+
+    u = A R^(-3/2) phi, p = p0 (A/c0)^2 R^(-3) f, rho = rho0 psi of eta = r/R; then
+    R^(5/2) = (5/2) A t.
+    """
+
+    def inwards(eta, state):
+        f, phi, psi, _ = state
+        lag = eta - phi
+        df = (
+            f
+            * (-3 * eta + phi * (3 + gamma / 2) - 2 * gamma * phi**2 / eta)
+            / (lag**2 - f / psi)
+        )
+        dphi = (df / (gamma * psi) - 1.5 * phi) / lag
+        dpsi = psi * (dphi + 2 * phi / eta) / lag
+        energy = 2 * np.pi * psi * phi**2 + 4 * np.pi * f / (gamma * (gamma - 1))
+        return [df, dphi, dpsi, energy * eta**2]
+
+    # Near the centre there is pressure alone, and it is level: f has a correction of
+    # order eta^((2 gamma + 1)/(gamma - 1)), 3e-9 here for gamma = 5/3, on a core that
+    # holds 1e-4 of the energy.
+    centre = 0.05
+    shock = [2 * gamma / (gamma + 1), 2 / (gamma + 1), (gamma + 1) / (gamma - 1), 0.0]
+    end = solve_ivp(
+        inwards, (1.0, centre), shock, method="DOP853", rtol=1e-13, atol=1e-30
+    ).y[:, -1]
+    core = 4 * np.pi * end[0] / (gamma * (gamma - 1)) * centre**3 / 3
+    return 4 / 25 * (core - end[3])
+
+
+@pytest.mark.parametrize("gamma", [1.2, 1.3, 1.4, 5 / 3])
+def test_alpha_is_that_of_the_integrated_equations(gamma):
+    np.testing.assert_allclose(
+        sedov_alpha(gamma), _alpha_by_integration(gamma), rtol=1e-9
+    )
