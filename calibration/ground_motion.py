@@ -227,9 +227,7 @@ def log_density(
     scale = np.log(mass / shot.charge_mass) / 3.0
     value = shot.log_value[quantity] - scale * (quantity == "ground_displacement_m")
     place = log_scaled_place(shot.slant_range, mass, shot.height_of_burst)
-    residual = value - np.asarray(
-        log_curve(curve.coefficients, *place)
-    )
+    residual = value - np.asarray(log_curve(curve.coefficients, *place))
     claimed = covariance_of(curve, shot, mass)
     solved = np.linalg.solve(claimed, residual[..., None])[..., 0]
     density = -0.5 * np.sum(residual * solved, axis=-1)
@@ -366,9 +364,7 @@ def draw(curves: Mapping[str, GroundMotionCurve], path: Path) -> None:
                 label=site,
             )
         for level, style in ((BURIED, "-"), (ABOVE, "--")):
-            line = log_curve(
-                curve.coefficients, jnp.log(z), jnp.full(z.shape, level)
-            )
+            line = log_curve(curve.coefficients, jnp.log(z), jnp.full(z.shape, level))
             by_range.plot(z, np.exp(line), style, color=INK)
         at_100 = jnp.full(x.shape, jnp.log(100.0))
         line = log_curve(curve.coefficients, at_100, jnp.asarray(x))
@@ -436,9 +432,7 @@ def objective(quantity: str, form: Form, restricted: bool):
 
     def cost(theta: jax.Array, weight: jax.Array) -> tuple[jax.Array, Marginal]:
         def predict(theta: jax.Array, x: jax.Array) -> jax.Array:
-            curve = log_curve(
-                theta[:n].at[inner].set(x[: len(inner)]), *place
-            )
+            curve = log_curve(theta[:n].at[inner].set(x[: len(inner)]), *place)
             for sd, index, (start, stop) in zip(
                 theta[n:-1], groups, itertools.pairwise(ends), strict=True
             ):
@@ -480,9 +474,7 @@ def predictive(
     held = dict(form.held)
     inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
     place, b = records.place(), jnp.asarray(values[:n])
-    left = np.asarray(
-        records.log_value[quantity] - log_curve(b, *place)
-    )[used]
+    left = np.asarray(records.log_value[quantity] - log_curve(b, *place))[used]
     gradient = log_gradient(b, *place)
     slopes = np.stack(gradient, axis=-1)[used][:, inner]
     alike = [

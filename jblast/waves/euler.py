@@ -71,8 +71,8 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
 from jblast.errors import InputError
 from jblast.types import as_float_array
-from jblast.waves.curves import hermite_curve
 from jblast.waves.laws.sedov_taylor import sedov_alpha
+from jblast.waves.tables import cubics
 
 FEWEST_CELLS = 20
 """With fewer the shocked layer, a sixth of the radius in labels, is not resolved."""
@@ -348,20 +348,19 @@ def decay_at(scaled: Float[np.ndarray, " node"], history: History) -> Decay:
     slopes = np.concatenate(
         [[2.0 * chord[0] - inner[0]], inner, [2 * chord[-1] - inner[-1]]]
     )
-    pressure = hermite_curve(x, y, slopes)
+    pressure = cubics(x, y, slopes)
     log_time = np.log(np.sqrt(AIR_HEAT_CAPACITY_RATIO) * time)
     pace = np.asarray(history.shock / (time * history.front.speed))
-    arrival = hermite_curve(x, log_time, pace)
+    arrival = cubics(x, log_time, pace)
     at = np.log(scaled)
     interval = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
     share = (at - x[interval]) / (x[interval + 1] - x[interval])
-    powers = share[:, None] ** np.arange(4)
     return Decay(
         scaled,
-        np.exp((pressure.coefficients[interval] * powers).sum(1)),
+        np.exp(pressure(at)),
         # interpolated: the derivative of the cubic is one order less
         slopes[interval] + share * (slopes[interval + 1] - slopes[interval]),
-        np.exp((arrival.coefficients[interval] * powers).sum(1)),
+        np.exp(arrival(at)),
     )
 
 

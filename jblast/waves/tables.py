@@ -303,14 +303,13 @@ def spline_slopes(
     return np.linalg.solve(matrix, right)
 
 
-def spline(
+def cubics(
     x: Float[np.ndarray, " point"],
     y: Float[np.ndarray, " point"],
-    end_slopes: tuple[float, float] | None = None,
+    slopes: Float[np.ndarray, " point"],
 ) -> Form:
-    """Return the cubic spline through points, with the arguments of `spline_slopes`."""
+    """Return the cubics between points with slopes, extrapolated at the ends."""
     h, rise = np.diff(x), np.diff(y) / np.diff(x)
-    slopes = spline_slopes(x, y, end_slopes)
     bend = 3.0 * rise - 2.0 * slopes[:-1] - slopes[1:]
     cube = slopes[:-1] + slopes[1:] - 2.0 * rise
     columns = y[:-1], slopes[:-1], bend / h, cube / h**2

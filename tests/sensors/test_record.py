@@ -12,11 +12,11 @@ from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import loadings
 from jblast.waves import (
     acoustic_arrival_time,
-    dual_path_ground_arrival_time,
     kingery_bulmash_pressure,
     wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time,
 )
+from jblast.waves.laws.wu_hao import wu_hao_ground_path_arrival_time
 
 SCENE = with_values(
     Scene(
@@ -159,7 +159,9 @@ def test_the_thesis_path_climbs_to_the_sensor_and_the_head_wave_does_not():
     thesis = dataclasses.replace(head, ground=Ground(p_speed=6000.0, path="thesis"))
     along = wu_hao_ground_arrival_time(20.0, 15.0, 6000.0)
     slant = float(np.hypot(20.0, 1.5))
-    climbing = dual_path_ground_arrival_time(slant, 20.0, 1.5, 15.0, 340.0, 6000.0)
+    climbing = wu_hao_ground_path_arrival_time(
+        slant, 20.0, 1.5, 15.0, 340.0, 6000.0, "thesis"
+    )
     assert recording(head)[0].value[0] == pytest.approx(float(along), rel=1e-14)
     assert recording(thesis)[0].value[0] == pytest.approx(float(climbing), rel=1e-14)
 

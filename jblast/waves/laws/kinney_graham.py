@@ -17,7 +17,7 @@ follows from the pressure by Rankine and Hugoniot, the arrival from the speed:
 $$t = \frac{1}{c_0} \int_{r_c}^{R} \frac{dr}{\sqrt{1 + \tfrac67\, p/P_0}}$$
 
 from the charge's radius $r_c$ = 0.053 m/kg^(1/3), where the time is zero. It is
-tabulated as in `waves/curves.py`, in float64 to 1e-11.
+tabulated as in `waves/tables.py`, in float64 to 1e-11.
 
 Range: none was found in print, so the ranges are ours. Pressure and impulse: from the
 charge's surface, Z = 0.053, to 40, as far as there is a Kingery-Bulmash curve to

@@ -29,7 +29,7 @@ import numpy as np
 
 from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.scaling import scaled_law
-from jblast.waves.tables import Curve, data_rows, spline
+from jblast.waves.tables import Curve, cubics, data_rows, spline_slopes
 
 # No suction exceeds the ambient pressure; 5 % keeps the change to few readings.
 AMBIENT_HALF_WIDTH = math.log(1.05)
@@ -49,7 +49,8 @@ def ufc_curve(column: str, unit: float) -> Curve:
     # Only a pressure has this bound; impulses and durations have none.
     if column.endswith("kPa"):
         log_value = _below_ambient(log_value)
-    return Curve(spline(np.log(z), log_value), z[0], z[-1])
+    slopes = spline_slopes(np.log(z), log_value)
+    return Curve(cubics(np.log(z), log_value, slopes), z[0], z[-1])
 
 
 def _below_ambient(log_pressure: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ $$\frac{c_0 t}{R_0} = \int_0^\lambda \frac{d\lambda}{M}, \qquad
   M^2 = 1 + \tfrac67 x, \qquad R_0 = (E/P_0)^{1/3}$$
 
 as a series below the first node, a table from there to $\lambda$ = 1e4, and past it the
-head start over sound of a weak shock (`waves/curves.py`).
+head start over sound of a weak shock (`waves/tables.py`).
 
 On the grid the pressure is within 1e-6 of the method of characteristics in all 41 rows
 of its table there (S. Hancock, blast-ips, table S1x4, itself good to 7e-7) and within
@@ -58,7 +58,15 @@ from jblast.waves.shock import (
     measured_far_scatter,
     tail_from,
 )
-from jblast.waves.tables import Curve, Form, Numbers, arrival, data_rows, spline
+from jblast.waves.tables import (
+    Curve,
+    Form,
+    Numbers,
+    arrival,
+    cubics,
+    data_rows,
+    spline_slopes,
+)
 
 LENGTH = (TNT_SPECIFIC_ENERGY / STANDARD_PRESSURE) ** (1.0 / 3.0)
 """Scaled distance of lambda = 1 [m/kg^(1/3)]: 3.456."""
@@ -85,7 +93,9 @@ def _front() -> tuple[Form, WeakShockTail]:
     nodes = np.linspace(first, last, len(rows))
     # The slope of the strong limit and its constant; the solver's is 2e-4 steeper.
     ends = -3.0 * STRONG / (ENDS[0] ** 3 * pressure[0]), slopes[-1]
-    between = spline(nodes, np.log(pressure), ends)
+    log_pressure = np.log(pressure)
+    steep = spline_slopes(nodes, log_pressure, ends)
+    between = cubics(nodes, log_pressure, steep)
     offset = pressure[0] - STRONG / ENDS[0] ** 3
     tail = tail_from(ENDS[1], pressure[-1], slopes[-1])
 

@@ -11,7 +11,7 @@ $$U = c_0 \sqrt{1 + \tfrac{6}{7}\, p/P_0}$$
 Arrival, starting from the Kingery-Bulmash time at their first $Z$:
 $$t = t_{KB}(R_1) + \int_{R_1}^{R} dr/U$$
 so that $dt/dR = 1/U$ to rounding, which tends to $1/c_0$. The integral is tabulated at
-first use (under 5 ms, `waves/curves.py`); in float64 its relative error is below
+first use (under 5 ms, `waves/tables.py`); in float64 its relative error is below
 1e-10.
 
 Listed points: at $Z = 20$ value and slope are continuous, curvature is not. At the

@@ -23,7 +23,7 @@ Neighbouring segments do not meet: the printed curves jump by -0.04 % (incident
 pressure, Z = 2.9), 0.70 % (23.8), -0.24, -2.40 and -0.18 % (incident impulse, 0.96,
 2.38, 33.7), 0.08 % (reflected pressure, 2), 0.16 % (arrival, 1.5), -1.19 and -0.90 %
 (duration, 1.02, 2.8) and -0.11 % (shock speed, 1.5). They are blended over 5 % in Z
-(`waves/curves.py`); outside the blends the curves are the printed ones to
+(`waves/tables.py`); outside the blends the curves are the printed ones to
 rounding.
 """
 

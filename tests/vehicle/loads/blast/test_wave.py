@@ -20,9 +20,7 @@ from jblast.vehicle.loads.blast_wave import (
     wind_speed,
 )
 from jblast.waves import (
-    blast_pressure,
     blast_wind,
-    friedlander_impulse,
     ground_factor,
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
@@ -32,6 +30,7 @@ from jblast.waves import (
     ufc_negative_pressure,
 )
 from jblast.waves.euler import decay_at, march
+from jblast.waves.waveform import blast_pressure, friedlander_impulse
 
 PRESSURE, SOUND = 95e3, 335.0
 BURSTS = ("surface", "free-air")
