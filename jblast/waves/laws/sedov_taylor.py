@@ -213,7 +213,7 @@ def _analytic_part(x2: Numbers, gamma: Numbers) -> Numbers:
     return (x2 + x4) * xp.exp(powers) * slope
 
 
-ALPHA = Curve(_log_alpha, GAMMAS[0] - 1.0, GAMMAS[1] - 1.0)
+ALPHA = Curve(_log_alpha, GAMMAS[0] - 1.0, GAMMAS[1] - 1.0, cheap=True)
 r"""$\ln\alpha$ of $\ln(\gamma - 1)$."""
 
 

@@ -224,7 +224,7 @@ def test_a_point_source_is_the_method_of_characteristics_to_a_millionth():
     printed = HANCOCK["log_slope"][INSIDE][1:-1]
     # parabolas through the solver's records
     np.testing.assert_allclose(slope, printed, rtol=0, atol=2e-4)
-    rows = np.greater_equal(X, FIRST)
+    rows = np.greater_equal(X, FIRST) & np.less(X, math.log(1e5))
     lead = np.exp(HANCOCK["log_lead"][rows] - X[rows])
     got = np.exp(log_sound_fraction(X[rows]))
     # 3.5e-6 at 0.1; the lead, a difference of times, is printed to 1e-8
