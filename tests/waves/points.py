@@ -20,12 +20,18 @@ def word_of(law: Law) -> str:
     return next((name for name in WORDS if name in law.arguments()), "")
 
 
+OF_WAVES = {
+    key
+    for key, law in LAWS.items()
+    if law.function.__module__.startswith("jblast.waves")
+}
+"""Laws of this package: not those of vehicles, and of the thesis."""
 every_law = pytest.mark.parametrize(
     ("law", "word"),
     [
         pytest.param(law, word, id=f"{law.quantity}-{law.name}-{word or 'any'}")
         for law in LAWS.values()
-        if "jolt_east" not in law.arguments()  # those of a vehicle, of `sensors`
+        if (law.quantity, law.name) in OF_WAVES
         for word in WORDS.get(word_of(law), ("",))
     ],
 )
