@@ -155,7 +155,7 @@ CALCULATION = (
     ("statement", "needs", "does_without"),
     [
         ("import jblast", "jblast", "jax numpy equinox warp pysindy matplotlib"),
-        ("import jblast.waves", "jax", "warp pysindy matplotlib optimistix"),
+        ("import jblast.waves", "numpy", "jax equinox warp pysindy matplotlib"),
         (
             CALCULATION,
             "jblast.waves",
