@@ -82,7 +82,7 @@ def test_the_weight_rises_smoothly_from_half_a_phase_of_delay_to_a_whole_one():
 
 
 def path(weight=0.0, **changes):
-    scene = Scene(charge=Charge(mass_kg=1.0, burst="surface"))
+    scene = Scene(charges=(Charge(mass_kg=1.0, burst="surface"),))
     ranges = jnp.array([2.0, 20.0])
     rows = with_rows(scene_path(scene), ranges, jnp.ones(2))
     return replace(rows, burst=None, free_air=weight, **changes)
