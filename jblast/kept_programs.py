@@ -40,6 +40,7 @@ from jaxlib import lapack
 
 from jblast.files import write_bytes
 from jblast.registry import PACKAGED, Law, others
+from jblast.types import Module
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -429,7 +430,7 @@ def spelled(value: Any, fixed: bool = False) -> str:
     if isinstance(value, tuple | list):
         return f"{_name(type(value))}{[spelled(entry, fixed) for entry in value]}"
     if is_dataclass(value):
-        whole = fixed or not isinstance(value, eqx.Module)
+        whole = fixed or not isinstance(value, eqx.Module | Module)
         entries = [
             spelled(getattr(value, f.name), whole or f.metadata.get("static", False))
             for f in fields(value)

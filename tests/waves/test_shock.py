@@ -1,11 +1,15 @@
 """Jump conditions, and the scatter of recordings far away."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
 from jblast.registry import PACKAGED, law_for
+from jblast.scene import Charge, Scene, Sensor
+from jblast.sensors import planned_layout, record
+from jblast.sensors.simulated_readings import loadings
 from jblast.waves import (
     kingery_bulmash_blast_wind,
     kingery_bulmash_pressure,
@@ -18,6 +22,7 @@ from jblast.waves.shock import (
     FarScatter,
     blast_wind,
     dynamic_pressure,
+    measured_far_scatter,
     tail_from,
 )
 
@@ -119,6 +124,23 @@ def test_far_scatter_is_nothing_near_the_charge_and_as_recorded_far_away():
     np.testing.assert_allclose(
         slope(np.array([0.0, 300.0, 1e12])), expected, atol=1e-12
     )
+
+
+def test_far_rows_of_a_shot_share_an_effect_of_their_own():
+    """The level of near rows neither fixes nor moves that of far ones."""
+    sensors = tuple(
+        Sensor(f"m{i}", jnp.array([r, 0.0, 0.0]), records=((PEAK, 0.02),))
+        for i, r in enumerate((50.0, 280.0, 290.0))
+    )
+    scene = Scene(Charge(mass_kg=1.0), sensors=sensors)
+    layout, _, _ = planned_layout(scene)
+    recording = record(scene, layout, {PEAK: "shock_kinematics"})
+    effects = np.asarray(loadings(recording, layout))
+    assert effects.shape == (3, 2)
+    np.testing.assert_allclose(effects[:, 0], 0.1)
+    shared, own = measured_far_scatter(PEAK)(np.array([50.0, 280.0, 290.0]), 1.0)
+    np.testing.assert_allclose(effects[:, 1], shared, rtol=1e-3)
+    np.testing.assert_allclose(recording.record_sd, np.hypot(0.1, own), rtol=1e-3)
 
 
 def test_the_end_is_where_recorded_peaks_leave_the_law():
