@@ -11,8 +11,8 @@ event: microseconds, then 14 bits of the column, 14 of the row, and the sign.
 
 Files of EVT 2.0 and DAT are only read.
 
-Encoder and decoder are our own: expelliarmus 1.1.12 loses the time of events after
-4,096 us or more without one, and handles neither an empty file nor its size.
+Encoder and decoder are our own: faery 0.7 loses time in a gap of 40 s between events
+(it reads 12.6 s), unless the file has all steps of the time, as ours.
 
 References:
     Prophesee, Metavision documentation: EVT 3.0 format; EVT 2.0 format; RAW file

@@ -1,11 +1,10 @@
 """Events of every format come back as they were; other files are refused by name."""
 
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import faery
 import h5py
 import numpy as np
 import pytest
@@ -355,24 +354,6 @@ def test_damaged_and_hostile_files_are_refused(tmp_path, name, made, message):
         read_events(path)
 
 
-def test_expelliarmus_finds_the_same_positions_and_signs(tmp_path):
-    # in a process of its own: it prints, and its times are off by steps of 4,096 us
-    t = np.sort(np.random.default_rng(0).integers(0, 4 * 10**6, 2000))
-    columns = t % 640, t % 480, t, t % 2
-    write_events(tmp_path / "a.raw", [events_of(*columns)], 640, 480)
-    script = (
-        "import sys, numpy, expelliarmus\n"
-        "events = expelliarmus.Wizard('evt3').read(sys.argv[1])\n"
-        "numpy.save(sys.argv[2], numpy.array([events[n] for n in 'xytp']))\n"
-    )
-    words = [sys.executable, "-c", script, tmp_path / "a.raw", tmp_path / "a.npy"]
-    subprocess.run(words, check=True, capture_output=True)
-    x, y, found, p = np.load(tmp_path / "a.npy")
-    for column, expected in ((x, 0), (y, 1), (p, 3)):
-        np.testing.assert_array_equal(column, columns[expected])
-    np.testing.assert_array_equal(found % 4096, t % 4096)
-
-
 def decoded(path: Path) -> np.ndarray:
     """x, y, t, p of a file, word by word by the manufacturer's page; no vectors."""
     data = path.read_bytes()
@@ -395,13 +376,16 @@ def decoded(path: Path) -> np.ndarray:
     return np.array(found).T
 
 
-def test_another_decoder_finds_the_same_events_over_minutes(tmp_path):
+def test_other_decoders_find_the_same_events_over_minutes(tmp_path):
     # the time's 24 bits last 17 s
     t = np.sort(np.random.default_rng(0).integers(0, 300 * 10**6, 2000))
-    columns = t % 640, t % 480, t, t % 2
+    columns, path = (t % 640, t % 480, t, t % 2), tmp_path / "a.raw"
     halves = [events_of(*(c[k : k + 1000] for c in columns)) for k in (0, 1000)]
-    write_events(tmp_path / "a.raw", halves, 640, 480)
-    np.testing.assert_array_equal(decoded(tmp_path / "a.raw"), columns)
+    write_events(path, halves, 640, 480)
+    np.testing.assert_array_equal(decoded(path), columns)
+    events = np.concatenate([*faery.events_stream_from_file(path)])
+    for name, expected in zip(("x", "y", "t", "on"), columns, strict=True):
+        np.testing.assert_array_equal(events[name], expected)
 
 
 @pytest.mark.parametrize("block", [1, 2, 3, BLOCK])

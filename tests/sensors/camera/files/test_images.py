@@ -34,29 +34,11 @@ def chunk(name: bytes, data: bytes) -> bytes:
 
 
 def deep_png(values: np.ndarray, kind: int) -> bytes:
-    """Return a PNG of 16 bits per channel; each row has another of the filters."""
-    height, width, channels = values.shape
-    raw = values.astype(">u2").tobytes()
-    size, step = 2 * channels * width, 2 * channels
-    lines, above = [], bytes(size)
-    for row in range(height):
-        line = raw[row * size : (row + 1) * size]
-        left, corner = bytes(step) + line[:-step], bytes(step) + above[:-step]
-        predicted = {
-            0: bytes(size),
-            1: left,
-            2: above,
-            3: bytes((a + b) // 2 for a, b in zip(left, above, strict=True)),
-            4: bytes(
-                min((a, b, c), key=lambda near, p=a + b - c: abs(p - near))
-                for a, b, c in zip(left, above, corner, strict=True)
-            ),
-        }[row % 5]
-        coded = bytes((a - b) % 256 for a, b in zip(line, predicted, strict=True))
-        lines.append(bytes([row % 5]) + coded)
-        above = line
+    """Return a PNG of 16 bits per channel, without filters."""
+    height, width = values.shape[:2]
+    lines = b"".join(b"\0" + row.astype(">u2").tobytes() for row in values)
     head = struct.pack(">IIBBBBB", width, height, 16, kind, 0, 0, 0)
-    parts = (b"IHDR", head), (b"IDAT", zlib.compress(b"".join(lines))), (b"IEND", b"")
+    parts = (b"IHDR", head), (b"IDAT", zlib.compress(lines)), (b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
 
 
@@ -81,6 +63,16 @@ def test_light_is_clipped_and_written_as_srgb(tmp_path):
     write_png(path, LIGHT[None, :, None])
     np.testing.assert_array_equal(frame_and_bits(path)[0][0], VALUES)
     assert read_colours(path).shape == (1, 7, 3)
+
+
+def test_grey_of_16_bits_becomes_light(tmp_path):
+    values = np.array([[0, 1000, 65535]], np.uint16)
+    Image.fromarray(values).save(tmp_path / "a.png")
+    light, bits = frame_and_bits(tmp_path / "a.png")
+    np.testing.assert_allclose(light, values / 65535)
+    srgb, _ = frame_and_bits(tmp_path / "a.png", srgb=True)
+    np.testing.assert_allclose(srgb[0], [0.0, 1000 / 65535 / 12.92, 1.0])
+    assert bits == 16
 
 
 def test_alpha_stays_linear(tmp_path):
