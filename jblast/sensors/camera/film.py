@@ -69,6 +69,9 @@ STAMP_ERROR = 1e-4
 camera's photoreceptor, and of its refractory period."""
 EXACT_ERROR = 1e-6
 """Bound of that of an ideal camera [s]: event files have whole microseconds."""
+RUN_ERROR = 1e-3
+"""Bound of that of runs, which last for minutes [s]: a quarter of the work that
+`STAMP_ERROR` takes."""
 LIGHT_ERROR = 5e-4
 """Bound of the error of the logarithm of light for a camera with resets, in thresholds:
 found by trial, so that 99 in 100 of its events are within `STAMP_ERROR` too."""
@@ -77,8 +80,8 @@ JUMP = 1 / 16
 jump has no finer interval in which its logarithm is linear."""
 LEFT = 0.01
 """Accepted share of the events of an interval outside the bound."""
-PER_AGE = 8
-"""First instants of a fireball: the age between two grows by an eighth. Fireballs and
+PER_AGE = 4
+"""First instants of a fireball: the age between two grows by a quarter. Fireballs and
 smoke change in proportion to their age, and intervals are sampled at their quarters."""
 MOVED = 1.0
 """Shift of the ground between first instants of a moving camera [px]. A fine pattern

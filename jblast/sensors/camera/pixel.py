@@ -213,12 +213,12 @@ class Runs(NamedTuple):
     """Events of pixels in an interval; those of one pixel are evenly spaced.
 
     Attributes:
-        count: +k brighter, -k darker.
+        sent: +k brighter, -k darker.
         first_s: Time of the first event since the start of the interval.
         pace_s: Time from one event to the next.
     """
 
-    count: Int[Array | np.ndarray, "..."]
+    sent: Int[Array | np.ndarray, "..."]
     first_s: Numbers
     pace_s: Numbers
 
@@ -257,7 +257,7 @@ def interval(
     level = xp.where(begin > 0.0, before + slope * begin, held.level)
     change, slack = after - level, rounding(after)
     sign = xp.where(change + slack >= pixel.up, 1, 0)
-    sign = xp.where(change - slack <= -pixel.down, -1, sign)
+    sign = xp.where(slack - change >= pixel.down, -1, sign)
     sign = xp.where(in_reset | (slope == 0.0), 0, sign)
     sends = sign != 0
     size = xp.where(sign > 0, pixel.up, pixel.down)
@@ -357,7 +357,7 @@ def _listed(runs: Runs, lengths: Float[Array, " interval"], capacity: int):
 
     Entries beyond that number have sign 0.
     """
-    number = jnp.abs(runs.count).ravel()
+    number = jnp.abs(runs.sent).ravel()
     ends = jnp.cumsum(number)
     slot = jnp.arange(capacity, dtype=ends.dtype)
     # inverse of the cumulated counts: each slot finds its interval and pixel
@@ -366,7 +366,7 @@ def _listed(runs: Runs, lengths: Float[Array, " interval"], capacity: int):
     earlier = (slot - ends[cell] + number[cell]).astype(lengths.dtype)
     offset = runs.first_s.ravel()[cell] + earlier * runs.pace_s.ravel()[cell]
     offset = jnp.minimum(offset, lengths[cell // (number.size // len(lengths))])
-    sign = jnp.where(slot < ends[-1], jnp.sign(runs.count.ravel()[cell]), 0)
+    sign = jnp.where(slot < ends[-1], jnp.sign(runs.sent.ravel()[cell]), 0)
     return cell, jnp.where(sign == 0, 0.0, offset), sign, ends[-1]
 
 

@@ -102,8 +102,8 @@ def event_stream(
 def joined(parts: Iterable[Events]) -> Events:
     """Return the events of consecutive blocks as one."""
     columns = [(e.x, e.y, e.time, e.polarity, e.count, e.lost) for e in parts]
-    *events, count, lost = (np.hstack(column) for column in zip(*columns, strict=True))
-    return Events(*events, count.sum(), lost.sum())
+    x, y, time, sign, count, lost = map(np.hstack, zip(*columns, strict=True))
+    return Events(x, y, time, sign, count.sum(), lost.sum())
 
 
 class Found(NamedTuple):
@@ -174,6 +174,8 @@ class Strip:
         clock: Float[np.ndarray, " instant"],
     ) -> Found:
         """Return the events of some pixels, and store their state."""
+        if not len(at):
+            return NOTHING
         pixel = at_places(self.pixel, NUMBERS, at)
         held, lengths = at_places(self.held, STATE, at), np.diff(clock)
         runs = []
@@ -226,15 +228,14 @@ def strips_of(
     first: np.ndarray, pixel: Pixel, count: int, srgb: bool, darkest: float | None
 ) -> list[Strip]:
     """Return strips of rows of the image, at the first frame."""
-    if first.dtype == np.uint8:
-        floor = EIGHT_BITS if darkest is None else darkest
-        table = np.log(np.maximum(grey_light(srgb=srgb), floor))
-        log: Callable[[np.ndarray], np.ndarray] = table.__getitem__
-    else:
-        floor = DARKEST if darkest is None else darkest
+    whole = first.dtype == np.uint8
+    floor = darkest or (EIGHT_BITS if whole else DARKEST)
+    table = np.log(np.maximum(grey_light(srgb=srgb), floor))
 
-        def log(values: np.ndarray) -> np.ndarray:
-            return np.log(np.maximum(values.astype(float), floor))
+    def log(values: np.ndarray) -> np.ndarray:
+        if whole:
+            return table[values]
+        return np.log(np.maximum(values.astype(float), floor))
 
     numbers = {
         name: np.broadcast_to(np.asarray(getattr(pixel, name), float), first.shape)
