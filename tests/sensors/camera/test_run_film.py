@@ -74,19 +74,19 @@ def joined_packets(packets):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("film", [MOVING, STILL], ids=["moving", "fixed"])
-def test_frames_are_those_of_the_film(film):
+def test_an_exposure_blurs_frames_but_not_events():
+    exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
+    film = replace(MOVING, camera=exposed)
     expected = np.concatenate([frames for _, frames in film.frames()])[:-1]
-    times, frames, *_ = joined_packets(filmed_packets(film, BOUNDS, srgb=False))
+    times, frames, *events = joined_packets(filmed_packets(film, BOUNDS, srgb=False))
     np.testing.assert_array_equal(times, film.times[:-1])
-    assert np.ptp(expected[-1]) > 0.2
-    off = np.abs(np.log(frames / expected)).max(axis=-1)
-    # rounding decides about a pixel on the horizon: ground or sky
-    assert np.quantile(off, 0.9999) < 1e-4
-    _, shown, *_ = joined_packets(filmed_packets(film, BOUNDS))
-    levels = np.stack([srgb_bytes(frame) for frame in expected]).astype(int) - shown
+    np.testing.assert_array_equal(frames, expected)
+    _, shown, *instant = joined_packets(filmed_packets(MOVING, BOUNDS))
     assert shown.dtype == np.uint8
-    assert np.abs(levels).max(axis=-1).mean() < 1e-3
+    levels = np.stack([srgb_bytes(frame) for frame in expected]).astype(int) - shown
+    assert np.abs(levels).max() > 3
+    for one, other in zip(events, instant, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.slow
@@ -131,17 +131,3 @@ def test_events_are_those_of_the_film(film):
     assert len(off) > 5000
     assert alike >= 0.99 * len(known | found)
     assert np.quantile(np.abs(off), 1.0 - LEFT) < RUN_ERROR
-
-
-@pytest.mark.slow
-def test_an_exposure_blurs_frames_but_not_events():
-    exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
-    film = replace(MOVING, camera=exposed)
-    expected = np.concatenate([frames for _, frames in film.frames()])[:-1]
-    _, frames, *events = joined_packets(filmed_packets(film, BOUNDS, srgb=False))
-    off = np.abs(np.log(frames / expected)).max(axis=-1)
-    assert np.quantile(off, 0.999) < 1e-4
-    _, instants, *same = joined_packets(filmed_packets(MOVING, BOUNDS, srgb=False))
-    assert np.abs(frames - instants).max() > 0.01
-    for one, other in zip(events, same, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-6)

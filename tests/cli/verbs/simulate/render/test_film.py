@@ -79,7 +79,10 @@ def test_events_of_a_world_are_those_of_its_film(jblast):
     orders = [np.lexsort((e["t"], e["p"], e["x"], e["y"])) for e in (known, found)]
     for name in "xyp":
         np.testing.assert_array_equal(known[name][orders[0]], found[name][orders[1]])
-    off = np.abs(known["t"][orders[0]] - found["t"][orders[1]])
+    times = [
+        1.0 * e["t"][order] for e, order in zip((known, found), orders, strict=True)
+    ]
+    off = np.abs(times[0] - times[1])
     assert np.quantile(off, 0.99) < 1e6 * json.loads(out)["camera"]["stamp_error_s"]
 
 
