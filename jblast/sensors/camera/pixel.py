@@ -42,7 +42,6 @@ References:
 """
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -54,6 +53,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
 
 from jblast.errors import require
 from jblast.sensors.camera.image import srgb_to_linear
+from jblast.types import Module, field
 
 DARKEST = 1e-6
 """Dark level of floats, as a fraction of full scale: 120 dB below it, the range of the
@@ -125,7 +125,7 @@ class ShotNoise(NamedTuple):
     rate_hz: float
 
 
-class Pixel(eqx.Module):
+class Pixel(Module):
     """Pixels of an event camera: one number for all, or one each (height, width).
 
     With the defaults they are ideal; `noisy_pixel` draws those of a real camera.
@@ -145,7 +145,7 @@ class Pixel(eqx.Module):
     period_s: Float[ArrayLike, "..."] = 0.0
     drift: Float[ArrayLike, "..."] = 0.0
     begun: Float[ArrayLike, "..."] = 0.0
-    bandwidth_hz: float | None = eqx.field(static=True, default=None)
+    bandwidth_hz: float | None = field(static=True, default=None)
     shot: ShotNoise | None = None
 
     def __check_init__(self):
@@ -193,7 +193,7 @@ def noisy_pixel(
     )
 
 
-class Held(eqx.Module):
+class Held(NamedTuple):
     """State of pixels between two frames.
 
     Attributes:
@@ -348,7 +348,7 @@ def pixel_events(
     y, x = (jnp.where(sign == 0, -1, at) for at in jnp.divmod(place, shape[1]))
     time = jnp.where(jnp.isnan(log_frames).any(), jnp.nan, time)
     count = jnp.minimum(total, capacity)
-    held = replace(held, parts=held.parts + 1)
+    held = held._replace(parts=held.parts + 1)
     return Events(x, y, time, sign, count, total - count), held
 
 

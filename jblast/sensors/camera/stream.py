@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -40,9 +40,6 @@ TOGETHER = 1 << 13
 noise in a film in which every pixel changes takes a third longer."""
 NUMBERS = ("up", "down", "period_s", "drift", "begun")
 """Fields of `Pixel` with a value for each pixel."""
-STATE = ("signal", "level", "wait_s")
-"""Fields of `Held` with a value for each pixel."""
-T = TypeVar("T", Pixel, Held)
 
 
 def event_stream(
@@ -176,14 +173,15 @@ class Strip:
         """Return the events of some pixels, and store their state."""
         if not len(at):
             return NOTHING
-        pixel = at_places(self.pixel, NUMBERS, at)
-        held, lengths = at_places(self.held, STATE, at), np.diff(clock)
+        own = {name: getattr(self.pixel, name)[at] for name in NUMBERS}
+        pixel, lengths = replace(self.pixel, **own), np.diff(clock)
+        held = Held(*(values[at] for values in self.held[:3]))
         runs = []
         for before, after, length in zip(logs[:-1], logs[1:], lengths, strict=True):
             held, run = interval(pixel, held, before, after, length)
             runs.append(run)
-        for name in STATE:
-            getattr(self.held, name)[at] = getattr(held, name)
+        for values, new in zip(self.held[:3], held[:3], strict=True):
+            values[at] = new
         # pixel by pixel, so that a stable order by time has pixels in order, too
         count, first, pace = (np.stack(v, axis=1) for v in zip(*runs, strict=True))
         lane, number = np.nonzero(count)
@@ -217,11 +215,6 @@ class Strip:
             loud |= (low != high) | (high != last)
             loud |= np.abs(self.held.signal - brightest) > slack
         return loud
-
-
-def at_places(tree: T, names: Sequence[str], at: Int[np.ndarray, " pixel"]) -> T:
-    """Return pixels or their state at some places."""
-    return replace(tree, **{name: getattr(tree, name)[at] for name in names})
 
 
 def strips_of(
