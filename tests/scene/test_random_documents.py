@@ -5,12 +5,10 @@ from contextlib import suppress
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.scene import PARAMETERS, UncertainScene, WorldSpec
+from jblast.scene import UncertainScene, WorldSpec
 from jblast.scene.keys import keys_of
 from jblast.scene.reader import scene_from_document, world_from_document
-from jblast.scene.uncertain import value_of
 
-ALONE = [one for one in PARAMETERS.values() if one.key.index is None]
 NUMBER = st.one_of(
     st.floats(),
     st.integers(),
@@ -83,14 +81,3 @@ def test_random_worlds_raise_nothing_but_input_errors(world):
     document = {"world": world, "vehicle": VEHICLE}
     with suppress(InputError):
         assert type(world_from_document(document, "scene.toml")[1]) is WorldSpec
-
-
-@settings(deadline=None)
-@given(NUMBER, st.sampled_from(ALONE))
-def test_what_is_accepted_lies_within_its_bounds(value, one):
-    document = {one.key.table: {one.key.name: value}}
-    with suppress(InputError):
-        uncertain = scene_from_document(document, "scene.toml")
-        start = value_of(uncertain.scene, one.name)
-        assert start is not None
-        assert one.bounds.allows(start.item())
