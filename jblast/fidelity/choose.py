@@ -191,7 +191,7 @@ def _of_heights(
             continue
         path = tnt_path(scene, replace(charge, burst=None), quantity, position)
         height = float(scaled_height(scene, charge))
-        free = np.asarray(path.free_air) >= 1.0
+        free = np.asarray(path.free_air)
         notes += burst_notes(charge, (height, height), free, "sensor")
     left = {path.burst for path in by_curves(by_height)} if by_height else set()
     return tuple(burst for burst in BURSTS if burst in left), tuple(notes)

@@ -576,7 +576,7 @@ def conditions_of(quantity: str, path: Path) -> Conditions:
         sound_time=path.slant_range / path.sound_speed,
         scaled_height=z * path.height_of_burst / path.slant_range,
         holds={name: each(where) for name, where in holds.items()},
-        burst=path.one_burst(),
+        burst=path.burst or "surface",
     )
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.fidelity import TakenLaw
 from jblast.fidelity.errors import methods_for
 from jblast.inference.coordinates import (
     FAR,
@@ -31,7 +32,6 @@ from jblast.inference.coordinates import (
     Coordinates,
     Other,
 )
-from jblast.inference.laws import Choices, choices_for
 from jblast.inference.likelihood import (
     ROUNDS,
     Paths,
@@ -58,10 +58,11 @@ from jblast.registry import call, law_for
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
 from jblast.scene.uncertain import Normal as NormalPrior, names_in, value_of
 from jblast.sensors import Layout, layout_of, record
-from jblast.sensors.law_choice import law_names
+from jblast.sensors.law_choice import law_names, resolve_laws
 from jblast.sensors.path_scatter import DENSE, KERNELS, MAX_PATHS
 from jblast.sensors.record import effects_of, path_to, to_error_scale
 from jblast.sensors.simulated_readings import Noise, paths_of
+from jblast.waves.height_of_burst import grounded
 
 LANES, ROWS_OF_ALL = 512, 2**18
 """Places of one call of the compiled program, and rows of all of them together."""
@@ -187,7 +188,7 @@ class Density:
     Attributes:
         observations: The log, its positions resolved.
         uncertain: The scene with its unknown numbers.
-        scene: The scene with its curve sets settled, and numbers as arrays.
+        scene: The scene with its numbers as arrays.
         layout: Rows of the log.
         laws: Name of the law of each quantity.
         names: Names of the numbers that the program takes.
@@ -459,7 +460,7 @@ class Density:
         """Return the density by the laws of another one."""
         if other.laws == self.laws:
             return self
-        return self.with_laws(self.uncertain.scene, other.laws)
+        return self.with_laws(other.laws)
 
     def scene_at(self, values: Float[np.ndarray, " name"]) -> Scene:
         """Return the scene with given numbers."""
@@ -467,21 +468,18 @@ class Density:
             self.uncertain.scene, dict(zip(self.coordinates.names, values, strict=True))
         )
 
-    def choices_at(self, values: Float[np.ndarray, " name"]) -> Choices:
-        """Return the automatic choices of laws and curve sets at given numbers."""
+    def choices_at(self, values: Float[np.ndarray, " name"]) -> dict[str, TakenLaw]:
+        """Return the automatic choice of laws at given numbers."""
         there = replace(self.scene_at(values), law=self.uncertain.scene.law)
         rows = layout_of(self.observations, there)
-        return choices_for(there, rows, self.observations.error_scale())
+        return resolve_laws(there, rows, self.observations.error_scale())
 
-    def with_laws(self, near: Scene, laws: Mapping[str, str]) -> "Density":
-        """Return the density by other laws, with the curve sets of a scene."""
-        by_height = any(c.by_height or c.burst is None for c in self.scene.charges)
-        if laws == self.laws and not by_height:
+    def with_laws(self, laws: Mapping[str, str]) -> "Density":
+        """Return the density by other laws."""
+        if laws == self.laws:
             return self
         named = dict(self.uncertain.scene.law)
-        parts = _settled(
-            self.observations, self.uncertain, near, {**named, **laws}, self.noise
-        )
+        parts = _parts(self.observations, self.uncertain, {**named, **laws}, self.noise)
         rows = replace(
             parts["rows"], columns=self.rows.columns, precision=self.rows.precision
         )
@@ -509,7 +507,7 @@ class Density:
             now = self.laws[quantity]
             stays = shares.get((quantity, now), 0.0) > shares[quantity, best] - 0.01
             found[quantity] = now if stays else best
-        return self.with_laws(self.uncertain.scene, found)
+        return self.with_laws(found)
 
     def laws_at(
         self, u: Float[np.ndarray, "draw free"], weights: Float[np.ndarray, " draw"]
@@ -519,7 +517,7 @@ class Density:
         A law is exchanged only for one that is valid for no less of the draws.
         """
         best = self.coordinates.values(u[[weights.argmax()]])[0]
-        new = law_names(self.choices_at(best).laws)
+        new = law_names(self.choices_at(best))
         pairs = tuple(
             (quantity, name)
             for quantity in new
@@ -545,7 +543,7 @@ def density_of(
             its record, or rows times shared effects are too many.
     """
     scene = uncertain.scene
-    parts = _settled(observations, uncertain, scene, dict(scene.law), noise)
+    parts = _parts(observations, uncertain, dict(scene.law), noise)
     names, beliefs = tuple(uncertain.beliefs), tuple(uncertain.beliefs.values())
     held = _held(scene, names)
     blank = Coordinates(
@@ -586,22 +584,19 @@ def _held(scene: Scene, names: Sequence[str]) -> dict[str, float]:
     return {name: value for name, value in found.items() if name not in ranged}
 
 
-def _settled(
+def _parts(
     observations: Observations,
     uncertain: UncertainScene,
-    near: Scene,
     laws: Mapping[str, str],
     noise: Noise,
 ) -> dict[str, Any]:
     """Return scene, layout, laws and rows for a choice of laws."""
-    named = replace(near, law=tuple(laws.items()))
-    choices = choices_for(
-        named, layout_of(observations, near), observations.error_scale()
-    )
-    taken = law_names(choices.laws)
+    named = replace(uncertain.scene, law=tuple(laws.items()))
+    layout = layout_of(observations, named)
+    taken = law_names(resolve_laws(named, layout, observations.error_scale()))
     scene, layout = jax.tree.map(
         lambda x: jnp.asarray(x) if isinstance(x, float) else x,
-        (choices.scene, choices.layout),
+        (grounded(named, uncertain.beliefs), layout),
     )
     refuse_exact(observations, scene.scatter, taken)
     refuse_unresolved(observations)

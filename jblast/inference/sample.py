@@ -220,8 +220,7 @@ def solve(density: Density, seed: int = 0) -> tuple[Density, Draws]:
         if best and found.valid < best[1].valid - 0.01:
             break  # the exchanged laws lead to where they are not valid
         best = density, found
-        there = density.scene_at(found.values[found.weights.argmax()])
-        density = density.with_laws(there, density.laws_at(found.u, found.weights))
+        density = density.with_laws(density.laws_at(found.u, found.weights))
     assert best is not None
     return best
 

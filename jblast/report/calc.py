@@ -41,7 +41,7 @@ from jblast.sensors.calculator import (
     calculate,
     charge_radius,
     disagreements,
-    free_air_rows,
+    free_air_weights,
     only,
     path_of_rows,
     recommended_by_row,
@@ -528,7 +528,7 @@ def notes(question: Question) -> list[str]:
     factor = sachs_distance_factor(path.charge_mass, path.ambient_pressure)
     heights = height / np.asarray(factor)
     span = float(heights.min()), float(heights.max())
-    found = burst_notes(charge, span, free_air_rows(question), "range")
+    found = burst_notes(charge, span, free_air_weights(question), "range")
     found[-1] += "; sensors are assumed as low as the range allows"
     if _between_limits(question):
         found[-1] += "; compare with the other --burst"
@@ -539,7 +539,7 @@ def _between_limits(question: Question) -> bool:
     """Return whether some row is neither a surface burst nor a free-air burst."""
     # an inverse question has no rows: its root may lie on either side of the limit
     is_high = question.scene.charge.up.item() > 0.0 and not question.quantity
-    return is_high and not free_air_rows(question).all()
+    return is_high and not (free_air_weights(question) >= 1.0).all()
 
 
 @dataclass(frozen=True)

@@ -73,8 +73,6 @@ MESSAGES = {
     "the lower bound of the 90 % interval ({quantities:quantities}); {ranges:ranges}",
     "laws_unsettled": "the automatic choice of law at the answer differs from the law "
     "of the fit; its choice there: {laws:law}",
-    "bursts_unsettled": "the curve sets for the height of burst at the answer differ "
-    'from those of the fit; set burst = "surface" or "free-air" of the charge',
     "far_from_its_law": "the whole shot, or a path, departs from its law by "
     "{times:.1f} times the expected scatter: the law may not apply to this setting",
     "height_of_burst": "{note}",

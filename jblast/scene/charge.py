@@ -74,8 +74,7 @@ class Charge(Described):
         range_m: Slant distance to the only sensor [m]; it replaces the distance from
             the position. None where positions decide.
         burst: Which curve set holds: "surface" (hemispherical) or "free-air"; None
-            selects it by height for each place (`waves/height_of_burst.py`).
-        by_height: Whether `burst` was not given and follows from the height.
+            weighs both by the height at each place (`waves/height_of_burst.py`).
         explosive: A name of `EXPLOSIVES`.
         tnt_factor: TNT mass over mass, for every quantity [-]; None takes the
             explosive's own.
@@ -95,7 +94,6 @@ class Charge(Described):
     time_s: Scalar = number(default=0.0)
     range_m: Scalar | None = number(default=None)
     burst: Burst | None = field(static=True, default=None)
-    by_height: bool = field(static=True, default=False)
     explosive: str = field(static=True, default="TNT")
     tnt_factor: Scalar | None = number(default=None)
     name: str = field(static=True, default="")

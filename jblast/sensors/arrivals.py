@@ -40,13 +40,13 @@ from jblast.sensors.wave_paths import (
     Way,
     alone,
     arrival_time,
-    low_charges_settled,
     record_laws,
     wave_at,
     waves_at,
     ways,
 )
 from jblast.types import as_float_array
+from jblast.waves.height_of_burst import grounded
 from jblast.waves.propagation import sound_speed_of
 from jblast.waves.pulse import (
     GroundPulse,
@@ -156,7 +156,7 @@ def heard(
     else:
         place = place_of(place)
     # each charge alone, so that one compiled program serves all of them
-    scene, found = low_charges_settled(scene), []
+    scene, found = grounded(scene), []
     for shot in range(len(scene.charges)):
         waves = _waves_of_charge(alone(scene, shot), place, named, ground)
         found += [wave._replace(shot=shot) for wave in waves]
@@ -380,7 +380,7 @@ def places_met(scene: Scene, track: Track, laws: Mapping[str, str]) -> PlacesMet
         InputError: The track is as fast as sound.
     """
     check_speed(scene, track)
-    scene = low_charges_settled(scene)
+    scene = grounded(scene)
     arrivals = {name: laws[name] for name in ("air_arrival_s", "ground_arrival_s")}
     # all charges share one program, because `alone` gives their scenes one structure
     shots = range(len(scene.charges))
@@ -445,7 +445,7 @@ def overpressure(
                 f"edges: expected rising times [s], got {pair[1]:g} after {pair[0]:g}"
             )
     named = record_laws(scene, laws, ground=ground)
-    return _overpressure(low_charges_settled(scene), place, edges, named, ground)
+    return _overpressure(grounded(scene), place, edges, named, ground)
 
 
 def even_overpressure(
@@ -474,7 +474,7 @@ def even_overpressure(
     """
     place = place_of(place)
     named = record_laws(scene, laws, ground=ground)
-    scene, start = low_charges_settled(scene), as_float_array(start)
+    scene, start = grounded(scene), as_float_array(start)
     return _even_overpressure(scene, place, start, rate, count, named, ground)
 
 

@@ -37,7 +37,7 @@ from jblast.scene.charge import Burst
 from jblast.sensors.layout import Layout
 from jblast.sensors.record import path_to
 from jblast.types import as_float_array
-from jblast.waves.height_of_burst import free_air_weight
+from jblast.waves.height_of_burst import free_air_weight, grounded
 from jblast.waves.paths import Path
 from jblast.waves.waveform import friedlander_decay
 
@@ -173,8 +173,8 @@ def path_of_rows(question: Question, quantity: str = "peak_overpressure_pa") -> 
     return with_rows(path, as_float_array(ranges), as_float_array(factor * masses))
 
 
-def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
-    """Return a mask of the rows that the reflection reaches after the positive phase.
+def free_air_weights(question: Question) -> Float[np.ndarray, " row"]:
+    """Return the weight of the free-air curves in each row.
 
     A sensor is as low as its range allows: on the ground, unless the charge is higher
     than the range is long.
@@ -184,27 +184,22 @@ def free_air_rows(question: Question) -> Bool[np.ndarray, " row"]:
     # an unknown range or mass leaves the height question open, and on the ground no
     # reflection is separate
     if question.quantity or not float(charge.up) > 0.0:
-        return np.zeros(ranges.shape, bool)
-    # with no curve set stated, the path chooses one for each row by its height
+        return np.zeros(ranges.shape)
+    # with no curve set stated, the path weighs both by its height
     scene = replace(question.scene, charges=(replace(charge, burst=None),))
     rows = path_of_rows(replace(question, scene=scene))
-    return np.asarray(rows.free_air) >= 1.0
+    return np.broadcast_to(rows.free_air, ranges.shape)
 
 
 def with_burst(question: Question) -> Question:
-    """Return the question with the curve set of the charge's height, if it has none.
+    """Return the question with surface curves if a range or a mass is unknown.
 
-    All rows have one set if the height settles it, else each row has its own. The
-    surface curves are used if a range or a mass is unknown.
+    A stated curve set stays.
     """
     charge = question.scene.charge
-    if charge.burst is not None:
+    if charge.burst is not None or not question.quantity:
         return question
-    free = free_air_rows(question)
-    burst = (
-        "free-air" if free.size and free.all() else None if free.any() else "surface"
-    )
-    charge = replace(charge, burst=burst, by_height=True)
+    charge = replace(charge, burst="surface")
     scene = replace(question.scene, charges=(charge,))
     return replace(question, scene=scene)
 
@@ -324,12 +319,7 @@ def evaluate(
     laws: tuple[Law, ...],
 ) -> tuple[Float[np.ndarray, "law row"], Bool[np.ndarray, "law row"]]:
     """Return values and validity of laws, then of the combinations of these laws."""
-    charge = scene.charge
-    if charge.burst is None and not float(charge.up) > 0.0:
-        # A charge on the ground needs no free-air curves: half of the program.
-        scene = replace(
-            scene, charges=(replace(charge, burst="surface", by_height=True),)
-        )
+    scene = grounded(scene)
     n = len(slant_range)
     values, valid = _evaluate(scene, _padded(slant_range), _padded(charge_mass), laws)
     return np.asarray(values)[:, :n], np.asarray(valid)[:, :n]
@@ -558,7 +548,7 @@ def choices_at(question: Question, quantities: Iterable[str]) -> "dict[str, Choi
                     if float(np.asarray(path.free_air)[0]) >= 1.0
                     else "surface"
                 )
-                path = path.at_burst(burst)
+                path = replace(path, burst=burst)
             by_factor[factor] = path
         paths[quantity] = by_factor[factor]
     conditions = jax.tree.map(np.asarray, _conditions(paths)) if paths else {}

@@ -47,8 +47,6 @@ class Layout(eqx.Module):
         shot: Index of each row's charge in the scene.
         clock: Name of the clock of each row; a clock that is not in the scene has no
             offset.
-        free_air: For charges whose height decides the curve set: true for rows with
-            free-air curves, as settled beforehand. () decides during the evaluation.
     """
 
     quantity: tuple[str, ...] = eqx.field(static=True)
@@ -58,7 +56,6 @@ class Layout(eqx.Module):
     group: tuple[int, ...] = eqx.field(static=True)
     shot: tuple[int, ...] = eqx.field(static=True)
     clock: tuple[str, ...] = eqx.field(static=True)
-    free_air: tuple[bool, ...] = eqx.field(static=True, default=())
 
     def quantities(self) -> tuple[str, ...]:
         """Return the quantities that need a law, each once."""

@@ -26,7 +26,7 @@ from jblast.scene import Ambient, Instrument, Scene, Sensor, UncertainScene, dra
 from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
 from jblast.scene.uncertain import value_of
 from jblast.sensors.arrivals import Track, places_met
-from jblast.sensors.law_choice import height_notes, law_names, resolve_laws, settled
+from jblast.sensors.law_choice import height_notes, law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.record import Recording, record
 from jblast.sensors.wave_paths import record_laws
@@ -81,7 +81,7 @@ class Listening(NamedTuple):
     """Plan of the records to make.
 
     Attributes:
-        scene: Scene with its numbers drawn and its curve sets settled.
+        scene: Scene with its numbers drawn.
         sensors: Sensors that record samples, in the scene's order.
         skipped: Reason why each other sensor records none, by name.
         seconds: Duration of each record, from 0 on its sensor's clock.
@@ -327,7 +327,6 @@ def truth_of(
         shot=tuple(shot for _, shot, _ in rows),
         clock=tuple(sensor.name for *_, sensor in rows),
     )
-    scene, layout = settled(scene, layout)
     laws = law_names(resolve_laws(scene, layout)) | _laws_of_readings(scene)
     laws = {name: laws[name] for name in quantities}
     if tracks:
@@ -388,7 +387,6 @@ def _laws_of_readings(scene: Scene) -> dict[str, str]:
         layout, sigma, _ = planned_layout(scene)
     except InputError:  # no sensor has readings: all record samples only
         return {}
-    scene, layout = settled(scene, layout)
     return law_names(resolve_laws(scene, layout, np.asarray(sigma)))
 
 

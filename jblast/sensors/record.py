@@ -112,11 +112,7 @@ def path_to(scene: Scene, layout: Layout, charge: Charge | None = None) -> Path:
     charge = charge or scene.charge
     detonation = charge.as_if_at_zero().time_s
     since = layout.time - clock_offsets(scene, layout) - detonation
-    path = path_between(scene, charge, layout.position, layout.slant_range, since)
-    # settled beforehand, so that a search does not switch curve sets
-    if charge.burst is None and layout.free_air:
-        path = replace(path, free_air=jnp.asarray(layout.free_air))
-    return path
+    return path_between(scene, charge, layout.position, layout.slant_range, since)
 
 
 def clock_offsets(scene: Scene, layout: Layout) -> Float[Array, " row"]:

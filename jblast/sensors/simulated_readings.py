@@ -27,7 +27,7 @@ from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
 from jblast.scene import Scene, UncertainScene, draw_scene, scene_of
 from jblast.scene.uncertain import value_of
-from jblast.sensors.law_choice import height_notes, law_names, resolve_laws, settled
+from jblast.sensors.law_choice import height_notes, law_names, resolve_laws
 from jblast.sensors.layout import (
     Layout,
     check_scene,
@@ -120,7 +120,6 @@ def readings(
     """
     check_scene(scene)
     layout, sigma, sensors = planned_layout(scene)
-    scene, layout = settled(scene, layout)
     laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
     value = np.asarray(_observe(key, scene, layout, laws, sigma, noise))
     notes = [

@@ -187,18 +187,15 @@ def _suction(
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Return peak suction and its impulse, scaled to a weaker law's peak."""
 
-    def suction_at(way: Path):
-        burst = way.one_burst()
-        air = (way.slant_range, way.charge_mass, way.ambient_pressure)
+    def suction_at(slant_range, charge_mass, ambient_pressure, sound_speed, burst):
+        air = (slant_range, charge_mass, ambient_pressure)
         known = shock_kinematics_pressure(*air, burst)
-        low, impulse = suction_of(*air, way.sound_speed, burst)
+        low, impulse = suction_of(*air, sound_speed, burst)
         # a law with more pressure leaves the suction as it is
         share = jnp.minimum(peak / known, 1.0)
         return share * low, share * impulse
 
-    low, impulse = (
-        path.by_height(suction_at) if path.burst is None else suction_at(path)
-    )
+    low, impulse = call(suction_at, path)
     return low[0], impulse[0]
 
 
@@ -281,22 +278,6 @@ def _stands_low(charge: Charge) -> bool:
     return not isinstance(charge.up, Tracer) and bool(
         np.all(np.asarray(charge.up) <= 0)
     )
-
-
-def low_charges_settled(scene: Scene) -> Scene:
-    """Return the scene with surface curves for charges on the ground.
-
-    This needs known heights, so it is called outside jit. It halves the program, which
-    would otherwise contain both curve sets.
-    """
-    # heights are concrete here, so the choice costs nothing inside the program
-    charges = [
-        replace(charge, burst="surface", by_height=True)
-        if charge.burst is None and _stands_low(charge)
-        else charge
-        for charge in scene.charges
-    ]
-    return replace(scene, charges=tuple(charges))
 
 
 def alone(scene: Scene, shot: int) -> Scene:

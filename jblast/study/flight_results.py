@@ -310,16 +310,16 @@ def with_bursts_at_start(
     place = jnp.asarray(vehicle.position)[None, :]
     charges, notes = [], []
     for n, charge in enumerate(scenes.charges):
-        free, height = np.zeros(1, bool), np.zeros(1)
+        weight, height = np.zeros(1), np.zeros(1)
         if np.any(np.asarray(charge.up) > 0.0):
-            free, height = (np.ravel(x) for x in _each(scenes, n, place))
-        if charge.burst is None:
-            burst = "free-air" if free.all() else "surface"
-            charge = replace(charge, burst=burst, by_height=True)
+            weight, height = (np.ravel(x) for x in _each(scenes, n, place))
+        highest = "free-air" if (weight >= 1.0).all() else "surface"
+        burst = charge.burst or highest
         if height.max() > 0.0:
             span = float(height.min()), float(height.max())
-            notes += burst_notes(charge, span, free, "vehicle")
-        charges.append(charge)
+            (note,) = burst_notes(charge, span, weight, "vehicle")
+            notes.append(f"{note}; all waves are those of a {burst} burst")
+        charges.append(replace(charge, burst=burst))
     scenes = replace(scenes, charges=tuple(charges))
     return scenes, tuple(notes)
 

@@ -11,7 +11,7 @@ from itertools import compress
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool
+from jaxtyping import Array
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError
@@ -112,12 +112,11 @@ def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
     return tuple(found)
 
 
-def free_air_at(scene: Scene, charge: Charge, place: Array) -> Bool[Array, " place"]:
-    """Return whether the reflection arrives after the positive phase at positions."""
+def free_air_at(scene: Scene, charge: Charge, place: Array) -> Float[Array, " place"]:
+    """Return the weight of the free-air curves by the height, at positions."""
     nothing = jnp.full(len(place), jnp.nan)
     any_burst = replace(charge, burst=None)
-    free_air = path_between(scene, any_burst, place, nothing, nothing).free_air
-    return free_air >= 1.0
+    return path_between(scene, any_burst, place, nothing, nothing).free_air
 
 
 def _burst(charge: Charge, scene: Scene) -> Burst:
@@ -132,7 +131,9 @@ def _burst(charge: Charge, scene: Scene) -> Burst:
             "follows from the vehicle's position"
         )
     place = jnp.asarray(scene.vehicle.position)[None, :]
-    return "free-air" if bool(free_air_at(scene, charge, place)[0]) else "surface"
+    return (
+        "free-air" if float(free_air_at(scene, charge, place)[0]) >= 1.0 else "surface"
+    )
 
 
 def _blast(charge: Charge, scene: Scene) -> Blast:

@@ -24,13 +24,15 @@ computed.
 """
 
 import math
+from collections.abc import Container
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.scene import Charge, Scene
-from jblast.types import namespace
+from jblast.types import is_traced, namespace
 from jblast.waves.arguments import Number
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
 from jblast.waves.laws.shock_kinematics import shock_kinematics_arrival_time
@@ -95,63 +97,64 @@ def free_air_weight(
     return xp.where(good, weight, 0.0)
 
 
+def grounded(scene: Scene, free: Container[str] = ()) -> Scene:
+    """Return the scene with surface curves for charges that stay on the ground.
+
+    The weight of their free-air curves is zero. Programs have half the size without
+    them, so this is called outside jit, where heights are known.
+
+    Args:
+        scene: The scene.
+        free: Names of numbers that will change.
+    """
+
+    def stays(charge: Charge) -> bool:
+        fixed = f"charge_up_m{scene.label(charge)}" not in free
+        known = charge.burst is None and not is_traced(charge.up)
+        return fixed and known and bool(np.all(np.asarray(charge.up) <= 0.0))
+
+    charges = (
+        replace(one, burst="surface") if stays(one) else one for one in scene.charges
+    )
+    return replace(scene, charges=tuple(charges))
+
+
 def burst_notes(
     charge: Charge,
     heights: tuple[float, float],
-    free: Bool[np.ndarray, " place"],
+    weight: Float[np.ndarray, " place"],
     what: str,
 ) -> list[str]:
-    """Describe the curves used for a charge above the ground, and their deficiencies.
+    """Return a note on the curves used for a charge above the ground.
 
     Args:
-        charge: Charge with its curve set; None if the set depends on the position.
+        charge: The charge; its `burst` is None if the height selects the curves.
         heights: Smallest and largest height of burst [m/kg^(1/3)].
-        free: True where the reflection follows the positive phase.
+        weight: Weight of the free-air curves by the height, for each position.
         what: Name of a position, for example "sensor".
     """
     low, high = heights
-    height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
+    contradicts = charge.burst == "free-air" and charge.range_m is None
+    if not weight.size or (high <= 0.0 and not contradicts):
+        return []
+    kinds = (
+        ("free-air curves", weight >= 1.0),
+        ("surface curves", weight <= 0.0),
+        (
+            "between the limits of both, where neither is valid",
+            (weight > 0) & (weight < 1),
+        ),
+    )
+    counts = ((int(of.sum()), words) for words, of in kinds)
+    parts = [f"{words} at {n} of {weight.size} {what}s" for n, words in counts if n]
     which = f"the charge {charge.name}" if charge.name else "the charge"
-    at = f"at {free.sum()} of {free.size} {what}s"
-    at = f"at every {what}" if free.all() else at
-    late = "the reflection from the ground comes after the positive phase"
-    stood = f"{which} was {height} m/kg^(1/3) above the ground"
-    against = f'burst = "{charge.burst}" contradicts the height: '
-    reason = "as requested"
-    if charge.by_height:  # selected by another height than the final one
-        against, reason = "", "chosen before the height was known"
-    if not free.size:
-        return []
-    if high <= 0.0:
-        if charge.burst == "free-air" and charge.range_m is None:
-            return [
-                f"{against}{which} was on the ground or below it; the free-air curves "
-                f"were used, {reason}"
-            ]
-        return []
-    if charge.burst == "surface" and (free.all() if charge.by_height else free.any()):
-        return [
-            f"{against}{stood}, and {at} {late}; the surface curves, of up to twice "
-            f"the impulse, were used, {reason}"
-        ]
-    if charge.burst == "free-air" and not free.all():
-        early = f"at {(~free).sum()} of {free.size} {what}s"
-        return [
-            f"{against}{stood}, and {early} the reflection from the ground comes "
-            "within the positive phase, which the free-air curves do not contain; "
-            f"they were used, {reason}"
-        ]
-    if free.all():
-        return [f"{stood}; {at} {late}: the free-air curves were used"]
-    between = f"{stood}, but not so high that {late}: between the limits of the curves"
-    if free.any() and charge.burst is not None:
-        return [f"{between}; {at} it does; the {charge.burst} curves were used for all"]
-    if free.any():
-        return [
-            f"{between}; {at} it does, and the free-air curves were used; elsewhere "
-            "neither set is valid, and the surface curves were used"
-        ]
-    return [f"{between}, of which the surface ones were used"]
+    height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
+    where = f"{which} is {height} m/kg^(1/3) above the ground: {', '.join(parts)}"
+    if charge.burst is None:
+        return [where]
+    wrong = (weight < 1.0) if charge.burst == "free-air" else (weight > 0.0)
+    stated = f'burst = "{charge.burst}", as requested, contradicts the height; '
+    return [stated + where] if wrong.any() else [where]
 
 
 def scaled_height(scene: Scene, charge: Charge) -> Numbers:

@@ -7,7 +7,6 @@ with the effective sound speed along the path, wind included.
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ from jaxtyping import Bool, Float
 
 from jblast.registry import call, law_for, names_for, total_scatter
 from jblast.scene import Charge, Scene
-from jblast.scene.charge import BURSTS, Burst
+from jblast.scene.charge import Burst
 from jblast.scene.scene import GroundPath
 from jblast.types import Array, Module, as_float_array, field, namespace
 from jblast.waves.height_of_burst import free_air_weight
@@ -102,34 +101,6 @@ class Path(Module):
     free_air: Float[Array, "..."] = field(converter=as_float_array, default=0.0)
     burst: Burst | None = field(static=True, default="surface")
     ground_path: GroundPath = field(static=True, default="head")
-
-    def one_burst(self) -> Burst:
-        """Return the common curve set of all positions.
-
-        Raises:
-            ValueError: `free_air` selects the curve set of each position.
-        """
-        if self.burst is None:
-            raise ValueError(
-                "expected a path with one burst, got one for each position"
-            )
-        return self.burst
-
-    def at_burst(self, burst: Burst) -> "Path":
-        """Return the same path with one curve set at all positions."""
-        return replace(self, burst=burst)
-
-    def by_height(self, answer: Callable[["Path"], Any]) -> Any:
-        """Return a result by the curves of both bursts, with the weight of each.
-
-        Args:
-            answer: Function of a path with one burst.
-        """
-        import jax
-
-        low, free = (answer(self.at_burst(burst)) for burst in BURSTS)
-        weight = self.free_air
-        return jax.tree.map(lambda f, s: weight * f + (1.0 - weight) * s, free, low)
 
 
 def path_between(

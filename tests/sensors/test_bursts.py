@@ -1,4 +1,4 @@
-from dataclasses import replace
+"""The weight of the free-air curves by the height of burst, and the note on it."""
 
 import jax
 import jax.numpy as jnp
@@ -7,121 +7,118 @@ import pytest
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.scene import Air, Charge, Scene, Sensor
-from jblast.sensors.law_choice import height_notes, settled
+from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import planned_layout
 from jblast.sensors.record import record
+from jblast.waves.height_of_burst import grounded
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_impulse
 from jblast.waves.paths import path_between
 
-LAW = {"positive_impulse_pa_s": "kingery_bulmash"}
 QUANTITY = "positive_impulse_pa_s"
+LAW = {QUANTITY: "kingery_bulmash"}
 
 
-def scene(up, burst=None, heights=(12.0, 0.0), name=""):
+def scene(up, burst=None, heights=(12.0, 0.0)):
     sensors = tuple(
-        Sensor(
-            position_m=np.array([5.0, 0.0, h]),
-            name=f"s{h}",
-            records=((QUANTITY, 0.05),),
-        )
+        Sensor(f"s{h}", np.array([5.0, 0.0, h]), records=((QUANTITY, 0.05),))
         for h in heights
     )
-    charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, up), burst=burst, name=name)
-    air = Air(sound_speed=STANDARD_SOUND_SPEED)
-    return Scene(charge, air=air, sensors=sensors)
+    charge = Charge(mass_kg=1.0, position_m=(0.0, 0.0, up), burst=burst)
+    return Scene(charge, air=Air(sound_speed=STANDARD_SOUND_SPEED), sensors=sensors)
 
 
-def distances(up, heights=(12.0, 0.0)):
-    return np.hypot(5.0, np.array(heights) - up)
+# At 12 m up and 12 m high the reflection follows the phase, on the ground it is one
+# with the front. At 1.5 m up and 3 m high it comes within the phase, after 0.72 of it.
+HIGH = scene(12.0, heights=(12.0, 0.0))
+LAYOUT, _, _ = planned_layout(HIGH)
 
 
-def test_each_reading_is_by_the_curves_that_the_height_leaves():
-    high = scene(12.0)
-    layout, _, _ = planned_layout(high)
-    value = record(high, layout, LAW).value
-    near, far = distances(12.0)
+@jax.jit
+def recorded(up, heights):
+    position = jnp.stack([jnp.array([5.0, 5.0]), jnp.zeros(2), heights], axis=1)
+    layout = LAYOUT.only(np.arange(2))
+    layout = jax.tree.map(lambda x: position if x.ndim == 2 else x, layout)
+    return record(scene(up), layout, LAW)
+
+
+def test_each_reading_is_by_the_curves_of_its_height():
+    found = recorded(12.0, jnp.array([12.0, 0.0]))
     expected = [
-        kingery_bulmash_impulse(near, 1.0, burst="free-air"),
-        kingery_bulmash_impulse(far, 1.0, burst="surface"),
+        kingery_bulmash_impulse(5.0, 1.0, burst="free-air"),
+        kingery_bulmash_impulse(13.0, 1.0, burst="surface"),
     ]
-    np.testing.assert_allclose(value, expected, rtol=1e-12)
-    # and settled beforehand, row by row, the same
-    fixed, rows = settled(high, layout)
-    assert rows.free_air == (True, False)
-    np.testing.assert_allclose(record(fixed, rows, LAW).value, expected, rtol=1e-12)
+    np.testing.assert_allclose(found.value, expected, rtol=1e-12)
+    assert found.valid.tolist() == [True, True]
 
 
-def test_where_all_readings_are_of_one_set_the_charge_is_given_it():
-    for up, heights, burst in (
-        (12.0, (12.0, 10.0), "free-air"),
-        (0.3, (12.0, 0.0), "surface"),
-        (0.0, (12.0, 0.0), "surface"),
-    ):
-        this = scene(up, heights=heights)
-        fixed, rows = settled(this, planned_layout(this)[0])
-        assert (fixed.charge.burst, rows.free_air) == (burst, ())
-        assert fixed.charge.by_height
-
-
-def test_what_is_settled_has_derivatives_across_the_limit():
-    high = scene(2.0, heights=(2.0, 0.0))
-    fixed, rows = settled(high, planned_layout(high)[0])
-    assert rows.free_air == (True, False)
-
-    def impulse(mass):
-        heavier = replace(fixed, charges=(replace(fixed.charge, mass_kg=mass),))
-        return record(heavier, rows, LAW).value
-
-    # at 8 kg the reflection comes within the phase: what was settled stays
-    value, slope = jax.jit(jax.vmap(jax.value_and_grad(lambda m: impulse(m)[0])))(
-        jnp.array([1.0, 8.0])
+def test_between_the_limits_a_reading_is_smooth_and_marked():
+    heights = jnp.linspace(0.0, 8.0, 201)
+    found = jax.vmap(lambda h: recorded(1.5, jnp.array([h, 0.0])))(heights)
+    slant = np.hypot(5.0, np.asarray(heights) - 1.5)
+    low, free = (
+        np.asarray(kingery_bulmash_impulse(slant, 1.0, burst=burst))
+        for burst in ("surface", "free-air")
     )
-    free = kingery_bulmash_impulse(5.0, np.array([1.0, 8.0]), burst="free-air")
-    np.testing.assert_allclose(value, free, rtol=1e-12)
-    assert np.isfinite(slope).all()
+    weight = (np.asarray(found.value)[:, 0] - low) / (free - low)
+    assert weight[0] == 0.0
+    assert weight[-1] == pytest.approx(1.0, abs=1e-9)
+    between = (weight > 1e-9) & (weight < 1 - 1e-9)
+    assert 5 < between.sum() < 150
+    np.testing.assert_array_equal(np.asarray(found.valid)[:, 0], ~between)
+    # no jump: a step of 4 cm changes the weight by less than a tenth
+    assert np.abs(np.diff(weight)).max() < 0.1
+    slope = jax.jit(jax.grad(lambda up: recorded(up, heights[100:102]).value[0]))
+    step = 1e-5
+    up = jnp.asarray(1.5)
+    difference = [recorded(up + s * step, heights[100:102]).value[0] for s in (1, -1)]
+    expected = (difference[0] - difference[1]) / (2 * step)
+    assert float(slope(up)) == pytest.approx(float(expected), rel=1e-6)
 
 
-# A place 5 m from a charge 12 m up stands 7 m up or higher: its reflection comes over
+# A place 5 m from a charge 12 m up is 7 m up or higher: its reflection comes over
 # sqrt(5^2 + 4 * 12 * 7) = 19 m or more, 14 m or 35 ms later, after a phase of 2.6 ms.
-# 40 m off it may stand on the ground, where both come at once.
+# A place 40 m away may be on the ground, where both come simultaneously.
 @pytest.mark.parametrize(
-    ("up", "distance", "free"),
-    [(12.0, 5.0, True), (12.0, 40.0, False), (0.0, 5.0, False)],
+    ("up", "distance", "weight"), [(12.0, 5.0, 1), (12.0, 40.0, 0), (0.0, 5.0, 0)]
 )
-@pytest.mark.parametrize("told_by", ["row", "charge"])
-def test_a_range_alone_leaves_a_place_as_low_as_it_allows(told_by, up, distance, free):
-    charge = Charge(
-        mass_kg=1.0,
-        position_m=(0.0, 0.0, up),
-        range_m=distance if told_by == "charge" else None,
-    )
-    told = jnp.array([distance if told_by == "row" else jnp.nan])
-    path = path_between(
-        Scene(charge),
-        charge,
-        jnp.full((1, 3), jnp.nan) if told_by == "row" else jnp.zeros((1, 3)),
-        told,
-        jnp.full(1, jnp.nan),
-    )
-    assert path.free_air is not None
-    assert path.free_air.tolist() == [free]
+@pytest.mark.parametrize("given_by", ["row", "charge"])
+def test_a_range_alone_leaves_a_place_as_low_as_it_allows(
+    given_by, up, distance, weight
+):
+    of_charge = distance if given_by == "charge" else None
+    charge = Charge(1.0, position_m=(0.0, 0.0, up), range_m=of_charge)
+    place = jnp.full((1, 3), jnp.nan) if given_by == "row" else jnp.zeros((1, 3))
+    stated = jnp.array([distance if given_by == "row" else jnp.nan])
+    path = path_between(Scene(charge), charge, place, stated, jnp.full(1, jnp.nan))
+    assert np.broadcast_to(path.free_air, 1).tolist() == [weight]
+
+
+def test_a_charge_that_stays_on_the_ground_has_surface_curves():
+    low, high = scene(0.0), scene(2.0)
+    assert grounded(low).charge.burst == "surface"
+    assert grounded(low, {"charge_up_m"}).charge.burst is None
+    assert grounded(high).charge.burst is None
 
 
 @pytest.mark.parametrize(
-    ("up", "burst", "heights", "said"),
+    ("up", "burst", "heights", "words"),
     [
         (0.0, None, (12.0, 0.0), []),
-        (12.0, None, (12.0, 11.0), ["every reading", "free-air curves were used"]),
-        (12.0, None, (12.0, 0.0), ["1 of 2 readings", "neither set is valid"]),
-        (0.3, None, (1.0, 0.0), ["between the limits", "the surface ones were used"]),
-        (12.0, "surface", (12.0, 0.0), ['"surface" contradicts the height', "1 of 2"]),
-        (0.0, "free-air", (12.0, 0.0), ['"free-air" contradicts the height']),
+        (
+            12.0,
+            None,
+            (12.0, 11.0),
+            ["12 m/kg^(1/3) above", "free-air curves at 2 of 2"],
+        ),
+        (12.0, None, (12.0, 0.0), ["free-air curves at 1 of 2", "surface curves at 1"]),
+        (1.5, None, (3.0, 0.0), ["neither is valid at 1 of 2 readings"]),
+        (12.0, "surface", (12.0, 0.0), ['"surface", as requested, contradicts']),
+        (0.0, "free-air", (12.0, 0.0), ['"free-air", as requested, contradicts']),
     ],
 )
-def test_what_is_said_of_a_height(up, burst, heights, said):
+def test_one_note_states_the_curves_of_a_height(up, burst, heights, words):
     this = scene(up, burst, heights)
-    fixed, rows = settled(this, planned_layout(this)[0])
-    told = height_notes(fixed, rows, 0)
-    assert len(told) == bool(said)
-    for words in said:
-        assert words in told[0]
+    notes = height_notes(this, planned_layout(this)[0], 0)
+    assert len(notes) == bool(words)
+    for part in words:
+        assert part in notes[0]

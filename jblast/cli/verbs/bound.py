@@ -43,10 +43,10 @@ def run(options: argparse.Namespace) -> int:
     begin("starting")
     start_jax(quick=not options.map)  # a map needs thousands of bounds
     from jblast.inference import bound, bound_map
+    from jblast.inference.laws import laws_named
     from jblast.report.design import bound_answer, bound_figure
     from jblast.report.output import deliver, figure_file
     from jblast.scene import freed, read_scene, with_laws
-    from jblast.sensors.law_choice import laws_named
 
     if options.map:
         check_figure("--map", options.map, force=options.force)

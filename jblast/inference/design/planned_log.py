@@ -37,7 +37,7 @@ from jblast.scene import (
 )
 from jblast.scene.uncertain import Belief, names_in, value_of
 from jblast.sensors import planned_layout, resolve_laws
-from jblast.sensors.law_choice import law_names, settled
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import Noise, written
 
 
@@ -104,7 +104,6 @@ def planned(
     }
     scene = hovering(with_values(uncertain.scene, values))
     drawn, sigma, of_sensor = planned_layout(scene)
-    scene, drawn = settled(scene, drawn)
     z = jnp.stack([b.unconstrain(jnp.asarray(values[n])) for n, b in beliefs.items()])
     parameters = parameters_of(UncertainScene(scene, beliefs))
     laws = resolve_laws(scene, drawn, np.asarray(sigma))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard
 
 from jblast.errors import InputError, argument
 from jblast.files import check_log_paths
+from jblast.inference.laws import laws_named
 from jblast.observations import Observations, read
 from jblast.observations.grouping import by_shot, one_event as combined
 from jblast.observations.records.formats import Scaling
@@ -26,7 +27,6 @@ from jblast.scene import (
     scene_of,
     with_laws,
 )
-from jblast.sensors.law_choice import laws_named
 
 if TYPE_CHECKING:  # importing picks takes a second, which logs do not need
     from jblast.signals.picks import PickedFiles

@@ -30,8 +30,6 @@ class Solution:
         laws: The law of each quantity, with the reason for its choice.
         other_laws: Automatic choice at the answer, of quantities for which it is not
             the law of the fit.
-        bursts_settled: True if the curve sets by height at the answer are those of the
-            fit.
     """
 
     density: Density
@@ -39,7 +37,6 @@ class Solution:
     identified: Identified
     laws: Mapping[str, TakenLaw]
     other_laws: Mapping[str, str]
-    bursts_settled: bool = True
 
     @property
     def answer(self) -> Answer:
@@ -99,11 +96,14 @@ def solution_of(density: Density, draws: Draws) -> Solution:
         draws=draws,
         identified=identified(density, draws, best),
         laws={
-            quantity: TakenLaw(name, there.laws[quantity].choice)
+            quantity: TakenLaw(name, there[quantity].choice)
             for quantity, name in density.laws.items()
         },
-        other_laws=there.other_laws(density.laws),
-        bursts_settled=there.has_bursts_of(density.scene, density.layout),
+        other_laws={
+            quantity: law.name
+            for quantity, law in there.items()
+            if density.laws[quantity] != law.name
+        },
     )
 
 

@@ -74,8 +74,6 @@ def notes_of(
     if solution.other_laws:
         others = tuple(f"{k}={name}" for k, name in solution.other_laws.items())
         notes.append(warning("laws_unsettled", laws=others))
-    if not solution.bursts_settled:
-        notes.append(warning("bursts_unsettled"))
     if blind:
         altitude = observations.frame.alt_m if observations.frame else 0.0
         known = ("charge_mass_kg", "fireball_growth_s")  # free in any default scene
@@ -139,7 +137,7 @@ def height_beside_the_curves(
     laws = [law_for(quantity, law.name) for quantity, law in taken.items()]
     depends = any("burst" in law.arguments() for law in laws)
     # with a stated burst there is one curve set, whose laws are valid for it or not
-    if not charge.by_height:
+    if charge.burst is not None:
         depends |= any(
             "burst" in inspect.signature(law.valid).parameters for law in laws
         )

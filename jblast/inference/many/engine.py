@@ -56,8 +56,8 @@ from jblast.inference.posterior.parameters import parameters_of
 from jblast.inference.posterior.posterior import Posterior
 from jblast.scene import UncertainScene
 from jblast.sensors import Layout
-from jblast.sensors.law_choice import settled
 from jblast.sensors.simulated_readings import Noise
+from jblast.waves.height_of_burst import grounded
 
 KEPT = 16
 """Largest number of layouts whose compiled programs are kept: each holds its programs
@@ -104,7 +104,7 @@ def engine_for(
         None if sigma is None else sigma.tobytes(),
     )
     if key not in _ENGINES:
-        scene, layout = settled(uncertain.scene, layout)
+        scene = grounded(uncertain.scene, uncertain.beliefs)
         parameters = parameters_of(replace(uncertain, scene=scene))
         if not parameters.names:
             raise InputError("nothing to fit: every number of the scene is fixed")

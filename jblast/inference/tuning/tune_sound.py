@@ -43,7 +43,7 @@ from jblast.results import warning
 from jblast.scene import Instrument, Scene, UncertainScene
 from jblast.scene.sensor_kinds import SENSOR_KINDS, hears_ambient
 from jblast.sensors.listening import Truth, truth_of
-from jblast.sensors.wave_paths import low_charges_settled
+from jblast.waves.height_of_burst import grounded
 
 DETECTED = 6.0
 """Smallest signal of a detected blast, in standard deviations of noise: among a million
@@ -109,7 +109,7 @@ def tune_sound(
     scene, unknowns = unknowns_of(uncertain, names, "sound", rate)
     scene = filled(scene, index, names, _loudness(scene, recorded))
     scene, truth = truth_of(scene, (scene.sensors[index],))
-    scene = low_charges_settled(scene)
+    scene = grounded(scene)
     limit = _limit(scene, recorded, names)
     evidence = sound_evidence(
         recorded.samples, index, truth.laws, recorded.pascals, limit

@@ -24,7 +24,7 @@ from jblast.inference.many.lanes import ManyFits
 from jblast.scene import UncertainScene, freed, parameter_named
 from jblast.scene.uncertain import Prior, names_in, value_of, with_values
 from jblast.sensors import planned_layout, record, resolve_laws
-from jblast.sensors.law_choice import law_names, settled
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, observe, student_errors
 from jblast.study.outcome.family import (
     Answers,
@@ -67,7 +67,7 @@ def prepare(setting: Setting) -> Prepared:
     number = str(options.get("fit_number", DEFAULT))
     believed = _believed(setting, number)
     layout, sigma, _ = planned_layout(setting.uncertain.scene)
-    scene, layout = settled(setting.uncertain.scene, layout)
+    scene = setting.uncertain.scene
     laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
     tries = options.get("fit_tries", 4)
     if isinstance(tries, bool) or not isinstance(tries, int) or tries < 1:

@@ -19,7 +19,7 @@ from jblast.scene import Scene, UncertainScene
 from jblast.scene.uncertain import with_values
 from jblast.scene.values import finite
 from jblast.sensors import Layout, planned_layout, record, resolve_laws
-from jblast.sensors.law_choice import law_names, settled
+from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import observe
 from jblast.study.outcome.family import (
     Answers,
@@ -72,7 +72,6 @@ def planned(
     # a layout is sorted by sensor; transposed, each quantity is one slice
     order = np.arange(len(layout.quantity)).reshape(len(sensors), len(quantities)).T
     layout = layout.only(order.ravel())
-    scene, layout = settled(scene, layout)
     laws = law_names(resolve_laws(scene, layout))
     return scene, layout, laws
 

@@ -77,7 +77,7 @@ def prepare(setting: Setting) -> Prepared:
         count = {"": jnp.zeros(keys.shape[0])}
         scenes = _scenes(uncertain.scene, numbers or count)
         charges = [
-            replace(charge, burst=burst, by_height=True)
+            replace(charge, burst=burst)
             for charge, burst in zip(scenes.charges, bursts, strict=True)
         ]
         scenes = replace(scenes, charges=tuple(charges))
