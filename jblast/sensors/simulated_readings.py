@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
 
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
 from jblast.scene import Scene, UncertainScene, draw_scene, scene_of
@@ -87,19 +87,24 @@ def check_readings(observations: Observations, source: str, seed: int) -> None:
     Raises:
         InputError: A value or a sigma is not finite, or not positive.
     """
-    for row, quantity in enumerate(observations.quantity):
-        value, sigma = float(observations.value[row]), float(observations.sigma[row])
-        if not (math.isfinite(value) and 0 < sigma < math.inf) or (
-            quantity not in ADDITIVE and value <= 0
-        ):
-            # the sampled truth is in the comments of the log, and explains a bad value
-            drawn = ", ".join(c for c in observations.comments if "truth:" in c)
-            raise InputError(
-                f"{source}: sensor {observations.sensor[row]!r}: seed {seed} gives "
-                f"{quantity} {value:g} with sigma {sigma:g}"
-                f"{f' ({drawn})' if drawn else ''}; expected priors and sigmas that "
-                "give a valid reading (a lognormal prior keeps a mass positive)"
-            )
+    # the sampled truth is in the comments of the log, and explains a bad value
+    drawn = ", ".join(c for c in observations.comments if "truth:" in c)
+    rows = zip(
+        observations.sensor,
+        observations.quantity,
+        observations.value,
+        observations.sigma,
+        strict=True,
+    )
+    for sensor, quantity, value, sigma in rows:
+        is_size = quantity in ADDITIVE or value > 0
+        require(
+            math.isfinite(value) and 0 < sigma < math.inf and is_size,
+            f"{source}: sensor {sensor!r}: seed {seed}",
+            "priors and sigmas that give a valid reading (a lognormal prior keeps a "
+            "mass positive)",
+            f"{quantity} {value:g} with sigma {sigma:g}{drawn and f' ({drawn})'}",
+        )
 
 
 def readings(
@@ -121,19 +126,13 @@ def readings(
     check_scene(scene)
     layout, sigma, sensors = planned_layout(scene)
     laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
-    value = np.asarray(_observe(key, scene, layout, laws, sigma, noise))
-    notes = [
-        note
-        for shot in range(len(scene.charges))
-        for note in height_notes(scene, layout, shot)
-    ]
+    value = np.asarray(_observe(key, scene, layout, laws, sigma, noise=noise))
+    shots = range(len(scene.charges))
+    notes = [note for shot in shots for note in height_notes(scene, layout, shot)]
     used = ", ".join(f"{quantity} by {law}" for quantity, law in laws.items())
-    comments = (
-        f"laws: {used}; independent errors: {noise}",
-        *(f"note: {note}" for note in notes),
-    )
+    first = f"laws: {used}; independent errors: {noise}"
     log = written(scene, layout, value, np.asarray(sigma), sensors)
-    return replace(log, comments=comments)
+    return replace(log, comments=(first, *(f"note: {note}" for note in notes)))
 
 
 def written(
@@ -168,11 +167,6 @@ def written(
     )
 
 
-@eqx.filter_jit
-def _observe(key, scene, layout, laws, sigma, noise):
-    return observe(key, scene, layout, laws, sigma, noise=noise)
-
-
 class ErrorModel(NamedTuple):
     """Scatter of the laws in the rows of a log.
 
@@ -203,48 +197,52 @@ def error_model(
         weights: Weights of the correlation functions of neighbouring paths; None
             treats all paths as independent.
     """
-    group, n = np.array(layout.group), len(layout.quantity)
-    columns = list(recording.shot_loading.values())
-    of_paths, of_neighbours = dict(recording.path_loading), []
+    n = len(layout.quantity)
     variance = jnp.square(recording.record_sd)
+    of_paths, of_neighbours = dict(recording.path_loading), []
     for name, quantity, shot in recording.fields:
         rows, first, path = paths_of(layout, quantity, shot)
         # a single path has no neighbour; too many would multiply the columns
         if weights is None or not 2 <= first.size <= MAX_PATHS:
             continue
-        own, shared = split(
+        parts = split(
             picked(recording.place, rows[first]),
             picked(recording.placed, rows[first]),
             jnp.asarray(weights),
         )
         # several rows of one path share its values
-        if first.size < rows.size:
-            own, shared = own[opaque_constant(path)], shared[opaque_constant(path)]
+        own, shared = (picked(part, path) for part in parts)
         if name in recording.arrival_sd:
             sd = picked(recording.arrival_sd[name], rows)
             # the shared part of the variance moves from the row to the columns
             variance += joined([(rows, jnp.square(sd) * (own - 1))], n)
-            of_neighbours.append((rows, sd[:, None] * shared))
+            of_neighbours.append(_placed(rows, sd[:, None] * shared, n))
         if name in of_paths:
             sd = picked(of_paths[name], rows)
             of_paths[name] = joined([(rows, sd * jnp.sqrt(own))], n)
-            of_neighbours.append((rows, sd[:, None] * shared))
-    hidden = opaque_constant(group)
-    groups = dict.fromkeys(layout.group)
+            of_neighbours.append(_placed(rows, sd[:, None] * shared, n))
+    group = opaque_constant(np.array(layout.group))
+    columns = list(recording.shot_loading.values())
     for of_path in of_paths.values():
-        columns += [jnp.where(hidden == g, of_path, 0.0) for g in groups]
-    common = len(columns)
-    parts = [jnp.stack(columns, axis=1)] if columns else [jnp.zeros((n, 0))]
-    for rows, shared in of_neighbours:
-        blank = jnp.zeros((n, shared.shape[1]), shared.dtype)
-        parts.append(
-            blank.at[opaque_constant(rows)].set(shared) if rows.size < n else shared
-        )
-    sd = recording.record_sd
-    if of_neighbours:
-        some = variance > 0
-        sd = jnp.where(some, jnp.sqrt(jnp.where(some, variance, 1.0)), 0.0)
-    return ErrorModel(sd, jnp.concatenate(parts, axis=1), common)
+        columns += [
+            jnp.where(group == g, of_path, 0.0) for g in dict.fromkeys(layout.group)
+        ]
+    common = jnp.stack(columns, axis=1) if columns else jnp.zeros((n, 0))
+    some = variance > 0
+    sd = jnp.where(some, jnp.sqrt(jnp.where(some, variance, 1.0)), 0.0)
+    loading = jnp.concatenate([common, *of_neighbours], axis=1)
+    # without neighbours the root of the square would lose a NaN
+    return ErrorModel(
+        sd if of_neighbours else recording.record_sd, loading, len(columns)
+    )
+
+
+def _placed(rows: Int[np.ndarray, " row"], columns: Array, count: int) -> Array:
+    """Return columns of some rows as columns of all rows."""
+    if rows.size == count:
+        return columns
+    blank = jnp.zeros((count, columns.shape[1]), columns.dtype)
+    return blank.at[opaque_constant(rows)].set(columns)
 
 
 def paths_of(
@@ -365,3 +363,6 @@ def student_errors(
     # u^(-2/nu) - 1 by expm1: it cancels for u near 1
     length = jnp.sqrt(freedom * jnp.expm1(-2.0 / freedom * jnp.log(u)))
     return length * jnp.cos(2.0 * math.pi * v)
+
+
+_observe = eqx.filter_jit(observe)

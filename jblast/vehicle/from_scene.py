@@ -11,7 +11,7 @@ from itertools import compress
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError

@@ -140,21 +140,17 @@ def burst_notes(
     kinds = (
         ("free-air curves", weight >= 1.0),
         ("surface curves", weight <= 0.0),
-        (
-            "between the limits of both, where neither is valid",
-            (weight > 0) & (weight < 1),
-        ),
+        ("a mean of both sets (not valid)", (weight > 0.0) & (weight < 1.0)),
     )
-    counts = ((int(of.sum()), words) for words, of in kinds)
-    parts = [f"{words} at {n} of {weight.size} {what}s" for n, words in counts if n]
+    parts = [f"{words} at {of.sum()}" for words, of in kinds if of.any()]
     which = f"the charge {charge.name}" if charge.name else "the charge"
     height = f"{low:.2g}" if low == high else f"{low:.2g} to {high:.2g}"
-    where = f"{which} is {height} m/kg^(1/3) above the ground: {', '.join(parts)}"
-    if charge.burst is None:
-        return [where]
-    wrong = (weight < 1.0) if charge.burst == "free-air" else (weight > 0.0)
-    stated = f'burst = "{charge.burst}", as requested, contradicts the height; '
-    return [stated + where] if wrong.any() else [where]
+    note = f"{which} has a scaled height of {height} m/kg^(1/3), which gives "
+    note += f"{', '.join(parts)} of {weight.size} {what}s"
+    differs = weight < 1.0 if charge.burst == "free-air" else weight > 0.0
+    if charge.burst is not None and differs.any():
+        note += f'; burst = "{charge.burst}" contradicts the height'
+    return [note]
 
 
 def scaled_height(scene: Scene, charge: Charge) -> Numbers:

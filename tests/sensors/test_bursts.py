@@ -28,7 +28,7 @@ def scene(up, burst=None, heights=(12.0, 0.0)):
 
 
 # At 12 m up and 12 m high the reflection follows the phase, on the ground it is one
-# with the front. At 1.5 m up and 3 m high it comes within the phase, after 0.72 of it.
+# with the front. At 1.5 m up and 1.6 m high it comes within the phase.
 HIGH = scene(12.0, heights=(12.0, 0.0))
 LAYOUT, _, _ = planned_layout(HIGH)
 
@@ -108,12 +108,12 @@ def test_a_charge_that_stays_on_the_ground_has_surface_curves():
             12.0,
             None,
             (12.0, 11.0),
-            ["12 m/kg^(1/3) above", "free-air curves at 2 of 2"],
+            ["height of 12 m/kg^(1/3)", "free-air curves at 2 of 2"],
         ),
-        (12.0, None, (12.0, 0.0), ["free-air curves at 1 of 2", "surface curves at 1"]),
-        (1.5, None, (3.0, 0.0), ["neither is valid at 1 of 2 readings"]),
-        (12.0, "surface", (12.0, 0.0), ['"surface", as requested, contradicts']),
-        (0.0, "free-air", (12.0, 0.0), ['"free-air", as requested, contradicts']),
+        (12.0, None, (12.0, 0.0), ["free-air curves at 1, surface curves at 1 of 2"]),
+        (1.5, None, (1.6, 0.0), ["a mean of both sets (not valid) at 1 of 2"]),
+        (12.0, "surface", (12.0, 0.0), ['"surface" contradicts the height']),
+        (0.0, "free-air", (12.0, 0.0), ['"free-air" contradicts the height']),
     ],
 )
 def test_one_note_states_the_curves_of_a_height(up, burst, heights, words):

@@ -21,7 +21,7 @@ def flown(up, burst=None):
 def test_a_charge_high_up_is_flown_by_the_free_air_curves_and_said_so():
     scene, (note,) = flown(12.0)
     assert scene.charge.burst == "free-air"
-    assert "at every vehicle the reflection" in note
+    assert "free-air curves at 1 of 1 vehicles" in note
     assert flown(0.0)[0].charge.burst == "surface"
     assert flown(0.0)[1] == ()
     scene, (note,) = flown(12.0, "surface")
@@ -36,4 +36,4 @@ def test_a_batch_of_both_is_flown_by_the_stronger_set_and_marked():
     )
     scene, (note,) = with_bursts_at_start(scenes, CRAFT)
     assert scene.charge.burst == "surface"
-    assert "1 of 2 vehicles it does; the surface curves were used for all" in note
+    assert "at 1 of 2 vehicles; all waves are those of a surface burst" in note
