@@ -44,7 +44,6 @@ from jblast.scene import (
     scene_of,
     with_values,
 )
-from jblast.scene.charge import BURSTS, Burst
 from jblast.scene.uncertain import Free
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import Path, path_between
@@ -100,7 +99,6 @@ class Choice:
         candidates: All examined methods, the cheapest first.
         span: Smallest and largest scaled distance [m/kg^(1/3)].
         reference_uncertainty: Relative uncertainty of the reference in that span.
-        by_height: Curve sets selected by height, for charges without a stated set.
         notes: Contradictions between stated curve sets and heights, a sentence each.
     """
 
@@ -113,7 +111,6 @@ class Choice:
     candidates: tuple[Candidate, ...]
     span: tuple[float, float]
     reference_uncertainty: float
-    by_height: tuple[Burst, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -154,8 +151,7 @@ def choose(
     sensors = sensors_for(uncertain.scene, quantity)
     if not names_for(quantity):
         raise InputError(f"no law gives {quantity}: not supported yet")
-    unsettled = paths_in(uncertain, quantity, sensors)
-    paths = by_curves(unsettled)
+    paths = by_curves(paths_in(uncertain, quantity, sensors))
     conditions = [
         jax.tree.map(np.asarray, jitted_conditions(quantity, path))
         for path in each(paths, "paths")
@@ -166,35 +162,21 @@ def choose(
             sigma, quantity, conditions[: len(uncertain.scene.charges)]
         )
     choice = choose_for(quantity, conditions, tolerance)
-    by_height, notes = _of_heights(uncertain.scene, unsettled, quantity, sensors)
-    return replace(choice, by_height=by_height, notes=notes)
+    notes = _height_notes(uncertain.scene, quantity, sensors)
+    return replace(choice, notes=notes)
 
 
-def _of_heights(
-    scene: Scene, unsettled: Sequence[Path], quantity: str, sensors: Sequence[Sensor]
-) -> tuple[tuple[Burst, ...], tuple[str, ...]]:
-    """Return the curve sets selected by heights, and contradictions.
-
-    Args:
-        scene: Scene with the charges.
-        unsettled: Paths from every charge, repeated for every bound of a prior.
-        quantity: Requested quantity.
-        sensors: Sensors that record the quantity.
-    """
-    position = jnp.stack([sensor.position_m for sensor in sensors])
-    by_height, notes = [], []
-    for n, charge in enumerate(scene.charges):
-        if charge.burst is None:
-            # Charges are the fastest index of the paths; only a raised one needs a
-            # choice.
-            by_height += unsettled[n :: len(scene.charges)] if charge.up > 0.0 else []
-            continue
+def _height_notes(
+    scene: Scene, quantity: str, sensors: Sequence[Sensor]
+) -> tuple[str, ...]:
+    """Return notes on the curves of charges off the ground."""
+    position, notes = jnp.stack([sensor.position_m for sensor in sensors]), []
+    for charge in scene.charges:
         path = tnt_path(scene, replace(charge, burst=None), quantity, position)
         height = float(scaled_height(scene, charge))
-        free = np.asarray(path.free_air)
-        notes += burst_notes(charge, (height, height), free, "sensor")
-    left = {path.burst for path in by_curves(by_height)} if by_height else set()
-    return tuple(burst for burst in BURSTS if burst in left), tuple(notes)
+        weight = np.broadcast_to(path.free_air, len(sensors))
+        notes += burst_notes(charge, (height, height), weight, "sensor")
+    return tuple(notes)
 
 
 def tolerance_of(

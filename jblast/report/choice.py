@@ -12,14 +12,6 @@ from jblast.report.view import Column, Lines, Table, View
 from jblast.results import Document, among
 
 ABSENT = "-"
-BY_HEIGHT = {
-    ("free-air",): "free-air curves, by the height of burst",
-    ("surface",): "the height of burst lies between the limits of the two curve sets; "
-    "surface curves were taken",
-    ("surface", "free-air"): "by the height of burst some readings are of a free-air "
-    "burst and others lie between the curve sets; the method is valid for both sets",
-}
-"""Sentence on the curve sets that the height of burst selects."""
 
 
 COLUMNS = [
@@ -101,8 +93,7 @@ def choice_reason(choice: Choice) -> str:
         tolerance=percent(choice.tolerance),
         short=found.predicted_error / (choice.tolerance or math.nan),
     )
-    curves = [BY_HEIGHT[choice.by_height]] if choice.by_height else []
-    return "; ".join([reason, *curves, *choice.notes])
+    return "; ".join([reason, *choice.notes])
 
 
 def _kind(choice: Choice, found: Candidate) -> str:
