@@ -65,13 +65,11 @@ class Layout(eqx.Module):
 
     def beside(self, more: "Layout") -> "Layout":
         """Return these rows followed by those of another layout."""
-        both = zip(self._columns(), more._columns(), strict=True)
-        return Layout(
-            *(
-                a + b if isinstance(a, tuple) else jnp.concatenate([a, b])
-                for a, b in both
-            )
-        )
+        both: Any = zip(self._columns(), more._columns(), strict=True)
+        columns: list[Any] = [
+            a + b if isinstance(a, tuple) else jnp.concatenate([a, b]) for a, b in both
+        ]
+        return Layout(*columns)
 
     def only(self, rows: Int[np.ndarray, " kept"]) -> "Layout":
         """Return some of the rows."""

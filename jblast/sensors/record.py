@@ -9,6 +9,7 @@ the row, one shared by the rows of a shot, and one shared along a path.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -155,7 +156,9 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
     check_laws(laws, layout)
     n = len(layout.quantity)
     offsets, jolted = clock_offsets(scene, layout), np.isin(layout.quantity, BY_VEHICLE)
-    value, valid, variance = [], [], []
+    value: list[Any] = []
+    valid: list[Any] = []
+    variance: list[Any] = []
     shot_loading, path_loading, arrival_sd = {}, {}, {}
     fields: list[tuple[str, str, int]] = []
     distance, place, placed = jnp.zeros(n), jnp.zeros((n, 4)), jnp.zeros(n, bool)
