@@ -192,15 +192,14 @@ def free_air_weights(question: Question) -> Float[np.ndarray, " row"]:
 
 
 def with_burst(question: Question) -> Question:
-    """Return the question with surface curves if a range or a mass is unknown.
+    """Return the question with surface curves on the ground and for unknown ranges.
 
     A stated curve set stays.
     """
-    charge = question.scene.charge
-    if charge.burst is not None or not question.quantity:
-        return question
-    charge = replace(charge, burst="surface")
-    scene = replace(question.scene, charges=(charge,))
+    scene = grounded(question.scene)
+    charge = scene.charge
+    if charge.burst is None and question.quantity:
+        scene = replace(scene, charges=(replace(charge, burst="surface"),))
     return replace(question, scene=scene)
 
 
