@@ -21,9 +21,9 @@ from jaxtyping import Float
 
 from jblast.errors import require
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
-from jblast.types import ArrayLike, is_traced, namespace
+from jblast.types import is_traced, namespace
 
-Number = Float[ArrayLike, "..."]
+Number = float | Float[Any, "..."]
 """A number, or an array of NumPy or of JAX."""
 NOT_NEGATIVE = Bounds(at_least=0.0)
 
@@ -68,7 +68,7 @@ class Argument:
         if self.open or (low, high) == (-np.inf, np.inf):
             return values
         # On the input, not on the result: its slope is then 1 where values are good.
-        beyond = (values < low) | (values > high)
+        beyond = values < low if high == np.inf else (values < low) | (values > high)
         return namespace(values).where(beyond, np.nan, values)
 
 
@@ -159,7 +159,8 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
                 require(not fault, name, *(fault or ("",)))
                 given[name] = numbers if xp is np else value
         _check_shapes(law.__name__, given)
-        return (law if xp is np or traced else compiled())(**given)
+        evaluate: Callable[..., R] = law if xp is np or traced else compiled()
+        return evaluate(**given)
 
     checking.__signature__ = signature  # type: ignore[attr-defined]
     return checking

@@ -33,9 +33,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jblast.types import Array, namespace
+from jblast.types import namespace
 
-Numbers = Float[Array, "..."]
+Numbers = Float[Any, "..."]
 """An array of NumPy or of JAX."""
 Form = Callable[[Any], Any]
 """ln y as a function of ln z."""

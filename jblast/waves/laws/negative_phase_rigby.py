@@ -20,61 +20,52 @@ import math
 from jblast.waves.scaling import scaled_law
 from jblast.waves.tables import Curve, Form, polynomial, power_sum, segmented
 
-SPANS = {"surface": (0.0674, 40.0), "free-air": (0.0531, 40.0)}
-"""First and last scaled distance [m/kg^(1/3)]: assumed."""
-Printed = tuple[tuple[float, ...] | float, ...]
-"""Segments y = a Z^n as (a, n), or y = a Z^2 + b Z + c as (a, b, c), and the Z at which
-the next begins."""
+Printed = tuple[tuple[float, tuple[float, ...]], ...]
+"""First Z of each segment, and its numbers: (a, n) of y = a Z^n, or (a, b, c) of
+y = a Z^2 + b Z + c."""
+LAST = 40.0
+"""Last scaled distance [m/kg^(1/3)]: assumed, as the first."""
 
 # kPa
 PRESSURE: dict[str, Printed] = {
     "surface": (
-        (100.0, 0.0),
-        0.669,
-        (-32.91, 13.0, 106.0),
-        1.27,
-        (93.0, -1.215),
-        2.78,
-        (72.99, -0.978),
+        (0.0674, (100.0, 0.0)),
+        (0.669, (-32.91, 13.0, 106.0)),
+        (1.27, (93.0, -1.215)),
+        (2.78, (72.99, -0.978)),
     ),
     "free-air": (
-        (100.0, 0.0),
-        0.7,
-        (-29.078, 0.0352, 114.0),
-        1.469,
-        (84.132, -1.286),
-        2.754,
-        (59.559, -0.945),
+        (0.0531, (100.0, 0.0)),
+        (0.7, (-29.078, 0.0352, 114.0)),
+        (1.469, (84.132, -1.286)),
+        (2.754, (59.559, -0.945)),
     ),
 }
 # kPa-ms/kg^(1/3)
 IMPULSE: dict[str, Printed] = {
     "surface": (
-        (-724.37, 445.34, 553.0),
-        0.58,
-        (11.356, -314.76, 752.0),
-        1.19,
-        (461.8, -0.88),
-        5.25,
-        (433.6, -0.842),
+        (0.0674, (-724.37, 445.34, 553.0)),
+        (0.58, (11.356, -314.76, 752.0)),
+        (1.19, (461.8, -0.88)),
+        (5.25, (433.6, -0.842)),
     ),
     "free-air": (
-        (496.0, 0.0),
-        0.304,
-        (36.919, -298.72, 583.0),
-        1.44,
-        (316.36, -0.879),
+        (0.0531, (496.0, 0.0)),
+        (0.304, (36.919, -298.72, 583.0)),
+        (1.44, (316.36, -0.879)),
     ),
 }
 # ms/kg^(1/3)
 DURATION: dict[str, Printed] = {
-    "surface": ((10.57, 0.0), 0.267, (-0.474, 2.745, 9.87), 2.9, (13.9, 0.0)),
+    "surface": (
+        (0.0674, (10.57, 0.0)),
+        (0.267, (-0.474, 2.745, 9.87)),
+        (2.9, (13.9, 0.0)),
+    ),
     "free-air": (
-        (0.382, 2.952, 7.917),
-        0.537,
-        (-0.309, 1.6443, 8.818),
-        2.83,
-        (11.0, 0.0),
+        (0.0531, (0.382, 2.952, 7.917)),
+        (0.537, (-0.309, 1.6443, 8.818)),
+        (2.83, (11.0, 0.0)),
     ),
 }
 
@@ -87,17 +78,16 @@ def _segment(printed: tuple[float, ...], unit: float) -> Form:
     return power_sum(*zip((unit * x for x in printed), (2.0, 1.0, 0.0), strict=True))
 
 
-def _curve(burst: str, printed: Printed, unit: float) -> Curve:
-    first, last = SPANS[burst]
-    segments = [_segment(each, unit) for each in printed[::2]]
-    return segmented(segments, [first, *printed[1::2], last])
+def _curve(printed: Printed, unit: float) -> Curve:
+    segments = [_segment(numbers, unit) for _, numbers in printed]
+    return segmented(segments, [*(first for first, _ in printed), LAST])
 
 
 def _law(quantity: str, factor: str, printed: dict[str, Printed], unit: float):
     return scaled_law(
         quantity,
         factor,
-        {burst: _curve(burst, each, unit) for burst, each in printed.items()},
+        {burst: _curve(each, unit) for burst, each in printed.items()},
         name="rigby_2014",
         source="Rigby et al. 2014, over one transcription",
         note=", assumed; one transcription",
