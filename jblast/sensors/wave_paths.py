@@ -2,7 +2,7 @@ r"""Waves at a position: their paths through air and ground, arrivals and pulses
 
 Air. Arrival, peak, duration and impulse are those of `sensors.record` for the same
 scene and laws. Two numbers do not depend on the choice of laws. The suction is that of
-`waves.blast_pulse`, reduced by the same factor where a law predicts less pressure than
+`waves.waveform.blast_pulse`, reduced by the same factor where a law predicts less pressure than
 `shock_kinematics`. The rise time is that of a weak shock (`waves/waveform.py`).
 
 The reflection comes from the image of the charge below a flat, rigid ground. It exists

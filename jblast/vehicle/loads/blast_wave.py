@@ -1,7 +1,7 @@
 r"""The blast wave at a vehicle: overpressure, wind, and its part within a step.
 
 Overpressure: Friedlander's pulse, then the cubic suction of
-`waves.negative_phase_pressure`. Arrival, peak, duration, decay and suction are those of
+`waves.waveform.negative_phase_pressure`. Arrival, peak, duration, decay and suction are those of
 `waves.waveform.blast_pulse`, also used for gauges. The two differ in the duration of
 the suction, for the reason below.
 
