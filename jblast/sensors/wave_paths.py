@@ -2,8 +2,9 @@ r"""Waves at a position: their paths through air and ground, arrivals and pulses
 
 Air. Arrival, peak, duration and impulse are those of `sensors.record` for the same
 scene and laws. Two numbers do not depend on the choice of laws. The suction is that of
-`waves.waveform.blast_pulse`, reduced by the same factor where a law predicts less pressure than
-`shock_kinematics`. The rise time is that of a weak shock (`waves/waveform.py`).
+`waves.waveform.blast_pulse`, reduced by the same factor where a law predicts less
+pressure than `shock_kinematics`. The rise time is that of a weak shock
+(`waves/waveform.py`).
 
 The reflection comes from the image of the charge below a flat, rigid ground. It exists
 for charges with free-air curves (the curves of a surface burst contain the ground) and

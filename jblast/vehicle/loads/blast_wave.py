@@ -1,9 +1,9 @@
 r"""The blast wave at a vehicle: overpressure, wind, and its part within a step.
 
 Overpressure: Friedlander's pulse, then the cubic suction of
-`waves.waveform.negative_phase_pressure`. Arrival, peak, duration, decay and suction are those of
-`waves.waveform.blast_pulse`, also used for gauges. The two differ in the duration of
-the suction, for the reason below.
+`waves.waveform.negative_phase_pressure`. Arrival, peak, duration, decay and suction are
+those of `waves.waveform.blast_pulse`, also used for gauges. The two differ in the
+duration of the suction, for the reason below.
 
 Wind: at the front that of Rankine and Hugoniot, $u_s = 5c_0x/(7\sqrt{1+6x/7})$ with
 $x = p/P_0$. Behind it, with $x$ of the moment and the afterflow of a spherical wave,
