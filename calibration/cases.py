@@ -39,13 +39,16 @@ from jblast.scene import (
     with_laws,
     with_values,
 )
+from jblast.scene.charge import Burst
 from jblast.sensors import Layout, record
+from jblast.sensors.calculator import Rows
 from jblast.sensors.camera import ViewSet, render
 from jblast.sensors.camera.fireball import Appearance
 from jblast.signals import NoiseSpectrum
 from jblast.signals.picks import RecordPick
 from jblast.signals.picks.pick_log import covariance_of, log_value
 from jblast.waves.fireball import fireball_duration
+from jblast.waves.paths import Path
 from jblast.waves.pulse import pulse_mean, pulse_of
 
 POSITIONS = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
@@ -108,6 +111,21 @@ def scene_with(
     )
     empty = dataclasses.replace(Scene(), scatter=scatter, sensors=sensors)
     return with_values(empty, TRUTH)
+
+
+def standard_path(
+    z: Float[np.ndarray, " place"], burst: Burst, mass: float = 1.0
+) -> Path:
+    """Return paths, in NumPy, to scaled distances from TNT on the ground.
+
+    Args:
+        z: Scaled distances [m/kg^(1/3)]; the air is that of sea level.
+        burst: Curve set.
+        mass: Mass of the charge [kg].
+    """
+    ranges = np.cbrt(mass) * z
+    scene = Scene(Charge(burst=burst))
+    return Rows(scene, ranges, np.full_like(ranges, mass)).path()
 
 
 def radius(x: Float[Array, "..."], y: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -47,7 +47,6 @@ from calibration.eye_pick import eye_pick
 from calibration.timing import best_of, machine, seconds
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
-from jblast.fidelity import errors
 from jblast.files import table_text, write_text
 from jblast.inference import solve
 from jblast.inference.answer import unconstrained
@@ -65,6 +64,7 @@ from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.numbers import capitalised
 from jblast.report.view import Column, Table, markdown
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
+from jblast.scene.charge import BURSTS
 from jblast.sensors import planned_layout
 from jblast.sensors.camera.pixel import NoiseModel, Pixel, noisy_pixel
 from jblast.sensors.camera.stream import event_stream
@@ -80,6 +80,7 @@ from jblast.vehicle import (
     simulate,
 )
 from jblast.waves import kingery_bulmash_pressure
+from jblast.waves.choice import compared
 from jblast.waves.euler import decay_at, march
 from jblast.waves.waveform import (
     friedlander_decay,
@@ -142,8 +143,10 @@ BANDS = ((0.5, 3.0), (3.0, 40.0), (40.0, 1000.0))
 """Scaled distances of the panels [m/kg^(1/3)]; 40 ends the Kingery-Bulmash tables."""
 READINGS = 1 << 17
 """Readings in a timed call of a law: the time of the call itself does not count."""
-MIN_NODES = 5
-"""With fewer nodes the largest error of a band depends on their choice."""
+PER_BAND, MIN_NODES = 80, 5
+"""Places compared in a band; with fewer nodes the largest error of a law depends on
+their choice."""
+JUST_PAST = 1.0 + 1e-9
 
 
 def method_seconds(quantity: str, method: str) -> float:
@@ -158,7 +161,7 @@ def method_seconds(quantity: str, method: str) -> float:
     pressure = jnp.asarray(rng.uniform(7e4, 1.05e5, READINGS))
     distance = z * jnp.cbrt(mass * STANDARD_PRESSURE / pressure)
     path = replace(
-        errors.standard_path(np.ones(READINGS), "surface"),
+        jax.tree.map(jnp.asarray, cases.standard_path(np.ones(READINGS), "surface")),
         slant_range=distance,
         ground_range=distance,
         charge_mass=mass,
@@ -170,36 +173,29 @@ def method_seconds(quantity: str, method: str) -> float:
 
 def law_points(quantity: str) -> list[Point]:
     """Return cost and largest error of every law, by burst and band."""
-    methods = errors.methods_for(quantity)
-    costs = {name: method_seconds(quantity, name) for name in methods}
-    points = []
-    for (start, end), burst in itertools.product(BANDS, errors.BURSTS):
-        first, nodes = start * errors.JUST_PAST, errors.NODES
-        z = np.unique([first, *nodes[(first < nodes) & (end > nodes)], end])
-        path = errors.standard_path(z, burst)
-        spans = errors.reference_uncertainties(quantity, burst)
-        least = max(s.error for s in spans if s.start < end and s.end > start)
+    points, costs = [], {}
+    for (start, end), burst in itertools.product(BANDS, BURSTS):
+        # just past a join of two references, the farther one holds
+        z = np.geomspace(start * JUST_PAST, end, PER_BAND)
+        found = compared(quantity, [cases.standard_path(z, burst)])
+        own = found.uncertainty[np.isfinite(found.uncertainty)].max()
         where = "surface" if burst == "surface" else "free air"
-        for name, cost in costs.items():
-            ratio = errors.log_ratio(quantity, name, path)
-            known = np.isfinite(ratio) & errors.holds(quantity, name, path)
+        for i, law in enumerate(found.laws):
+            known = np.isfinite(found.error[i])
             if known.sum() < MIN_NODES:
                 continue
-            reference = any(
-                part.law == name and part.start <= start and end <= part.end
-                for part in errors.REFERENCES[quantity]
-            )
-            off = 0.0 if reference else float(np.abs(np.expm1(ratio[known])).max())
+            if law.name not in costs:
+                costs[law.name] = method_seconds(quantity, law.name)
             low, high = z[known][[0, -1]]
             points.append(
                 Point(
                     f"{where}, Z = {start:g} to {end:g}",
-                    name,
-                    cost,
-                    max(least, off),
+                    law.name,
+                    costs[law.name],
+                    max(own, found.error[i, known].max()),
                     f"{where}, Z = {low:.3g} to {high:.3g} m/kg^(1/3)",
                     bool(known.all()),
-                    reference,
+                    bool((found.law[0] == i).all()),
                 )
             )
     return points

@@ -25,7 +25,7 @@ from jblast.observations import Observations, observed
 from jblast.observations.places import Frame
 from jblast.registry import law_for
 from jblast.scene import UncertainScene, default_scene, freed
-from jblast.sensors.calculator import evaluate
+from jblast.sensors.calculator import Rows
 
 SEED, HONEST, SLIPPED = 20, 1000, 500
 TITLE = "How often an honest log is doubted, and a slip is named"
@@ -61,13 +61,10 @@ def tables() -> dict[tuple[str, str], np.ndarray]:
     names = [
         (q, law) for law in ("kinney_graham", "shock_kinematics") for q in MEASURED
     ]
-    laws = tuple(law_for(*name) for name in names)
     scene = default_scene().scene
     scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
-    value, _ = evaluate(scene, GRID, np.ones_like(GRID), laws)
-    return {
-        name: np.log(row) for name, row in zip(names, value[: len(names)], strict=True)
-    }
+    rows = Rows(scene, GRID, np.ones_like(GRID))
+    return {name: np.log(rows.by(law_for(*name))[0]) for name in names}
 
 
 def honest(rng: np.random.Generator, laws: dict[tuple[str, str], np.ndarray]) -> Case:

@@ -55,12 +55,7 @@ from jblast.report.numbers import capitalised, printed_number, quantity_words
 from jblast.report.view import Column, Table, markdown
 from jblast.scene import Camera, Charge, Scene
 from jblast.scene.charge import Burst
-from jblast.sensors.calculator import (
-    COMBINATIONS,
-    calculated_laws,
-    scene_path,
-    with_rows,
-)
+from jblast.sensors.calculator import COMBINATIONS, calculated_laws
 from jblast.sensors.camera.geometry import project, unproject
 from jblast.signals import noise_spectrum
 from jblast.signals.picks import pick_records
@@ -265,7 +260,7 @@ def _table_limits(quantity: str) -> list[Mode]:
 
     def ratio_at(z: float) -> str:
         """Return the printed polynomials over the curve as jblast evaluates it."""
-        log_z = np.float64(math.log(z))
+        log_z: Any = np.log(z)
         with np.errstate(over="ignore"):
             ratio = float(np.exp(curve.form(log_z) - curve.exact(log_z)))
         return f"{'overflows' if math.isinf(ratio) else f'{ratio:.3g}'} at Z = {z:g}"
@@ -441,10 +436,11 @@ def _point_sources() -> list[Mode]:
 
 def _at_the_charge() -> Mode:
     laws = [law for law in calculated_laws() if "slant_range" in law.arguments()]
-    path = scene_path(Scene(Charge(mass_kg=1.0)))
+    path = jax.tree.map(jnp.asarray, cases.standard_path(np.ones(1), "surface"))
 
     def values(distance):
-        row = with_rows(path, distance[None], jnp.ones(1))
+        ranges = distance[None]
+        row = dataclasses.replace(path, slant_range=ranges, ground_range=ranges)
         return jnp.stack([jnp.sum(call(law.function, row)) for law in laws])
 
     # jvp gives value and slope in one pass, for all laws in one program
@@ -1118,13 +1114,12 @@ def _law_map(axes: Axes, modes: Sequence[Mode]) -> None:
 
 
 def _valid(law: Law, burst: Burst) -> np.ndarray:
-    distance = jnp.asarray(Z * MASS ** (1.0 / 3.0))
-    path = scene_path(Scene(Charge(mass_kg=MASS, burst=burst)))
-    path = with_rows(path, distance, jnp.full(distance.shape, MASS))
+    path = cases.standard_path(Z, burst, MASS)
     # laws of the shock radius need a time: that of the strong point-source shock
-    energy = sedov_taylor_energy(distance, 1.0, path.air_density, path.sedov_gamma)
-    time = jnp.sqrt(energy / (TNT_SPECIFIC_ENERGY * MASS))
-    path = eqx.tree_at(lambda p: p.time_since_detonation, path, time)
+    air = path.air_density, path.sedov_gamma
+    energy = np.asarray(sedov_taylor_energy(path.slant_range, 1.0, *air))
+    time = np.sqrt(energy / (TNT_SPECIFIC_ENERGY * MASS))
+    path = dataclasses.replace(path, time_since_detonation=time)
     return np.broadcast_to(np.asarray(call(law.valid, path)), Z.shape)
 
 

@@ -18,7 +18,6 @@ from jblast.lazy import lazy_face
 # Type checkers and editors see the names, which only exist at their first use.
 if TYPE_CHECKING:
     from jblast.discovery.law_search import discover_law as discover_law
-    from jblast.fidelity import choose as choose
     from jblast.inference import (
         bound as bound,
         fit as fit,
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
     from jblast.signals.picks import pick as pick, pick_files as pick_files
     from jblast.study.flights import fly as fly
     from jblast.study.running import fly_scene as fly_scene
+    from jblast.waves.choice import choose as choose
 
 __version__ = "0.2.0"
 
@@ -69,7 +69,7 @@ _HOMES = {
     "Scene": "jblast.scene",
     "bound": "jblast.inference",
     "calculate": "jblast.sensors",
-    "choose": "jblast.fidelity",
+    "choose": "jblast.waves.choice",
     "detect": "jblast.signals",
     "discover_law": "jblast.discovery.law_search",
     "events": "jblast.sensors.camera",

@@ -11,10 +11,14 @@ so a law is called with the attributes of a path.
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
+
 from jblast.errors import InputError, nearest, shown
+from jblast.types import namespace
 
 
 @runtime_checkable
@@ -114,7 +118,7 @@ class Law:
 
     def arguments(self) -> tuple[str, ...]:
         """Return the names of its arguments, attributes of `waves.paths.Path`."""
-        return tuple(inspect.signature(self.function).parameters)
+        return _argument_names(self.function)
 
     def scatter_words(self) -> str:
         """Return the scatter about the law and its source, in words."""
@@ -205,14 +209,28 @@ def call(function: Callable[..., Any], path: Any) -> Any:
     for the surface with the weight `path.free_air`, and valid where that is 0 or 1.
     """
     # Laws are called by the names of their arguments, as each has another set.
-    names = inspect.signature(function).parameters
-    if "burst" in names and path.burst is None:
-        low, free = (
-            call(function, replace(path, burst=burst))
-            for burst in ("surface", "free-air")
-        )
-        return _between(low, free, path.free_air)
-    return function(*(getattr(path, name) for name in names))
+    names = _argument_names(function)
+    if namespace(*vars(path).values()) is np:
+        # the numbers of a path are checked where they enter a scene
+        function = getattr(function, "unchecked", function)
+
+    def by_curves(burst: str) -> Any:
+        given = {name: getattr(path, name) for name in names}
+        return function(**(given | {"burst": burst} if "burst" in given else given))
+
+    if "burst" not in names or path.burst is not None:
+        return by_curves(path.burst)
+    weight = path.free_air
+    if namespace(weight) is np:  # half of the work where all positions have one set
+        for burst, only in (("surface", 0.0), ("free-air", 1.0)):
+            if np.all(weight == only):
+                return by_curves(burst)
+    return _between(by_curves("surface"), by_curves("free-air"), weight)
+
+
+@cache
+def _argument_names(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(inspect.signature(function).parameters)
 
 
 def _between(low: Any, free: Any, weight: Any) -> Any:

@@ -50,6 +50,15 @@ def namespace(*values: Any) -> Any:
     return np
 
 
+def in_numpy(value: R) -> R:
+    """Return a value with its numbers as NumPy arrays, whose functions need no JAX."""
+    if not jax_is_loaded():
+        return value
+    import jax
+
+    return jax.tree.map(np.asarray, value)
+
+
 def is_traced(value: Any) -> bool:
     """Return whether a value stands for one that JAX traces, and cannot be checked."""
     return jax_is_loaded() and isinstance(value, sys.modules["jax"].core.Tracer)
@@ -80,20 +89,13 @@ def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
 
     A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
     and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
+    Float arrays of NumPy and JAX are returned unchanged.
     """
-    if not jax_is_loaded():
-        array: Any = np.asarray(value)
-        return array if np.issubdtype(array.dtype, np.floating) else array.astype(float)
-    import jax
-    import jax.numpy as jnp
-
-    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
-        # A vehicle has thirty such fields per flight, and `asarray` takes 0.1 ms each.
-        return value
-    # For NumPy arrays `jnp.asarray` compiles a program per shape; a copy does not.
-    put = jax.device_put if isinstance(value, np.ndarray) else jnp.asarray
-    array = put(value)
-    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
+    xp = sys.modules["jax.numpy"] if jax_is_loaded() else np
+    # A vehicle has thirty such fields per flight, and `asarray` takes 0.1 ms each.
+    given = isinstance(value, np.ndarray) or namespace(value) is not np
+    array: Any = value if given else xp.asarray(value)
+    return array if xp.issubdtype(array.dtype, xp.floating) else array.astype(float)
 
 
 def as_optional_float_array(value: ArrayLike | None) -> Float[Array, "..."] | None:

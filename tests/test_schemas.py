@@ -16,7 +16,6 @@ import jblast
 from docs.generate import documents
 from docs.generate.scene_schema import scene_schema
 from jblast.errors import InputError
-from jblast.fidelity import TakenLaw
 from jblast.inference.design.added_data import AddedDatum, Sensitivity
 from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.wrong import (
@@ -53,6 +52,7 @@ from jblast.results import warning
 from jblast.scene.reader import scene_from_document
 from jblast.signals.picks import log_of
 from jblast.study import run_into
+from jblast.waves.choice import TakenLaw
 from tests.report import example
 from tests.report.picks.test_picks import found as picked
 from tests.study.example import study_in

@@ -75,7 +75,10 @@ def test_the_order_has_every_package_and_module():
     ("module", "source"),
     [
         ("jblast.waves.laws.wu_hao", "from jblast.inference import fit"),
-        ("jblast.waves.laws.wu_hao", "def late():\n    import jblast.sensors.record"),
+        (
+            "jblast.waves.laws.wu_hao",
+            "def late():\n    import jblast.sensors.forward_model",
+        ),
         ("jblast.scene.scene", "from ..waves import wu_hao"),
         ("jblast.registry", "from jblast.scene.scene import Air"),
         ("jblast", "from jblast.cli import main"),
@@ -144,10 +147,15 @@ def test_scene_and_waves_need_jax_equinox_and_jaxtyping_alone():
 
 
 CALCULATION = (
-    "import jblast.report.calc; from jblast.cli.main import parsed; "
+    "from jblast.report.calc import Calc; from jblast.cli.main import parsed; "
     "from jblast.cli.verbs.calc import question_of, selection; "
     "options = parsed(['calc', '--mass', '1', '--range', '9']); "
-    "question_of(options); selection(options)"
+    "Calc(question_of(options), *selection(options)).document()"
+)
+CHOICE = (
+    "from jblast import Charge, Scene, choose; from jblast.scene import Sensor; "
+    "scene = Scene(Charge(mass_kg=1.0), sensors=(Sensor('a', [9.0, 0.0, 0.0]),)); "
+    "choose(scene, 'air_arrival_s')"
 )
 
 
@@ -159,13 +167,14 @@ CALCULATION = (
         (
             CALCULATION,
             "jblast.waves",
-            "jblast.inference optimistix scipy.interpolate scipy.special "
+            "jax equinox jblast.inference optimistix scipy.interpolate scipy.special "
             "jblast.sensors.anemometer jblast.sensors.arrivals jblast.sensors.camera "
             "jblast.observations.log_io",
         ),
+        (CHOICE, "jblast.waves.choice", "jax equinox scipy jblast.inference"),
         ("import jblast.quantities, jblast.parameters", "jblast", "jax"),
     ],
-    ids=["package", "laws", "calculator", "tables"],
+    ids=["package", "laws", "calculator", "choice", "tables"],
 )
 def test_what_an_import_loads(tmp_path, statement, needs, does_without):
     run = subprocess.run(

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jblast.fidelity import Choice
 from jblast.report.calc import CalculatorAnswer, InverseAnswer
 from jblast.report.check import CheckAnswer
 from jblast.report.choice import ChoiceAnswer
@@ -25,6 +24,7 @@ from jblast.report.tune import GainsAnswer, TuneAnswer
 from jblast.report.world import WorldAnswer
 from jblast.results import DIALECT, schema_of
 from jblast.study.mavlink_servers import LockstepAnswer, WatchedAnswer
+from jblast.waves.choice import Choice
 from jblast.world.remote.serving import ServedAnswer
 
 DOCUMENTS: dict[str, type] = {

@@ -6,29 +6,58 @@ take decisions in Python between such programs, so they take one log. For severa
 there are `fit_many`, which compiles its own program, and `fit_each`.
 """
 
-from jblast.inference.design.cramer_rao import Bound as Bound, bound as bound
-from jblast.inference.design.sensor_map import (
-    BoundMap as BoundMap,
-    bound_map as bound_map,
-)
-from jblast.inference.fitting.fit import (
-    Band as Band,
-    Fit as Fit,
-    fit as fit,
-    fit_each as fit_each,
-)
-from jblast.inference.fitting.solution import Solution as Solution, solve as solve
-from jblast.inference.many.fit_many import (
-    Batch as Batch,
-    batch_of as batch_of,
-    fit_many as fit_many,
-)
-from jblast.inference.many.lanes import ManyFits as ManyFits
-from jblast.inference.mcmc import Ensemble as Ensemble, ensemble as ensemble
-from jblast.inference.posterior.fisher_information import (
-    information_of_layout as information_of_layout,
-)
-from jblast.inference.posterior.posterior import (
-    Posterior as Posterior,
-    posterior_of as posterior_of,
-)
+from typing import TYPE_CHECKING
+
+from jblast.lazy import lazy_face
+
+if TYPE_CHECKING:
+    from jblast.inference.design.cramer_rao import Bound as Bound, bound as bound
+    from jblast.inference.design.sensor_map import (
+        BoundMap as BoundMap,
+        bound_map as bound_map,
+    )
+    from jblast.inference.fitting.fit import (
+        Band as Band,
+        Fit as Fit,
+        fit as fit,
+        fit_each as fit_each,
+    )
+    from jblast.inference.fitting.solution import Solution as Solution, solve as solve
+    from jblast.inference.many.fit_many import (
+        Batch as Batch,
+        batch_of as batch_of,
+        fit_many as fit_many,
+    )
+    from jblast.inference.many.lanes import ManyFits as ManyFits
+    from jblast.inference.mcmc import Ensemble as Ensemble, ensemble as ensemble
+    from jblast.inference.posterior.fisher_information import (
+        information_of_layout as information_of_layout,
+    )
+    from jblast.inference.posterior.posterior import (
+        Posterior as Posterior,
+        posterior_of as posterior_of,
+    )
+
+HOMES = {
+    "Band": "jblast.inference.fitting.fit",
+    "Batch": "jblast.inference.many.fit_many",
+    "Bound": "jblast.inference.design.cramer_rao",
+    "BoundMap": "jblast.inference.design.sensor_map",
+    "Ensemble": "jblast.inference.mcmc",
+    "Fit": "jblast.inference.fitting.fit",
+    "ManyFits": "jblast.inference.many.lanes",
+    "Posterior": "jblast.inference.posterior.posterior",
+    "Solution": "jblast.inference.fitting.solution",
+    "batch_of": "jblast.inference.many.fit_many",
+    "bound": "jblast.inference.design.cramer_rao",
+    "bound_map": "jblast.inference.design.sensor_map",
+    "ensemble": "jblast.inference.mcmc",
+    "fit": "jblast.inference.fitting.fit",
+    "fit_each": "jblast.inference.fitting.fit",
+    "fit_many": "jblast.inference.many.fit_many",
+    "information_of_layout": "jblast.inference.posterior.fisher_information",
+    "posterior_of": "jblast.inference.posterior.posterior",
+    "solve": "jblast.inference.fitting.solution",
+}
+
+__getattr__, __dir__ = lazy_face(__name__, HOMES)

@@ -35,7 +35,7 @@ from jblast.registry import law_for
 from jblast.results import Note
 from jblast.scene import Charge, Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
-from jblast.sensors.calculator import evaluate
+from jblast.sensors.calculator import Rows
 
 MAX_MASS = 50e6 * 1e3 * 4.184e6 / TNT_SPECIFIC_ENERGY
 """Mass of TNT of the largest explosion made so far [kg]: 50 Mt, 30 October 1961
@@ -158,13 +158,11 @@ def scaled_laws(scene: Scene) -> ScaledLaws:
     """
     charge = replace(scene.charge, burst=scene.charge.burst or "surface")
     scene = replace(scene, charges=(charge,))
-    laws = tuple(law_for(quantity, name) for quantity, name in LAWS.items())
-    z = SCALED_DISTANCES
-    # composed quantities follow those of `LAWS`
-    value, valid = evaluate(scene, z, np.ones_like(z), laws)
+    rows = Rows(scene, SCALED_DISTANCES, np.ones_like(SCALED_DISTANCES))
+    found = {q: rows.by(law_for(q, name)) for q, name in LAWS.items()}
     return ScaledLaws(
-        log_value=dict(zip(LAWS, np.log(value), strict=False)),
-        valid=dict(zip(LAWS, valid, strict=False)),
+        log_value={quantity: np.log(value) for quantity, (value, _) in found.items()},
+        valid={quantity: valid for quantity, (_, valid) in found.items()},
     )
 
 

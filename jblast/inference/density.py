@@ -22,8 +22,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import STANDARD_SOUND_SPEED
-from jblast.fidelity import TakenLaw
-from jblast.fidelity.errors import methods_for
 from jblast.inference.coordinates import (
     FAR,
     MASS,
@@ -54,14 +52,15 @@ from jblast.observations.clocks import refuse_unresolved
 from jblast.observations.table import some_rows
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import ARRIVALS, CIRCULAR, CLOCK_TIMES
-from jblast.registry import call, law_for
+from jblast.registry import call, law_for, names_for
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
 from jblast.scene.uncertain import Normal as NormalPrior, names_in, value_of
 from jblast.sensors import Layout, layout_of, record
+from jblast.sensors.forward_model import effects_of, path_to, to_error_scale
 from jblast.sensors.law_choice import law_names, resolve_laws
 from jblast.sensors.path_scatter import DENSE, KERNELS, MAX_PATHS
-from jblast.sensors.record import effects_of, path_to, to_error_scale
 from jblast.sensors.simulated_readings import Noise, paths_of
+from jblast.waves.choice import TakenLaw, is_candidate
 from jblast.waves.height_of_burst import grounded
 
 LANES, ROWS_OF_ALL = 512, 2**18
@@ -495,7 +494,8 @@ class Density:
             (quantity, name)
             for quantity in self.layout.quantities()
             if named.get(quantity, "auto") == "auto"
-            for name in methods_for(quantity)
+            for name in names_for(quantity)
+            if is_candidate(law_for(quantity, name))
         )
         if not wanted:
             return self

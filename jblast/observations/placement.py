@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, argument, shown
 from jblast.observations.clocks import check_clocks, clocks_apart
@@ -29,6 +29,7 @@ from jblast.quantities import (
     PLACELESS,
 )
 from jblast.scene import Scene
+from jblast.types import ArrayLike
 
 PLACE_ADVICE = (
     "; both count from its [place]: if that was moved, remove position_m from its "

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -38,20 +38,20 @@ from jblast.sensors.calculator import (
     Question,
     Recommended,
     Roots,
+    Rows,
     calculate,
+    calculated,
     charge_radius,
     disagreements,
-    free_air_weights,
     only,
-    path_of_rows,
     recommended_by_row,
     recommended_root,
     roots,
-    with_other_burst,
 )
+from jblast.types import in_numpy
 from jblast.waves.height_of_burst import burst_notes
 from jblast.waves.laws.kingery_bulmash import ground_factor
-from jblast.waves.propagation import ambient
+from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.waves.scaling import sachs_distance_factor, scaled_distance
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ MAIN_HEADS = {
 """Quantities of a table of several ranges and of a figure, and the titles of their
 columns."""
 MOST = 100
-"""Rows of recommended values: the choice of laws takes about 20 ms a row."""
+"""Rows of recommended values: the choice of laws takes about 1 ms a row."""
 HEARING_PA = 20e-6
 """Reference of sound levels."""
 POINTS, AROUND = 512, 3.0
@@ -179,23 +179,14 @@ class Calc:
     law: str = ""
 
     @cached_property
-    def values(self) -> Calculation:
-        """Values by quantity and law."""
-        found = calculate(self.question.scene, *self.question.rows())
-        return only(found, self.quantity, self.law)
+    def places(self) -> Rows:
+        """Ranges and masses."""
+        return self.question.rows()
 
     @cached_property
-    def other(self) -> Calculation:
-        """Values by the other curve set, where neither is that of the height."""
-        if not _between_limits(self.question):
-            return {}
-        other = with_other_burst(self.question.scene)
-        found = only(calculate(other, *self.question.rows()), self.quantity, self.law)
-        # a law with one curve set has the same value for every burst
-        return {
-            quantity: {name: one for name, one in by_law.items() if one.two_sets}
-            for quantity, by_law in found.items()
-        }
+    def values(self) -> Calculation:
+        """Values by quantity and law."""
+        return only(calculated(self.places), self.quantity, self.law)
 
     @cached_property
     def roots(self) -> dict[str, Roots]:
@@ -212,7 +203,7 @@ class Calc:
         values = self.values
         if self._is_table and not self.quantity:
             values = {name: values[name] for name in MAIN_HEADS if name in values}
-        return recommended_by_row(self.question, values or self.values, MOST)
+        return recommended_by_row(self.places, values or self.values, MOST)
 
     @cached_property
     def apart(self) -> "tuple[DisagreementEntry, ...]":
@@ -225,7 +216,7 @@ class Calc:
                 DisagreementEntry(one, one.choice.method, choice_reason(one.choice))
                 if one.choice
                 else DisagreementEntry(one, "", UNDECIDED)
-                for one in disagreements(self.question, self.values)
+                for one in disagreements(self.places, self.values)
             )
         )
 
@@ -249,27 +240,23 @@ class Calc:
 
     @property
     def _is_table(self) -> bool:
-        return len(self.question.rows()[0]) > 1
+        return len(self.places.slant_range) > 1
 
     def _places(self) -> list[tuple[float, float]]:
-        return [*zip(*(x.tolist() for x in self.question.rows()), strict=True)]
+        columns = self.places.slant_range, self.places.charge_mass
+        return [*zip(*(x.tolist() for x in columns), strict=True)]
 
-    def rows(self, *, both: bool = False) -> list[CalcRow]:
-        """Return the values of all laws; `both` adds the other curve set."""
+    def rows(self) -> list[CalcRow]:
+        """Return the values of all laws."""
         if unknown := self.question.unknown:
             return [
                 CalcRow(unknown, name, *root, one.law.range)
                 for name, one in self.roots.items()
                 for root in _pairs(one) or [(math.nan, False)]
             ]
-        is_free = self.question.scene.charge.burst == "free-air"
-        sets = {"": self.values}
-        if both:
-            sets[" (surface)" if is_free else " (free-air)"] = self.other
         return [
-            CalcRow(quantity, name + of_set, *value, one.range, *place)
-            for of_set, values in sets.items()
-            for quantity, by_law in values.items()
+            CalcRow(quantity, name, *value, one.range, *place)
+            for quantity, by_law in self.values.items()
             for name, one in by_law.items()
             for value, place in zip(_pairs(one), self._places(), strict=True)
         ]
@@ -312,7 +299,7 @@ class Calc:
         blocks: list[Block] = []
         if all_laws:
             groups: dict[str, list[CalcRow]] = {}
-            for row in self.rows(both=True):
+            for row in self.rows():
                 groups.setdefault(row.quantity, []).append(row)
             blocks = [
                 Table([*shown, *by_law], rows, capitalised(quantity_words(quantity)))
@@ -395,21 +382,12 @@ class Calc:
             return InverseAnswer(given, entry, {given.unknown: by_law})
         quantities = {
             quantity: {
-                name: LawEntry(
-                    *_by_row(one),
-                    None,
-                    one.range,
-                    other_burst=self._other(quantity, name),
-                )
+                name: LawEntry(*_by_row(one), None, one.range)
                 for name, one in by_law.items()
             }
             for quantity, by_law in self.values.items()
         }
         return CalculatorAnswer(given, quantities, entry, self.apart)
-
-    def _other(self, quantity: str, name: str) -> "LawValue | None":
-        beside = self.other.get(quantity, {}).get(name)
-        return LawValue(*_by_row(beside)) if beside else None
 
     def figure(self) -> "Figure":
         """Draw the laws within their ranges; requested ranges and values are marked."""
@@ -506,40 +484,38 @@ def header(question: Question) -> list[tuple[str, str]]:
 
 def notes(question: Question) -> list[str]:
     """Return limitations of the answer that its numbers do not show, as sentences."""
-    charge = question.scene.charge
-    height = charge.up.item()
+    scene = in_numpy(question.scene)
+    charge, height = scene.charge, float(scene.charge.up)
     # neither curve set has a depth: a buried charge gets those of its burst
     if height < 0.0:
         return [
-            f"the charge is buried: the {charge.burst} curves were used; ford_2021 "
+            f"the charge is buried: the {_burst(question)} curves were used; ford_2021 "
             "alone takes the depth into account"
         ]
-    # the range of an inverse question is unknown, and with it the scaled height that
-    # would decide between the curve sets
+    # the range of an inverse question is unknown, and with it the scaled height
     if height and question.quantity:
         return [
-            f"the {charge.burst} curves were used; a burst above the ground lies "
-            "between surface and free-air until its reflection arrives after the "
-            "positive phase; compare with the other --burst"
+            "the curves depend on the height of burst: those of a surface burst until "
+            "the reflection arrives after the positive phase; sensors are assumed as "
+            "low as the range allows"
         ]
     if not height:
         return []
-    path = path_of_rows(question)
-    factor = sachs_distance_factor(path.charge_mass, path.ambient_pressure)
-    heights = height / np.asarray(factor)
+    # the weight of the curves by height, also where a burst was stated
+    open_scene = replace(scene, charges=(replace(charge, burst=None),))
+    path = replace(question, scene=open_scene).rows().path()
+    heights = height / np.asarray(
+        sachs_distance_factor(path.charge_mass, path.ambient_pressure)
+    )
     span = float(heights.min()), float(heights.max())
-    found = burst_notes(charge, span, free_air_weights(question), "range")
-    found[-1] += "; sensors are assumed as low as the range allows"
-    if _between_limits(question):
-        found[-1] += "; compare with the other --burst"
-    return found
+    found = burst_notes(charge, span, path.free_air, "range")
+    return [f"{note}; sensors are assumed as low as the range allows" for note in found]
 
 
-def _between_limits(question: Question) -> bool:
-    """Return whether some row is neither a surface burst nor a free-air burst."""
-    # an inverse question has no rows: its root may lie on either side of the limit
-    is_high = question.scene.charge.up.item() > 0.0 and not question.quantity
-    return is_high and not (free_air_weights(question) >= 1.0).all()
+def _burst(question: Question) -> str:
+    """Return the curve set, or "by height" if it may differ between rows."""
+    charge = question.scene.charge
+    return charge.burst or ("by height" if float(charge.up) > 0.0 else "surface")
 
 
 @dataclass(frozen=True)
@@ -628,14 +604,12 @@ class LawEntry:
         valid: Whether the law is valid there, by row.
         roots: All ranges or masses, ascending; absent for a quantity.
         range: Range of validity, as text.
-        other_burst: Value by the other curve set; absent if not relevant.
     """
 
     value: Numbers
     valid: Flags
     roots: tuple[LawValue, ...] | None = field(metadata=ABSENT)
     range: str
-    other_burst: LawValue | None = field(default=None, metadata=ABSENT)
 
 
 @dataclass(frozen=True)
@@ -700,21 +674,24 @@ class InverseAnswer(Document):
 
 def inputs(question: Question) -> Inputs:
     """Return inputs and defaults by name, in SI units."""
-    charge, air = question.scene.charge, question.scene.air
+    scene = in_numpy(question.scene)
+    charge, air = scene.charge, scene.air
+    temperature, pressure = ambient(air)
     # one factor only: scaled distances are printed for pressures, and impulses have a
     # factor of their own
-    path = path_of_rows(question, MAIN)
+    rows = question.rows()
+    path = rows.path(MAIN)
     # an inverse question has one given number, and its unknown depends on the law
     ranges, masses = question.slant_range, question.charge_mass
     if not question.quantity:
-        ranges, masses = question.rows()
+        ranges, masses = rows.slant_range, rows.charge_mass
     z = scaled_distance(path.slant_range, path.charge_mass, path.ambient_pressure)
     return Inputs(
         mass_kg=_one_or_all(masses),
         range_m=_one_or_all(ranges),
         unknown=question.unknown or None,
         scaled_distance_m_kg13=_one_or_all(z),
-        charge_radius_m=_one_or_all(charge_radius(question.rows()[1])),
+        charge_radius_m=_one_or_all(charge_radius(rows.charge_mass)),
         ground_factor=_one_or_all(ground_factor(z, 1.0)),
         measured={question.quantity: question.target} if question.quantity else {},
         explosive=charge.explosive,
@@ -722,14 +699,14 @@ def inputs(question: Question) -> Inputs:
             pressure=float(charge.tnt_factor_for(MAIN)),
             impulse=float(charge.tnt_factor_for("positive_impulse_pa_s")),
         ),
-        burst=charge.burst or "by height",
-        height_m=charge.up.item(),
-        temperature_k=ambient(air)[0].item(),
-        pressure_pa=path.ambient_pressure.item(),
-        relative_humidity=air.relative_humidity.item(),
-        altitude_m=None if air.altitude is None else air.altitude.item(),
-        sound_speed_m_s=path.sound_speed.item(),
-        p_speed_m_s=path.p_speed.item(),
+        burst=_burst(question),
+        height_m=float(charge.up),
+        temperature_k=float(temperature),
+        pressure_pa=float(pressure),
+        relative_humidity=float(air.relative_humidity),
+        altitude_m=None if air.altitude is None else float(air.altitude),
+        sound_speed_m_s=float(sound_speed_of(air)),
+        p_speed_m_s=float(scene.ground.p_speed),
         defaults=tuple(sorted(question.defaults)),
         notes=tuple(notes(question)),
     )
@@ -781,8 +758,10 @@ def _figure(
         _panel(axes, x / unit.size, size, found[name], marks, looks)
         axes.set(xlabel=f"{words} ({unit.symbol})", ylabel=size.symbol)
         titled(axes, capitalised(quantity_words(name)))
-    burst = question.scene.charge.burst or "surface or free-air"
-    figure.suptitle(f"{title(question)}, {burst} burst", x=0.01, ha="left", fontsize=13)
+    burst = _burst(question)
+    figure.suptitle(
+        f"{title(question)}, burst: {burst}", x=0.01, ha="left", fontsize=13
+    )
     return figure
 
 

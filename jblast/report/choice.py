@@ -3,13 +3,12 @@
 import math
 from dataclasses import dataclass, field
 
-from jblast.fidelity.choose import Candidate, Choice, TakenLaw
-from jblast.fidelity.errors import MAX_DISTANCE, REFERENCES
 from jblast.registry import LAWS
 from jblast.report.messages import sentence
 from jblast.report.output import PROBLEM, Answer
 from jblast.report.view import Column, Lines, Table, View
 from jblast.results import Document, among
+from jblast.waves.choice import MAX_DISTANCE, Candidate, Choice, TakenLaw, references
 
 ABSENT = "-"
 
@@ -80,12 +79,12 @@ def choice_reason(choice: Choice) -> str:
     found = next(c for c in choice.candidates if c.method == choice.method)
     low, high = (f"{z:.3g}" for z in choice.span)
     own = percent(choice.reference_uncertainty)
-    references = REFERENCES.get(choice.quantity, ())
+    spans = references(choice.quantity)
     reason = sentence(
         f"choose.{_kind(choice, found)}",
         z=low if low == high else f"{low} to {high}",
         range=LAWS[choice.quantity, found.method].range,
-        end=references[-1].end if references else None,
+        end=spans[-1].end if spans else None,
         distance_km=MAX_DISTANCE / 1000,
         quality=f"the reference law here (uncertainty {own})"
         if found.is_reference
@@ -99,7 +98,7 @@ def choice_reason(choice: Choice) -> str:
 def _kind(choice: Choice, found: Candidate) -> str:
     """Return the kind of the reason."""
     own = choice.reference_uncertainty
-    if choice.quantity not in REFERENCES:
+    if not references(choice.quantity):
         return "exact" if own == 0.0 else "no_reference"
     if not math.isfinite(own):
         return "beyond_reference"

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jblast.errors import InputError
-from jblast.fidelity import TakenLaw
 from jblast.files import check_out, table_text
 from jblast.inference.design.cramer_rao import BoundSummary
 from jblast.inference.fitting.fit import Fit
@@ -83,6 +82,7 @@ from jblast.report.view import (
 )
 from jblast.results import ABSENT, AMONG, Document, Note, Words, among
 from jblast.scene import parameter_named
+from jblast.waves.choice import TakenLaw
 
 if TYPE_CHECKING:  # a fit of a table reads no records
     from matplotlib.figure import Figure

@@ -1,6 +1,6 @@
 """The law of each quantity of a log if none is specified.
 
-One law is used for each quantity: `fidelity.choose_for` over the positions of its rows,
+One law is used for each quantity: `waves.choice.compared` at the positions of its rows,
 within a third of their smallest sigma. It is chosen before a search, and again at its
 result, and is constant during a search, so that it has derivatives.
 """
@@ -8,18 +8,17 @@ result, and is constant during a search, so that it has derivatives.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import nearest, require
-from jblast.fidelity import TakenLaw, choose_for, tolerance_of
-from jblast.fidelity.choose import by_curves, jitted_conditions
 from jblast.registry import is_law, names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
-from jblast.sensors.record import path_to
+from jblast.types import in_numpy
+from jblast.waves.choice import TakenLaw, compared, tnt_path, tolerance_of
 from jblast.waves.height_of_burst import burst_notes, scaled_height
+from jblast.waves.paths import path_between
 
 
 def resolve_laws(
@@ -68,27 +67,38 @@ def choose_laws(
     """
     for quantity in quantities:
         require(names_for(quantity), quantity, "a quantity that a law predicts")
-    stated = np.full(len(layout.quantity), np.nan) if sigma is None else np.array(sigma)
-    charges = scene.charges if quantities else ()
-    paths = [jax.tree.map(np.asarray, path_to(scene, layout, one)) for one in charges]
-    found = {}
-    for quantity in quantities:
-        conditions, shares = [], []
-        for shot, (charge, path) in enumerate(zip(charges, paths, strict=True)):
-            rows, _ = layout.rows(quantity, shot)
-            if not rows.size:
-                continue
-            here = jax.tree.map(lambda x, r=rows: x[r] if x.ndim else x, path)
-            here = replace(here, charge_mass=charge.tnt_mass(quantity))
-            for one in by_curves([here]):
-                each = jax.tree.map(np.asarray, jitted_conditions(quantity, one))
-                conditions.append(each)
-                shares.append(tolerance_of(stated[rows], quantity, [each]))
-        # the strictest stated tolerance of any row; without one the best law wins
-        tolerance = min((share for share in shares if share > 0.0), default=0.0)
-        choice = choose_for(quantity, conditions, tolerance)
-        found[quantity] = TakenLaw(choice.method, choice)
-    return found
+    sigma = np.full(len(layout.quantity), np.nan) if sigma is None else sigma
+    return {
+        quantity: _choose(quantity, in_numpy(scene), layout, np.asarray(sigma))
+        for quantity in quantities
+    }
+
+
+def _choose(
+    quantity: str, scene: Scene, layout: Layout, sigma: Float[np.ndarray, " row"]
+) -> TakenLaw:
+    """Return the chosen law of one quantity."""
+    offsets = scene.clock_offsets()
+    offset = np.array([float(offsets.get(clock, 0.0)) for clock in layout.clock])
+    paths, tolerances = [], []
+    for shot, charge in enumerate(scene.charges):
+        rows, _ = layout.rows(quantity, shot)
+        if not rows.size:
+            continue
+        start = float(charge.as_if_at_zero().time_s)
+        time = (np.asarray(layout.time) - offset - start)[rows]
+        path = tnt_path(scene, charge, quantity, *_places(layout, rows), time)
+        paths.append(path)
+        tolerances.append(tolerance_of(sigma[rows], quantity, [path]))
+    # the strictest stated tolerance of any row; without one the best law wins
+    stated = [tolerance for tolerance in tolerances if tolerance > 0.0]
+    choice = compared(quantity, paths).choose(min(stated, default=0.0))
+    return TakenLaw(choice.method, choice)
+
+
+def _places(layout: Layout, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return positions and stated ranges of rows."""
+    return np.asarray(layout.position)[rows], np.asarray(layout.slant_range)[rows]
 
 
 def law_names(laws: Mapping[str, TakenLaw]) -> dict[str, str]:
@@ -104,9 +114,11 @@ def height_notes(scene: Scene, layout: Layout, shot: int) -> list[str]:
         layout: The rows.
         shot: Index of the charge.
     """
+    scene = in_numpy(scene)
     charge = scene.charges[shot]
-    path = path_to(scene, layout, replace(charge, burst=None))
-    weight = np.broadcast_to(path.free_air, len(layout.shot))
-    here = weight[np.array(layout.shot) == shot]
+    rows = np.flatnonzero(np.array(layout.shot) == shot)
+    nothing = np.full(rows.size, np.nan)
+    by_height = replace(charge, burst=None)
+    path = path_between(scene, by_height, *_places(layout, rows), nothing)
     height = float(scaled_height(scene, charge))
-    return burst_notes(charge, (height, height), here, "reading")
+    return burst_notes(charge, (height, height), np.asarray(path.free_air), "reading")

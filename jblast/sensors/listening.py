@@ -26,9 +26,9 @@ from jblast.scene import Ambient, Instrument, Scene, Sensor, UncertainScene, dra
 from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
 from jblast.scene.uncertain import value_of
 from jblast.sensors.arrivals import Track, places_met
+from jblast.sensors.forward_model import Recording, record
 from jblast.sensors.law_choice import height_notes, law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
-from jblast.sensors.record import Recording, record
 from jblast.sensors.wave_paths import record_laws
 
 TAIL_S = 0.25

@@ -27,6 +27,7 @@ from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
 from jblast.scene import Scene, UncertainScene, draw_scene, scene_of
 from jblast.scene.uncertain import value_of
+from jblast.sensors.forward_model import Recording, record
 from jblast.sensors.law_choice import height_notes, law_names, resolve_laws
 from jblast.sensors.layout import (
     Layout,
@@ -37,7 +38,6 @@ from jblast.sensors.layout import (
     planned_layout,
 )
 from jblast.sensors.path_scatter import MAX_PATHS, TYPICAL, split
-from jblast.sensors.record import Recording, record
 
 Noise = Literal["student", "gaussian"]
 STUDENT_FREEDOM = 4.0

@@ -31,8 +31,8 @@ from jaxtyping import Array, Bool, Float
 from jblast.errors import InputError, nearest
 from jblast.registry import call, is_law, law_for, names_for
 from jblast.scene import Air, Charge, Scene
+from jblast.sensors.forward_model import path_to, record
 from jblast.sensors.layout import Layout
-from jblast.sensors.record import path_to, record
 from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from jblast.waves.paths import Path, slant_range
 from jblast.waves.propagation import air_density, ambient, sound_speed_of

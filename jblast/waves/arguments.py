@@ -163,6 +163,7 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
         return evaluate(**given)
 
     checking.__signature__ = signature  # type: ignore[attr-defined]
+    checking.unchecked = law  # type: ignore[attr-defined]  for `registry.call`
     return checking
 
 

@@ -236,5 +236,9 @@ def span_words(spans: Mapping[str, Span]) -> str:
     """Return spans in words: "Z = 0.0674 (free-air 0.0531) to 40 m/kg^(1/3)"."""
     (burst, (first, last)), *others = spans.items()
     alone = "" if others else f"{burst.replace('-', ' ')}, "
-    other = "".join(f" (free-air {z:g})" for _, (z, _) in others if z != first)
-    return f"{alone}Z = {first:g}{other} to {last:g} m/kg^(1/3)"
+    other = "".join(f" (free-air {_short(z)})" for _, (z, _) in others if z != first)
+    return f"{alone}Z = {_short(first)}{other} to {_short(last)} m/kg^(1/3)"
+
+
+def _short(z: float) -> str:
+    return f"{z:.3g}".replace("e+0", "e")

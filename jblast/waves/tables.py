@@ -26,7 +26,7 @@ import csv
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from typing import Any
 
@@ -361,6 +361,7 @@ def arrival(log_ratio: Form, start: float, start_time: float, last: float) -> Fo
     return form
 
 
+@cache
 def data_rows(name: str) -> list[dict[str, str]]:
     """Read the rows of a table, by column name.
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.wrong import SuspectedOutlier
 from jblast.inference.identify import (
@@ -19,6 +18,7 @@ from jblast.inference.identify import (
 from jblast.inference.posterior.parameters import Estimate
 from jblast.results import warning
 from jblast.scene import Charge, Scene, Sensor
+from jblast.waves.choice import TakenLaw
 from tests.report.made_up import (
     PLAIN,
     SOUND,

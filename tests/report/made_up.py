@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from jblast.fidelity import Candidate, Choice, TakenLaw
 from jblast.inference.fitting.fit import Band, Fit
 from jblast.inference.fitting.summary import Summary
 from jblast.inference.posterior.parameters import Estimate
 from jblast.observations import Observations
 from jblast.quantities import TIMES
 from jblast.scene import Scene
+from jblast.waves.choice import Candidate, Choice, TakenLaw
 
 SOUND = 340.29
 

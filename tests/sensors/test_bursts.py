@@ -7,9 +7,9 @@ import pytest
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.scene import Air, Charge, Scene, Sensor
+from jblast.sensors.forward_model import record
 from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import planned_layout
-from jblast.sensors.record import record
 from jblast.waves.height_of_burst import grounded
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_impulse
 from jblast.waves.paths import path_between

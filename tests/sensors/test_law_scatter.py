@@ -12,7 +12,7 @@ from scipy.stats import kstest, t
 from jblast.registry import law_for
 from jblast.scene import Scene, Sensor, with_values
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.calculator import Question, law_scatters
+from jblast.sensors.calculator import Question, by_law
 from jblast.sensors.simulated_readings import (
     STUDENT_FREEDOM,
     independent_scale,
@@ -47,7 +47,7 @@ def test_the_scatter_drawn_is_the_number_that_calc_prints(peaks):
         slant_range=(RANGE_M,),
         charge_mass=(MASS_KG,),
     )
-    printed = law_scatters(question, [(PEAK, LAW)])[PEAK, LAW][0]
+    printed = by_law(question.rows(), PEAK)[LAW].scatter[0]
     assert printed == pytest.approx(math.hypot(*law_for(PEAK, LAW).scatter()))
     # four standard errors of the sd of a normal
     assert np.log(peaks).std() == pytest.approx(printed, rel=4 / math.sqrt(2 * COUNT))

@@ -8,6 +8,7 @@ from jax.test_util import check_grads
 
 from jblast import Charge, Scene
 from jblast.sensors import Layout
+from jblast.sensors.forward_model import record
 from jblast.sensors.path_scatter import (
     DENSE,
     KERNELS,
@@ -19,7 +20,6 @@ from jblast.sensors.path_scatter import (
     solve_system,
     split,
 )
-from jblast.sensors.record import record
 from jblast.sensors.simulated_readings import error_model, observe
 
 LAWS = {"air_arrival_s": "kingery_bulmash"}

@@ -12,7 +12,7 @@ import pytest
 from jblast.constants import DRY_AIR_GAS_CONSTANT, STANDARD_PRESSURE
 from jblast.registry import call, law_for, total_scatter
 from jblast.scene import Charge, Scene
-from jblast.sensors.calculator import scene_path, with_rows
+from jblast.sensors.calculator import Rows, calculated_laws
 from jblast.waves import evaluate, scaled_distance
 from jblast.waves.height_of_burst import free_air_weight, image_range
 from jblast.waves.paths import slant_range
@@ -84,7 +84,7 @@ def test_the_weight_rises_smoothly_from_half_a_phase_of_delay_to_a_whole_one():
 def path(weight=0.0, **changes):
     scene = Scene(charges=(Charge(mass_kg=1.0, burst="surface"),))
     ranges = jnp.array([2.0, 20.0])
-    rows = with_rows(scene_path(scene), ranges, jnp.ones(2))
+    rows = jax.tree.map(jnp.asarray, Rows(scene, ranges, np.ones(2)).path())
     return replace(rows, burst=None, free_air=weight, **changes)
 
 
@@ -121,6 +121,20 @@ def test_all_laws_of_a_quantity_are_evaluated_as_each_alone(quantity):
             == jnp.broadcast_to(call(law.valid, rows), 2).tolist()
         )
         np.testing.assert_allclose(found.sd[n], total_scatter(law, rows), rtol=1e-12)
+
+
+@pytest.mark.parametrize("burst", ["surface", "free-air", None])
+def test_numpy_and_jax_evaluate_the_same_laws_by_the_same_curves(burst):
+    """NumPy calls laws by their printed forms, JAX by tables within 1e-7 of them."""
+    for weight in (0.0, 0.25, 1.0) if burst is None else (0.0,):
+        in_jax = replace(path(weight), burst=burst)
+        in_numpy = jax.tree.map(np.asarray, in_jax)
+        for quantity in dict.fromkeys(law.quantity for law in calculated_laws()):
+            found, expected = evaluate(quantity, in_numpy), evaluate(quantity, in_jax)
+            assert isinstance(found.value, np.ndarray)
+            np.testing.assert_allclose(found.value, expected.value, rtol=1e-6)
+            np.testing.assert_array_equal(found.valid, expected.valid)
+            np.testing.assert_allclose(found.sd, expected.sd, rtol=1e-6)
 
 
 WITHOUT_JAX = """

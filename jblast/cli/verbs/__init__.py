@@ -44,7 +44,7 @@ flight: vehicles and their missions
   plan       write a mission plan: lanes over a field, or a circle
 
 methods: cost, accuracy and limits of the methods
-  choose     choose the cheapest method that is accurate enough for a scene
+  choose     name the most accurate law for a scene, within a tolerance
 """
 """The verbs by group, as the help lists them; a new verb is one line."""
 

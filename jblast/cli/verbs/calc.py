@@ -107,11 +107,7 @@ AIR = {
 
 def run(options: argparse.Namespace) -> int:
     """Calculate, print, and return the exit code."""
-    from jblast.cli.jax_start import start_jax
-
     _check_options(options)
-    # a calculation compiles for longer than it computes
-    start_jax(quick=True)
     from jblast.files import save
     from jblast.report.calc import Calc
     from jblast.report.output import Answer, deliver, figure_file
@@ -146,7 +142,7 @@ def question_of(options: argparse.Namespace) -> "Question":
     Raises:
         InputError: A number is out of bounds, or a range lies inside the charge.
     """
-    from jblast.sensors.calculator import Question, charge_radius, with_burst
+    from jblast.sensors.calculator import Question, charge_radius
 
     given = _given(options)
     measured = next((name for name in MEASURED if name in given), "")
@@ -162,7 +158,7 @@ def question_of(options: argparse.Namespace) -> "Question":
                 f"{radius:.4g} m ({max(masses):g} kg as a sphere of TNT at 1630 "
                 f"kg/m3); got {min(ranges):g} m"
             )
-    question = Question(
+    return Question(
         scene=_scene(options, given),
         slant_range=ranges,
         charge_mass=masses,
@@ -173,7 +169,6 @@ def question_of(options: argparse.Namespace) -> "Question":
         ),
         units=options.units,
     )
-    return with_burst(question)
 
 
 def check_roots(question: "Question", found: "Mapping[str, Roots]") -> None:

@@ -25,13 +25,11 @@ import argparse
 
 def run(options: argparse.Namespace) -> int:
     """Check, print, perhaps write; return the exit code."""
-    from jblast.cli.jax_start import start_jax
     from jblast.files import refuse_existing, writing
     from jblast.progress import stages
 
     begin = stages({"starting": 2.0, "reading": 0.3, "checking": 2.0})
     begin("starting")
-    start_jax(quick=True)
     import jblast.waves as _waves  # noqa: F401  registers the laws
     from jblast.cli.options import in_options, reading_options, scaling_of
     from jblast.errors import InputError

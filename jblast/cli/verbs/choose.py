@@ -1,6 +1,7 @@
-"""Choose the cheapest method that is accurate enough for a scene, with the reason.
+"""Name the most accurate law for a scene, and whether it is within a tolerance.
 
-Exit code 4: no method is accurate enough.
+All laws are evaluated at the sensors and compared with a reference. The cost of a
+reading is printed for information. Exit code 4: no law is within the tolerance.
 
 example:
   jblast choose scene.toml --quantity air_arrival_s --tolerance 0.01
@@ -20,19 +21,11 @@ import argparse
 
 
 def run(options: argparse.Namespace) -> int:
-    """Choose, print and return the exit code."""
-    from jblast.cli.jax_start import start_jax
-    from jblast.progress import stages
-
-    begin = stages({"starting": 2.0, "choosing": 1.0})
-    begin("starting")
-    start_jax(quick=True)
-    from jblast.fidelity import choose
+    """Compare the laws, print and return the exit code."""
     from jblast.report.choice import choice_answer
     from jblast.report.output import deliver
     from jblast.scene import read_scene
+    from jblast.waves.choice import choose
 
-    begin("choosing")
-    # Errors and costs are read from measured tables, so that no method is timed here.
     choice = choose(read_scene(options.scene), options.quantity, options.tolerance)
     return deliver(choice_answer(choice), options)

@@ -21,11 +21,8 @@ from jblast.files import refuse_existing, save
 
 def run(options: argparse.Namespace) -> int:
     """Write the scene and return the exit code."""
-    from jblast.cli.jax_start import start_jax
-
     if options.out:
         refuse_existing(options.out, force=options.force)
-    start_jax(quick=True)
     from jblast.observations import read, starter_scene
 
     text = starter_scene(read(options.observations, **reading_options(options)))

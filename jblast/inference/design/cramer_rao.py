@@ -22,7 +22,6 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 
 from jblast.errors import InputError
-from jblast.fidelity import TakenLaw
 from jblast.inference.answer import constrained
 from jblast.inference.design.added_data import (
     AddedDatum,
@@ -48,10 +47,11 @@ from jblast.progress import Progress, reported, stages
 from jblast.quantities import ADDITIVE
 from jblast.results import Note, plain
 from jblast.scene import Scene, UncertainScene, scene_of
+from jblast.sensors.forward_model import clock_offsets
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.layout import check_scene
-from jblast.sensors.record import clock_offsets
 from jblast.sensors.simulated_readings import Noise
+from jblast.waves.choice import TakenLaw
 
 STAGES = {
     "computing the bound": 2.0,

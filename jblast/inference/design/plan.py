@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from jblast.fidelity import TakenLaw
 from jblast.inference.answer import typical_steps
 from jblast.inference.density import Density
 from jblast.inference.posterior.fisher_information import (
@@ -23,6 +22,7 @@ from jblast.inference.posterior.parameters import Parameters, Spread
 from jblast.inference.posterior.posterior import Misfit, Posterior
 from jblast.observations import Observations
 from jblast.scene import Free, parameter_named
+from jblast.waves.choice import TakenLaw
 
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(40)
 """Gauss-Hermite nodes, which reach 11 sd: the standard deviation of a lognormal number

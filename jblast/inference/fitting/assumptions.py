@@ -46,9 +46,9 @@ from jblast.quantities import TIMES, made_with
 from jblast.registry import law_for
 from jblast.results import Note, assumption, warning
 from jblast.scene import Scene
+from jblast.sensors.forward_model import clock_offsets
 from jblast.sensors.layout import Layout, components
 from jblast.sensors.path_scatter import MAX_PATHS
-from jblast.sensors.record import clock_offsets
 from jblast.waves.propagation import sound_speed_of
 
 WIND = PARAMETERS["wind_east_m_s"].spread.amount

@@ -42,8 +42,8 @@ from jblast.results import Note, assumption, warning
 from jblast.scene import Scene, UncertainScene, freed as with_free
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors import Layout, record
+from jblast.sensors.forward_model import path_to
 from jblast.sensors.layout import components
-from jblast.sensors.record import path_to
 from jblast.sensors.simulated_readings import Noise
 
 Method = Literal["weighted", "emcee"]

@@ -33,10 +33,10 @@ from jblast.registry import Law
 from jblast.scene import Scene
 from jblast.sensors.calculator import (
     SCALED_DISTANCES,
+    Rows,
     calculated_laws,
-    evaluate,
-    scene_path,
 )
+from jblast.waves.propagation import ambient
 
 MIN_VARIANCE_RATIO = 1e-12
 """Ratio of two variances below which the smaller is rounding: the position is fixed
@@ -493,19 +493,18 @@ def ranges_at(
         Slant ranges [m], NaN where a level is not reached, and True where the law is
         within its range on both sides.
     """
-    ambient = float(scene_path(scene).ambient_pressure)
-    scale = (
-        float(scene.charge.tnt_factor_for(law.quantity)) * STANDARD_PRESSURE / ambient
-    )
+    _, pressure = ambient(scene.air)
+    factor = float(scene.charge.tnt_factor_for(law.quantity))
+    scale = factor * STANDARD_PRESSURE / float(pressure)
     log_range = (
         np.log(SCALED_DISTANCES) + np.log(scale * np.asarray(masses))[:, None] / 3
     )
     count = log_range.shape[1]
     mass = np.repeat(np.asarray(masses, float), count)
-    value, holds = evaluate(scene, np.exp(log_range.ravel()), mass, (law,))
+    value, holds = Rows(scene, np.exp(log_range.ravel()), mass).by(law)
     with np.errstate(divide="ignore", invalid="ignore"):
-        log_peak = np.log(value[0].reshape(log_range.shape))
-    holds = holds[0].reshape(log_range.shape)
+        log_peak = np.log(value.reshape(log_range.shape))
+    holds = holds.reshape(log_range.shape)
     ranges = np.full((len(masses), len(levels)), np.nan)
     valid = np.zeros(ranges.shape, bool)
     for i, j in np.ndindex(ranges.shape):

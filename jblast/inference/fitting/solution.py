@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, argument
-from jblast.fidelity import TakenLaw
 from jblast.inference.answer import Answer
 from jblast.inference.density import Density, density_of
 from jblast.inference.identify import Identified, identified
@@ -17,6 +16,7 @@ from jblast.observations import Observations
 from jblast.observations.clocks import refuse_unsolvable_clocks
 from jblast.scene import UncertainScene
 from jblast.sensors.simulated_readings import Noise
+from jblast.waves.choice import TakenLaw
 
 
 @dataclass(frozen=True)

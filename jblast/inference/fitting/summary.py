@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from jblast.constants import TNT_SPECIFIC_ENERGY
-from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.assumptions import (
     extrapolated,
     valid_at_depth,
@@ -48,6 +47,7 @@ from jblast.parameters import CHARGE_POSITION
 from jblast.results import Note, plain, problem
 from jblast.scene import UncertainScene
 from jblast.sensors.law_choice import law_names
+from jblast.waves.choice import TakenLaw
 
 TNT_MASS_BY = {
     "pressure": "peak_overpressure_pa",

@@ -10,7 +10,6 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jblast.fidelity import TakenLaw
 from jblast.inference.answer import Answer
 from jblast.inference.fitting.assumptions import (
     flat_ground,
@@ -30,6 +29,7 @@ from jblast.scene import Charge, UncertainScene, parameter_named
 from jblast.scene.uncertain import NO_SCENE
 from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import components
+from jblast.waves.choice import TakenLaw
 from jblast.waves.height_of_burst import scaled_height
 
 LARGE_EFFECT_SD = 4.0

@@ -29,7 +29,12 @@ from jblast.parameters import CLOCK_OFFSET
 from jblast.quantities import ADDITIVE, TIMES
 from jblast.scene import Free, with_values
 from jblast.sensors import Layout
-from jblast.sensors.record import clock_offsets, record, residuals_of, to_error_scale
+from jblast.sensors.forward_model import (
+    clock_offsets,
+    record,
+    residuals_of,
+    to_error_scale,
+)
 from jblast.sensors.simulated_readings import Noise, independent_scale, loadings
 
 MAX_NAMED = 20

@@ -29,7 +29,7 @@ from jblast.observations import CLOCK_TIMES
 from jblast.scene import Free, Scene, with_values
 from jblast.scene.uncertain import value_of
 from jblast.sensors import Layout
-from jblast.sensors.record import record
+from jblast.sensors.forward_model import record
 
 Z = Float[Array, "free lane"]
 # the numbers that the closed form determines: others have to be fixed

@@ -28,9 +28,14 @@ from jblast.observations.covariances import rows_with_covariance
 from jblast.registry import law_for
 from jblast.scene import Scene
 from jblast.sensors import Layout, record
+from jblast.sensors.forward_model import (
+    Recording,
+    effects_of,
+    residuals_of,
+    to_error_scale,
+)
 from jblast.sensors.layout import components
 from jblast.sensors.path_scatter import TYPICAL
-from jblast.sensors.record import Recording, effects_of, residuals_of, to_error_scale
 from jblast.sensors.simulated_readings import Noise, error_model, independent_scale
 
 MAX_EFFECT_NUMBERS = 30_000_000

@@ -55,7 +55,7 @@ from jblast.sensors.camera.pixel import (
 from jblast.sensors.camera.rendering import check_camera, render, render_carried
 from jblast.sensors.camera.stream import Block, event_stream
 from jblast.sensors.camera.surroundings import Landscape, Outlook, outlook_of
-from jblast.waves.fireball import fireball_growth_time
+from jblast.waves.fireball import fireball_duration, fireball_growth_time
 
 PIXELS = 1 << 22
 """Pixels of a block of frames: 100 MB of three channels in float64. Larger blocks use
@@ -69,9 +69,6 @@ STAMP_ERROR = 1e-4
 camera's photoreceptor, and of its refractory period."""
 EXACT_ERROR = 1e-6
 """Bound of that of an ideal camera [s]: event files have whole microseconds."""
-RUN_ERROR = 1e-3
-"""Bound of that of runs, which last for minutes [s]: a quarter of the work that
-`STAMP_ERROR` takes."""
 LIGHT_ERROR = 5e-4
 """Bound of the error of the logarithm of light for a camera with resets, in thresholds:
 found by trial, so that 99 in 100 of its events are within `STAMP_ERROR` too."""
@@ -80,12 +77,11 @@ JUMP = 1 / 16
 jump has no finer interval in which its logarithm is linear."""
 LEFT = 0.01
 """Accepted share of the events of an interval outside the bound."""
-PER_AGE = 4
-"""First instants of a fireball: the age between two grows by a quarter. Fireballs and
-smoke change in proportion to their age, and intervals are sampled at their quarters."""
-MOVED = 1.0
-"""Shift of the ground between first instants of a moving camera [px]. A fine pattern
-may look the same after a whole pixel, but not after a half, which is sampled, too."""
+PER_LIFE = 32
+"""First instants over the time a fireball glows: passages of a pixel last longer."""
+MOVED = 0.5
+"""Shift of the ground between first instants of a moving camera [px]. At a whole pixel
+or more, a fine pattern may look the same and be missed."""
 BLOCK = 16
 """Instants of a block. Full blocks of one size share one compiled program."""
 QUIET = 1e-3
@@ -259,22 +255,37 @@ class Film:
         )
 
 
+def growth_instants(scene: Scene) -> Float[np.ndarray, " time"]:
+    """Return the instants that resolve the growth of all fireballs, unsorted [s].
+
+    The detonation and ten instants after it, each twice as late as the one before.
+    """
+    found = []
+    for charge in scene.charges:
+        mass = charge.tnt_mass("fireball_radius_m")
+        growth = float(fireball_growth_time(mass))
+        late = growth * 0.25 * np.append(0.0, 2.0 ** np.arange(10))
+        found.append(float(charge.time_s) + late)
+    return np.concatenate(found)
+
+
 def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     """Return the first instants to evaluate, from the first frame to the last [s].
 
-    They resolve the age of fireballs, from the detonation on; the frames of pictures
-    that replace them; the frames of a moving background; and the motion of the camera.
+    They resolve the fireball's life, densely after a burst; or the frames of pictures
+    that replace it; and the frames of a moving background.
     """
     start, stop = float(film.times[0]), float(film.times[-1])
-    found = [np.array([start, stop])]
-    for charge in film.scene.charges:
-        burst, mass = float(charge.time_s), charge.tnt_mass("fireball_radius_m")
-        first, last = 0.25 * float(fireball_growth_time(mass)), stop - burst
-        if last > first:
-            count = math.log(last / first) / math.log1p(1.0 / PER_AGE)
-            ages = first * (1.0 + 1.0 / PER_AGE) ** np.arange(count)
-            found.append(burst + np.append(0.0, ages))
-        if film.views is not None:
+    charges = film.scene.charges
+    bursts = np.array([float(charge.time_s) for charge in charges])
+    masses = [charge.tnt_mass("fireball_radius_m") for charge in charges]
+    # the shortest life decides for all charges
+    step = min(float(fireball_duration(mass)) for mass in masses) / PER_LIFE
+    found = [bursts]
+    if film.views is None:
+        found.append(growth_instants(film.scene))
+    else:
+        for burst, charge in zip(bursts, charges, strict=True):
             found.append(burst + film.views.instants(charge))
     if isinstance(film.background, ImageSequence):
         found.append(start + film.background.times)
@@ -282,7 +293,8 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
         moved = np.asarray(pixels_moved(film.camera, film.path), float)
         shifts = np.arange(0.0, moved[-1], MOVED)
         found.append(np.interp(shifts, moved, np.asarray(film.path.time, float)))
-    inside = np.concatenate(found)
+    even = np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / step))))
+    inside = np.concatenate([even, *found])
     inside = np.unique(inside[(inside >= start) & (inside <= stop)])
     # instants that differ only by rounding are merged
     apart = np.diff(inside, prepend=-np.inf) > 1e-9 * (stop - start)

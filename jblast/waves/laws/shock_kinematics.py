@@ -50,7 +50,7 @@ Past 40 the curves are blended over 5 % in Z, where the slope of the duration fa
 Absorption, turbulence and weather are not modelled. `ford_2021`, fitted to recordings
 on the surface, has durations 13 % shorter at Z = 100 and 13 % longer at 1000, impulses
 21 % and 44 % smaller. For a log `ford_2021` is chosen there, not this law
-(`fidelity.errors`).
+(`waves.choice`).
 
 Range of duration and impulse: from the start of Kingery's and Bulmash's tables to
 Z = 300. Past it the median of recorded impulses is 0.7 of this, of durations 1.2 to 1.3

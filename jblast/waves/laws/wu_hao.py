@@ -111,8 +111,9 @@ def wu_hao_ground_path_arrival_time(
     through_air = wu_hao_air_arrival_time(slant_range, charge_mass, sound_speed)
     climb = namespace(sensor_height).maximum(sensor_height, 0.0)
     # times zero, not without it: the result has one shape for either path
-    climbs = 1.0 if ground_path == "thesis" else 0.0
-    return along + climbs * climb * through_air / slant_range
+    return (
+        along + (climb if ground_path == "thesis" else 0.0) * through_air / slant_range
+    )
 
 
 def wu_hao_ground_path_valid(

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jblast.fidelity.choose import TakenLaw
 from jblast.inference.answer import Answer
 from jblast.inference.density import density_of
 from jblast.inference.fitting.assumptions import valid_at_depth
 from jblast.inference.fitting.warnings import height_beside_the_curves, outside
 from jblast.report.messages import sentences_of
 from jblast.scene import Scene, UncertainScene, freed, with_values
+from jblast.waves.choice import TakenLaw
 from tests.inference.logs import log
 
 LAWS = {"positive_impulse_pa_s": "ford_2021"}

@@ -14,7 +14,7 @@ from jblast.observations import Observations, read
 from jblast.report.fit_report import cure_words
 from jblast.scene import Camera, Charge, Free, Scene, Sensor, UncertainScene, read_scene
 from jblast.sensors import observe, planned_layout, record, simulate
-from jblast.sensors.record import residuals_of
+from jblast.sensors.forward_model import residuals_of
 
 DATA = Path(__file__).parents[3] / "calibration" / "data"
 FREE = Free(positive=True)

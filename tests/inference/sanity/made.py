@@ -8,7 +8,7 @@ import numpy as np
 from jblast.observations import Observations
 from jblast.registry import law_for
 from jblast.scene import default_scene
-from jblast.sensors.calculator import evaluate
+from jblast.sensors.calculator import Rows
 
 MASS = 60.0
 PLACES = np.array(
@@ -33,8 +33,8 @@ def _told() -> dict[str, np.ndarray]:
     scene = default_scene().scene
     scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
     distance = np.linalg.norm(PLACES, axis=1)
-    value, _ = evaluate(scene, distance, np.full(len(distance), MASS), laws)
-    return {law.quantity: row for law, row in zip(laws, value, strict=False)}
+    rows = Rows(scene, distance, np.full(len(distance), MASS))
+    return {law.quantity: rows.by(law)[0] for law in laws}
 
 
 def log_of(

@@ -8,8 +8,8 @@ import pytest
 
 from jblast.inference.fitting.place import LEVELS, peak_law, shock_rings
 from jblast.scene import Charge, Sensor
+from jblast.sensors.forward_model import record
 from jblast.sensors.layout import planned_layout
-from jblast.sensors.record import record
 from tests.report.example import not_identifiable, shock_radius, three_parameters
 from tests.report.made_up import changed
 

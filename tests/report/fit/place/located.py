@@ -5,12 +5,12 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.fidelity import TakenLaw
 from jblast.inference.fitting.fit import Fit
 from jblast.inference.fitting.goodness_of_fit import SuspectedOutlier
 from jblast.observations import Observations
 from jblast.observations.places import Frame
 from jblast.scene import Air, Charge, Scene, Sensor
+from jblast.waves.choice import TakenLaw
 from tests.report.made_up import PLAIN, estimate, fit_of
 
 BEIRUT = Frame(33.9012, 35.5189, 10.0)

@@ -1,17 +1,24 @@
 import math
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.fidelity import choose, errors
-from jblast.fidelity.choose import ALIKE, SHARE_OF_SIGMA, tolerance_of
-from jblast.fidelity.errors import END, MAX_DISTANCE, conditions_of, standard_path
 from jblast.report.choice import reason_for
-from jblast.scene import Charge, Scene, Sensor, UncertainScene, freed
+from jblast.scene import Air, Charge, Scene, Sensor, UncertainScene, freed
 from jblast.scene.uncertain import LogNormal, with_values
 from jblast.sensors import planned_layout, resolve_laws
+from jblast.sensors.calculator import Rows
+from jblast.waves import kingery_bulmash_pressure, sadovsky_pressure
+from jblast.waves.choice import (
+    MAX_DISTANCE,
+    SHARE_OF_SIGMA,
+    choose,
+    references,
+    tolerance_of,
+)
 
 ARRIVAL, PRESSURE = "air_arrival_s", "peak_overpressure_pa"
 IMPULSE = "positive_impulse_pa_s"
@@ -33,7 +40,7 @@ def test_the_reference_is_good_to_what_it_may_itself_be_off():
     choice = choose(scene(10.0, 35.0), ARRIVAL, 0.01)
     assert choice.met
     assert choice.method == "kingery_bulmash"
-    spans = errors.reference_uncertainties(ARRIVAL, "surface")
+    spans = references(ARRIVAL)
     z = np.array(choice.span)
     uncertainty = [s.error for s in spans if s.end > z[0] and s.start < z[1]]
     assert choice.predicted_error == max(uncertainty)
@@ -49,18 +56,35 @@ def test_a_tolerance_below_that_is_not_supportable_and_is_told_so():
     assert "0.31 %" in reason_for(choice)
 
 
-def test_the_method_chosen_costs_at_most_twice_the_cheapest_that_will_do():
-    for tolerance in (0.01, 0.03, 0.1, 0.3, 1.0):
-        choice = choose(scene(10.0, 35.0), ARRIVAL, tolerance)
-        enough = [c for c in choice.candidates if c.predicted_error <= tolerance]
-        assert choice.cost_s <= ALIKE * min(c.cost_s for c in enough)
+def test_the_error_of_a_law_is_its_largest_difference_from_the_reference():
+    ranges, mass = np.array([10.0, 20.0, 35.0]), 15.0
+    choice = choose(scene(*ranges, mass=mass, quantity=PRESSURE), PRESSURE, 0.5)
+    pressure = Air().pressure
+    reference = kingery_bulmash_pressure(ranges, mass, pressure)
+    other = sadovsky_pressure(ranges, mass, pressure)
+    ratio = np.asarray(other) / np.asarray(reference)
+    found = candidate(choice, "sadovsky")
+    # JAX reads tables, which are within 1e-6 of the printed forms of the choice
+    assert found.error == pytest.approx(np.abs(ratio - 1.0).max(), rel=1e-4)
+    assert choice.candidates[0].method == choice.method
 
 
-def test_far_out_sound_alone_will_do_for_a_loose_arrival():
-    choice = choose(scene(1500.0, mass=8.0), ARRIVAL, 0.02)  # Z = 750
-    assert choice.method == "acoustic"
-    assert choice.met
-    assert choose(scene(1500.0, mass=8.0), ARRIVAL, 0.001).method == "shock_kinematics"
+def test_laws_that_are_the_reference_within_its_uncertainty_come_after_it():
+    choice = choose(scene(10.0, 35.0, quantity=PRESSURE), PRESSURE, 0.5)
+    own = choice.reference_uncertainty
+    equal = [c.method for c in choice.candidates if c.predicted_error == own]
+    assert len(equal) > 1
+    assert equal[0] == "kingery_bulmash"
+
+
+def test_between_the_limits_of_the_curves_no_law_is_valid():
+    # the reflection arrives within the positive phase
+    high = scene(30.0, quantity=PRESSURE, charge_up_m=6.0)
+    raised = replace(high.sensors[0], position_m=np.array([30.0, 0.0, 6.0]))
+    choice = choose(replace(high, sensors=(raised,)), PRESSURE, 0.5)
+    assert not choice.met
+    assert not any(c.valid for c in choice.candidates)
+    assert choice.method == "kingery_bulmash"
 
 
 def test_where_none_is_good_enough_the_best_is_named_and_what_it_lacks():
@@ -124,8 +148,8 @@ def test_the_default_tolerance_is_a_third_of_the_smallest_sigma():
 
 
 def test_no_sigma_asks_for_the_best_there_is():
-    conditions = conditions_of(ARRIVAL, standard_path(np.array([5.0]), "surface"))
-    assert tolerance_of(np.array([np.nan]), ARRIVAL, [conditions]) == 0.0
+    path = Rows(Scene(), np.array([5.0]), np.array([1.0])).path()
+    assert tolerance_of(np.array([np.nan]), ARRIVAL, [path]) == 0.0
 
 
 FREE = freed(UncertainScene(scene(10.0)), ["charge_mass_kg"])
@@ -159,7 +183,7 @@ def test_a_sensor_that_does_not_say_what_it_records_may_record_anything():
 
 
 def test_the_end_of_the_reference_belongs_to_it():
-    inside = choose(scene(END - 1.0, mass=1.0), ARRIVAL, 0.1)
+    inside = choose(scene(references(ARRIVAL)[-1].end - 1.0, mass=1.0), ARRIVAL, 0.1)
     assert inside.met
 
 
