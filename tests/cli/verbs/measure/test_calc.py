@@ -122,19 +122,6 @@ def test_other_heights_are_noted(numbers, words, said):
     assert said in " ".join(numbers(f"--mass 15 --range 90 {words}")["inputs"]["notes"])
 
 
-def test_between_the_curve_sets_both_are_given(numbers, calc):
-    words = "--mass 15 --range 20 --height 3 --quantity overpressure"
-    by_law = numbers(words)["quantities"]["peak_overpressure_pa"]
-    other = by_law["kingery_bulmash"]["other_burst"]["value"]
-    assert "other_burst" not in by_law["swisdak"]
-    (row,) = [
-        line
-        for line in calc(f"{words} --all-laws").splitlines()
-        if " kingery_bulmash (free-air) " in line
-    ]
-    assert row.split()[0] == f"{other / 1e3:.4g}"
-
-
 def test_no_valid_law_is_exit_code_4(jblast):
     code, out, _ = jblast("calc", "--mass", "1", "--range", "900000")
     assert (code, out.splitlines()[1]) == (
