@@ -950,8 +950,7 @@ TOPICS = {
     "events": Topic(
         "Times of events: cost against error",
         f"time of a pixel over {1e3 * cases.DURATION:g} ms, with that of the light",
-        "mean error of a time [us], not below 0.001; a disc whose edge moves at "
-        "260 px/s",
+        "mean error of a time [us]; a disc whose edge moves at 260 px/s",
         event_points,
         relative=False,
     ),
