@@ -18,9 +18,20 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, dataclass_transform
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import nearest, shown
+
+# The import of jaxtyping takes a tenth of that of JAX. Annotations are checked only by
+# its import hook, for which it has been imported before this module.
+if TYPE_CHECKING or "jaxtyping" in sys.modules:
+    from jaxtyping import Bool as Bool, Complex as Complex, Float as Float, Int as Int
+else:
+
+    class _Unchecked:
+        def __getitem__(self, _: Any) -> Any:
+            return Any
+
+    Bool = Complex = Float = Int = _Unchecked()
 
 # jaxtyping imports JAX for these names. At run time a shape and a type of numbers are
 # checked by `Float[Any, "..."]` for the arrays of both.

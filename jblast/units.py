@@ -37,10 +37,10 @@ from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import InputError, closest, nearest, shown
 from jblast.quantities import QUANTITIES, unit_suffix
+from jblast.types import Float
 
 ANY = ("value", "sigma")
 """Columns with the unit of the row's quantity."""

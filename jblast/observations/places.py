@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+
+from jblast.types import Float
 
 Numbers = Any
 """Numbers or arrays of them; the type of jaxtyping for these imports JAX."""

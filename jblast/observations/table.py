@@ -15,12 +15,12 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 from jblast.errors import InputError, shown
 from jblast.observations.places import Frame
 from jblast.quantities import ADDITIVE
 from jblast.results import Note
+from jblast.types import Bool, Float, Int
 
 NEEDED = ("sensor", "quantity", "value", "sigma")
 POSITION = ("east_m", "north_m", "up_m")

@@ -13,12 +13,12 @@ operations one pose would compile some sixty programs.
 import math
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import require, shown
 from jblast.types import (
     Array,
     ArrayLike,
+    Float,
     Module,
     Scalar,
     as_float_array,

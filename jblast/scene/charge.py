@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from jblast.errors import InputError, nearest, require, shown
 from jblast.parameters import PARAMETERS
@@ -20,7 +19,9 @@ from jblast.quantities import quantity_named
 from jblast.types import (
     Array,
     ArrayLike,
+    Bool,
     Described,
+    Float,
     Scalar,
     as_float_array,
     field,

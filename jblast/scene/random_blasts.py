@@ -4,10 +4,18 @@ import math
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.scene.uncertain import Prior, Uniform
-from jblast.types import Array, ArrayLike, Module, Scalar, as_float_array, field, number
+from jblast.types import (
+    Array,
+    ArrayLike,
+    Float,
+    Module,
+    Scalar,
+    as_float_array,
+    field,
+    number,
+)
 
 About = Literal["world", "vehicle"]
 ABOUT: tuple[About, ...] = ("world", "vehicle")

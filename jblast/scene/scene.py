@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import require
 from jblast.parameters import PARAMETERS
@@ -18,6 +17,7 @@ from jblast.scene.charge import Charge
 from jblast.scene.sensor import Clock, Sensor
 from jblast.types import (
     Array,
+    Float,
     Module,
     Scalar,
     as_float_array,

@@ -8,13 +8,13 @@ import math
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import require
 from jblast.types import (
     Array,
     Described,
+    Float,
     Module,
     Scalar,
     as_float_array,

@@ -15,7 +15,6 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import argument, nearest, require
 from jblast.parameters import (
@@ -30,6 +29,7 @@ from jblast.scene.sensor import Clock
 from jblast.types import (
     Array,
     ArrayLike,
+    Float,
     Module,
     Scalar,
     as_float_array,

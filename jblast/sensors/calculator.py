@@ -22,7 +22,6 @@ from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.constants import STANDARD_PRESSURE, TNT_DENSITY
@@ -31,7 +30,7 @@ from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
 from jblast.registry import LAWS, Law, call, names_for
 from jblast.results import ABSENT, HIDDEN
 from jblast.scene import Scene
-from jblast.types import ArrayLike, in_numpy
+from jblast.types import ArrayLike, Bool, Float, in_numpy
 from jblast.waves.choice import Choice, Compared, compared_on, references, tnt_path
 from jblast.waves.friedlander import friedlander_decay
 from jblast.waves.paths import Evaluated, Path, evaluate

@@ -17,11 +17,10 @@ from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.errors import require
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
-from jblast.types import is_traced, namespace
+from jblast.types import Float, is_traced, namespace
 
 Number = float | Float[Any, "..."]
 """A number, or an array of NumPy or of JAX."""

@@ -23,7 +23,6 @@ from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
 from jblast.errors import InputError, nearest, require
@@ -40,7 +39,7 @@ from jblast.scene import (
     with_values,
 )
 from jblast.scene.uncertain import Free
-from jblast.types import in_numpy
+from jblast.types import Bool, Float, Int, in_numpy
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import Evaluated, Path, evaluate, path_between
 from jblast.waves.scaling import scaled_distance

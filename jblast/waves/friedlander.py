@@ -10,9 +10,7 @@ inverse is found by Newton's method, for arrays of NumPy and JAX alike.
 
 import math
 
-from jaxtyping import Float
-
-from jblast.types import Array, ArrayLike, as_float_arrays, namespace
+from jblast.types import Array, ArrayLike, Float, as_float_arrays, namespace
 
 SERIES = tuple((-1.0) ** n / math.factorial(n + 2) for n in range(18))
 """Coefficients of the series of $k(b)$, used for |b| < 1."""

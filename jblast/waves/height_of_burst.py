@@ -28,11 +28,10 @@ from collections.abc import Container
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.scene import Charge, Scene
-from jblast.types import is_traced, namespace
+from jblast.types import Float, is_traced, namespace
 from jblast.waves.arguments import Number
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_duration
 from jblast.waves.laws.shock_kinematics import shock_kinematics_arrival_time

@@ -11,13 +11,12 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from jblast.registry import call, law_for, names_for, total_scatter
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.scene.scene import GroundPath
-from jblast.types import Array, Module, as_float_array, field, namespace
+from jblast.types import Array, Bool, Float, Module, as_float_array, field, namespace
 from jblast.waves.height_of_burst import free_air_weight
 from jblast.waves.propagation import (
     air_density,

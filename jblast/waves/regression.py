@@ -13,9 +13,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from jaxtyping import Float
-
-from jblast.types import namespace
+from jblast.types import Float, namespace
 from jblast.waves.tables import Numbers
 
 

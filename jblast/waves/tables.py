@@ -31,9 +31,8 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
-from jblast.types import namespace
+from jblast.types import Float, namespace
 
 Numbers = Float[Any, "..."]
 """An array of NumPy or of JAX."""
