@@ -5,17 +5,15 @@
 
 The film is that of `filmed`: 15 kg from 40 m away, from the burst until the fire is
 out, its fireball 0.4 of the image's height wide; nearest view, frames in memory as red,
-green and blue. On processors frames are made one after another, in windows that follow
+green and blue. On processors frames are made one after another, on the tiles that show
 the fire (`jblast.render`), and what counts is the time of processors: others may use
-the machine. On a GPU they are made in batches by `vmap`, of the rows and columns in
-which the fire ever is, found beforehand; all else is the background.
+the machine. On a GPU they are made in batches by `vmap`, as whole images.
 """
 
 import argparse
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -29,21 +27,10 @@ from calibration.cases import (
     filmed,
     processor_seconds,
 )
-from jblast.errors import InputError
-from jblast.sensors.camera import (
-    ExplosionViews,
-    Rays,
-    explosion_views,
-    luminance,
-    pixel_rays,
-    render,
-)
+from jblast.sensors.camera import ExplosionViews, explosion_views, luminance
+from jblast.sensors.camera.rendering import light, view_of
 
 FRAMES, BATCH, REPEATS = 64, 256, 3
-MARGIN = 8
-"""Rows and columns around those in which the fire is seen."""
-LOOKED = 24
-"""Frames of the film from which these are told."""
 
 
 def views_text() -> str:
@@ -77,61 +64,34 @@ def core_rate(*, flash: bool = True, ball: bool = False, frames: int = FRAMES) -
     return 1.0 / processor_seconds(views, filmed(frames, flash=flash))
 
 
-def fire_window(views: ExplosionViews, film: Filmed) -> tuple[slice, slice]:
-    """Return the rows and columns of a film in which its fire is ever seen."""
-    some = film.times[np.linspace(0, len(film.times) - 1, LOOKED).round().astype(int)]
-    seen = render(film.scene, film.camera, some, views=views, alpha=True)
-    fire = np.any(np.asarray(seen)[..., 3] > 0.0, axis=0)
-    spans = []
-    for axis, size in enumerate(fire.shape):
-        found = np.flatnonzero(np.any(fire, axis=1 - axis))
-        if not len(found):
-            raise InputError("film: expected an explosion in view, got none")
-        spans.append(
-            slice(max(found[0] - MARGIN, 0), min(found[-1] + MARGIN, size - 1) + 1)
-        )
-    return spans[0], spans[1]
-
-
 def batched(
-    views: ExplosionViews,
-    film: Filmed,
-    *,
-    window: bool = True,
-    grey: bool = False,
-    smoothed: bool = True,
+    views: ExplosionViews, film: Filmed, *, grey: bool = False
 ) -> Callable[[jax.Array], jax.Array]:
     """Return what makes a batch of frames of their times.
 
     Args:
         views: The set.
         film: Of a camera that stands still.
-        window: Whether to look only where the fire ever is.
         grey: Luminance in place of three colours.
-        smoothed: Whether it is asked, and computed, what is finer than a pixel; here
-            a texel is always larger than one.
     """
-    rays, size = pixel_rays(film.camera), (film.camera.height, film.camera.width)
-    part = (
-        fire_window(views, film) if window else (slice(0, size[0]), slice(0, size[1]))
+    view = view_of(
+        film.scene,
+        film.camera,
+        BACKGROUND,
+        views=views,
+        appearance=film.appearance,
+        dtype=jnp.float32,
+        reverse=False,
     )
-    looked = Rays(rays.origin, rays.direction[:, *part], rays.farthest[part])
-    views = replace(views, windows=False, smoothed=smoothed)
-    channels = () if grey else (3,)
-
-    def frame(views, looked, moment):
-        layer = views.seen(film.scene, looked, moment, film.appearance)
-        layer = jnp.moveaxis(layer, 0, -1)
-        light = layer[..., :3] + (1.0 - layer[..., 3:]) * BACKGROUND
-        light = luminance(light) if grey else light
-        behind = jnp.full((*size, *channels), BACKGROUND, light.dtype)
-        return behind.at[part].set(light)
 
     @eqx.filter_jit
-    def frames(views, looked, moments):
-        return jax.vmap(lambda moment: frame(views, looked, moment))(moments)
+    def frames(view, moments):
+        seen = jnp.moveaxis(
+            jax.vmap(lambda moment: light(view, moment))(moments), 1, -1
+        )
+        return luminance(seen) if grey else seen
 
-    return lambda moments: frames(views, looked, moments)
+    return lambda moments: frames(view, moments)
 
 
 def batch_rate(
@@ -163,11 +123,9 @@ def batches_text(batch: int = BATCH, *, width: int = 640, height: int = 480) -> 
     device = jax.devices()[0]
     film = filmed(8 * batch, width=width, height=height, flash=False)
     views = explosion_views(towards=np.asarray(film.camera.position))
-    rows, columns = fire_window(views, film)
     head = (
         f"Explosion views: {device.platform}, {device.device_kind}, jax "
-        f"{jax.__version__}, float32, {width} x {height} in batches of {batch}; fire "
-        f"in {rows.stop - rows.start} rows and {columns.stop - columns.start} columns"
+        f"{jax.__version__}, float32, {width} x {height} in batches of {batch}"
     )
     lines = [head, "", f"{'':38}{'frames/s':>12}"]
 
@@ -177,13 +135,7 @@ def batches_text(batch: int = BATCH, *, width: int = 640, height: int = 480) -> 
         print(lines[-1], file=sys.stderr, flush=True)
 
     row("nearest view, RGB", batched(views, film))
-    sharp = batched(views, film, smoothed=False)
-    some = jnp.asarray(film.times[::8].astype(np.float32))
-    off = float(jnp.max(jnp.abs(sharp(some) - batched(views, film)(some))))
-    row(f"the same, not low-passed ({off:.0e} off)", sharp)
-    row("nearest view, grey", batched(views, film, grey=True, smoothed=False))
-    whole = batched(views, film, window=False, smoothed=False)
-    row("nearest view, RGB, whole images", whole)
+    row("nearest view, grey", batched(views, film, grey=True))
     shape = (height, width, 3)
 
     @jax.jit

@@ -42,7 +42,7 @@ from jblast.scene import (
 from jblast.scene.charge import Burst
 from jblast.sensors import Layout, record
 from jblast.sensors.calculator import Rows
-from jblast.sensors.camera import ViewSet, render
+from jblast.sensors.camera import ExplosionViews, render
 from jblast.sensors.camera.fireball import Appearance
 from jblast.signals import NoiseSpectrum
 from jblast.signals.picks import RecordPick
@@ -228,7 +228,7 @@ def filmed(
     return Filmed(scene, camera, times, Appearance(flash=flash))
 
 
-def processor_seconds(views: ViewSet | None, film: Filmed) -> float:
+def processor_seconds(views: ExplosionViews | None, film: Filmed) -> float:
     """Return the processor time of a frame of a film, over all cores [s].
 
     Args:

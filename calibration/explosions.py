@@ -111,7 +111,6 @@ def film(
         times,
         views=views,
         background=behind,
-        ground=False,
         appearance=look,
     )
     gain = picture_gain(np.pi * DUSK) if dusk else 1.0
@@ -168,7 +167,7 @@ def radii_seen(
     up = 0.25 * HEIGHT / focal * float(np.linalg.norm(place))
     camera = camera_at(place, np.array([0.0, 0.0, up]), focal)
     scene = Scene(Charge(mass_kg=mass))
-    frames = render(scene, camera, times, views=views, ground=False, alpha=True)
+    frames = render(scene, camera, times, views=views, alpha=True)
     return np.array([visible_radius(np.asarray(f)[..., 3]) for f in frames])
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from jblast.scene import Camera, Charge, Scene, look_at
-from jblast.sensors.camera.baked_explosion import ExplosionViews
+from jblast.sensors.camera.explosion import ExplosionViews
 from jblast.sensors.camera.image import luminance
 from jblast.sensors.camera.rendering import render
 from jblast.waves.fireball import LARGEST_RADIUS
@@ -221,7 +221,6 @@ def _layers(
                     camera,
                     jnp.asarray(since),
                     background=behind,
-                    ground=pictures is None,
                     views=pictures,
                 ),
                 np.float32,

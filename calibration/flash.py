@@ -36,9 +36,10 @@ from jblast.sensors.camera import (
 )
 from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.fireball import cloud, glow
 from jblast.sensors.camera.geometry import Surfaces, pixel_rays
 from jblast.sensors.camera.image import luminance
-from jblast.sensors.camera.surroundings import flash
+from jblast.sensors.camera.surroundings import disc_light, sphere_factor
 
 SEEN_MASS, SEEN_FROM = 100.0, (60.0, 120.0, 240.0)
 """Kilograms of TNT on the ground, and metres from there to the camera."""
@@ -114,9 +115,11 @@ def brightening() -> np.ndarray:
 
     @eqx.filter_jit
     def at(instant):
-        return luminance(
-            jnp.moveaxis(flash(SCENE, ground, instant, Appearance()), 0, -1)
-        )
+        look, charge = Appearance(), SCENE.charges[0]
+        ball = cloud(charge, instant, SCENE.air)
+        light = disc_light(ball, glow(ball.temperature, ball.air, look), look)
+        share = sphere_factor(ball.centre, ball.radius, ground)
+        return luminance(light / look.daylight) * share
 
     return np.asarray(jax.lax.map(at, jnp.asarray(TIMES)))[:, 0]
 
@@ -224,7 +227,7 @@ def seen_from(distance: float) -> Seen:
     scene = Scene(Charge(mass_kg=SEEN_MASS))
     camera = level_camera(distance)
     behind = jnp.asarray(ground_and_sky(camera))
-    frames = render(scene, camera, INSTANTS, background=behind, supersample=2)
+    frames = render(scene, camera, INSTANTS, background=behind)
     film = Film(scene, camera, SEEN_TIMES, np.asarray(behind))
     events = joined(film_events(film))
     return Seen(distance, np.asarray(frames), events)

@@ -21,7 +21,7 @@ from jblast.sensors.camera.files.recordings import ImageSequence
 
 if TYPE_CHECKING:
     from jblast.scene import Scene, UncertainScene
-    from jblast.sensors.camera.billboards import Views, ViewSet
+    from jblast.sensors.camera.explosion import ExplosionViews
     from jblast.sensors.camera.film import Film
     from jblast.sensors.camera.fireball import Appearance
     from jblast.sensors.camera.geometry import CameraPath
@@ -185,7 +185,7 @@ def _appearance(options: FilmOptions, camera: "Camera") -> "Appearance":
 def _times(
     scene: "Scene",
     hz: float,
-    views: "ViewSet | None",
+    views: "ExplosionViews | None",
     options: FilmOptions,
 ) -> np.ndarray:
     """Return the start times of the frames [s]."""
@@ -229,9 +229,9 @@ def lifted(film: "Film") -> float | None:
 
     None if the set shows the burst on the ground, or if there is no set.
     """
-    from jblast.sensors.camera.baked_explosion import ExplosionViews, foot_height
+    from jblast.sensors.camera.explosion import foot_height
 
-    if not isinstance(film.views, ExplosionViews):
+    if film.views is None or not film.views.hot:
         return None
     highest = max(float(foot_height(charge)) for charge in film.scene.charges)
     return highest if highest > 0 else None
@@ -286,7 +286,7 @@ def _direction(vector: np.ndarray) -> str:
     return f"{bearing:.0f} degrees from north, {above:.0f} degrees up"
 
 
-def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
+def views_named(word: str, scene: "Scene", camera: "Camera") -> "ExplosionViews":
     """Return the images of an option.
 
     For a fixed camera only those views of an explosion set are read that it needs.
@@ -319,8 +319,8 @@ def views_named(word: str, scene: "Scene", camera: "Camera") -> "ViewSet":
 
 
 def _from_a_side_of_the_camera(
-    views: "Views", word: str, scene: "Scene", camera: "Camera"
-) -> "Views":
+    views: "ExplosionViews", word: str, scene: "Scene", camera: "Camera"
+) -> "ExplosionViews":
     """Return the images after a check that one shows the burst from the camera's side.
 
     Raises:

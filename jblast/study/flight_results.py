@@ -389,7 +389,9 @@ def _in_fire(
         return jnp.full((), jnp.nan)
 
     def burns_about(charge: Charge) -> Bool[Array, " time"]:
-        ball = jax.vmap(cloud, (None, None, 0))(scene, charge, time_s)
+        ball = jax.vmap(
+            lambda time: cloud(charge, time, scene.air, scene.fireball_growth)
+        )(time_s)
         away = jnp.sum(jnp.square(position_m - ball.centre), axis=-1)
         since = charge.since(time_s)
         # the cloud remains after the fire: only the glowing part counts

@@ -34,7 +34,6 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from jblast.errors import InputError
 from jblast.inference.posterior.parameters import GROWTH, own_growth
-from jblast.inference.tuning.pixel_light import pixel_light
 from jblast.inference.tuning.result import (
     TO_MEDIAN,
     Explained,
@@ -55,7 +54,8 @@ from jblast.scene import Camera, Scene, UncertainScene
 from jblast.scene.uncertain import with_values
 from jblast.sensors.camera.fireball import WHITE, Appearance
 from jblast.sensors.camera.image import BACKGROUND, linear_to_srgb, luminance, toned
-from jblast.sensors.camera.rendering import render
+from jblast.sensors.camera.pixel import log_intensity
+from jblast.sensors.camera.rendering import light_at, render, view_of
 
 # Largest numbers of frames, pixel values and events that are used: rounding averages
 # out over far fewer, and each value is evaluated for every unknown in every step.
@@ -420,12 +420,14 @@ class EventsEvidence(eqx.Module):
             later: Delay of all events [s].
         """
         camera, events = camera_of(scene), self.events
-        light = pixel_light(
-            scene, camera, background=self.background, appearance=look_of(camera)
-        )
-        x, y = jnp.asarray(events.x, float), jnp.asarray(events.y, float)
-        time, before = jnp.asarray(events.time), jnp.asarray(events.before)
-        return light(time + later, x, y) - light(before, x, y)
+        look, x, y = look_of(camera), jnp.asarray(events.x), jnp.asarray(events.y)
+        view = view_of(scene, camera, self.background, appearance=look)
+
+        def log_light(times):
+            return log_intensity(luminance(light_at(view, times, x, y)))
+
+        after, before = jnp.asarray(events.time), jnp.asarray(events.before)
+        return log_light(after + later) - log_light(before)
 
     def groups(self) -> Ints:
         """Return the pixel of each event."""

@@ -1,9 +1,6 @@
 """Cameras: frames of a scene, and the events of an event camera."""
 
-from jblast.sensors.camera.baked_explosion import (
-    ExplosionViews as ExplosionViews,
-)
-from jblast.sensors.camera.billboards import Views as Views, ViewSet as ViewSet
+from jblast.sensors.camera.explosion import ExplosionViews as ExplosionViews
 from jblast.sensors.camera.files.event_files import (
     read_events as read_events,
     write_events as write_events,
@@ -19,10 +16,7 @@ from jblast.sensors.camera.files.views import (
     explosion_views as explosion_views,
     read_views as read_views,
 )
-from jblast.sensors.camera.fireball import (
-    Appearance as Appearance,
-    fireball_layer as fireball_layer,
-)
+from jblast.sensors.camera.fireball import Appearance as Appearance
 from jblast.sensors.camera.geometry import (
     CameraPath as CameraPath,
     Projected as Projected,
@@ -37,7 +31,6 @@ from jblast.sensors.camera.image import (
     blackbody_light as blackbody_light,
     linear_to_srgb as linear_to_srgb,
     luminance as luminance,
-    over as over,
     srgb_to_linear as srgb_to_linear,
 )
 from jblast.sensors.camera.pixel import (
@@ -50,10 +43,7 @@ from jblast.sensors.camera.pixel import (
     pixel_events as pixel_events,
     smooth_counts as smooth_counts,
 )
-from jblast.sensors.camera.rendering import (
-    render as render,
-    render_carried as render_carried,
-)
+from jblast.sensors.camera.rendering import View as View, render as render
 from jblast.sensors.camera.scene_events import (
     events as events,
     film_events as film_events,

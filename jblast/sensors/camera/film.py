@@ -21,29 +21,30 @@ block.
 import math
 import os
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jblast.errors import InputError, argument
 from jblast.files import refuse_existing, writing
 from jblast.progress import counted
 from jblast.scene import Camera, Scene
-from jblast.sensors.camera.billboards import ViewSet
+from jblast.sensors.camera import rendering
+from jblast.sensors.camera.explosion import ExplosionViews
 from jblast.sensors.camera.files.event_files import Written, check_suffix, write_events
 from jblast.sensors.camera.files.recordings import ImageSequence, open_recording
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.geometry import CameraPath, pixels_moved
-from jblast.sensors.camera.image import BACKGROUND, bare, images, luminance
+from jblast.sensors.camera.image import BACKGROUND, luminance
 from jblast.sensors.camera.pixel import (
     DARKEST,
     NoiseModel,
@@ -52,23 +53,26 @@ from jblast.sensors.camera.pixel import (
     noisy_pixel,
     rounding,
 )
-from jblast.sensors.camera.rendering import check_camera, render, render_carried
+from jblast.sensors.camera.rendering import View, view_of
 from jblast.sensors.camera.stream import Block, event_stream
-from jblast.sensors.camera.surroundings import Landscape, Outlook, outlook_of
-from jblast.waves.fireball import fireball_duration, fireball_growth_time
+from jblast.sensors.camera.surroundings import Landscape
+from jblast.waves.fireball import fireball_growth_time
 
 PIXELS = 1 << 22
 """Pixels of a block of frames: 100 MB of three channels in float64. Larger blocks use
 more memory, smaller ones call the compiled program more often."""
-MAX_BLOCK = 20
-"""Largest number of frames of a block: a second at 20, 60, 100 or 1000 frames per
-second is a whole number of blocks, so that none is padded."""
+BLOCK = 20
+"""Largest number of frames or instants of a block: a second at 20, 60, 100 or 1000
+frames per second is a whole number of blocks."""
 Frames = Float[np.ndarray, "_ _ _ 3"]
 STAMP_ERROR = 1e-4
 """Bound of the time error of an event [s]: a fifth of the response time of the noisy
 camera's photoreceptor, and of its refractory period."""
 EXACT_ERROR = 1e-6
 """Bound of that of an ideal camera [s]: event files have whole microseconds."""
+RUN_ERROR = 1e-3
+"""Bound of that of runs, which last for minutes [s]: a quarter of the work that
+`STAMP_ERROR` takes."""
 LIGHT_ERROR = 5e-4
 """Bound of the error of the logarithm of light for a camera with resets, in thresholds:
 found by trial, so that 99 in 100 of its events are within `STAMP_ERROR` too."""
@@ -77,13 +81,12 @@ JUMP = 1 / 16
 jump has no finer interval in which its logarithm is linear."""
 LEFT = 0.01
 """Accepted share of the events of an interval outside the bound."""
-PER_LIFE = 32
-"""First instants over the time a fireball glows: passages of a pixel last longer."""
-MOVED = 0.5
-"""Shift of the ground between first instants of a moving camera [px]. At a whole pixel
-or more, a fine pattern may look the same and be missed."""
-BLOCK = 16
-"""Instants of a block. Full blocks of one size share one compiled program."""
+PER_AGE = 4
+"""First instants of a fireball: the age between two grows by a quarter. Fireballs and
+smoke change in proportion to their age, and intervals are sampled at their quarters."""
+MOVED = 1.0
+"""Shift of the ground between first instants of a moving camera [px]. A fine pattern
+may look the same after a whole pixel, but not after a half, which is sampled, too."""
 QUIET = 1e-3
 """Sum of the changes of all pixels, in thresholds, up to which an interval is not
 refined: on average a thousandth of an event is affected."""
@@ -102,7 +105,6 @@ class Film:
         background: Linear light: a grey, a colour, an image, or moving pictures; or
             ground and sky for a moving camera.
         views: Pictures that replace the procedural fireball.
-        supersample: Rays along each side of a pixel.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
         appearance: Exposure, and distribution of the smoke; None: defaults.
         path: Pose of the camera's carrier over time; None for a fixed camera.
@@ -115,27 +117,14 @@ class Film:
     background: float | Float[np.ndarray, "..."] | ImageSequence | Landscape = (
         BACKGROUND
     )
-    views: ViewSet | None = None
-    supersample: int = 1
+    views: ExplosionViews | None = None
     depth: Float[np.ndarray, "height width"] | None = None
     appearance: Appearance | None = None
     path: CameraPath | None = None
     gain: float = 1.0
 
-    def at_instants(self) -> "Film":
-        """Return the film without exposure: event cameras do not integrate light."""
-        return self._still
-
-    @cached_property
-    def _still(self) -> "Film":
-        # zero keeps the field's structure, so that the compiled program is shared
-        camera = eqx.tree_at(
-            lambda c: c.exposure_s, self.camera, 0.0 * self.camera.exposure_s
-        )
-        return replace(self, camera=camera)
-
     def frames(self) -> Iterator[tuple[slice, Frames]]:
-        """Yield slice and frames of each block; two blocks are in memory.
+        """Yield slice and frames of each block, rendered while the last one is used.
 
         Linear light, full scale 1, not clipped.
 
@@ -143,149 +132,103 @@ class Film:
             InputError: A file of the background cannot be read, or has another size
                 than the image; and as in `render`.
         """
-        length = self._length()
-        for start in range(0, len(self.times), length):
-            which = slice(start, min(start + length, len(self.times)))
-            yield which, self._shot(self._rendered(self.times[which]))
+        count, size = len(self.times), self._block
 
-    def some(self, numbers: Sequence[int]) -> Frames:
-        """Return some frames by their numbers, as instants."""
-        still, length = self.at_instants(), self._length()
-        parts = [numbers[a : a + length] for a in range(0, len(numbers), length)]
-        frames = [still._rendered(self.times[part]) for part in parts]
-        return self._shot(np.concatenate(frames))
+        def done(which: slice, found: Future[Frames]) -> tuple[slice, Frames]:
+            return which, self.gain * found.result()
+
+        waiting: deque[tuple[slice, Future[Frames]]] = deque()
+        with ThreadPoolExecutor(1) as ahead:
+            for start in range(0, count, size):
+                which = slice(start, min(start + size, count))
+                waiting.append((which, ahead.submit(self.shot, self.times[which])))
+                if len(waiting) > 1:
+                    yield done(*waiting.popleft())
+            yield done(*waiting.popleft())
+
+    def shot(self, times: Float[np.ndarray, " _"]) -> Frames:
+        """Return the frames that begin at some times, without the gain."""
+        return self._rendered(self._view, times)
+
+    def instants(self, times: Float[np.ndarray, " _"]) -> Frames:
+        """Return the light of some instants, without exposure and gain."""
+        return self._rendered(self._still, times)
 
     def light(self, times: Float[np.ndarray, " _"]) -> Float[np.ndarray, "_ _ _"]:
-        """Return the grey light at some instants, without exposure.
+        """Return the grey light of some instants, as event cameras see it.
 
         A moving background is linear between its frames.
         """
-        still, length = self.at_instants(), self._length()
-        parts = [slice(a, a + length) for a in range(0, len(times), length)]
-        frames = [still._rendered(times[part]) for part in parts]
-        return np.concatenate([luminance(part) for part in frames])
-
-    def _shot(self, frames: Frames) -> Frames:
-        """Return frames with the gain of a picture."""
-        return frames if self.gain == 1.0 else self.gain * frames
-
-    def _length(self) -> int:
-        """Return the number of frames that are rendered together."""
-        pixels = self.camera.width * self.camera.height
-        return max(1, min(MAX_BLOCK, PIXELS // pixels))
-
-    def _rendered(self, times: Float[np.ndarray, " few"]) -> Frames:
-        """Return linear light at a few times."""
-        count = len(times)
-        # padded to the size of a block, so that one compiled program serves all
-        times = np.pad(times, (0, self._length() - count), mode="edge")
-        background = self._behind
-        if isinstance(background, ImageSequence):
-            # a moving background starts with the film, whatever the clock
-            background = background.at(times - self.times[0])
-        if self.path is not None:
-            if not isinstance(background, Landscape):
-                size = len(times), self.camera.height, self.camera.width, 3
-                background = np.broadcast_to(background, size)
-            carried = render_carried(
-                self.scene,
-                self.camera,
-                self.path,
-                times,
-                background=background,
-                supersample=self.supersample,
-                appearance=self._shown,
-                views=self.views,
-            )
-            return np.asarray(carried)[:count]
-        assert not isinstance(background, Landscape), "needs the path of a camera"
-        # before the first charge there is only the background: nothing is rendered
-        if times.max() + float(self.camera.exposure_s) <= self._begins:
-            check_camera(self.camera, ground=self._ground)
-            return bare(self.camera, background, len(times))[:count]
-        frames = render(
-            self.scene,
-            self.camera,
-            times,
-            background=background,
-            depth=self.depth,
-            appearance=self._shown,
-            ground=self._ground,
-            supersample=self.supersample,
-            views=self.views,
-            outlook=self._outlook,
-        )
-        return np.asarray(frames)[:count]
-
-    @cached_property
-    def _behind(
-        self,
-    ) -> Float[Array, "..."] | ImageSequence | Landscape:
-        """Background; a grey or colour becomes an image, once for all blocks."""
-        if isinstance(self.background, ImageSequence | Landscape):
-            return self.background
-        return images(self.camera, self.background, len(self.times))
-
-    @cached_property
-    def _shown(self) -> Appearance:
-        """Appearance; created once, because its arrays are on the device."""
-        return self.appearance or Appearance()
-
-    @cached_property
-    def _begins(self) -> float:
-        """Time of the first detonation, before which only the background shows [s]."""
-        return min(float(charge.time_s) for charge in self.scene.charges)
+        return luminance(self.instants(times))
 
     @property
-    def _ground(self) -> bool:
-        """False with pictures: from above they also show parts below the ground."""
-        return self.views is None
+    def _block(self) -> int:
+        """Number of frames that are rendered together."""
+        pixels = self.camera.width * self.camera.height
+        return max(1, min(BLOCK, PIXELS // pixels))
+
+    def _rendered(self, view: View, times: Float[np.ndarray, " _"]) -> Frames:
+        """Return linear light at some times, each thread with its share of a block."""
+        size = self._block
+        threads = min(size, os.cpu_count() or 1)
+        share = -(-size // threads)
+        # padded to full shares: one compiled program serves all
+        clock = np.pad(times, (0, -len(times) % share), mode="edge")
+        background = self.background
+
+        def part(start: int) -> np.ndarray:
+            now, behind = clock[start : start + share], None
+            if isinstance(background, ImageSequence):
+                # a moving background starts with the film, whatever the clock
+                behind = background.at(now - self.times[0])
+            return np.asarray(rendering.frames(view, now, behind))
+
+        with ThreadPoolExecutor(threads) as pool:
+            done = list(pool.map(part, range(0, len(clock), share)))
+        return np.concatenate(done)[: len(times)]
 
     @cached_property
-    def _outlook(self) -> Outlook:
-        """Outlook of a fixed camera, computed once for all blocks."""
-        appearance, views = self._shown, self.views
-        return outlook_of(
-            self.camera,
-            None if self.depth is None else jnp.asarray(self.depth, float),
-            ground=self._ground,
-            supersample=self.supersample,
-            lit=appearance.flash and (views is None or views.glows),
-            lit_ground=True,
+    def _view(self) -> View:
+        """The view of frames, in single precision."""
+        return self._seen(self.camera, jnp.float32)
+
+    @cached_property
+    def _still(self) -> View:
+        """The view of events, without exposure, in the precision of the scene."""
+        none = jnp.zeros_like(self.camera.exposure_s)
+        return self._seen(replace(self.camera, exposure_s=none), None)
+
+    def _seen(self, camera: Camera, dtype: Any) -> View:
+        behind = self.background
+        return view_of(
+            self.scene,
+            camera,
+            BACKGROUND if isinstance(behind, ImageSequence) else behind,
+            depth=self.depth,
+            appearance=self.appearance,
+            views=self.views,
+            path=self.path,
+            dtype=dtype,
+            reverse=False,
         )
-
-
-def growth_instants(scene: Scene) -> Float[np.ndarray, " time"]:
-    """Return the instants that resolve the growth of all fireballs, unsorted [s].
-
-    The detonation and ten instants after it, each twice as late as the one before.
-    """
-    found = []
-    for charge in scene.charges:
-        mass = charge.tnt_mass("fireball_radius_m")
-        growth = float(fireball_growth_time(mass))
-        late = growth * 0.25 * np.append(0.0, 2.0 ** np.arange(10))
-        found.append(float(charge.time_s) + late)
-    return np.concatenate(found)
 
 
 def first_instants(film: Film) -> Float[np.ndarray, " time"]:
     """Return the first instants to evaluate, from the first frame to the last [s].
 
-    They resolve the fireball's life, densely after a burst; or the frames of pictures
-    that replace it; and the frames of a moving background.
+    They resolve the age of fireballs, from the detonation on; the frames of pictures
+    that replace them; the frames of a moving background; and the motion of the camera.
     """
     start, stop = float(film.times[0]), float(film.times[-1])
-    charges = film.scene.charges
-    bursts = np.array([float(charge.time_s) for charge in charges])
-    masses = [charge.tnt_mass("fireball_radius_m") for charge in charges]
-    # the shortest life decides for all charges
-    step = min(float(fireball_duration(mass)) for mass in masses) / PER_LIFE
-    found = [bursts]
-    if film.views is None:
-        found.append(growth_instants(film.scene))
-    else:
-        for burst, charge in zip(bursts, charges, strict=True):
+    found = [np.array([start, stop])]
+    for charge in film.scene.charges:
+        burst, mass = float(charge.time_s), charge.tnt_mass("fireball_radius_m")
+        first, last = 0.25 * float(fireball_growth_time(mass)), stop - burst
+        if last > first:
+            count = math.log(last / first) / math.log1p(1.0 / PER_AGE)
+            ages = first * (1.0 + 1.0 / PER_AGE) ** np.arange(count)
+            found.append(burst + np.append(0.0, ages))
+        if film.views is not None:
             found.append(burst + film.views.instants(charge))
     if isinstance(film.background, ImageSequence):
         found.append(start + film.background.times)
@@ -293,8 +236,7 @@ def first_instants(film: Film) -> Float[np.ndarray, " time"]:
         moved = np.asarray(pixels_moved(film.camera, film.path), float)
         shifts = np.arange(0.0, moved[-1], MOVED)
         found.append(np.interp(shifts, moved, np.asarray(film.path.time, float)))
-    even = np.linspace(start, stop, 1 + max(1, int(np.ceil((stop - start) / step))))
-    inside = np.concatenate([even, *found])
+    inside = np.concatenate(found)
     inside = np.unique(inside[(inside >= start) & (inside <= stop)])
     # instants that differ only by rounding are merged
     apart = np.diff(inside, prepend=-np.inf) > 1e-9 * (stop - start)

@@ -134,8 +134,8 @@ def write_film(
     if video is not None and video_fps is None:
         video_fps = float(film.camera.frames_hz)
         video_fps = SHOWN_HZ if video_fps > SCREEN_HZ else video_fps
-    # renders the first block, so that an error comes before any file is removed
-    next(film.frames())
+    # renders a frame first, so that an error comes before any file is removed
+    film.shot(film.times[:1])
     begin("filming")
     found = None
     bursts = [float(charge.time_s) for charge in film.scene.charges]
@@ -228,7 +228,8 @@ def _write_frames(
     Without frames only the shown ones are rendered.
     """
     if files.frames is None:
-        return dict(zip(shown, film.some(shown), strict=True))
+        still = film.gain * film.instants(film.times[shown])
+        return dict(zip(shown, still, strict=True))
     folder, count = Path(files.frames), len(film.times)
     through = counted(count, "frames")
     kept: dict[int, np.ndarray] = {}

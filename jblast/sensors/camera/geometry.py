@@ -30,15 +30,16 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import require, shown
 from jblast.scene.camera import Camera, quaternion_matrix, quaternion_product
 from jblast.types import as_float_array
 
 STEEPEST = 1e4
 """Largest distance from the axis in the plane at 1: 89.994 degrees. Beyond it the sixth
 power and its gradient overflow float32."""
-TRIALS = 100
-"""Largest number of Newton trials, halved steps included; an unsolved pixel is NaN."""
+TRIALS = 40
+"""Newton trials, halved steps included; an unsolved pixel is NaN. Lenses take four to
+eight, points next to a fold twenty."""
 ROUNDING = 16
 """Accepted residual of a pixel, in rounding errors of the distortion's largest term:
 the few operations of `distort` add up to less."""
@@ -124,20 +125,32 @@ def unproject(
         InputError: Outside jit, for the first such pixel.
     """
     pixel = as_float_array(pixel)
+    unit, found = lens_direction(camera, pixel)
+    if not isinstance(found, Tracer):
+        beyond = pixel[~found].tolist()
+        fold = shown(camera.distortion.tolist(), 120)
+        require(
+            not beyond,
+            "camera",
+            f"pixels inside the first fold of the distortion {fold}",
+            next(iter(beyond), ""),
+        )
+    turned = unit @ quaternion_matrix(camera.quaternion).T
+    return jnp.where(found[..., None], turned, jnp.nan)
+
+
+def lens_direction(
+    camera: Camera, pixel: Float[Array, "... 2"]
+) -> tuple[Float[Array, "... 3"], Bool[Array, "..."]]:
+    """Return unit directions of pixels in the camera's axes, and if there are any."""
     (fx, fy), (cx, cy) = camera.focal, camera.center
     bent = jnp.stack([(pixel[..., 0] - cx) / fx, (pixel[..., 1] - cy) / fy], axis=-1)
     plane = undistort(bent, camera.distortion)
-    found = ~jnp.isnan(plane).any(axis=-1, keepdims=True)
-    if not isinstance(found, Tracer) and not found.all():
-        raise InputError(
-            "camera: expected pixels inside the first fold of the distortion "
-            f"{shown(camera.distortion.tolist(), 120)}, got "
-            f"{shown(pixel[~found[..., 0]][0].tolist())}"
-        )
-    plane = jnp.where(found, plane, 0.0)  # NaN would spoil the camera's gradients
+    found = ~jnp.isnan(plane).any(axis=-1)
+    # NaN would spoil the camera's gradients: any direction
+    plane = jnp.where(found[..., None], plane, 0.0)
     ray = jnp.concatenate([plane, jnp.ones_like(plane[..., :1])], axis=-1)
-    unit = ray / jnp.sqrt(jnp.sum(jnp.square(ray), axis=-1, keepdims=True))
-    return jnp.where(found, unit @ quaternion_matrix(camera.quaternion).T, jnp.nan)
+    return ray / _length(ray)[..., None], found
 
 
 @jax.custom_jvp
@@ -146,43 +159,32 @@ def undistort(
 ) -> Float[Array, "... 2"]:
     """Return the inverse of `distort` inside its first fold; NaN where it has none.
 
-    Newton's method from the centre. A step is halved until it stays inside the fold and
-    reduces the residual, so that it cannot jump to another branch. A point in a gap
-    between two folds may be lost, but never misplaced. Derivatives are those of the
-    implicit function.
+    Newton's method from the centre. A step is halved until the Jacobian stays positive
+    and the residual falls, so that it does not jump to another branch; the solution is
+    accepted if no fold lies between it and the centre. A point in a gap between two
+    folds may be lost, but never misplaced. Derivatives are those of the implicit
+    function.
 
     Args:
         bent: Point of the plane at distance 1, with distortion [-].
         distortion: k1, k2, p1, p2, k3 [-].
     """
 
-    def unsolved_lanes(point, part, left):
-        unsolved = left > _rounding(point, distortion)
-        return unsolved & (part > jnp.sqrt(jnp.finfo(bent.dtype).eps))
-
-    def unsolved(state):
-        trial, *lanes = state
-        return (trial < TRIALS) & jnp.any(unsolved_lanes(*lanes))
-
-    def newton(state):
-        trial, point, part, left = state
+    def newton(_, state):
+        point, part, left = state
         step = _solve(point, distortion, bent - distort(point, distortion))
         there = point + part[..., None] * step
         left_there = _length(bent - distort(there, distortion))
-        # all pixels are lanes of one loop; solved ones stay unchanged until the last is
-        # done
-        better = unsolved_lanes(point, part, left) & (left_there < left)
-        better &= unfolded(there, distortion)
+        better = (left_there < left) & _clear(there, distortion)
         return (
-            trial + 1,
             jnp.where(better[..., None], there, point),
-            jnp.where(better, jnp.minimum(2 * part, 1.0), part / 2),
+            jnp.where(better, jnp.minimum(2.0 * part, 1.0), 0.5 * part),
             jnp.where(better, left_there, left),
         )
 
-    state = (0, jnp.zeros_like(bent), jnp.ones_like(bent[..., 0]), _length(bent))
-    _, point, _, left = jax.lax.while_loop(unsolved, newton, state)
-    solved = left <= _rounding(point, distortion)
+    state = jnp.zeros_like(bent), jnp.ones_like(bent[..., 0]), _length(bent)
+    point, _, left = jax.lax.fori_loop(0, TRIALS, newton, state)
+    solved = (left <= _rounding(point, distortion)) & unfolded(point, distortion)
     return jnp.where(solved[..., None], point, jnp.nan)
 
 
@@ -220,7 +222,7 @@ def _rounding(
     return ROUNDING * jnp.finfo(point.dtype).eps * terms
 
 
-def _length(vector: Float[Array, "... 2"]) -> Float[Array, "..."]:
+def _length(vector: Float[Array, "... axis"]) -> Float[Array, "..."]:
     return jnp.sqrt(jnp.sum(jnp.square(vector), axis=-1))
 
 
@@ -302,65 +304,69 @@ class Rays(eqx.Module):
     farthest: Float[Array, "row column"]
 
 
-@partial(jax.jit, static_argnames=("supersample", "ground"))
+@partial(jax.jit, static_argnames="ground")
 def pixel_rays(
     camera: Camera,
     depth: Float[Array, "height width"] | None = None,
     *,
-    supersample: int = 1,
     ground: bool = True,
 ) -> Rays:
-    """Return the rays of all pixels, row by row.
-
-    It is compiled here, so that many programs share it, and so that `unproject` marks
-    pixels without a direction instead of raising.
+    """Return the rays through the centres of all pixels, row by row.
 
     Args:
         camera: The camera.
         depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        supersample: Rays along each side of a pixel, evenly spaced; one goes through
-            its centre.
         ground: True if rays end at the plane up = 0.
     """
-    dtype = camera.position.dtype
-    # pixel centres are at whole numbers, so the image spans -0.5 to width - 0.5
+    return turned_rays(lens_rays(camera, depth), camera, ground=ground)
+
+
+# compiled, so that many programs share it and `undistort` runs once a lens
+@eqx.filter_jit
+def lens_rays(
+    camera: Camera, depth: Float[Array, "height width"] | None = None
+) -> Rays:
+    """Return the rays of a lens in the camera's axes: right, down, ahead.
+
+    Args:
+        camera: The camera, whose pose is not used.
+        depth: Distance of the background along each pixel's ray [m]; None is infinite.
+    """
     x, y = (
-        (jnp.arange(size * supersample, dtype=dtype) + 0.5) / supersample - 0.5
-        for size in (camera.width, camera.height)
+        jnp.arange(n, dtype=camera.focal.dtype) for n in (camera.width, camera.height)
     )
-    unit = unproject(camera, jnp.stack(jnp.meshgrid(x, y), axis=-1))
+    unit, shown = lens_direction(camera, jnp.stack(jnp.meshgrid(x, y), axis=-1))
     unit = jnp.moveaxis(unit, -1, 0)  # contiguous images of each component: faster
-    shown = ~jnp.isnan(unit[0])
-    # any finite direction: NaN would spread into gradients of the other pixels
-    unit = jnp.where(shown, unit, 1.0)
-    farthest = jnp.full(shown.shape, jnp.inf, dtype)
-    if depth is not None:
-        farthest = jnp.repeat(depth, supersample, axis=0).astype(dtype)
-        farthest = jnp.repeat(farthest, supersample, axis=1)
+    farthest = jnp.inf if depth is None else depth.astype(unit.dtype)
+    return Rays(jnp.zeros(3, unit.dtype), unit, jnp.where(shown, farthest, 0.0))
+
+
+def turned_rays(rays: Rays, camera: Camera, *, ground: bool = True) -> Rays:
+    """Return the rays of a lens for a pose in the world.
+
+    Args:
+        rays: Rays from `lens_rays`.
+        camera: Camera with its pose in the world.
+        ground: True if they end at the plane up = 0.
+    """
+    matrix = quaternion_matrix(camera.quaternion)
+    x, y, z = rays.direction
+    # written out: a matrix product would go through memory
+    direction = jnp.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
+    farthest = rays.farthest
     if ground:
-        down = unit[2] < 0
+        down = direction[2] < 0.0
         # rays at or above the horizon never meet the ground
-        hit = -camera.position[2] / jnp.where(down, unit[2], -1.0)
-        farthest = jnp.minimum(farthest, jnp.where(down, hit, jnp.inf))
-    return Rays(camera.position, unit, jnp.where(shown, farthest, 0.0))
-
-
-def pixels(
-    image: Float[Array, "channel row column"], supersample: int
-) -> Float[Array, "height width channel"]:
-    """Return the mean over each pixel's rays, channels last."""
-    channels, rows, columns = image.shape
-    n = supersample
-    if n > 1:
-        image = image.reshape(channels, rows // n, n, columns // n, n).mean((2, 4))
-    return jnp.moveaxis(image, 0, -1)
+        hit = -camera.position[2] / jnp.where(down, direction[2], -1.0)
+        farthest = jnp.where(down, jnp.minimum(farthest, hit), farthest)
+    return Rays(camera.position, direction, farthest)
 
 
 class Surfaces(eqx.Module):
     """Points of the background, one per pixel.
 
     Attributes:
-        place: East, north, up [m]; the camera's position if there is no surface.
+        place: East, north, up from the camera [m]; zero if there is no surface.
         normal: Unit normal of the surface, on the camera's side.
         solid: True if there is a surface; false for sky.
     """
@@ -382,14 +388,13 @@ def surfaces_seen(rays: Rays, *, image: bool) -> Surfaces:
         image: True if they also end at a depth image, not only at the ground.
     """
     solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
-    along = jnp.where(solid, rays.farthest, 0.0)[None] * rays.direction
-    place = rays.origin[:, None, None] + along
+    place = jnp.where(solid, rays.farthest, 0.0)[None] * rays.direction
     up = jnp.zeros_like(place).at[2].set(1.0)
     if not image:
         return Surfaces(place, up, solid)
     # float32 has seven digits: a far point on the plane is off it by as much
     height = 16.0 * jnp.finfo(place.dtype).eps * (rays.farthest + rays.origin[2])
-    flat = solid & (jnp.abs(place[2]) <= height)
+    flat = solid & (jnp.abs(rays.origin[2] + place[2]) <= height)
     across, along = (_towards_neighbour(place, solid, axis) for axis in (2, 1))
     # two tangents of the surface, by differences to neighbours
     normal = jnp.cross(across, along, axis=0)
@@ -466,32 +471,6 @@ def carried_camera(camera: Camera, path: CameraPath, time: Float[Array, ""]) -> 
     return dataclasses.replace(
         camera, position=position, quaternion=quaternion, mount=""
     )
-
-
-@eqx.filter_jit
-def camera_rays(camera: Camera, supersample: int) -> Rays:
-    """Return the rays of a lens in the camera's own axes, without an end."""
-    zero = jnp.zeros_like(camera.position)
-    ahead = jnp.zeros_like(camera.quaternion).at[3].set(1.0)
-    lens = dataclasses.replace(camera, position=zero, quaternion=ahead)
-    return pixel_rays(lens, supersample=supersample, ground=False)
-
-
-def turned_rays(rays: Rays, camera: Camera) -> Rays:
-    """Return the rays of a lens for a pose in the world; they end at the plane up = 0.
-
-    Args:
-        rays: Rays from `camera_rays`.
-        camera: Camera with its pose in the world.
-    """
-    matrix = quaternion_matrix(camera.quaternion)
-    x, y, z = rays.direction
-    # written out: a matrix product would go through memory
-    direction = jnp.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix])
-    down = direction[2] < 0.0
-    hit = -camera.position[2] / jnp.where(down, direction[2], -1.0)
-    farthest = jnp.where(down, jnp.minimum(rays.farthest, hit), rays.farthest)
-    return Rays(camera.position, direction, farthest)
 
 
 def pixels_moved(camera: Camera, path: CameraPath) -> Float[Array, " row"]:

@@ -1,10 +1,4 @@
-r"""Light in pixels: compositing, black bodies and tone curve.
-
-Images are linear light. Alpha is composited in linear light (Porter and Duff 1984,
-"over"):
-
-$$\alpha = \alpha_1 + (1 - \alpha_1)\,\alpha_2, \qquad
-\alpha\,C = \alpha_1 C_1 + (1 - \alpha_1)\,\alpha_2 C_2$$
+r"""Light in pixels: black bodies, sRGB and tone curve.
 
 Black bodies. Planck's law, weighted by the colour matching functions of the CIE 1931
 observer in the piecewise Gaussian fit of Wyman, Sloan and Shirley (2013, listing 1):
@@ -37,16 +31,13 @@ References:
 """
 
 import math
-from collections.abc import Callable
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.ndimage import map_coordinates
 from jaxtyping import Array, ArrayLike, Float
 
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.scene import Camera
 from jblast.types import as_float_array
 
@@ -92,60 +83,8 @@ Background = (
     | Float[ArrayLike, "3"]
     | Float[ArrayLike, "height width 3"]
     | Float[ArrayLike, "time height width 3"]
-    | Callable[[Float[Array, ""]], Float[Array, "height width 3"]]
 )
-"""A grey, a colour, an image, an image per time, or a function of time that JAX can
-trace (the frame source): linear light, full scale 1."""
-
-
-def over(
-    layer: Float[Array, "... 4"], background: Float[Array, "... channel"]
-) -> Float[Array, "... channel"]:
-    """Return a layer over a background.
-
-    Args:
-        layer: Red, green, blue in linear light and straight alpha.
-        background: The same, or opaque with three channels.
-
-    Returns:
-        As many channels as the background has; black where both are transparent.
-    """
-    behind = background if background.shape[-1] == 4 else opaque(background)
-    front = premultiplied(layer)
-    seen = front + (1.0 - front[..., 3:]) * premultiplied(behind)
-    return straight(seen) if background.shape[-1] == 4 else seen[..., :3]
-
-
-def laid_over(
-    seen: list[tuple[Float[Array, "4 row column"], Float[Array, ""]]],
-) -> Float[Array, "4 row column"]:
-    """Return premultiplied layers over each other, ordered by distance.
-
-    Args:
-        seen: Layers, channels first, and their distances in one unit.
-    """
-    layers, distances = zip(*seen, strict=True)
-    if len(layers) == 1:
-        return layers[0]
-    stack = jnp.stack(layers)
-    # sorted inside the program: the order may change with time
-    order = jnp.argsort(jnp.stack(distances), descending=True)
-    whole = stack[order[0]]
-    for nearer in order[1:]:
-        layer = stack[nearer]
-        whole = layer + (1.0 - layer[3])[None] * whole
-    return whole
-
-
-def opaque(image: Float[Array, "... 3"]) -> Float[Array, "... 4"]:
-    """Return an image with alpha 1."""
-    return jnp.concatenate([image, jnp.ones_like(image[..., :1])], axis=-1)
-
-
-def premultiplied(image: Float[Array, "... 4"]) -> Float[Array, "... 4"]:
-    """Return an image of straight alpha with its colours times their alpha."""
-    alpha = image[..., 3:]
-    return jnp.concatenate([image[..., :3] * alpha, alpha], axis=-1)
+"""A grey, a colour, an image or an image per time: linear light, full scale 1."""
 
 
 def straight(image: Float[Array, "... 4"]) -> Float[Array, "... 4"]:
@@ -286,66 +225,22 @@ def _key(luminance: float) -> float:
 def images(
     camera: Camera, background: Float[ArrayLike, "..."], count: int
 ) -> Float[Array, "..."]:
-    """Return the background as one image, or as one image per frame.
+    """Return a background as one image, or as one image per frame.
 
     Args:
         camera: The camera.
-        background: A number, a colour, an image or images; not a function.
+        background: A number, a colour, an image or images.
         count: Number of frames.
 
     Raises:
         InputError: The background has another shape.
     """
-    size = (camera.height, camera.width, 3)
-    return fitting(as_float_array(background), [size, (count, *size)], size)
-
-
-def bare(
-    camera: Camera, background: Float[ArrayLike, "..."], count: int
-) -> Float[np.ndarray, "time height width 3"]:
-    """Return frames before any explosion: those of `render`, without rendering.
-
-    They are views of the background, not copies: read-only.
-
-    Args:
-        camera: The camera.
-        background: A number, a colour, an image or images; not a function.
-        count: Number of frames.
-
-    Raises:
-        InputError: The background has another shape.
-    """
-    image = np.asarray(images(camera, background, count))
-    return np.broadcast_to(image, (count, *image.shape[-3:]))
-
-
-def fitting(
-    image: Float[Array, "..."], shapes: list[tuple[int, ...]], size: tuple[int, ...]
-) -> Float[Array, "..."]:
-    """Return a background of one of the given shapes; a colour becomes an image."""
-    if image.shape not in ((), (3,), *shapes):
-        raise InputError(
-            "background: expected a number, a colour or shape "
-            f"{' or '.join(str(shape) for shape in shapes)}, got {image.shape}"
-        )
+    image, size = as_float_array(background), (camera.height, camera.width, 3)
+    shapes = size, (count, *size)
+    require(
+        image.shape in ((), (3,), *shapes),
+        "background",
+        f"a number, a colour or shape {size} or {shapes[1]}",
+        f"{image.shape}",
+    )
     return jnp.broadcast_to(image, size) if image.ndim < 3 else image
-
-
-def resampled(
-    picture: Float[Array, "height width channel"],
-    x: Float[Array, "row column"],
-    y: Float[Array, "row column"],
-) -> Float[Array, "channel row column"]:
-    """Return a premultiplied picture between its pixels; zero outside it.
-
-    Bilinear, falling linearly to zero within a pixel of the edge. A picture shown
-    several times smaller needs several rays per pixel.
-    """
-    height, width = picture.shape[:2]
-    # two pixels outside are zero already; infinite positions would give NaN
-    at = [jnp.clip(y, -2.0, height + 1.0), jnp.clip(x, -2.0, width + 1.0)]
-
-    def one(channel):
-        return map_coordinates(channel, at, order=1, mode="constant")
-
-    return jax.vmap(one, in_axes=-1)(picture)

@@ -53,6 +53,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
 
 from jblast.errors import require
 from jblast.sensors.camera.image import srgb_to_linear
+from jblast.types import Module, field
 
 DARKEST = 1e-6
 """Dark level of floats, as a fraction of full scale: 120 dB below it, the range of the
@@ -124,7 +125,7 @@ class ShotNoise(NamedTuple):
     rate_hz: float
 
 
-class Pixel(eqx.Module):
+class Pixel(Module):
     """Pixels of an event camera: one number for all, or one each (height, width).
 
     With the defaults they are ideal; `noisy_pixel` draws those of a real camera.
@@ -144,17 +145,17 @@ class Pixel(eqx.Module):
     period_s: Float[ArrayLike, "..."] = 0.0
     drift: Float[ArrayLike, "..."] = 0.0
     begun: Float[ArrayLike, "..."] = 0.0
-    bandwidth_hz: float | None = eqx.field(static=True, default=None)
+    bandwidth_hz: float | None = field(static=True, default=None)
     shot: ShotNoise | None = None
 
     def __check_init__(self):
         """Reject thresholds that are not positive; tracers are not checked."""
         for name, threshold in (("positive", self.up), ("negative", self.down)):
             if not isinstance(threshold, Tracer):
-                number = np.asarray(threshold)
-                bad = number[~((number > 0) & np.isfinite(number))]
-                got = f"{bad.flat[0]:g}" if bad.size else ""
-                require(not bad.size, f"{name} threshold", "positive numbers", got)
+                least, most = np.min(threshold), np.max(threshold)
+                got = f"{least:g}" if least == most else f"{least:g} to {most:g}"
+                valid = 0.0 < least <= most < math.inf
+                require(valid, f"{name} threshold", "positive, finite numbers", got)
 
 
 def noisy_pixel(
@@ -192,7 +193,7 @@ def noisy_pixel(
     )
 
 
-class Held(eqx.Module):
+class Held(NamedTuple):
     """State of pixels between two frames.
 
     Attributes:
@@ -212,12 +213,12 @@ class Runs(NamedTuple):
     """Events of pixels in an interval; those of one pixel are evenly spaced.
 
     Attributes:
-        count: +k brighter, -k darker.
+        sent: +k brighter, -k darker.
         first_s: Time of the first event since the start of the interval.
         pace_s: Time from one event to the next.
     """
 
-    count: Int[Array | np.ndarray, "..."]
+    sent: Int[Array | np.ndarray, "..."]
     first_s: Numbers
     pace_s: Numbers
 
@@ -245,11 +246,8 @@ def interval(
         # solution of signal' = rate * (light - signal) for light linear in time
         rate = 2.0 * math.pi * pixel.bandwidth_hz
         lag = (after - before) / (rate * length_s)
-        rest = held.signal - before + lag
-        before, signal = (
-            held.signal,
-            after - lag + rest * xp.exp(-rate * length_s),
-        )
+        rest = (held.signal - before + lag) * xp.exp(-rate * length_s)
+        before, signal = held.signal, after - lag + rest
     # a sinking reference equals a rising signal
     sunk = pixel.drift * length_s
     after = signal + sunk
@@ -259,7 +257,7 @@ def interval(
     level = xp.where(begin > 0.0, before + slope * begin, held.level)
     change, slack = after - level, rounding(after)
     sign = xp.where(change + slack >= pixel.up, 1, 0)
-    sign = xp.where(change - slack <= -pixel.down, -1, sign)
+    sign = xp.where(slack - change >= pixel.down, -1, sign)
     sign = xp.where(in_reset | (slope == 0.0), 0, sign)
     sends = sign != 0
     size = xp.where(sign > 0, pixel.up, pixel.down)
@@ -331,26 +329,26 @@ def pixel_events(
     lengths = jnp.diff(times).astype(log_frames.dtype)
     held, runs = jax.lax.scan(step, held, (log_frames[:-1], log_frames[1:], lengths))
     shape = log_frames.shape[1:]
-    cell, offset, sign, total = _listed(runs, lengths, capacity)
     pixels = shape[0] * shape[1]
-    time = times[cell // pixels] + offset.astype(times.dtype)
-    place = cell % pixels
+    cell, offset, sign, total = _listed(runs, lengths, capacity)
+    place, time = cell % pixels, times[cell // pixels] + offset.astype(times.dtype)
     if pixel.shot is not None:
         key = jax.random.fold_in(pixel.shot.key, held.parts)
         span = times[-1] - times[0]
-        mean = pixel.shot.rate_hz * pixels * span
-        extra = shot_events(key, mean, pixels, capacity)
-        place = jnp.append(place, extra.place.astype(place.dtype))
-        sign = jnp.append(sign, extra.sign.astype(sign.dtype))
-        time = jnp.append(time, times[0] + span * extra.share.astype(times.dtype))
-        total = total + extra.count.astype(total.dtype)
+        noise = shot_events(key, pixel.shot.rate_hz * pixels * span, pixels, capacity)
+        ours = (place, time, sign, total)
+        found = noise[0], times[0] + span * noise[1].astype(time.dtype), *noise[2:]
+        place, time, sign, total = (
+            jnp.append(a, b.astype(a.dtype)) for a, b in zip(ours, found, strict=True)
+        )
+    total = total.sum()
     time = jnp.where(sign == 0, jnp.inf, time)
     order = jnp.lexsort((place, time))[:capacity]
     place, sign, time = place[order], sign[order], time[order]
     y, x = (jnp.where(sign == 0, -1, at) for at in jnp.divmod(place, shape[1]))
     time = jnp.where(jnp.isnan(log_frames).any(), jnp.nan, time)
     count = jnp.minimum(total, capacity)
-    held = Held(held.signal, held.level, held.wait_s, held.parts + 1)
+    held = held._replace(parts=held.parts + 1)
     return Events(x, y, time, sign, count, total - count), held
 
 
@@ -359,7 +357,7 @@ def _listed(runs: Runs, lengths: Float[Array, " interval"], capacity: int):
 
     Entries beyond that number have sign 0.
     """
-    number = jnp.abs(runs.count).ravel()
+    number = jnp.abs(runs.sent).ravel()
     ends = jnp.cumsum(number)
     slot = jnp.arange(capacity, dtype=ends.dtype)
     # inverse of the cumulated counts: each slot finds its interval and pixel
@@ -368,36 +366,27 @@ def _listed(runs: Runs, lengths: Float[Array, " interval"], capacity: int):
     earlier = (slot - ends[cell] + number[cell]).astype(lengths.dtype)
     offset = runs.first_s.ravel()[cell] + earlier * runs.pace_s.ravel()[cell]
     offset = jnp.minimum(offset, lengths[cell // (number.size // len(lengths))])
-    sign = jnp.where(slot < ends[-1], jnp.sign(runs.count.ravel()[cell]), 0)
+    sign = jnp.where(slot < ends[-1], jnp.sign(runs.sent.ravel()[cell]), 0)
     return cell, jnp.where(sign == 0, 0.0, offset), sign, ends[-1]
-
-
-class ShotEvents(NamedTuple):
-    """Noise events of a part of a stream; empty entries have sign 0.
-
-    Attributes:
-        place: Row times width plus column.
-        share: Share of the part's duration that has passed.
-        sign: +1 brighter, -1 darker.
-        count: Number of events, which may exceed the entries.
-    """
-
-    place: Int[Array, " event"]
-    share: Float[Array, " event"]
-    sign: Int[Array, " event"]
-    count: Int[Array, ""]
 
 
 def shot_events(
     key: PRNGKeyArray, mean: Float[ArrayLike, ""], pixels: int, capacity: int
-) -> ShotEvents:
-    """Return noise events, of which there are `mean` on average."""
+) -> tuple[
+    Int[Array, " event"], Float[Array, " event"], Int[Array, " event"], Int[Array, ""]
+]:
+    """Return noise events, of which there are `mean` on average.
+
+    Returns:
+        Row times width plus column, time as a share of the duration, sign (0 for empty
+        entries), and the number of events, which may exceed the entries.
+    """
     number, where, when, which = jax.random.split(key, 4)
     count = jax.random.poisson(number, mean)
     place = jax.random.randint(where, (capacity,), 0, pixels)
+    share = jax.random.uniform(when, (capacity,))
     sign = 2 * jax.random.bernoulli(which, shape=(capacity,)).astype(place.dtype) - 1
-    sign = jnp.where(jnp.arange(capacity) < count, sign, 0)
-    return ShotEvents(place, jax.random.uniform(when, (capacity,)), sign, count)
+    return place, share, jnp.where(jnp.arange(capacity) < count, sign, 0), count
 
 
 def check_times(
@@ -413,12 +402,13 @@ def check_times(
     Raises:
         InputError: A time is not later than the one before.
     """
-    falls = np.flatnonzero(~(np.diff(times, prepend=before) > 0.0))
-    got = f"{times[falls[0]]:g} s at frame {frame + falls[0]}" if falls.size else ""
-    require(not falls.size, "frames", "times that rise from frame to frame", got)
+    rises = np.diff(times, prepend=before) > 0.0
+    n = np.argmin(rises)
+    got = f"{times[n]:g} s at frame {frame + n}"
+    require(rises.all(), "frames", "times that rise from frame to frame", got)
 
 
-def check_light(light: ArrayLike, frame: int = 0) -> None:
+def check_light(light: Numbers, frame: int = 0) -> None:
     """Reject light that is not finite: it never crosses a threshold.
 
     Inside jit it is not checked.
@@ -430,17 +420,13 @@ def check_light(light: ArrayLike, frame: int = 0) -> None:
     Raises:
         InputError: A pixel's light is not finite.
     """
-    if isinstance(light, Tracer):
+    if isinstance(light, Tracer) or light.dtype.kind != "f":
         return
-    values = np.asarray(light)
-    if values.dtype.kind != "f" or np.isfinite(values).all():
-        return
-    at = np.argwhere(~np.isfinite(values))[0]
-    got = (
-        f"{values[tuple(at)]} in frame {frame + at[0]}, row {at[1]}, column {at[2]} "
-        "(the first is 0)"
-    )
-    require(False, "frames", "light that is a finite number", got)
+    finite = np.isfinite(np.asarray(light))
+    n, row, column = np.unravel_index(np.argmin(finite), finite.shape)
+    value = light[n, row, column]
+    got = f"{value} in frame {frame + n}, row {row}, column {column} (the first is 0)"
+    require(finite.all(), "frames", "light that is a finite number", got)
 
 
 def darkest_of(bits: int | None) -> float:

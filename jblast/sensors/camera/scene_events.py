@@ -43,6 +43,7 @@ def camera_pixel(
     if noise is None:
         return Pixel(*thresholds)
     require(key is not None, argument("key"), "a random key for the noise", "none")
+    assert key is not None
     return noisy_pixel(key, thresholds, noise, (camera.height, camera.width))
 
 

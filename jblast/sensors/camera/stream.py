@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -40,9 +40,6 @@ TOGETHER = 1 << 13
 noise in a film in which every pixel changes takes a third longer."""
 NUMBERS = ("up", "down", "period_s", "drift", "begun")
 """Fields of `Pixel` with a value for each pixel."""
-STATE = ("signal", "level", "wait_s")
-"""Fields of `Held` with a value for each pixel."""
-T = TypeVar("T", Pixel, Held)
 
 
 def event_stream(
@@ -102,8 +99,8 @@ def event_stream(
 def joined(parts: Iterable[Events]) -> Events:
     """Return the events of consecutive blocks as one."""
     columns = [(e.x, e.y, e.time, e.polarity, e.count, e.lost) for e in parts]
-    *events, count, lost = (np.hstack(column) for column in zip(*columns, strict=True))
-    return Events(*events, count.sum(), lost.sum())
+    x, y, time, sign, count, lost = map(np.hstack, zip(*columns, strict=True))
+    return Events(x, y, time, sign, count.sum(), lost.sum())
 
 
 class Found(NamedTuple):
@@ -174,14 +171,17 @@ class Strip:
         clock: Float[np.ndarray, " instant"],
     ) -> Found:
         """Return the events of some pixels, and store their state."""
-        pixel = at_places(self.pixel, NUMBERS, at)
-        held, lengths = at_places(self.held, STATE, at), np.diff(clock)
+        if not len(at):
+            return NOTHING
+        own = {name: getattr(self.pixel, name)[at] for name in NUMBERS}
+        pixel, lengths = replace(self.pixel, **own), np.diff(clock)
+        held = Held(*(values[at] for values in self.held[:3]))
         runs = []
         for before, after, length in zip(logs[:-1], logs[1:], lengths, strict=True):
             held, run = interval(pixel, held, before, after, length)
             runs.append(run)
-        for name in STATE:
-            getattr(self.held, name)[at] = getattr(held, name)
+        for values, new in zip(self.held[:3], held[:3], strict=True):
+            values[at] = new
         # pixel by pixel, so that a stable order by time has pixels in order, too
         count, first, pace = (np.stack(v, axis=1) for v in zip(*runs, strict=True))
         lane, number = np.nonzero(count)
@@ -217,24 +217,18 @@ class Strip:
         return loud
 
 
-def at_places(tree: T, names: Sequence[str], at: Int[np.ndarray, " pixel"]) -> T:
-    """Return pixels or their state at some places."""
-    return replace(tree, **{name: getattr(tree, name)[at] for name in names})
-
-
 def strips_of(
     first: np.ndarray, pixel: Pixel, count: int, srgb: bool, darkest: float | None
 ) -> list[Strip]:
     """Return strips of rows of the image, at the first frame."""
-    if first.dtype == np.uint8:
-        floor = EIGHT_BITS if darkest is None else darkest
-        table = np.log(np.maximum(grey_light(srgb=srgb), floor))
-        log: Callable[[np.ndarray], np.ndarray] = table.__getitem__
-    else:
-        floor = DARKEST if darkest is None else darkest
+    whole = first.dtype == np.uint8
+    floor = darkest or (EIGHT_BITS if whole else DARKEST)
+    table = np.log(np.maximum(grey_light(srgb=srgb), floor))
 
-        def log(values: np.ndarray) -> np.ndarray:
-            return np.log(np.maximum(values.astype(float), floor))
+    def log(values: np.ndarray) -> np.ndarray:
+        if whole:
+            return table[values]
+        return np.log(np.maximum(values.astype(float), floor))
 
     numbers = {
         name: np.broadcast_to(np.asarray(getattr(pixel, name), float), first.shape)

@@ -33,32 +33,23 @@ Neglected: shadows, light that is reflected more than once, smoke between the fi
 the surface, the ground's own heat, and the flash of the shock in air before the
 products are visible, which is hotter and shorter than the fireball of the law.
 
-Only the rows of an image that a fire can light are calculated for its light: the sky is
-not lit, and often fills half of the image or more. Images of each component are summed
-one after another, and the arc tangent is a polynomial: with JAX's own functions it
-would take as long as the fireball itself.
+Images of each component are summed one after another, and the arc tangent is a
+polynomial: with JAX's own functions it would take as long as the fireball itself.
 """
 
-from collections.abc import Callable
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float, Int
 
-from jblast.scene import Camera, Scene
 from jblast.sensors.camera.fireball import (
     Appearance,
     Cloud,
     Glow,
     between,
-    cloud,
-    glow,
     lumpy_depth,
 )
-from jblast.sensors.camera.geometry import Rays, Surfaces, pixel_rays, surfaces_seen
+from jblast.sensors.camera.geometry import Rays, Surfaces
 
 GROUND = (0.16, 0.14, 0.11)
 """Light of even ground without a texture: dry soil, full scale 1. Declared."""
@@ -66,9 +57,6 @@ HORIZON = (0.55, 0.70, 0.90)
 """Light of a clear sky above the horizon, full scale 1. Declared."""
 FALL = 0.6
 """Sine of the elevation over which the sky's light falls by e [-]. Declared."""
-PARTS = 16
-"""Lit rows are rounded up to this share of an image's height, because each number of
-rows is a program of its own."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 """Quadrature of the mean over the disc: exact to 1e-4."""
 TERMS = {"float64": 13, "float32": 8}
@@ -210,138 +198,6 @@ def _halved(image: np.ndarray) -> np.ndarray:
             ends = (1 - part) * whole.take(low, axis) + part * whole.take(high, axis)
             image = np.diff(ends, axis=axis) * (size // 2 / size)
     return image
-
-
-class LitRows(eqx.Module):
-    """Surfaces of consecutive rows of an image; the other rows have none.
-
-    Attributes:
-        surfaces: Surfaces of these rows.
-        first: Index of the first row.
-    """
-
-    surfaces: Surfaces
-    first: Int[Array, ""]
-
-
-class Outlook(eqx.Module):
-    """Rays of an image, and the surfaces that a fire can light.
-
-    Attributes:
-        rays: One or several per pixel.
-        lit: Surfaces of the background; None if nothing is lit.
-        supersample: Rays along each side of a pixel.
-    """
-
-    rays: Rays
-    lit: LitRows | None
-    supersample: int = eqx.field(static=True)
-
-
-def outlook_of(
-    camera: Camera,
-    depth: Float[Array, "height width"] | None = None,
-    *,
-    ground: bool = True,
-    supersample: int = 1,
-    lit: bool = True,
-    lit_ground: bool | None = None,
-) -> Outlook:
-    """Return the outlook of a camera.
-
-    Args:
-        camera: The camera.
-        depth: Distance of the background along each pixel's ray [m]; None is infinite.
-        ground: True if the plane up = 0 hides what is below it.
-        supersample: Rays along each side of a pixel.
-        lit: True if the fire lights the background.
-        lit_ground: True if it lights the plane up = 0; by default `ground`.
-    """
-    surfaces = None
-    if lit:
-        plane = ground if lit_ground is None else lit_ground
-        ends = pixel_rays(camera, depth, ground=plane)
-        surfaces = lit_rows(surfaces_seen(ends, image=depth is not None))
-    rays = pixel_rays(camera, depth, supersample=supersample, ground=ground)
-    return Outlook(rays, surfaces, supersample)
-
-
-def lit_rows(surfaces: Surfaces) -> LitRows:
-    """Return the rows that have a surface; all rows if that is unknown inside jit.
-
-    Args:
-        surfaces: Surfaces of a whole image.
-    """
-    height = surfaces.solid.shape[0]
-    first, count = 0, height
-    if not isinstance(surfaces.solid, Tracer):
-        rows = np.flatnonzero(np.asarray(surfaces.solid).any(axis=1))
-        rows = rows if len(rows) else np.zeros(1, int)
-        # rounded up, so that few counts of rows occur
-        step = -(-height // PARTS)
-        count = min(-(-int(rows[-1] + 1 - rows[0]) // step) * step, height)
-        first = min(int(rows[0]), height - count)
-    part = jax.tree.map(lambda a: a[..., first : first + count, :], surfaces)
-    return LitRows(part, jnp.asarray(first))
-
-
-def brightened(
-    behind: Float[Array, "height width 3"],
-    lit: LitRows,
-    scene: Scene,
-    time: Float[Array, ""],
-    appearance: Appearance,
-) -> Float[Array, "height width 3"]:
-    """Return a background lit by the fire.
-
-    Args:
-        behind: Background in daylight.
-        lit: Surfaces to be lit.
-        scene: Charges and air.
-        time: Time on the common clock [s].
-        appearance: Level of daylight.
-    """
-    gained = jnp.moveaxis(flash(scene, lit.surfaces, time, appearance), 0, -1)
-    # every row is lit: no slice needed
-    if gained.shape[0] == behind.shape[0]:
-        return behind * (1.0 + gained)
-    at = lit.first, 0, 0
-    part = jax.lax.dynamic_slice(behind, at, (gained.shape[0], *behind.shape[1:]))
-    lighter = (part * (1.0 + gained)).astype(behind.dtype)
-    return jax.lax.dynamic_update_slice(behind, lighter, at)
-
-
-def flash(
-    scene: Scene,
-    surfaces: Surfaces,
-    time: Float[Array, ""],
-    appearance: Appearance,
-    shining: Callable[[Cloud], Glow] | None = None,
-) -> Float[Array, "3 row column"]:
-    r"""Return $E/E_0$: the fireballs' light on surfaces over that of the day.
-
-    Args:
-        scene: Charges and air.
-        surfaces: Surfaces of the background.
-        time: Time on the common clock [s].
-        appearance: Level of daylight, and distribution of the smoke.
-        shining: Tabulated light of limb and middle of a fireball; None for Planck's
-            law.
-
-    Returns:
-        Red, green and blue; zero before detonation and where nothing is lit.
-    """
-    total = jnp.zeros((), surfaces.place.dtype)
-    for charge in scene.charges:
-        ball = cloud(scene, charge, time)
-        if shining is None:
-            ends = glow(ball.temperature, ball.air, appearance)
-        else:
-            ends = shining(ball)
-        light = disc_light(ball, ends, appearance) / appearance.daylight
-        factor = sphere_factor(ball.centre, ball.radius, surfaces)
-        total = total + light[:, None, None] * factor[None]
-    return total
 
 
 def disc_light(ball: Cloud, ends: Glow, appearance: Appearance) -> Float[Array, "3"]:

@@ -3,21 +3,21 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.errors import InputError
 from jblast.scene import Air, Camera, Charge, Scene, look_at
 from jblast.scene.camera import FORWARD
-from jblast.sensors.camera import Pixel, event_stream, landscape
+from jblast.sensors.camera import film_events, joined, landscape
 from jblast.sensors.camera.files.images import srgb_bytes
-from jblast.sensors.camera.film import Film, subdivided
+from jblast.sensors.camera.film import LEFT, RUN_ERROR, STAMP_ERROR, Film
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.pixel import NoiseModel
 from jblast.sensors.camera.run_film import filmed_packets
 
-HZ, BURST = 100.0, 0.2537
+HZ, BURST, KEY = 100.0, 0.2537, jax.random.key(0)
 SCENE = Scene(
     (
         Charge(mass_kg=2.0, position_m=(-6.0, 40.0, 1.0), time_s=BURST, name="a"),
@@ -59,7 +59,7 @@ MOVING = Film(SCENE, CARRIED, np.arange(41) / HZ, landscape(), path=path())
 STILL = Film(SCENE, FIXED, np.arange(41) / HZ, 0.2)
 
 
-def joined(packets):
+def joined_packets(packets):
     """Return times, frames and the fields of the events of all packets."""
     packets = list(packets)
     fields = ("time", "x", "y", "polarity")
@@ -74,34 +74,36 @@ def joined(packets):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("film", [MOVING, STILL], ids=["moving", "fixed"])
-def test_frames_are_those_of_the_film(film):
+def test_an_exposure_blurs_frames_but_not_events():
+    exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
+    film = replace(MOVING, camera=exposed)
     expected = np.concatenate([frames for _, frames in film.frames()])[:-1]
-    times, frames, *_ = joined(filmed_packets(film, BOUNDS, srgb=False))
+    times, frames, *events = joined_packets(filmed_packets(film, BOUNDS, srgb=False))
     np.testing.assert_array_equal(times, film.times[:-1])
-    assert np.ptp(expected[-1]) > 0.2
-    off = np.abs(np.log(frames / expected)).max(axis=-1)
-    # rounding decides about a pixel on the horizon: ground or sky
-    assert np.quantile(off, 0.9999) < 1e-4
-    _, shown, *_ = joined(filmed_packets(film, BOUNDS))
-    levels = np.stack([srgb_bytes(frame) for frame in expected]).astype(int) - shown
+    np.testing.assert_array_equal(frames, expected)
+    _, shown, *instant = joined_packets(filmed_packets(MOVING, BOUNDS))
     assert shown.dtype == np.uint8
-    assert np.abs(levels).max(axis=-1).mean() < 1e-3
+    levels = np.stack([srgb_bytes(frame) for frame in expected]).astype(int) - shown
+    assert np.abs(levels).max() > 3
+    for one, other in zip(events, instant, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [None, NoiseModel(leak_hz=1.0)])
 def test_the_division_into_packets_changes_nothing(noise):
-    tenths = list(filmed_packets(MOVING, BOUNDS, noise=noise))
+    tenths = list(filmed_packets(MOVING, BOUNDS, noise=noise, key=KEY))
     for one, start, end in zip(tenths, BOUNDS, BOUNDS[1:], strict=False):
         assert len(one.time_s) == 10
         for time in (one.time_s, one.events.time):
             assert start - 1e-8 <= time.min() <= time.max() < end
         assert (np.diff(one.events.time) >= 0).all()
     assert sum(len(one.events.time) for one in tenths) > 1000
-    whole = joined(filmed_packets(MOVING, BOUNDS[[0, -1]], noise=noise))
-    short = joined(filmed_packets(MOVING, np.linspace(0.0, 0.4, 97), noise=noise))
-    for cut in (joined(tenths), short):
+    whole, short = (
+        joined_packets(filmed_packets(MOVING, bounds, noise=noise, key=KEY))
+        for bounds in (BOUNDS[[0, -1]], np.linspace(0.0, 0.4, 97))
+    )
+    for cut in (joined_packets(tenths), short):
         for one, other in zip(cut, whole, strict=True):
             np.testing.assert_array_equal(one, other)
 
@@ -114,38 +116,18 @@ def by_pixel(time, x, y, sign):
 
 
 @pytest.mark.slow
-def test_times_of_events_are_within_the_interval_of_their_samples():
-    fine = list(event_stream(subdivided(MOVING, 0.2), Pixel(0.2, 0.2)))
-    fields = ("time", "x", "y", "polarity")
-    known = by_pixel(*(np.concatenate([getattr(f, n) for f in fine]) for n in fields))
-    events = joined(filmed_packets(MOVING, np.array([0.0, 0.5])))[2:]
-    off = []
-    for pixel, seen in by_pixel(*events).items():
-        expected = known.get(pixel, [])
+@pytest.mark.parametrize("film", [MOVING, STILL], ids=["moving", "fixed"])
+def test_events_are_those_of_the_film(film):
+    """The same sequence in 99 % of the pixels, and the times within the bound."""
+    known = joined(film_events(film, bound_s=STAMP_ERROR))
+    known = by_pixel(known.time, known.x, known.y, known.polarity)
+    found = by_pixel(*joined_packets(filmed_packets(film, BOUNDS))[2:])
+    off, alike = [], 0
+    for pixel, expected in known.items():
+        seen = found.get(pixel, [])
         if [way for _, way in seen] == [way for _, way in expected]:
+            alike += 1
             off += [a - b for (a, _), (b, _) in zip(seen, expected, strict=True)]
-    count = sum(map(len, known.values()))
-    # the other pixels have changes that begin and end between two samples
-    assert count > len(off) > 0.85 * count
-    assert np.quantile(np.abs(off), 0.99) < 1.0 / HZ
-    assert np.median(np.abs(off)) < 0.2 / HZ
-
-
-@pytest.mark.slow
-def test_an_exposure_blurs_frames_but_not_events():
-    exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
-    film = replace(MOVING, camera=exposed)
-    expected = np.concatenate([frames for _, frames in film.frames()])[:-1]
-    _, frames, *events = joined(filmed_packets(film, BOUNDS, srgb=False))
-    off = np.abs(np.log(frames / expected)).max(axis=-1)
-    assert np.quantile(off, 0.999) < 1e-4
-    _, instants, *same = joined(filmed_packets(MOVING, BOUNDS, srgb=False))
-    assert np.abs(frames - instants).max() > 0.01
-    for one, other in zip(events, same, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-6)
-
-
-@pytest.mark.parametrize("changed", [{"supersample": 2}, {"path": None}])
-def test_films_with_other_features_are_refused(changed):
-    with pytest.raises(InputError, match="film of a run: expected ground and sky"):
-        next(filmed_packets(replace(MOVING, **changed), BOUNDS))
+    assert len(off) > 5000
+    assert alike >= 0.99 * len(known | found)
+    assert np.quantile(np.abs(off), 1.0 - LEFT) < RUN_ERROR

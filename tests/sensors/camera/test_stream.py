@@ -143,3 +143,9 @@ def test_frames_of_another_size_are_refused():
     blocks = [(TIMES[:4], frames[:4]), (TIMES[4:8], frames[4:8, :, 1:])]
     with pytest.raises(InputError, match="17 x 12 pixels as in the first, got 16 x 12"):
         list(event_stream(blocks, PIXEL))
+
+
+def test_a_still_film_has_no_events():
+    still = np.full((9, 4, 5), 0.5, np.float32)
+    assert int(streamed(still, size=4, times=TIMES[:9]).count) == 0
+    assert int(streamed(still[:1], times=TIMES[:1]).count) == 0

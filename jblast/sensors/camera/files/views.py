@@ -59,14 +59,15 @@ from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError, nearest, read_text, shown
 from jblast.scene.values import Numbers, finite
-from jblast.sensors.camera.baked_explosion import ExplosionViews
-from jblast.sensors.camera.billboards import Views, upright
+from jblast.sensors.camera.explosion import ExplosionViews, upright
 from jblast.sensors.camera.files.images import (
     check_whole_webp,
     frame_files,
     read_pictures,
     read_webp,
 )
+from jblast.sensors.camera.image import linear_to_srgb
+from jblast.waves.fireball import fireball_duration
 
 SHARED = ("metres_per_pixel", "anchor_px")
 KEYS = {
@@ -94,7 +95,7 @@ VIEW_KEYS = (
 INDEX = "views.toml"
 
 
-def read_views(directory: str | Path) -> Views:
+def read_views(directory: str | Path) -> ExplosionViews:
     """Read a set of views; all their frames have one size and number.
 
     Raises:
@@ -137,15 +138,26 @@ def read_views(directory: str | Path) -> Views:
         scale = entry.get("metres_per_pixel")
         scales.append(positive(scale, f"{where}metres_per_pixel"))
         anchors.append(_anchor(entry, pictures[0], f"{where}anchor_px"))
-    return Views(
-        frames=jnp.asarray(np.stack(pictures)),
+    texels = np.stack(pictures)
+    colours, alpha = texels[..., :3], texels[..., 3:]
+    if not srgb:
+        colours = np.rint(255.0 * linear_to_srgb(colours / 255.0)).astype(np.uint8)
+    texels = np.concatenate([np.zeros_like(alpha), colours, alpha], axis=-1)
+    # the last picture fades into a blank one
+    texels = np.pad(texels, [(0, 0), (0, 1), *[(0, 0)] * 3])
+    views, count = texels.shape[:2]
+    boxes, _ = _extents(texels, np.zeros(views))
+    return ExplosionViews(
+        frames=jnp.asarray(texels),
         direction=np.stack(directions),
         up=np.stack(ups),
-        metres_per_pixel=np.array(scales),
+        radius=np.tile(np.cbrt(mass) / np.array(scales)[:, None], count),
+        spread=np.broadcast_to([0.0, 1.0], (views, count, 2)),
+        box=boxes,
+        height=np.zeros(count),
+        phase=np.arange(count) / hz / float(fireball_duration(mass)),
         anchor=np.stack(anchors),
-        frames_hz=hz,
-        charge_mass=mass,
-        srgb=srgb,
+        hot=False,
     )
 
 
@@ -322,22 +334,21 @@ def _frames(index: ExplosionIndex, view: int) -> UInt8[np.ndarray, "frame size s
 
 
 def _extents(
-    texels: UInt8[np.ndarray, "view frame size size 5"],
+    texels: UInt8[np.ndarray, "view frame height width 5"],
     foot: Float[np.ndarray, " view"],
 ) -> tuple[Float[np.ndarray, "view frame 4"], Float[np.ndarray, "view frame"]]:
     """Return the box of visible texels, and the height of their middle [px]."""
     alpha = texels[..., 4]
-    size = alpha.shape[-1]
     boxes = []
     for axis in (-2, -1):
         some = np.max(alpha, axis=axis) > 0
         first = np.argmax(some, axis=-1)
-        last = size - 1 - np.argmax(some[..., ::-1], axis=-1)
+        last = some.shape[-1] - 1 - np.argmax(some[..., ::-1], axis=-1)
         boxes += [first, np.where(np.max(some, axis=-1), last, first)]
     rows = np.sum(alpha > 127, axis=-1)  # the silhouette: more than half opaque
     mass = np.maximum(np.sum(rows, axis=-1), 1)
     middle = np.where(
-        rows.any(axis=-1), rows @ np.arange(float(size)) / mass, foot[:, None]
+        rows.any(axis=-1), rows @ np.arange(float(rows.shape[-1])) / mass, foot[:, None]
     )
     return np.stack(boxes, axis=-1).astype(float), foot[:, None] - middle
 

@@ -4,6 +4,7 @@ from PIL import Image
 
 from jblast.errors import InputError
 from jblast.sensors.camera.files.views import read_views
+from jblast.waves.fireball import fireball_duration
 
 TOP = "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 5.0\n"
 SOUTH = '[[view]]\nframes = "south"\nazimuth_deg = 180.0\n'
@@ -37,18 +38,22 @@ def test_an_index_says_where_each_view_was_taken_from(folder):
     np.testing.assert_allclose(
         views.direction, [[0, -1, 0], [0, 0, 1], [0.75**0.5, 0, 0.5]], atol=1e-15
     )
-    np.testing.assert_array_equal(views.metres_per_pixel, [0.05, 0.1, 0.05])
+    # pixels of 1 m/kg^(1/3)
+    scale = 5.0 ** (1 / 3) / np.array([0.05, 0.1, 0.05])
+    np.testing.assert_allclose(views.radius, np.tile(scale[:, None], 4))
     np.testing.assert_array_equal(views.anchor, [[2.5, 1.5], [1, 3], [2.5, 1.5]])
     np.testing.assert_array_equal(
-        views.frames[:, :, 0, 0, 0], [[0, 10, 20], [0, 20, 10], [0, 10, 20]]
+        views.frames[:, :, 0, 0, 1],
+        # linear light of 8 bits as sRGB, and a blank frame
+        [[0, 56, 79, 0], [0, 79, 56, 0], [0, 56, 79, 0]],
     )
-    assert views.frames.shape == (3, 3, 4, 6, 4)
+    assert views.frames.shape == (3, 4, 4, 6, 5)
     np.testing.assert_allclose(
         views.up, [[0, 0, 1], [0, 1, 0], [-0.5, 0, 0.75**0.5]], atol=1e-15
     )
-    assert float(views.frames_hz) == 30.0
-    assert float(views.charge_mass) == 5.0
-    assert not views.srgb
+    life = float(fireball_duration(5.0))
+    np.testing.assert_allclose(views.phase, np.arange(4) / 30.0 / life)
+    assert not views.hot
 
 
 def test_the_up_of_a_picture_may_be_said_or_follows_from_the_azimuth(folder):

@@ -27,7 +27,7 @@ def frames(unknown, **options):
 
 
 def weighted(unknown):
-    return jnp.sum(jnp.asarray(WEIGHTS) * frames(unknown, exposures=1))
+    return jnp.sum(jnp.asarray(WEIGHTS) * frames(unknown))
 
 
 def central_differences(function, at, step=3e-8):

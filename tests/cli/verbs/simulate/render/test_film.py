@@ -1,5 +1,6 @@
 """`jblast render`: frames, events and what is said of them."""
 
+import json
 import shutil
 
 import h5py
@@ -60,6 +61,29 @@ def test_times_of_events_owe_nothing_to_the_frame_rate(jblast):
     # each is rounded to a microsecond
     off = slow["t"][orders[0]] - fast["t"][orders[1]]
     assert np.abs(off).max() <= 1
+
+
+@pytest.mark.slow
+def test_events_of_a_world_are_those_of_its_film(jblast):
+    """The same pixels and signs; all but 1 % of the times within the bound of runs."""
+    scene = jblast.file("scene.toml", CHARGE.replace("2.0", "0.1") + CAMERA)
+    film = rendered(jblast, "--times", "0:0.3")
+    words = ("world", scene, "--seconds", "0.3", "--out", jblast.path("run"), "--json")
+    code, out, err = jblast(*words)
+    assert (code, err) == (0, "")
+    files = film["files"]["events"], jblast.path("run/camera/events.h5")
+    known, found = map(events_in, files)
+    last = 1e6 * film["duration_s"]  # a run ends an interval later
+    found = {name: v[found["t"] <= last] for name, v in found.items()}
+    assert len(known["t"]) > 500
+    orders = [np.lexsort((e["t"], e["p"], e["x"], e["y"])) for e in (known, found)]
+    for name in "xyp":
+        np.testing.assert_array_equal(known[name][orders[0]], found[name][orders[1]])
+    times = [
+        1.0 * e["t"][order] for e, order in zip((known, found), orders, strict=True)
+    ]
+    off = np.abs(times[0] - times[1])
+    assert np.quantile(off, 0.99) < 1e6 * json.loads(out)["camera"]["stamp_error_s"]
 
 
 @pytest.mark.slow

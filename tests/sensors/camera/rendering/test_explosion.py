@@ -1,0 +1,289 @@
+"""Pictures of an explosion as cameras see them: size, light, place, time and side."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jblast.scene import Air, Camera, Charge, Scene, look_at
+from jblast.sensors.camera.explosion import low_passed
+from jblast.sensors.camera.files.images import write_png
+from jblast.sensors.camera.files.views import explosion_views, read_views
+from jblast.sensors.camera.fireball import cloud
+from jblast.sensors.camera.geometry import project
+from jblast.sensors.camera.image import blackbody_light
+from jblast.sensors.camera.rendering import in_view, render
+from jblast.waves.fireball import fireball, fireball_duration
+from tests.sensors.camera.rendering.baked.noise_set import (
+    PHASES,
+    visible_radius,
+    write_noise_set,
+)
+
+WIDTH, HEIGHT, FOCAL = 160, 120, 200.0
+
+
+@pytest.fixture(scope="module")
+def puffs(tmp_path_factory):
+    """A set of puffs of noise."""
+    folder = write_noise_set(tmp_path_factory.mktemp("set"), lossless=True)
+    return explosion_views(folder)
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory):
+    """Two frames of a square, a fifth and wholly opaque, from the south, of 15 kg."""
+    folder = tmp_path_factory.mktemp("photographs")
+    for number, share in enumerate((0.2, 1.0)):
+        image = np.full((41, 41, 4), [0.5, 0.25, 0.0, share])
+        write_png(folder / f"{number}.png", image)
+    (folder / "views.toml").write_text(
+        "frames_hz = 10.0\nmetres_per_pixel = 0.1\ncharge_mass_kg = 15.0\n"
+        '[[view]]\nframes = ["0.png", "1.png"]\nazimuth_deg = 180.0\n'
+    )
+    return read_views(folder)
+
+
+def camera(place=(0.0, -40.0, 2.0), aim=(0.0, 0.0, 3.0), focal=FOCAL, **changed):
+    place = np.asarray(place, float)
+    entries = {
+        "position": place,
+        "quaternion": look_at(place, np.asarray(aim, float)),
+        "focal": np.array([focal, focal]),
+        "center": np.array([(WIDTH - 1) / 2, (HEIGHT - 1) / 2]),
+        "width": WIDTH,
+        "height": HEIGHT,
+    }
+    return Camera(**entries | changed)
+
+
+def scene_of(mass=15.0, place=(0.0, 0.0, 0.5), **changed):
+    return Scene(Charge(mass_kg=mass, position_m=place, **changed), air=Air())
+
+
+@eqx.filter_jit
+def _layer(views, scene, eye, time, depth):
+    return render(scene, eye, time[None], views=views, alpha=True, depth=depth)[0]
+
+
+def layer(views, scene, eye, time, depth=np.inf):
+    """Return red, green, blue and straight alpha; one program serves all times."""
+    depth = jnp.broadcast_to(jnp.asarray(depth, float), (HEIGHT, WIDTH))
+    return np.asarray(_layer(views, scene, eye, jnp.asarray(time, float), depth))
+
+
+@pytest.mark.parametrize("mass", [0.1, 1000.0])
+def test_the_visible_radius_is_that_of_the_law_between_frames_too(puffs, mass):
+    """Within 5 %: the silhouette is of pixels, and of two mixed pictures."""
+    life = float(fireball_duration(mass))
+    phases, off = np.asarray(PHASES), []
+    for phase in (*phases[1:5], *np.sqrt(phases[:5] * phases[1:6])):
+        radius = float(fireball(mass, phase * life).radius)
+        far = 20.0 * radius
+        eye = camera((0.6 * far, -0.8 * far, 0.1 * far), (0, 0, 0.0), focal=600.0)
+        alpha = layer(puffs, scene_of(mass), eye, phase * life)[..., 3]
+        distance = np.linalg.norm(np.asarray(eye.position))
+        seen = visible_radius(alpha) * distance / 600.0 * np.cos(np.arcsin(0.05))
+        off.append(seen / radius - 1.0)
+    assert np.abs(off).max() < 0.05
+
+
+@pytest.mark.parametrize("heat", [255, 127])
+def test_texels_shine_as_the_law_has_it(puffs, heat):
+    """A texel of full heat and opacity has the light of the law's temperature."""
+    time, white, scene = 0.02, 3e4, scene_of()
+    texels = jnp.zeros_like(puffs.frames).at[..., 20:50, 20:50, 0].set(heat)
+    texels = texels.at[..., 20:50, 20:50, 4].set(255)
+    hot = eqx.tree_at(lambda v: v.frames, puffs, texels)
+    seen = layer(hot, scene, camera(), time)
+    ball = cloud(scene.charges[0], jnp.asarray(time), scene.air)
+    warm = ball.air + heat / 255 * (ball.temperature - ball.air)
+    expected = np.asarray(blackbody_light(warm)) / white
+    np.testing.assert_allclose(seen[..., :3].max((0, 1)), expected, rtol=1e-6)
+
+
+def test_before_the_burst_there_is_nothing_and_in_the_end_it_fades(puffs):
+    scene, eye = scene_of(time_s=1.0), camera()
+    assert layer(puffs, scene, eye, 0.999).max() == 0.0
+    last = PHASES[-1] * float(fireball_duration(15.0))
+    assert float(puffs.duration(scene.charges[0])) == pytest.approx(last)
+    whole, half, gone = (
+        layer(puffs, scene, eye, 1.0 + part * last)[..., 3].max()
+        for part in (1.0, 1.25, 1.5)
+    )
+    assert half == pytest.approx(0.5 * whole, rel=0.01)
+    assert gone < 1e-12
+    assert layer(puffs, scene_of(time_s=jnp.inf), eye, 1.0).max() == 0.0
+
+
+def test_a_small_picture_keeps_its_light_wherever_pixels_fall(puffs):
+    """Of a radius of two pixels; what the low pass spreads past its edge is lost."""
+    sums = []
+    for shift in np.linspace(0.0, 1.0, 7):
+        eye = camera(place=(0.0, -450.0, 2.0), focal=FOCAL)
+        eye = replace(eye, center=eye.center + shift * jnp.array([1.0, 0.7]))
+        sums.append(layer(puffs, scene_of(), eye, 0.1)[..., 3].sum())
+    assert np.ptp(sums) / np.mean(sums) < 0.1
+    near = layer(puffs, scene_of(), camera(focal=400.0), 0.1)[..., 3].sum()
+    ratio = (450.0 / 40.0 * 400.0 / FOCAL) ** 2
+    assert np.mean(sums) * ratio == pytest.approx(near, rel=0.05)
+
+
+def test_the_foot_stays_and_the_middle_goes_with_the_wind(puffs):
+    windy, time = replace(scene_of(), air=Air(wind_east=jnp.asarray(10.0))), 0.6
+    still, blown = (
+        layer(puffs, scene, camera(), time)[..., 3] for scene in (scene_of(), windy)
+    )
+    drift = cloud(windy.charges[0], jnp.asarray(time), windy.air).centre[0]
+
+    def middle(alpha):
+        return (alpha.sum(0) @ np.arange(WIDTH)) / alpha.sum()
+
+    moved = (middle(blown) - middle(still)) * 40.0 / FOCAL
+    assert moved == pytest.approx(float(drift), rel=0.15)
+    foot = np.flatnonzero(still.sum(1) > 1.0)[-1]
+    assert middle(blown[[foot]]) == pytest.approx(middle(still[[foot]]), abs=1.0)
+
+
+def test_in_view_is_where_pictures_are(puffs):
+    scene = scene_of()
+    far = camera(place=(0.0, -5000.0, 2.0), aim=(0.0, 0.0, 2.0))
+    aside = [camera(aim=aim) for aim in ((0.0, -80.0, 2.0), (40.0, 0.0, 2.0))]
+    assert [bool(in_view(scene, eye, puffs)) for eye in (camera(), far, *aside)] == [
+        *(True, True),  # also smaller than a pixel
+        *(False, False),
+    ]
+
+
+UNKNOWN = jnp.array([15.0, 0.3, 0.4, 0.5, 0.7, -40.0, 6.0, 0.013])
+"""Mass [kg], charge [m], camera [m], time [s]."""
+
+
+@pytest.mark.slow
+def test_gradients_are_those_of_differences(puffs):
+    weights = jnp.asarray(np.random.default_rng(0).random((1, HEIGHT, WIDTH, 3)))
+    still = camera(focal=400.0)
+
+    @jax.jit
+    def light(z):
+        scene = scene_of(z[0], (z[1], z[2], z[3]))
+        eye = eqx.tree_at(lambda c: c.position, still, z[4:7])
+        return jnp.sum(weights * render(scene, eye, z[7:], views=puffs))
+
+    gradient = np.asarray(jax.jit(jax.grad(light))(UNKNOWN))
+    steps = 1e-7 * np.maximum(1.0, np.abs(UNKNOWN))
+    steps[7] = 1e-9
+    for k, step in enumerate(steps):
+        move = jnp.zeros(8).at[k].set(step)
+        slope = float((light(UNKNOWN + move) - light(UNKNOWN - move)) / (2 * step))
+        assert gradient[k] == pytest.approx(slope, rel=1e-4), k
+
+
+@pytest.mark.parametrize("pitch", [0.3, 1.0, 1.5, 2.0, 3.3, 8.0])
+def test_a_point_is_spread_to_the_variance_of_a_tent(pitch):
+    point = jnp.zeros((65, 65, 1)).at[32, 32, 0].set(1.0)
+    spread = np.asarray(low_passed(point, jnp.asarray(pitch)))[..., 0]
+    assert spread.sum() == pytest.approx(1.0)
+    x, expected = np.arange(65) - 32.0, max(pitch**2 - 1.0, 0.0) / 6.0
+    for axis in (0, 1):
+        along = spread.sum(axis)
+        assert along @ x == pytest.approx(0.0, abs=1e-5)
+        assert along @ x**2 == pytest.approx(expected, abs=1e-4)
+
+
+def extent(alpha):
+    """Return rows and columns of the visible part."""
+    rows, columns = (np.flatnonzero(alpha.max(axis) > 0.5) for axis in (1, 0))
+    return (rows[0], rows[-1]), (columns[0], columns[-1])
+
+
+def test_a_photograph_has_its_own_size_light_and_place(photographs):
+    eye, scene = camera(), scene_of(place=(3.0, 0.0, 4.0))
+    seen = layer(photographs, scene, eye, 0.1)
+    pixel = np.asarray(project(eye, np.array([3.0, 0.0, 4.0])).pixel)
+    middle = seen[tuple(pixel[::-1].round().astype(int))]
+    # 8 bits of sRGB: at most a step and a half
+    np.testing.assert_allclose(middle, [0.5, 0.25, 0.0, 1.0], atol=5e-3)
+    half = 2.05 * FOCAL / 40.0
+    found = extent(seen[..., 3])
+    for at, (first, last) in zip(pixel[::-1], found, strict=True):
+        np.testing.assert_allclose([first, last], [at - half, at + half], atol=1.5)
+
+
+def test_a_photograph_is_scaled_by_the_mass_in_size_and_time(photographs):
+    """Twice as wide for eight times the mass, and slower by the law's 8^0.349."""
+
+    def alpha(mass, time):
+        return layer(photographs, scene_of(mass, (0.0, 0.0, 4.0)), camera(), time)[
+            ..., 3
+        ]
+
+    slow = 8**0.349
+    assert alpha(15.0, 0.05).max() == pytest.approx(0.6)
+    assert alpha(120.0, 0.05 * slow).max() == pytest.approx(0.6)
+    one, eight = (
+        np.ptp(extent(alpha(mass, time)), axis=1) + 1.0
+        for mass, time in ((15.0, 0.1), (120.0, 0.1 * slow))
+    )
+    np.testing.assert_allclose(eight, 2.0 * one, atol=2.0)
+
+
+def test_a_photograph_begins_at_the_burst_and_fades_after_its_last_frame(photographs):
+    scene = scene_of(time_s=5.0)
+    times = (4.999, 5.05, 5.1, 5.15, 5.2, 99.0)
+    found = [layer(photographs, scene, camera(), time)[..., 3].max() for time in times]
+    np.testing.assert_allclose(found, [0.0, 0.6, 1.0, 0.5, 0.0, 0.0], atol=1e-9)
+    assert float(photographs.duration(scene.charges[0])) == pytest.approx(0.2)
+
+
+def test_what_is_nearer_hides_it_as_a_whole_and_the_ground_does_not(photographs):
+    eye, scene = camera(), scene_of(place=(0.0, 0.0, 1.0))
+    whole = layer(photographs, scene, eye, 0.1)
+    bottom = extent(whole[..., 3])[0][1]
+    assert bottom > float(project(eye, np.zeros(3)).pixel[1]) + 2.0
+    depth = np.full((HEIGHT, WIDTH), 39.0)
+    assert layer(photographs, scene, eye, 0.1, depth).max() == 0.0
+    depth[:, : WIDTH // 2] = np.inf
+    seen = layer(photographs, scene, eye, 0.1, depth)
+    np.testing.assert_array_equal(seen[:, : WIDTH // 2], whole[:, : WIDTH // 2])
+    np.testing.assert_array_equal(seen[:, WIDTH // 2 :], 0.0)
+
+
+def test_it_lights_nothing(photographs):
+    scene, times = scene_of(place=(0.0, 0.0, 4.0)), np.array([0.1])
+    seen = np.asarray(render(scene, camera(), times, views=photographs))[0]
+    covered = layer(photographs, scene, camera(), 0.1)[..., 3] > 0.0
+    np.testing.assert_array_equal(seen[~covered], 0.18)
+
+
+@pytest.mark.parametrize("burst", [(0.0, -80.0, 2.0), (0.0, -40.0, 2.0)])
+def test_behind_and_at_the_camera_nothing_is_shown_and_all_is_finite(
+    photographs, burst
+):
+    def light(place):
+        scene = Scene(Charge(mass_kg=15.0, position_m=tuple(place)))
+        return jnp.sum(render(scene, camera(), jnp.array([0.1]), views=photographs))
+
+    value, slope = jax.jit(jax.value_and_grad(light))(jnp.asarray(burst))
+    assert float(value) == pytest.approx(0.18 * HEIGHT * WIDTH * 3, rel=1e-9)
+    np.testing.assert_array_equal(slope, 0.0)
+
+
+def test_the_nearest_view_is_shown_upright_from_all_around(puffs):
+    """Views of one colour each: that of the largest dot product is seen."""
+    shades = jnp.arange(len(puffs.direction)) * 20
+    texels = jnp.zeros_like(puffs.frames).at[..., 20:50, 20:50, 4].set(255)
+    texels = texels.at[..., 1].set(shades[:, None, None, None].astype(jnp.uint8))
+    marked = eqx.tree_at(lambda v: v.frames, puffs, texels)
+    for azimuth in np.radians([10.0, 100.0, 190.0, 280.0]):
+        for height in (3.0, 35.0):
+            place = (30.0 * np.sin(azimuth), 30.0 * np.cos(azimuth), height)
+            seen = layer(marked, scene_of(), camera(place, (0, 0, 3.0), 100.0), 0.3)
+            shown = seen[seen[..., 3] > 0.99][:, 0]
+            view = int(np.argmax(np.asarray(puffs.direction) @ np.asarray(place)))
+            grey = 20 * view / 255
+            light = grey / 12.92 if grey <= 0.04045 else ((grey + 0.055) / 1.055) ** 2.4
+            np.testing.assert_allclose(np.median(shown), light, atol=2e-3)
