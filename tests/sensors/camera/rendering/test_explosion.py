@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import ArrayLike
 
 from jblast.scene import Air, Camera, Charge, Scene, look_at
 from jblast.sensors.camera.explosion import low_passed
@@ -69,7 +70,7 @@ def _layer(views, scene, eye, time, depth):
     return render(scene, eye, time[None], views=views, alpha=True, depth=depth)[0]
 
 
-def layer(views, scene, eye, time, depth=np.inf):
+def layer(views, scene, eye, time, depth: ArrayLike = np.inf):
     """Return red, green, blue and straight alpha; one program serves all times."""
     depth = jnp.broadcast_to(jnp.asarray(depth, float), (HEIGHT, WIDTH))
     return np.asarray(_layer(views, scene, eye, jnp.asarray(time, float), depth))
