@@ -23,7 +23,7 @@ from jblast.observations.records.formats import Scaling, open_record
 from jblast.results import AMONG
 from jblast.sensors.camera.files.event_files import Written, write_events
 from jblast.sensors.camera.files.images import write_values
-from jblast.sensors.camera.film import Film
+from jblast.sensors.camera.film import RUN_ERROR, Film
 from jblast.sensors.camera.film_writer import (
     clear_film,
     film_files,
@@ -108,7 +108,7 @@ class FilmMade:
         height: Height of a frame [px].
         written: Numbers of events.
         stamps: Computation of the events' times.
-        stamp_error_s: Bound of the times' error; if interpolated, of 99 % of them.
+        stamp_error_s: Bound of the error of 99 % of the times.
     """
 
     frames: int
@@ -417,7 +417,7 @@ class _FilmOfRun:
             height=self._camera.height,
             written=written,
             stamps="interpolated",
-            stamp_error_s=1.0 / self._hz,
+            stamp_error_s=RUN_ERROR,
         )
 
 
