@@ -275,7 +275,7 @@ def picked(x: Array, rows: Int[np.ndarray, " some"]) -> Array:
     return x[opaque_constant(rows)]
 
 
-def joined(parts: Sequence[tuple[Int[np.ndarray, " _"], Array]], count: int) -> Array:
+def joined(parts: Sequence[tuple[Int[np.ndarray, " _"], Any]], count: int) -> Array:
     """Return the sums of parts over all rows, 0 for rows that no part has.
 
     Args:

@@ -107,12 +107,12 @@ def test_overpressure_is_that_of_the_wave():
     vehicle = VehicleSpec("iris", position=jnp.array([20.0, 0.0, 2.0]))
     charge = Charge(5.0, position_m=(0.0, 0.0, 0.0), time_s=1.0)
     never = Charge(5.0, position_m=(1.0, 0.0, 0.0), time_s=jnp.inf, name="n")
-    load = blast_load(Scene(charge, others=(never,), vehicle=vehicle))
+    load = blast_load(Scene(charges=(charge, never), vehicle=vehicle))
     place = vehicle.position
     arrival = load.arrival_time_s(place)[0]
     wave = load.wave_of(load.blasts[0], place)
-    trough = arrival + wave.duration_s + wave.suction_s / 3
-    moments = jnp.stack([arrival - 1e-6, arrival + 1e-9, trough])
+    lowest = arrival + wave.duration_s + wave.suction_s / 3
+    moments = jnp.stack([arrival - 1e-6, arrival + 1e-9, lowest])
     expected = np.array([0.0, float(wave.peak), -float(wave.suction)]) * 101_325
     over = jax.vmap(lambda time: blast_overpressure(load, time, place))(moments)
     np.testing.assert_allclose(over, expected, rtol=1e-5)
