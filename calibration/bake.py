@@ -68,6 +68,7 @@ from scipy.ndimage import gaussian_filter
 
 from jblast.files import replacing, write_text
 from jblast.sensors.camera.files.images import srgb_bytes
+from jblast.sensors.camera.files.views import sheet_frames
 from jblast.sensors.camera.image import LUMINANCE, srgb_to_linear
 
 LAYERS = ("glow", "shade")
@@ -363,7 +364,7 @@ def write_index(
         zip(*azimuth_elevation(direction), strict=True)
     ):
         file = f"{number:02d}.webp"
-        frames = frames_of_sheet(read_sheet(out / file), recipe.size, recipe.frames)
+        frames = frames_of(out / file, recipe.size, recipe.frames)
         radii = ", ".join(f"{visible_radius(frame.alpha):.2f}" for frame in frames)
         # from the centre of the first pixel
         across, down = recipe.size / 2, anchor_share(elevation) * recipe.size
@@ -444,30 +445,18 @@ def sheet(frames: list[Layers], columns: int) -> UInt8[np.ndarray, "height width
     return whole
 
 
-def read_sheet(path: Path) -> UInt8[np.ndarray, "height width 4"]:
-    """Return a view's sheet."""
-    with Image.open(path, formats=["WEBP"]) as picture:
-        return np.asarray(picture.convert("RGBA"))
-
-
-def frames_of_sheet(
-    picture: UInt8[np.ndarray, "height width 4"], size: int, number: int
-) -> list[Layers]:
-    """Return the frames of a sheet; the inverse of `sheet`, except for rounding.
+def frames_of(path: Path, size: int, number: int) -> list[Layers]:
+    """Return the frames of a sheet, as they are shown.
 
     Args:
-        picture: Both halves.
-        size: Side of a tile [px].
+        path: The sheet.
+        size: Side of a frame [px].
         number: Number of frames.
     """
-    columns, rows = picture.shape[1] // size, picture.shape[0] // (2 * size)
-    found = []
-    for index in range(number):
-        top, left = (size * k for k in divmod(index, columns))
-        heat = picture[top : top + size, left : left + size, 0] / 255.0
-        lower = picture[rows * size + top :, left : left + size][:size] / 255.0
-        found.append(Layers(heat, srgb_to_linear(lower[..., :3]), lower[..., 3]))
-    return found
+    texels = sheet_frames(path, size, number) / 255.0
+    heat, colour, alpha = texels[..., 0], texels[..., 1:4], texels[..., 4]
+    frames = zip(heat, srgb_to_linear(colour), alpha, strict=True)
+    return [Layers(*frame) for frame in frames]
 
 
 def columns_for(number: int) -> int:
@@ -564,16 +553,13 @@ def fibonacci_lattice(number: int, offset: float = 0.5) -> Directions:
 
 def offset_lattice(number: int) -> Directions:
     """Return the Fibonacci lattice whose offset from the pole packs best."""
-    if number < 2:
-        return fibonacci_lattice(number)
     offsets = np.arange(0.0, 4.0001, 0.01)
     return max((fibonacci_lattice(number, x) for x in offsets), key=packing_distance)
 
 
 def packing_distance(direction: Directions) -> float:
-    """Return the smallest angle between two of several directions [rad]."""
-    cosines = direction @ direction.T
-    np.fill_diagonal(cosines, -np.inf)
+    """Return the smallest angle between two of several directions, at most 90 deg."""
+    cosines = np.triu(direction @ direction.T, 1)
     return math.acos(min(1.0, float(cosines.max())))
 
 

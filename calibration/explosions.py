@@ -28,7 +28,7 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.optimize import least_squares
 
 from calibration import run_part
-from calibration.bake import Layers, frames_of_sheet, read_sheet
+from calibration.bake import Layers, frames_of
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_TEMPERATURE
 from jblast.report.view import aligned
@@ -282,7 +282,7 @@ def views() -> None:
     size, phases = index["size_px"], index["phases"]
     views = sorted(index["view"], key=lambda view: view["elevation_deg"])
     files = [SET / view["file"] for view in views]
-    whole = [frames_of_sheet(read_sheet(file), size, len(phases)) for file in files]
+    whole = [frames_of(file, size, len(phases)) for file in files]
     radii = np.array([view["radius_px"] for view in views]) / size
     total = sum(file.stat().st_size for file in files) / 1e6
     print(

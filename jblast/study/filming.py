@@ -289,7 +289,7 @@ def _direction(vector: np.ndarray) -> str:
 def views_named(word: str, scene: "Scene", camera: "Camera") -> "ExplosionViews":
     """Return the images of an option.
 
-    For a fixed camera only those views of an explosion set are read that it needs.
+    For a fixed camera only those views are read that it needs.
 
     Args:
         word: "explosion" for the set that is part of jblast, also if a folder has this
@@ -298,45 +298,16 @@ def views_named(word: str, scene: "Scene", camera: "Camera") -> "ExplosionViews"
         camera: Camera.
 
     Raises:
-        InputError: The images cannot be read, or all of them show the burst from below
-            and the camera is above it; the message names the file.
+        InputError: The images cannot be read; the message names the file.
     """
-    from jblast.sensors.camera.files.views import (
-        explosion_views,
-        is_explosion_set,
-        read_views,
-    )
+    from jblast.sensors.camera.files.views import explosion_views
 
-    shipped = word == SHIPPED_SET
-    if not shipped and not is_explosion_set(word):
-        return _from_a_side_of_the_camera(read_views(word), word, scene, camera)
-    folder = None if shipped else word
+    folder = None if word == SHIPPED_SET else word
     if camera.mount:
         return explosion_views(folder)  # a moving camera may need any view
     eye = np.asarray(camera.position, float)
     places = np.array([[float(x) for x in c.position_m] for c in scene.charges])
     return explosion_views(folder, towards=eye - places)
-
-
-def _from_a_side_of_the_camera(
-    views: "ExplosionViews", word: str, scene: "Scene", camera: "Camera"
-) -> "ExplosionViews":
-    """Return the images after a check that one shows the burst from the camera's side.
-
-    Raises:
-        InputError: The camera is above the burst, and all views are from below.
-    """
-    from jblast.sensors.camera.files.views import INDEX
-
-    if camera.mount or (views.direction[:, 2] >= 0.0).any():
-        return views
-    height = float(np.asarray(camera.position)[2])
-    if any(height > float(charge.position_m[2]) for charge in scene.charges):
-        raise InputError(
-            f"{Path(word) / INDEX}: elevation_deg: expected views from above the "
-            f"burst, where the camera is, got {len(views.direction)} from below alone"
-        )
-    return views
 
 
 def folder_named(word: str | None) -> str | None:

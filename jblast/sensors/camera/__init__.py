@@ -12,10 +12,7 @@ from jblast.sensors.camera.files.recordings import (
     ImageSequence as ImageSequence,
     open_recording as open_recording,
 )
-from jblast.sensors.camera.files.views import (
-    explosion_views as explosion_views,
-    read_views as read_views,
-)
+from jblast.sensors.camera.files.views import explosion_views as explosion_views
 from jblast.sensors.camera.fireball import Appearance as Appearance
 from jblast.sensors.camera.geometry import (
     CameraPath as CameraPath,

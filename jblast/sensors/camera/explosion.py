@@ -122,8 +122,7 @@ class ExplosionViews(eqx.Module):
     Attributes:
         frames: Heat; red, green, blue of soot and dust (sRGB); opacity; 8 bits each.
         direction: Unit vector from the blast to each viewer: east, north, up.
-        up: Unit vector that is up in each view's pictures, across its direction:
-            `upright(direction)` for a level camera.
+        up: Unit vector that is up in each view's pictures, across its direction.
         radius: Visible radius in each picture [px]; without heat, the length of
             1 m/kg^(1/3) in it.
         spread: Covariance of the silhouette's columns with its rows, and variance of
@@ -533,21 +532,6 @@ def billboard_axes(
     right = jnp.where(turned, right, jnp.cross(forward, up))
     right = right / jnp.sqrt(jnp.where(turned, square, 1.0))
     return jnp.stack([right, jnp.cross(forward, right), forward])
-
-
-def upright(direction: np.ndarray) -> np.ndarray:
-    """Return the unit vector that is up in the picture of a level camera.
-
-    From straight above or below that is north, as on a map.
-
-    Args:
-        direction: Unit vector from the blast to the viewer: east, north, up.
-    """
-    up = np.array([0.0, 0.0, 1.0])
-    across = up - direction[2] * direction
-    # below 1e-9 only rounding errors are left of the vertical
-    length = float(np.linalg.norm(across))
-    return across / length if length > 1e-9 else np.array([0.0, 1.0, 0.0])
 
 
 def low_passed(

@@ -12,7 +12,7 @@ from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera import film as film_module, project
 from jblast.sensors.camera.files.backgrounds import background_frames
 from jblast.sensors.camera.files.images import write_png
-from jblast.sensors.camera.files.views import read_views
+from jblast.sensors.camera.files.views import explosion_views
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.image import luminance
@@ -112,7 +112,7 @@ def test_the_clip_of_the_thesis_is_as_large_as_its_scale_has_it(tmp_path):
         f"[[view]]\nframes = '{Path(REFERENCE or '') / 'blast_clip'}'\n"
         "azimuth_deg = 180.0\n"
     )
-    clip = read_views(tmp_path)
+    clip = explosion_views(tmp_path)
     assert clip.frames.shape == (1, 62, 320, 320, 5)
     eye = camera(
         position=(0.0, -40.0, 3.0),

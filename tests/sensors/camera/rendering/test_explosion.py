@@ -12,7 +12,7 @@ from jaxtyping import ArrayLike
 from jblast.scene import Air, Camera, Charge, Scene, look_at
 from jblast.sensors.camera.explosion import low_passed
 from jblast.sensors.camera.files.images import write_png
-from jblast.sensors.camera.files.views import explosion_views, read_views
+from jblast.sensors.camera.files.views import explosion_views
 from jblast.sensors.camera.fireball import cloud
 from jblast.sensors.camera.geometry import project
 from jblast.sensors.camera.image import blackbody_light
@@ -43,9 +43,9 @@ def photographs(tmp_path_factory):
         write_png(folder / f"{number}.png", image)
     (folder / "views.toml").write_text(
         "frames_hz = 10.0\nmetres_per_pixel = 0.1\ncharge_mass_kg = 15.0\n"
-        '[[view]]\nframes = ["0.png", "1.png"]\nazimuth_deg = 180.0\n'
+        '[[view]]\nframes = "."\nazimuth_deg = 180.0\n'
     )
-    return read_views(folder)
+    return explosion_views(folder)
 
 
 def camera(place=(0.0, -40.0, 2.0), aim=(0.0, 0.0, 3.0), focal=FOCAL, **changed):

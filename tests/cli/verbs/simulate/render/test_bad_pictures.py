@@ -43,10 +43,13 @@ OWN = {
         lambda d: cut(d / "south/0001.png"),
         "set/south/0001.png: expected a",
     ),
-    "no index": (lambda d: (d / "views.toml").unlink(), "set: has no index"),
+    "no index": (
+        lambda d: (d / "views.toml").unlink(),
+        "set: expected a directory of views with views.toml, got no index",
+    ),
     "from below alone": (
         lambda d: (d / "views.toml").write_text(INDEX + "elevation_deg = -20\n"),
-        "set/views.toml: elevation_deg: expected views from above the burst",
+        "set/views.toml: elevation_deg: expected views from above the ground",
     ),
 }
 

@@ -155,7 +155,7 @@ def test_pictures_may_stand_for_the_fireball(jblast):
         picture[8:13, 8:13] = [0, 80 * (k + 1), 0, 255]
         Image.fromarray(picture).save(folder / f"{k}.png")
     words = ["--views", jblast.path("views"), "--mode", "rgb", "--force"]
-    assert "has no index; expected a directory of views with views.toml" in refused(
+    assert "expected a directory of views with views.toml, got no index" in refused(
         jblast, *words
     )
     jblast.file("views/views.toml", VIEWS)
