@@ -136,7 +136,7 @@ class Numbers:
     word: str = ""
     repeated: bool = False
 
-    def read(self, value: Any, where: str) -> Float[np.ndarray, " number"] | list[Any]:
+    def read(self, value: Any, where: str) -> Any:
         """Return the numbers, an array unless a word is accepted."""
         one = Number(self.bounds)
         if self.repeated and not isinstance(value, list):
