@@ -19,7 +19,6 @@ from jblast.errors import nearest, require, shown
 from jblast.parameters import NUMBER_SIZES, UNBOUNDED, Bounds, Parameter
 from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES
 from jblast.scene.uncertain import PRIORS, Belief, Free, Prior
-from jblast.types import Float
 from jblast.units import in_other_unit
 
 MIN_MEAN_SDS = 3.0
