@@ -246,7 +246,7 @@ def _mach(log_pressure: Any) -> Any:
 
 def _late_arrival(path: WavePath) -> Any:
     """Return the arrival of a front that is theirs to Z = 40, then a weak shock [s]."""
-    burst, z = path.one_burst(), path.slant_range
+    burst, z = (path.burst or "surface"), path.slant_range
     timed = kingery_bulmash_curves("arrival_time")[burst]
     form = arrival(
         lambda log_z: _tail(np.exp(log_z), burst, LATE) - LOG_STANDARD_PRESSURE,

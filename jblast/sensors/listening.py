@@ -300,7 +300,7 @@ def truth_of(
     tracks: Mapping[str, Track] | None = None,
     requested: Sequence[str] = QUANTITIES,
 ) -> tuple[Scene, Truth]:
-    """Return the true values of some of a scene's sensors, and the settled scene.
+    """Return the true values of some of a scene's sensors.
 
     Args:
         scene: Scene with its numbers drawn.
