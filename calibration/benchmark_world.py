@@ -42,7 +42,7 @@ from jblast.scene import (
     look_at,
 )
 from jblast.scene.random_blasts import ByCount
-from jblast.sensors import microphone
+from jblast.sensors import recording
 from jblast.sensors.camera import Pixel, event_stream
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import luminance
@@ -59,7 +59,6 @@ STORED_S = 0.02
 MARGIN_S = 0.01
 """Before and after a wave, in which it may still push: a front takes time to cross [s].
 """
-PATHS = microphone.WavePaths(absorption=False)
 """Where the law of the peak holds, as here, air absorbs nothing besides."""
 
 
@@ -113,7 +112,7 @@ def parts_of_one() -> dict[str, Callable[[], Any]]:
     def sound(charge: Charge) -> Any:
         own = Scene(charge)
         ear = ear_at(jnp.asarray(PLACE), RATE_HZ)
-        return microphone.record(own, ear, SECONDS, jax.random.key(0), wave_paths=PATHS)
+        return recording(own, ear, jax.random.key(0)).samples(SECONDS)
 
     film = Film(scene, camera, times)
 
@@ -236,7 +235,7 @@ def parts_of_many() -> dict[str, Callable[[], Any]]:
     def recorder(rate_hz: float) -> Callable[[], Any]:
         def one(scene: Scene, key: Any) -> Any:
             ear = ear_at(place, rate_hz)
-            return microphone.record(scene, ear, SECONDS, key, wave_paths=PATHS)
+            return recording(scene, ear, key).samples(SECONDS)
 
         record = jax.jit(jax.vmap(one))
         return lambda: record(scenes, keys)
@@ -327,8 +326,8 @@ def _pushed(
 
 
 def ear_at(place: Any, rate_hz: float) -> Sensor:
-    """Return a microphone."""
-    return Sensor("ear", place, "microphone", instrument=Instrument(rate=rate_hz))
+    """Return an ear that hears the wave in the air, which nothing absorbs at 30 m."""
+    return Sensor("ear", place, "pressure", instrument=Instrument(rate=rate_hz))
 
 
 def apart(fine: np.ndarray, coarse: np.ndarray) -> list[str]:

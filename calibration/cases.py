@@ -49,7 +49,7 @@ from jblast.signals.picks import RecordPick
 from jblast.signals.picks.pick_log import covariance_of, log_value
 from jblast.waves.fireball import fireball_duration
 from jblast.waves.paths import Path
-from jblast.waves.pulse import pulse_mean, pulse_of
+from jblast.waves.pulse import pulse_of
 
 POSITIONS = ((60, 0), (-70, 30), (0, 90), (20, -80), (120, 100))
 """East and north of each microphone [m]."""
@@ -446,7 +446,7 @@ def _wave(parameters: Sequence[float], rise: float, edges: Float[np.ndarray, " e
     arrival, peak, duration, impulse = parameters
     suction, negative_impulse = SUCTION * peak, SUCTION_IMPULSE * impulse
     pulse = pulse_of(arrival, peak, impulse, duration, rise, suction, negative_impulse)
-    return np.asarray(pulse_mean(pulse, edges[:-1], edges[1:]))
+    return np.asarray(pulse.mean(edges[:-1], edges[1:]))
 
 
 def _noise(rng: np.random.Generator, recorder: Recorder):

@@ -82,12 +82,7 @@ from jblast.vehicle import (
 from jblast.waves import kingery_bulmash_pressure
 from jblast.waves.choice import compared
 from jblast.waves.euler import decay_at, march
-from jblast.waves.waveform import (
-    friedlander_decay,
-    friedlander_pressure,
-    modified_friedlander_pressure,
-    negative_phase_pressure,
-)
+from jblast.waves.pulse import friedlander_decay, friedlander_pressure
 
 RESULTS = Path(__file__).parent / "results"
 KEPT = RESULTS / "charts.csv"
@@ -224,24 +219,29 @@ class Pulse(NamedTuple):
 
 def _own_tail(time, pulse: Pulse):
     decay = friedlander_decay(pulse.peak, pulse.impulse, pulse.duration)
-    return modified_friedlander_pressure(time, pulse.peak, pulse.duration, decay)
+    return friedlander_pressure(time, pulse.peak, pulse.duration, decay)
+
+
+def _printed(time, pulse: Pulse):
+    return friedlander_pressure(time, pulse.peak, pulse.duration, 1.0)
 
 
 def _cubic(time, pulse: Pulse):
     # the cubic 6.75 s (1 - s)^2 has an area of 9/16
     length = 16.0 / 9.0 * pulse.suction_impulse / pulse.suction
-    after = negative_phase_pressure(time, pulse.duration, pulse.suction, length)
+    s = jnp.clip((time - pulse.duration) / length, 0.0, 1.0)
+    after = -6.75 * pulse.suction * s * jnp.square(1.0 - s)
     return jnp.where(time < pulse.duration, _own_tail(time, pulse), after)
 
 
 FORMS: dict[str, dict[str, Callable]] = {
     "positive phase": {
         "triangle": lambda t, p: p.peak * jnp.maximum(1.0 - t / p.duration, 0.0),
-        "Friedlander, b = 1": lambda t, p: friedlander_pressure(t, p.peak, p.duration),
+        "Friedlander, b = 1": _printed,
         "Friedlander, b of impulse": _own_tail,
     },
     "both phases": {
-        "b = 1, own tail": lambda t, p: friedlander_pressure(t, p.peak, p.duration),
+        "b = 1, own tail": _printed,
         "b of impulse, own tail": _own_tail,
         "b of impulse, then nothing": lambda t, p: jnp.where(
             t < p.duration, _own_tail(t, p), 0.0

@@ -37,14 +37,13 @@ from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_shock_speed,
 )
 from jblast.waves.laws.kinney_graham import kinney_graham_duration
-from jblast.waves.scaling import scaled_distance
-from jblast.waves.waveform import (
-    blast_pressure,
+from jblast.waves.pulse import (
     blast_pulse,
     friedlander_decay,
     friedlander_impulse,
-    modified_friedlander_pressure,
+    friedlander_pressure,
 )
+from jblast.waves.scaling import scaled_distance
 
 DATA = Path(__file__).parent / "data" / "charge_200g_incident_2m.csv"
 
@@ -152,7 +151,7 @@ def noise() -> float:
 def end_slope() -> float:
     """Return how fast the fitted pressure falls where it ends [Pa/s]."""
     pulse = fitted()
-    fall = jax.grad(modified_friedlander_pressure)(
+    fall = jax.grad(friedlander_pressure)(
         pulse.duration, pulse.peak, pulse.duration, pulse.decay
     )
     return -float(fall)
@@ -330,12 +329,12 @@ def figure() -> Figure:
     plot = new_figure(7.0, 3.8)
     axes = plot.add_subplot()
     for burst, colour in (("free-air", BLUE), ("surface", VERMILLION)):
-        since = time + blast_pulse(distance(), tnt_mass(), burst=burst).arrival_time
-        told = blast_pressure(since, distance(), tnt_mass(), burst=burst)
+        pulse = blast_pulse(distance(), tnt_mass(), burst=burst)
+        told = pulse.pressure(time + pulse.arrival_time)
         label = f"Kingery and Bulmash, {burst}"
         axes.plot(1e3 * time, 1e-3 * np.asarray(told), color=colour, label=label)
     seen = time[time <= front.duration]
-    pulse = modified_friedlander_pressure(seen, front.peak, front.duration, front.decay)
+    pulse = friedlander_pressure(seen, front.peak, front.duration, front.decay)
     axes.plot(
         1e3 * seen,
         1e-3 * np.asarray(pulse),

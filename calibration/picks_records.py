@@ -14,7 +14,7 @@ import numpy as np
 from scipy.signal import bilinear, lfilter
 
 from jblast.scene import Charge, Scene
-from jblast.sensors import heard
+from jblast.sensors import waves
 from jblast.signals.picks import NAMES, pick
 
 SAMPLES = 4096
@@ -95,7 +95,7 @@ def _pulses(mass, z):
 
     def one(mass, z):
         place = jnp.stack([z * mass ** (1 / 3), jnp.zeros(()), jnp.zeros(())])
-        return heard(Scene(Charge(mass_kg=mass)), place)[0].pulse
+        return waves(Scene(Charge(mass_kg=mass)), place)[0].pulse
 
     made = jax.jit(jax.vmap(one))(jnp.asarray(mass), jnp.asarray(z))
     return jax.tree.map(np.asarray, made)

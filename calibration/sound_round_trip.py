@@ -40,7 +40,7 @@ from jblast.scene import (
     UncertainScene,
     draw_scene,
 )
-from jblast.sensors import microphone
+from jblast.sensors import recording, waves
 from jblast.sensors.simulated_readings import Noise
 from jblast.signals.arrival_log import log_of
 from jblast.signals.matched_filter import matched_kernel
@@ -89,8 +89,9 @@ class RoundTrip(NamedTuple):
 def ambient_pa() -> float:
     """Return the level of the noise, rms [Pa]."""
     quiet = Scene(Charge(time_s=np.inf), ambient=Ambient(level=1.0, slope=SLOPE))
-    sensor = Sensor("m", np.array(PLACES[0]), instrument=Instrument(RATE_HZ))
-    noise = microphone.record(quiet, sensor, 60.0, jax.random.key(SEED))
+    place, instrument = np.array(PLACES[0]), Instrument(RATE_HZ)
+    sensor = Sensor("m", place, "microphone", instrument=instrument)
+    noise = recording(quiet, sensor, jax.random.key(SEED)).samples(60.0)
     spectrum = noise_spectrum(np.asarray(noise), RATE_HZ)
     pulse = blast_template(MASS_KG, RANGE_M, RATE_HZ)
     return matched_kernel(pulse, RATE_HZ, spectrum).response / 10 ** (SNR_DB / 20)
@@ -117,7 +118,7 @@ def recorded(scene: Scene, key: Array) -> Float[Array, "sensor sample"]:
     keys = jax.random.split(key, len(scene.sensors))
     return jnp.stack(
         [
-            microphone.record(scene, sensor, SECONDS, one)
+            recording(scene, sensor, one).samples(SECONDS)
             for sensor, one in zip(scene.sensors, keys, strict=True)
         ]
     )
@@ -212,14 +213,8 @@ def rows_in(log: Observations, order: np.ndarray) -> Observations:
 
 def true_arrivals(scene: Scene) -> Float[np.ndarray, " sensor"]:
     """Return when the front comes to each microphone, by the law [s]."""
-    from jblast.sensors import arrivals
-
-    return np.array(
-        [
-            float(arrivals.heard(scene, s.position_m)[0].pulse.arrival_time)
-            for s in scene.sensors
-        ]
-    )
+    places = [sensor.position_m for sensor in scene.sensors]
+    return np.array([float(waves(scene, x)[0].pulse.arrival_time) for x in places])
 
 
 def table(scenes: int) -> list[str]:

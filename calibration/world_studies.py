@@ -34,7 +34,7 @@ from jblast.report.colours import COLOURS, MUTED
 from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.view import aligned
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
-from jblast.sensors import microphone
+from jblast.sensors import recording
 from jblast.signals import (
     blast_template,
     filtered,
@@ -151,13 +151,10 @@ def _heard(scenes: Scene) -> Bool[np.ndarray, " world"]:
     ear = Sensor(
         "ear",
         np.array([0.0, 0.0, UP_M]),
-        "microphone",
+        "pressure",
         instrument=Instrument(rate=RATE_HZ, noise=NOISE_PA),
     )
-    paths = microphone.WavePaths(ground=False)
-    record = jax.jit(
-        jax.vmap(lambda s, key: microphone.record(s, ear, 1.0, key, wave_paths=paths))
-    )
+    record = jax.jit(jax.vmap(lambda s, key: recording(s, ear, key).samples(1.0)))
     samples = np.asarray(record(scenes, jax.random.split(jax.random.key(SEED), WORLDS)))
     template = blast_template(TEMPLATE_KG, TEMPLATE_M, RATE_HZ)
     kernel = matched_kernel(template, RATE_HZ, white_noise(NOISE_PA, RATE_HZ))

@@ -168,7 +168,7 @@ CHOICE = (
             CALCULATION,
             "jblast.waves",
             "jax equinox jblast.inference optimistix scipy.interpolate scipy.special "
-            "jblast.sensors.anemometer jblast.sensors.arrivals jblast.sensors.camera "
+            "jblast.sensors.recorder jblast.sensors.waves_met jblast.sensors.camera "
             "jblast.observations.log_io",
         ),
         (CHOICE, "jblast.waves.choice", "jax equinox scipy jblast.inference"),

@@ -37,7 +37,6 @@ from jblast.scene.sensor import (
 )
 from jblast.scene.sensor_kinds import (
     SENSOR_KINDS as SENSOR_KINDS,
-    Recorder as Recorder,
     SensorKind as SensorKind,
 )
 from jblast.scene.uncertain import (

@@ -1,16 +1,16 @@
 """Registry of the kinds of sensors, one record each.
 
 A record has all properties of a kind: the keys of a scene
-file (read by `scene.reader`), the recorder of its samples and the columns of
+file (read by `scene.reader`), the sources of its samples and the columns of
 its file (`jblast listen`, `jblast world`), the waves that it perceives (`jblast
 world`), and whether it moves with a vehicle, is picked and is tuned. `register` adds a
-kind from any module. The recorder is named by its module (`jblast.lazy`), so that the
+kind from any module. The sources are named by their path (`jblast.lazy`), so that the
 reader of scene files imports no physics of sensors.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal
 
 from jblast.lazy import resolved
 from jblast.parameters import NOT_NEGATIVE, POSITIVE, Bounds
@@ -37,28 +37,6 @@ def instrument_keys(unit: str) -> tuple[SceneKey, ...]:
     )
 
 
-@runtime_checkable
-class Recorder(Protocol):
-    """Samples of a sensor over time, whole or in packets.
-
-    A module with both functions is a recorder; `sensors.sampled_by` makes one of a
-    function of scene, sensor and times. Both are pure, for jit, vmap and grad, with a
-    static duration. `record` takes (scene, sensor, duration_s, key, *, start_s, laws)
-    and returns samples, one row for each time; `stream` yields packets of them. That of
-    a mountable kind takes a `track` too.
-    """
-
-    @property
-    def record(self) -> Callable[..., Any]:
-        """Return all samples of a duration."""
-        ...
-
-    @property
-    def stream(self) -> Callable[..., Iterator[Any]]:
-        """Yield packets of samples."""
-        ...
-
-
 @dataclass(frozen=True, kw_only=True)
 class SensorKind:
     """Registry entry of one kind of sensor.
@@ -68,8 +46,9 @@ class SensorKind:
         words: Noun phrase for documentation.
         unit: Unit of its samples, in the spelling of keys and columns: "pa".
         columns: Columns of its file, one per component; () without samples.
-        recorder: Recorder of its samples, or the name of the recorder's module; None
-            without samples from the scene alone.
+        sources: Function of scene, sensor, position or track, laws and three random
+            keys that returns the summands of its signal (`sensors.recorder.Source`), or
+            its path; None without samples from the scene alone.
         magnitude: Column to print and draw, the magnitude of several components; ""
             for a single component.
         file: Suffix of its file: ".wav" in pascals, or ".csv".
@@ -86,7 +65,7 @@ class SensorKind:
     words: str
     unit: str = ""
     columns: tuple[str, ...] = ()
-    recorder: Recorder | str | None = None
+    sources: Callable[..., tuple[Any, ...]] | str | None = None
     magnitude: str = ""
     file: Literal[".csv", ".wav"] = ".csv"
     keys: tuple[SceneKey, ...] = ()
@@ -100,17 +79,17 @@ class SensorKind:
     @property
     def has_samples(self) -> bool:
         """True if it writes samples over time, computed from the scene alone."""
-        return self.recorder is not None
+        return self.sources is not None
 
     @property
     def column(self) -> str:
         """Column to print and draw."""
         return self.magnitude or self.columns[0]
 
-    def samples(self) -> Recorder:
-        """Import and return its recorder."""
-        # At the first use: recorders import the physics of waves.
-        return resolved(self.recorder)
+    def samples(self) -> Callable[..., tuple[Any, ...]]:
+        """Import and return the function of its sources."""
+        # At the first use: sources import the physics of waves.
+        return resolved(self.sources)
 
 
 def sampling_kinds() -> tuple[str, ...]:
@@ -155,7 +134,7 @@ SENSOR_KINDS = Registry[SensorKind](
         words="pressure gauge",
         unit="pa",
         columns=("overpressure_pa",),
-        recorder="jblast.sensors.pressure_gauge",
+        sources="jblast.sensors.sources:pressure",
         site="above",
         senses=(("air_arrival_s", "pressure"),),
         is_picked=True,
@@ -166,7 +145,7 @@ SENSOR_KINDS = Registry[SensorKind](
         words="microphone",
         unit="pa",
         columns=("overpressure_pa",),
-        recorder="jblast.sensors.microphone",
+        sources="jblast.sensors.sources:microphone",
         file=".wav",
         site="above",
         senses=(("ground_arrival_s", "ground sound"), ("air_arrival_s", "sound")),
@@ -179,7 +158,7 @@ SENSOR_KINDS = Registry[SensorKind](
         words="anemometer of three axes",
         unit="m_s",
         columns=("wind_east_m_s", "wind_north_m_s", "wind_up_m_s"),
-        recorder="jblast.sensors.anemometer",
+        sources="jblast.sensors.sources:anemometer",
         magnitude="wind_speed_m_s",
         site="above",
         senses=(("air_arrival_s", "wind"),),
@@ -189,7 +168,7 @@ SENSOR_KINDS = Registry[SensorKind](
         words="geophone",
         unit="m_s",
         columns=("ground_velocity_m_s",),
-        recorder="jblast.sensors.geophone",
+        sources="jblast.sensors.sources:geophone",
         site="in",
         unmounted="a geophone, which stands on the ground",
         senses=(("ground_arrival_s", "ground motion"),),

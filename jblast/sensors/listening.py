@@ -18,18 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float, Int, PRNGKeyArray
 
-from jblast.errors import InputError, argument, shown
+from jblast.errors import InputError, argument, require, shown
 from jblast.kept_programs import kept
 from jblast.observations.records.sound import read_sound
 from jblast.registry import names_for
 from jblast.scene import Ambient, Instrument, Scene, Sensor, UncertainScene, draw_scene
 from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
 from jblast.scene.uncertain import value_of
-from jblast.sensors.arrivals import Track, places_met
 from jblast.sensors.forward_model import Recording, record
 from jblast.sensors.law_choice import height_notes, law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
-from jblast.sensors.wave_paths import record_laws
+from jblast.sensors.recorder import recording
+from jblast.sensors.waves_met import Track, places_met, record_laws
 
 TAIL_S = 0.25
 """Minimum duration of a record after the last arrival [s]."""
@@ -138,11 +138,12 @@ def plan(
     scene = draw_scene(scene_key, uncertain)
     # sound has a direction of arrival at each sensor: a range alone does not define the
     # paths
-    if any(charge.range_m is not None for charge in scene.charges):
-        raise InputError(
-            f"{source}: [charge] range_m: expected position_m, which defines the path "
-            "to every sensor, got a range only"
-        )
+    require(
+        all(charge.range_m is None for charge in scene.charges),
+        f"{source}: [charge] range_m",
+        "position_m, which defines the path to every sensor",
+        "a range only",
+    )
     places = {sensor.name: sensor for sensor in scene.sensors}
     sensors = tuple(places[sensor.name] for sensor in sensors)
     # tracks of sensors that record nothing are ignored
@@ -164,9 +165,6 @@ def _sampling_sensors(
 ) -> tuple[list[Sensor], dict[str, str]]:
     """Return the sensors that record samples, and the reason why others do not."""
     sampling = sampling_kinds()
-    expected = f"[[sensor]] of kind {', '.join(sampling)}"
-    if not scene.sensors:
-        raise InputError(f"{source}: expected at least one {expected}; got no sensor")
     skipped = {
         sensor.name: f"kind {sensor.kind} writes no samples over time"
         if sensor.kind
@@ -174,47 +172,36 @@ def _sampling_sensors(
         for sensor in scene.sensors
         if sensor.kind not in sampling
     }
-    sampling_sensors = [
-        sensor for sensor in scene.sensors if sensor.name not in skipped
-    ]
-    if not sampling_sensors:
-        name, why = next(iter(skipped.items()))
-        raise InputError(
-            f"{source}: expected at least one {expected}; sensor {name!r}: {why}"
-        )
-    for sensor in sampling_sensors:
+    found = [sensor for sensor in scene.sensors if sensor.name not in skipped]
+    got = [f"sensor {name!r}: {why}" for name, why in skipped.items()] or ["no sensor"]
+    expected = f"at least one [[sensor]] of kind {', '.join(sampling)}"
+    require(found, source, expected, got[0])
+    for sensor in found:
         if sensor.name in tracks:
             continue
-        if sensor.mount:
-            raise InputError(
-                f"{source}: [[sensor]] {sensor.name!r} mount: expected a flight of the "
-                f"{sensor.mount} that carries it (jblast world); got none"
-            )
-        if not np.isfinite(sensor.position_m).all():
-            raise InputError(
-                f"{source}: [[sensor]] {sensor.name!r}: expected position_m = "
-                "[east, north, up], got none"
-            )
-    return sampling_sensors, skipped
+        where = f"{source}: [[sensor]] {sensor.name!r}"
+        expected = f"a flight of the {sensor.mount} that carries it (jblast world)"
+        require(not sensor.mount, f"{where} mount", expected, "none")
+        is_placed = np.isfinite(sensor.position_m).all()
+        require(is_placed, where, "position_m = [east, north, up]", "none")
+    return found, skipped
 
 
 def _check_rates(sensors: tuple[Sensor, ...], seconds: float, source: str) -> None:
     """Reject rates with fractions of a hertz and sizes beyond a sound file's limits."""
     for sensor in sensors:
         rate = instrument_of(sensor).rate
-        where = f"{source}: [[sensor]] {sensor.name!r}"
+        where = f"{source}: [[sensor]] {sensor.name!r} rate_hz"
         # a WAV header has an integer rate
-        is_sound = SENSOR_KINDS[sensor.kind].file == ".wav"
-        if is_sound and rate != round(rate):
-            raise InputError(
-                f"{where} rate_hz: expected a whole number, as sound files require, "
-                f"got {rate:g}"
-            )
-        if not 1 <= seconds * rate <= MOST_SAMPLES:
-            raise InputError(
-                f"{argument('seconds')}: expected 1 to {MOST_SAMPLES:,} samples at "
-                f"{rate:g} Hz for sensor {sensor.name!r}; got {seconds:g} s"
-            )
+        fits = SENSOR_KINDS[sensor.kind].file != ".wav" or rate == round(rate)
+        expected = "a whole number, as sound files require"
+        require(fits, where, expected, f"{rate:g}")
+        require(
+            1 <= seconds * rate <= MOST_SAMPLES,
+            argument("seconds"),
+            f"1 to {MOST_SAMPLES:,} samples at {rate:g} Hz for sensor {sensor.name!r}",
+            f"{seconds:g} s",
+        )
 
 
 def _until_gone_by(truth: Truth, source: str) -> float:
@@ -227,12 +214,13 @@ def _until_gone_by(truth: Truth, source: str) -> float:
     if last <= 0.0:  # no blast arrives, or all did before the clock began
         return WITHOUT_BLAST_S
     # usually a `time_s` on another clock than the sensors'
-    if last > LONGEST_S:
-        raise InputError(
-            f"{source}: the last blast has passed at {last:.6g} s on the clocks; "
-            f"expected {argument('seconds')}, or a charge's time_s that ends the "
-            f"record within {LONGEST_S:g} s"
-        )
+    require(
+        last <= LONGEST_S,
+        source,
+        f"{argument('seconds')}, or a charge's time_s that ends the record within "
+        f"{LONGEST_S:g} s",
+        f"a last blast that has passed at {last:.6g} s on the clocks",
+    )
     # rounded up to a tenth of a second, so that file lengths are plain
     return math.ceil(10.0 * last) / 10.0
 
@@ -251,36 +239,29 @@ def packets(
         InputError: A packet would hold no sample.
     """
     rate_hz, left = instrument_of(sensor).rate, samples_of(listening, sensor)
-    if packets_hz is not None and packets_hz > rate_hz:
-        raise InputError(
-            f"{argument('packets')}: expected at most {rate_hz:g} packets per second, "
-            f"the sampling rate of sensor {sensor.name!r}, got {packets_hz:g}"
-        )
-    recorder = SENSOR_KINDS[sensor.kind].samples()
+    require(
+        packets_hz is None or packets_hz <= rate_hz,
+        argument("packets"),
+        f"at most {rate_hz:g} packets per second, the sampling rate of sensor "
+        f"{sensor.name!r}",
+        f"{packets_hz}",
+    )
     # noise depends on the sensor's position in the scene, not on the order of recording
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
-    scene, laws = listening.scene, listening.truth.laws
-    carried = {}  # only kinds that can be mounted accept a track
-    if sensor.name in listening.tracks:
-        carried = {"track": listening.tracks[sensor.name]}
+    laws, track = listening.truth.laws, listening.tracks.get(sensor.name)
     try:
-        if packets_hz is None:
-            samples = recorder.record(
-                scene, sensor, listening.seconds, key, laws=laws, **carried
-            )
-            yield _by_component(samples)
-            return
-        stream = recorder.stream(
-            scene, sensor, key, packets_hz=packets_hz, laws=laws, **carried
-        )
+        made = recording(listening.scene, sensor, key, laws=laws, track=track)
     except InputError as error:
         # the message names the sensor already
         if shown(sensor.name) in str(error):
             raise
         raise InputError(f"sensor {sensor.name!r}: {error}") from None
-    for packet in stream:
-        samples = _by_component(packet.samples)[:left]
+    if packets_hz is None:
+        yield _by_component(made.samples(listening.seconds))
+        return
+    for packet in made.packets(packets_hz):
+        samples = _by_component(packet)[:left]
         yield samples
         # the last packet is cut at the end of the record
         left -= len(samples)
@@ -330,10 +311,10 @@ def truth_of(
     laws = law_names(resolve_laws(scene, layout)) | _laws_of_readings(scene)
     laws = {name: laws[name] for name in quantities}
     if tracks:
-        named = record_laws(scene, laws, ground=True)
+        named = record_laws(scene, laws)
         met = {name: places_met(scene, one, named) for name, one in tracks.items()}
         places = [
-            met[i.name].of(quantity)[shot] if i.name in met else i.position_m
+            met[i.name][_arrival_of(quantity)][shot] if i.name in met else i.position_m
             for quantity, shot, i in rows
         ]
         layout = replace(layout, position=jnp.stack([*map(jnp.asarray, places)]))
@@ -364,6 +345,13 @@ def truth_of(
         ),
         places=dict(zip(quantities, place, strict=True)),
     )
+
+
+def _arrival_of(quantity: str) -> str:
+    """Return the arrival of the wave that has a quantity."""
+    if quantity == "flash_time_s":
+        return quantity
+    return "ground_arrival_s" if quantity.startswith("ground_") else "air_arrival_s"
 
 
 @kept
@@ -410,8 +398,8 @@ def with_ambient(
     if ambient is None or not ambient.file:
         return uncertain, []
     sound = read_sound(ambient.file)
-    if (count := sound.samples.shape[1]) < 2:
-        raise InputError(f"{ambient.file}: expected two or more samples, got {count}")
+    count = sound.samples.shape[1]
+    require(count >= 2, str(ambient.file), "two or more samples", f"{count}")
     notes = [f"ambient sound: a loop of {ambient.file}, {count / sound.rate_hz:g} s"]
     notes += [f"ambient sound: {note}" for note in sound.notes]
     if len(sound.samples) > 1:

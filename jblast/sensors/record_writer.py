@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -19,7 +18,7 @@ from jblast.observations.records.sound import Bits, write_sound
 from jblast.progress import each
 from jblast.scene import Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
-from jblast.sensors.instrument import clipping
+from jblast.sensors.instrument import clipping_level
 from jblast.sensors.listening import Listening, instrument_of, packets
 
 TRUTH = "truth.csv"
@@ -78,7 +77,7 @@ class RecordWriter:
             f"{sensor.kind} {sensor.name!r} at ({at}) m {directions}",
         ]
         # rounding to 32 bits may leave a clipped sample 1e-7 below the limit
-        self._limit = float(clipping(jnp.zeros(1), instrument).level) * (1 - 1e-6)
+        self._limit = clipping_level(instrument) * (1 - 1e-6)
         self.largest, self.clipped_samples = 0.0, 0
         number = [other.name for other in listening.sensors].index(sensor.name)
         arrivals = (

@@ -22,8 +22,7 @@ from jblast.kept_programs import kept
 from jblast.signals.noise import checked_positive, checked_template
 from jblast.types import as_float_arrays
 from jblast.waves.laws.shock_kinematics import shock_kinematics_impulse
-from jblast.waves.pulse import Pulse, pulse_of, pulse_samples
-from jblast.waves.waveform import blast_pulse, weak_shock_rise_time
+from jblast.waves.pulse import Pulse, blast_pulse, pulse_of, weak_shock_rise_time
 
 LONGEST_S = 60.0
 """Longest duration of a template [s]: that of a nuclear blast; its samples and the
@@ -121,12 +120,12 @@ def _pulses(
         blast.duration,
         rise,
         blast.suction,
-        blast.suction_impulse,
+        9.0 / 16.0 * blast.suction * blast.suction_duration,
     )
 
 
 @kept
 def _sampled(pulses: Pulse, rate_hz: float, count: int) -> Float[Array, "pulse sample"]:
     """Return the mean of each pulse over each sample from its front on [Pa]."""
-    start = jnp.zeros((), pulses.peak.dtype)
-    return jax.vmap(lambda pulse: pulse_samples(pulse, start, rate_hz, count))(pulses)
+    edges = jnp.arange(count + 1, dtype=pulses.peak.dtype) / rate_hz
+    return jax.vmap(lambda pulse: pulse.mean(edges[:-1], edges[1:]))(pulses)

@@ -9,7 +9,12 @@ $$p = P \qquad \text{held for a time } t_h$$
 $$p = P\,(1-s)\,e^{-bs}, \quad s = (t-\tau-t_h)/(t_d-\tau-t_h) \qquad
   \text{Friedlander's decay}$$
 $$p = -\tfrac{27}{4}\,P^-\,s\,(1-s)^2, \quad s = (t - t_d)/t^- \qquad
-  \text{the suction of `waveform.py`}$$
+  \text{the suction}$$
+
+The decay is Friedlander's (1946) with the free $b$ of NAVFAC DM-2.08, eq. 13a; Parab's
+thesis prints it with $b = 1$, eq. 3.5. The suction is Granstrom's cubic (1956), read in
+DM-2.08, eq. 14a, where 27/4 is written 6.75. It is lowest at $s = 1/3$, with $-P^-$;
+its impulse is $-\tfrac{9}{16} P^- t^-$.
 
 Arrival, peak, duration and both impulses are exactly those given: the decay $b$ is
 solved from the impulse that the rise leaves, $k = (i - P\tau/2)/(P(t_d-\tau))$. Up to
@@ -25,20 +30,60 @@ the part of the sample that it covers, written as sums of terms of one sign, not
 differences of integrals from the arrival: as exact in single precision as their
 arguments are. A time of day is not: give times relative to a nearby one.
 
-`pulse_samples` gives the same means for consecutive samples at one rate, as fast as
-memory is written. Inside a piece of the pulse the mean about the middle $m$ of a sample
-of half width $h$ (over the length of the piece) is as short a formula as the pressure:
-with $x = bh$
+Impulse and decay depend on the integral
 
-$$\overline{(1-s)\,e^{-bs}} = e^{-bm} \left[(1-m)\,\frac{\sinh x}{x}
-  + h\,\frac{x \cosh x - \sinh x}{x^2}\right]$$
+$$k(b) = \int_0^1 (1-x)\,e^{-bx}\,dx = \frac{1}{b} - \frac{1-e^{-b}}{b^2}$$
 
-whose brackets are constants of the pulse, so a sample costs one exponential and a few
-products; both polynomials gain a term in $h^2$. Only samples that hold an end of a
-piece, five for a pulse, are computed by `pulse_mean` and inserted. Time is counted in
-samples from the one that contains the arrival, whole samples separately from the
-fraction of one. In single precision the front is then placed as in double, if the
-arrival itself is given as a number of samples that single precision resolves.
+which falls from $1/2$ at $b = 0$ as $1/b$, and grows as $e^{-b}/b^2$ for negative $b$.
+The closed form cancels near zero, its derivatives more so. For $|b| < 1$ it is replaced
+by a series in $b$, so that value and derivatives keep nearly all their digits. Below
+$b = -700$ ($-80$ in single precision) it overflows.
+
+Real fronts rise in a finite time: by the thickness of a weak shock, by the ground and
+the turbulence on the path, and in every gauge. The rise time of a weak shock is
+
+$$\tau = \frac{\tau_0}{1 + \tau_0/\tau_m}, \qquad
+  \tau_0 = \frac{0.0479\ \text{Pa s}}{P}, \qquad
+  \tau_m = \frac{i}{P}\left(1 - \frac{i}{P t_d}\right)$$
+
+Steepening and absorption balance at a thickness inverse to the pressure (Landau and
+Lifshitz 1987, Fluid Mechanics, art. 93). The constant is the rule of thumb of sonic
+booms, 1 ms at 1 psf = 47.9 Pa, where relaxation of nitrogen and oxygen sets it: from
+memory, declared, not measured. Turbulence and dry air make it several times as long
+(3 ms at 1 psf is used too). So it is 0.5 us at 1 bar, less than any sample; 8 us at
+6 kPa (Z = 20 on the surface), 0.05 ms at Z = 100 and 0.7 ms at 1000, for every charge.
+For small charges far away that would exceed the length of the pulse, which no longer
+steepens there. The harmonic bound $\tau_m$ is shorter than the time in which the peak
+would give the whole impulse, so a pulse with these values exists.
+
+`blast_pulse` gives the parameters of one blast at a position; records and the loads on
+vehicles (`vehicle.loads.blast`) both follow from it:
+
+- arrival and peak: `shock_kinematics`, whose peak is that of Kingery and Bulmash up to
+  Z = 20 and whose front has the speed that belongs to its peak;
+- duration and impulse: Kingery and Bulmash, past Z = 40 those of a weak shock; the
+  decay is solved from the impulse (`laws/shock_kinematics.py`);
+- peak and impulse of the negative phase: the table of UFC 3-340-02. Its duration is
+  that of the cubic with these two, $t^- = \tfrac{16}{9}\,i^-/P^-$, as in NAVFAC
+  DM-2.08: that of the table would give up to 1.85 times the tabulated impulse (Z = 0.5
+  to 2).
+
+A vehicle's wave has the same pulse and the same $P^-$, but a negative phase of another
+length: its impulse equals that of the positive phase, $t^- = \tfrac{16}{9}\,i^+/P^-$.
+The tabulated impulse is larger, by 5 to 16 % at Z = 5 to 36, a third at 2 and half at
+1. With it the wind, an integral of the pressure, would not return to zero.
+
+At the end of the positive phase the pressure is continuous, its slope is not. The
+pressure never falls below vacuum. The negative table is for free air. On the surface it
+is evaluated for the mass that has the same peak there: `ground_factor` times as much,
+1.4 near the charge to 2.0 far away. Past its last point, Z = 36.975 there (46.7 on the
+surface), suction and its impulse are constant fractions of peak and impulse: 0.49 and
+1.20 (0.53 and 1.12 in free air).
+
+Range of the whole record: Z = 0.178 (free air 0.147) to 1e4 m/kg^(1/3), without
+absorption; finite elsewhere. In single precision the time since arrival is the
+difference of two larger numbers: far away, where a millisecond is little of the travel
+time, use double precision.
 
 In the ground the pulse of a P wave has displacement and velocity
 
@@ -55,26 +100,46 @@ $$A = \frac{e^2}{4} D, \qquad
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax import lax
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Float
 
+from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_array, as_float_arrays
-from jblast.waves.waveform import decay_of_fraction, impulse_fraction
+from jblast.waves.arguments import checked
+from jblast.waves.laws.kingery_bulmash import ground_factor
+from jblast.waves.laws.negative_phase_ufc import (
+    LAST as LAST_SUCTION,
+    ufc_negative_impulse,
+    ufc_negative_pressure,
+)
+from jblast.waves.laws.shock_kinematics import (
+    shock_kinematics_arrival_time,
+    shock_kinematics_duration,
+    shock_kinematics_impulse,
+    shock_kinematics_pressure,
+)
+from jblast.waves.scaling import sachs_distance_factor
 
 LEVEL = math.e - 2.0
 """Impulse over peak times duration of a decay that starts level, $b = -1$ [-]."""
-# Half of the range of int32, so that a sum of two such indices cannot overflow.
-MAX_INDEX = 1 << 30
-"""Largest distance of an arrival from the first sample; larger ones are clipped."""
+# 1 ms at 1 psf, the rule of thumb of sonic booms, from memory: good to a factor of 3.
+RISE_TIME_TIMES_PEAK = 1e-3 * 47.88
+"""Rise time times peak of a weak shock in air [Pa s]."""
+# The first omitted term is below 1/(20 x 18!) = 8e-18, the rounding of float64.
+SERIES = tuple((-1.0) ** n / math.factorial(n + 2) for n in range(18))
+"""Coefficients of the series of $k(b)$, used for |b| < 1."""
+# Four reach rounding for k from 1e-6 to 1e12; one is a margin.
+NEWTON_STEPS = 5
+"""Newton steps for the decay."""
 AMPLITUDE_OVER_PEAK = math.exp(2.0) / 4.0
 r"""Amplitude $A$ over peak displacement, which is at $u = 2$ [-]."""
 PEAK_VELOCITY_FACTOR = (2.0 * math.sqrt(2.0) - 2.0) * math.exp(math.sqrt(2.0) - 2.0)
 r"""Peak velocity over $A/\tau$ [-]."""
+UNDERFLOW = 760.0
+"""Time constants after which a ground pulse is exactly zero in double precision."""
 
 
 class Pulse(NamedTuple):
@@ -104,6 +169,142 @@ class Pulse(NamedTuple):
     def decay_duration(self) -> Float[Array, "..."]:
         """Duration from the end of the hold to the end of the overpressure [s]."""
         return self.duration - self.rise_time - self.hold_time
+
+    @property
+    def lasts(self) -> Float[Array, "..."]:
+        """Duration of the whole wave [s]."""
+        return self.duration + self.suction_duration
+
+    def stretched(self, pace: Float[Array, "..."]) -> "Pulse":
+        """Return the pulse that passes `pace` times as fast."""
+        return self._replace(
+            rise_time=self.rise_time / pace,
+            hold_time=self.hold_time / pace,
+            duration=self.duration / pace,
+            suction_duration=self.suction_duration / pace,
+        )
+
+    @jax.jit
+    def pressure(self, time: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+        """Return the overpressure at times on the clock of the arrival [Pa]."""
+        since = as_float_array(time) - self.arrival_time
+        peaked = self.rise_time + self.hold_time
+        x = jnp.clip(since / _not_zero(self.rise_time), 0.0, 1.0)
+        s = jnp.clip((since - peaked) / self.decay_duration, 0.0, 1.0)
+        q = 1.0 - jnp.clip((since - self.duration) / self.suction_duration, 0.0, 1.0)
+        rise = x * x * (3.0 - 2.0 * x)
+        decay = (1.0 - s) * jnp.exp(-self.decay * s)
+        shape = jnp.where(since < self.rise_time, rise, decay)
+        suction = 6.75 * self.suction * (1.0 - q) * q * q
+        return jnp.where(since < 0, 0.0, self.peak * shape - suction)
+
+    @jax.jit
+    def mean(
+        self, start: Float[ArrayLike, "..."], stop: Float[ArrayLike, "..."]
+    ) -> Float[Array, "..."]:
+        """Return the mean overpressure from start to stop [Pa].
+
+        Args:
+            start: Start of the sample, on the clock of the arrival [s].
+            stop: End of the sample [s].
+        """
+        start, stop = as_float_arrays(start, stop)
+        span = stop - start
+        start, stop = start - self.arrival_time, stop - self.arrival_time
+        peaked = self.rise_time + self.hold_time
+
+        def part(first, last, length):
+            """Return the sample's share, and middle and half width over the length."""
+            width = span - jnp.maximum(first - start, 0) - jnp.maximum(stop - last, 0)
+            width = jnp.maximum(width, 0)
+            middle = 0.5 * (jnp.maximum(start, first) + jnp.minimum(stop, last))
+            inside = jnp.clip(middle, first, last) - first
+            return width / span, inside / length, 0.5 * width / length
+
+        none = jnp.zeros_like(peaked)
+        share, m, h = part(none, self.rise_time, _not_zero(self.rise_time))
+        total = share * (m * m * (3.0 - 2.0 * m) + h * h * (1.0 - 2.0 * m))
+        total = total + part(self.rise_time, peaked, 1.0)[0]
+        share, m, h = part(peaked, self.duration, self.decay_duration)
+        b, width = self.decay, 2.0 * h
+        k = impulse_fraction(b * width)
+        # e^{-b s0} [(1 - s1) (1 - e^{-y})/y + (s1 - s0) k(y)] with y = b (s1 - s0)
+        shape = jnp.maximum(1.0 - m - h, 0) * (1.0 - b * width * k) + width * k
+        total = total + share * shape * jnp.exp(-b * jnp.maximum(m - h, 0))
+        share, m, h = part(self.duration, self.lasts, self.suction_duration)
+        q = 1.0 - m
+        suction = share * (q * q * m + h * h * (1.0 / 3.0 - q))
+        return self.peak * total - 6.75 * self.suction * suction
+
+
+class GroundPulse(NamedTuple):
+    r"""One pulse of the ground, or several. The fields broadcast.
+
+    Attributes:
+        arrival_time: Start $t_0$ [s]; infinite for no pulse.
+        amplitude: $A$ [m].
+        time_constant: $\tau$ [s].
+    """
+
+    arrival_time: Float[Array, "..."]
+    amplitude: Float[Array, "..."]
+    time_constant: Float[Array, "..."]
+
+    @property
+    def lasts(self) -> Float[Array, "..."]:
+        """Duration after which it is exactly zero [s]."""
+        return UNDERFLOW * self.time_constant
+
+    def stretched(self, pace: Float[Array, "..."]) -> "GroundPulse":
+        """Return the pulse that passes `pace` times as fast."""
+        return self._replace(
+            amplitude=self.amplitude / pace, time_constant=self.time_constant / pace
+        )
+
+    @jax.jit
+    def mean(
+        self, start: Float[ArrayLike, "..."], stop: Float[ArrayLike, "..."]
+    ) -> Float[Array, "..."]:
+        r"""Return the mean velocity from start to stop [m/s].
+
+        It is the difference of the displacements, written without cancellation:
+
+        $$s(u + \delta) - s(u) = A\,e^{-u}\left[u^2 (e^{-\delta} - 1)
+          + (2 u \delta + \delta^2)\,e^{-\delta}\right]$$
+
+        Args:
+            start: Starts of the intervals [s].
+            stop: Ends of the intervals [s].
+        """
+        start, stop = as_float_arrays(start, stop)
+        first = jnp.maximum(start - self.arrival_time, 0.0)
+        # of a sample that contains the arrival only the part after it counts
+        inside = jnp.minimum(jnp.maximum(stop - self.arrival_time, 0.0), stop - start)
+        u, delta = first / self.time_constant, inside / self.time_constant
+        # by expm1: a sample is much shorter than the time constant, and a difference of
+        # exponentials would cancel
+        rise = u**2 * jnp.expm1(-delta) + (2.0 * u + delta) * delta * jnp.exp(-delta)
+        return self.amplitude * jnp.exp(-u) * rise / (stop - start)
+
+
+AnyPulse = TypeVar("AnyPulse", bound=Pulse | GroundPulse)
+
+
+def counted_from(pulse: AnyPulse, *times: Float[Array, ""]) -> AnyPulse:
+    """Return a pulse with its arrival on a later clock.
+
+    The times are subtracted one by one: their sum would lose a sample's length in
+    single precision.
+
+    Args:
+        pulse: Its arrival is infinite if it never comes.
+        times: Their sum is the origin of the new clock on the old one [s].
+    """
+    arrival = pulse.arrival_time
+    for time in times:
+        # inf - time would give a NaN slope by time; that of no arrival is zero
+        arrival = jnp.where(jnp.isposinf(arrival), arrival, arrival - time)
+    return pulse._replace(arrival_time=arrival)
 
 
 @jax.jit
@@ -153,202 +354,92 @@ def pulse_of(
     )
 
 
-@jax.jit
-def pulse_pressure(pulse: Pulse, time: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
-    """Return the overpressure at times [Pa].
+@checked
+def blast_pulse(
+    slant_range: Float[ArrayLike, "..."],
+    charge_mass: Float[ArrayLike, "..."],
+    ambient_pressure: Float[ArrayLike, "..."] = STANDARD_PRESSURE,
+    sound_speed: Float[ArrayLike, "..."] = STANDARD_SOUND_SPEED,
+    burst: str = "surface",
+) -> Pulse:
+    """Return the blast at a position, with a sharp front and time from detonation.
 
     Args:
-        pulse: The wave.
-        time: Times on the clock of the arrival [s].
+        slant_range: Range $R$ [m], positive.
+        charge_mass: TNT-equivalent mass $W$ [kg], positive.
+        ambient_pressure: $P_0$ [Pa], positive.
+        sound_speed: $c_0$ [m/s], positive.
+        burst: "surface" (hemispherical) or "free-air" (spherical).
     """
-    (time,) = as_float_arrays(time)
-    since = time - pulse.arrival_time
-    peaked = pulse.rise_time + pulse.hold_time
-    x = jnp.clip(since / _not_zero(pulse.rise_time), 0.0, 1.0)
-    s = jnp.clip((since - peaked) / pulse.decay_duration, 0.0, 1.0)
-    q = 1.0 - jnp.clip((since - pulse.duration) / pulse.suction_duration, 0.0, 1.0)
-    rise = x * x * (3.0 - 2.0 * x)
-    decay = (1.0 - s) * jnp.exp(-pulse.decay * s)
-    shape = jnp.where(since < pulse.rise_time, rise, decay)
-    suction = 6.75 * pulse.suction * (1.0 - q) * q * q
-    return jnp.where(since < 0, 0.0, pulse.peak * shape - suction)
+    distance, mass, ambient, speed = as_float_arrays(
+        slant_range, charge_mass, ambient_pressure, sound_speed
+    )
+    peak = shock_kinematics_pressure(distance, mass, ambient, burst)
+    return pulse_of(
+        shock_kinematics_arrival_time(distance, mass, ambient, speed, burst),
+        peak,
+        shock_kinematics_impulse(distance, mass, ambient, speed, burst),
+        shock_kinematics_duration(distance, mass, ambient, speed, burst),
+        jnp.zeros_like(peak),
+        *suction_of(distance, mass, ambient, speed, burst),
+    )
 
 
-@jax.jit
-def pulse_mean(
-    pulse: Pulse, start: Float[ArrayLike, "..."], stop: Float[ArrayLike, "..."]
+def suction_of(
+    distance: Float[Array, "..."],
+    mass: Float[Array, "..."],
+    ambient: Float[Array, "..."],
+    speed: Float[Array, "..."],
+    burst: str,
+) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+    """Return the largest underpressure [Pa] and impulse [Pa s] of the negative phase.
+
+    Args:
+        distance: Range $R$ [m], positive.
+        mass: TNT-equivalent mass $W$ [kg], positive.
+        ambient: $P_0$ [Pa], positive.
+        speed: $c_0$ [m/s], positive.
+        burst: "surface" or "free-air".
+    """
+    # the table is for free air: on the ground it is evaluated for the mass that has
+    # the same peak in free air
+    effective_mass = mass
+    if burst == "surface":
+        effective_mass = ground_factor(distance, mass, ambient) * mass
+    last = LAST_SUCTION * sachs_distance_factor(effective_mass, ambient)
+    known = jnp.minimum(distance, last)
+
+    def share(law, *air):
+        """Return the ratio of a law's value to that at the last point of the tables."""
+        here, there = (law(r, mass, *air, burst=burst) for r in (distance, known))
+        return here / there
+
+    return (
+        ufc_negative_pressure(known, effective_mass, ambient)
+        * share(shock_kinematics_pressure, ambient),
+        ufc_negative_impulse(known, effective_mass, ambient, speed)
+        * share(shock_kinematics_impulse, ambient, speed),
+    )
+
+
+@checked
+def weak_shock_rise_time(
+    peak_overpressure: Float[ArrayLike, "..."],
+    impulse: Float[ArrayLike, "..."],
+    duration: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    """Return the mean overpressure from start to stop [Pa].
+    """Return the rise time of a weak shock, from zero to the peak [s].
 
     Args:
-        pulse: The wave.
-        start: Start of the sample, on the clock of the arrival [s].
-        stop: End of the sample [s].
+        peak_overpressure: $P$ [Pa], positive.
+        impulse: Impulse of the positive phase $i$ [Pa s], less than $P t_d$.
+        duration: Duration of the positive phase $t_d$ [s], positive.
     """
-    start, stop = as_float_arrays(start, stop)
-    span = stop - start
-    start, stop = start - pulse.arrival_time, stop - pulse.arrival_time
-    peaked = pulse.rise_time + pulse.hold_time
-    end = pulse.duration + pulse.suction_duration
-
-    def part(first, last, length):
-        """Return the share of the sample, and middle and half width over the length."""
-        width = span - jnp.maximum(first - start, 0) - jnp.maximum(stop - last, 0)
-        width = jnp.maximum(width, 0)
-        middle = 0.5 * (jnp.maximum(start, first) + jnp.minimum(stop, last))
-        inside = jnp.clip(middle, first, last) - first
-        return width / span, inside / length, 0.5 * width / length
-
-    share, m, h = part(
-        jnp.zeros_like(peaked), pulse.rise_time, _not_zero(pulse.rise_time)
-    )
-    total = share * (m * m * (3.0 - 2.0 * m) + h * h * (1.0 - 2.0 * m))
-    total = total + part(pulse.rise_time, peaked, 1.0)[0]
-    share, m, h = part(peaked, pulse.duration, pulse.decay_duration)
-    width = 2.0 * h
-    k = impulse_fraction(pulse.decay * width)
-    # e^{-b s0} [(1 - s1) (1 - e^{-y})/y + (s1 - s0) k(y)] with y = b (s1 - s0)
-    shape = jnp.maximum(1.0 - m - h, 0) * (1.0 - pulse.decay * width * k) + width * k
-    total = total + share * shape * jnp.exp(-pulse.decay * jnp.maximum(m - h, 0))
-    share, m, h = part(pulse.duration, end, pulse.suction_duration)
-    q = 1.0 - m
-    suction = share * (q * q * m + h * h * (1.0 / 3.0 - q))
-    return pulse.peak * total - 6.75 * pulse.suction * suction
-
-
-def _not_zero(rise_time: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return the rise time as a divisor: 1 for a sharp front."""
-    return jnp.where(rise_time > 0, rise_time, 1.0)
-
-
-def pulse_samples(
-    pulse: Pulse, start: Float[Array, ""], rate: float, count: int
-) -> Float[Array, " sample"]:
-    """Return the mean overpressure over each of several samples [Pa].
-
-    Args:
-        pulse: One wave with scalar fields; use `vmap` for more.
-        start: Start of the first sample, on the clock of the arrival [s].
-        rate: Sampling rate [Hz].
-        count: Number of samples.
-    """
-    wave, whole, part = _in_samples(pulse, start, rate)
-    ends = jnp.stack(
-        [
-            jnp.zeros_like(wave.duration),
-            wave.rise_time,
-            wave.rise_time + wave.hold_time,
-            wave.duration,
-            wave.duration + wave.suction_duration,
-        ]
-    )
-    index = jnp.arange(count, dtype=whole.dtype)
-    inside = _inside(wave, ends, (index + whole).astype(part.dtype) + part + 0.5)
-    # Samples that contain an end, each once: duplicates get indices past the last
-    # sample, which the scatter drops. So all indices are unique, as XLA is promised.
-    last = jnp.asarray(MAX_INDEX, ends.dtype)
-    at_end = jnp.floor(jnp.minimum(ends - part, last)).astype(whole.dtype) - whole
-    repeated = (at_end[:, None] == at_end[None, :]) & np.tri(5, k=-1, dtype=bool)
-    outside = repeated.any(axis=1) | (at_end < 0) | (at_end >= count)
-    begin = (at_end + whole).astype(part.dtype) + part
-    exact = pulse_mean(wave, begin, begin + 1.0)
-    target = jnp.where(outside, count + jnp.arange(5, dtype=at_end.dtype), at_end)
-    return inside.at[target].set(exact, mode="drop", unique_indices=True)
-
-
-def _in_samples(
-    pulse: Pulse, start: Float[Array, ""], rate: float
-) -> tuple[Pulse, Int[Array, ""], Float[Array, ""]]:
-    """Return the pulse with times in samples, and the time of the first sample.
-
-    That time counts from the arrival, as whole samples and the fraction of one.
-    """
-    # an infinite arrival becomes a finite one far away: inf - inf would be NaN
-    never = jnp.isposinf(pulse.arrival_time)
-    since = (start - jnp.where(never, 0.0, pulse.arrival_time)) * rate
-    since = jnp.where(never, -float(MAX_INDEX), jnp.clip(since, -MAX_INDEX, MAX_INDEX))
-    whole = jnp.floor(since)
-    times = {
-        name: getattr(pulse, name) * rate
-        for name in ("rise_time", "hold_time", "duration", "suction_duration")
-    }
-    wave = pulse._replace(arrival_time=jnp.zeros_like(since), **times)
-    return wave, whole.astype(jnp.int32), since - whole
-
-
-def _inside(
-    wave: Pulse, ends: Float[Array, "5"], middle: Float[Array, " sample"]
-) -> Float[Array, " sample"]:
-    """Return the means over samples, exact for samples within one piece."""
-    _, risen, peaked, positive, over = ends
-    rise = _not_zero(wave.rise_time)
-    b, half = wave.decay, 0.5 / wave.decay_duration
-    y = 2.0 * b * half
-    k = impulse_fraction(y)
-    # the brackets of the module's docstring by k(y), relative to the middle
-    level = jnp.exp(0.5 * y) * (1.0 - y * k)
-    first = level + jnp.exp(0.5 * y) * (2.0 * k - (1.0 - y * k)) * half
-    of_wave = (
-        risen,
-        peaked,
-        positive,
-        over,
-        1.0 / rise,
-        jnp.square(0.5 / rise),
-        2.0 * half,
-        b,
-        wave.peak,
-        wave.peak * first,
-        wave.peak * level,
-        1.0 / wave.suction_duration,
-        jnp.square(0.5 / wave.suction_duration),
-        6.75 * wave.suction,
-    )
-    # behind a barrier, because XLA would recompute them for each sample
-    return _by_piece(middle, *lax.optimization_barrier(of_wave))
-
-
-def _by_piece(
-    middle: Float[Array, " sample"],
-    risen: Float[Array, ""],
-    peaked: Float[Array, ""],
-    positive: Float[Array, ""],
-    over: Float[Array, ""],
-    per_rise: Float[Array, ""],
-    rise_width: Float[Array, ""],
-    per_decay: Float[Array, ""],
-    b: Float[Array, ""],
-    peak: Float[Array, ""],
-    first: Float[Array, ""],
-    level: Float[Array, ""],
-    per_suction: Float[Array, ""],
-    suction_width: Float[Array, ""],
-    depth: Float[Array, ""],
-) -> Float[Array, " sample"]:
-    """Return the means by inverse lengths and squared half widths of the pieces."""
-    x = middle * per_rise
-    up = peak * (rise_width + x * (x * (3.0 - 2.0 * x) - 2.0 * rise_width))
-    s = jnp.clip((middle - peaked) * per_decay, 0.0, 1.0)
-    down = (first - level * s) * jnp.exp(-b * s)
-    q = 1.0 - (middle - positive) * per_suction
-    low = suction_width / 3.0 + q * (q * (1.0 - q) - suction_width)
-    push = jnp.where(middle < risen, up, jnp.where(middle < peaked, peak, down))
-    value = jnp.where(middle < positive, push, -depth * low)
-    return jnp.where((middle < 0) | (middle > over), 0.0, value)
-
-
-class GroundPulse(NamedTuple):
-    r"""One pulse of the ground, or several. The fields broadcast.
-
-    Attributes:
-        arrival_time: Start $t_0$ [s]; infinite for no pulse.
-        amplitude: $A$ [m].
-        time_constant: $\tau$ [s].
-    """
-
-    arrival_time: Float[Array, "..."]
-    amplitude: Float[Array, "..."]
-    time_constant: Float[Array, "..."]
+    peak, impulse, duration = as_float_arrays(peak_overpressure, impulse, duration)
+    filled = impulse / peak
+    longest = filled * jnp.maximum(1.0 - filled / duration, 0.0)
+    steady = RISE_TIME_TIMES_PEAK / peak
+    return steady * longest / (steady + longest)
 
 
 @jax.jit
@@ -374,54 +465,129 @@ def ground_pulse_of(
     return GroundPulse(arrival_time, amplitude, jnp.where(moves, tau, 1.0))
 
 
-@jax.jit
-def ground_pulse_displacement(
-    pulse: GroundPulse, time: Float[ArrayLike, "..."]
+@checked
+def friedlander_pressure(
+    time: Float[ArrayLike, "..."],
+    peak_overpressure: Float[ArrayLike, "..."],
+    duration: Float[ArrayLike, "..."],
+    decay: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    """Return the displacement at times [m]; zero before the arrival."""
-    u = _since_arrival(pulse, time) / pulse.time_constant
-    return pulse.amplitude * u**2 * jnp.exp(-u)
+    r"""Return the overpressure of Friedlander's pulse, its tail included [Pa].
 
+    $$p = P_s (1 - t/t_d)\,e^{-b\,t/t_d}$$
 
-@jax.jit
-def ground_pulse_velocity(
-    pulse: GroundPulse, time: Float[ArrayLike, "..."]
-) -> Float[Array, "..."]:
-    """Return the velocity at times [m/s]; zero before the arrival."""
-    u = _since_arrival(pulse, time) / pulse.time_constant
-    return pulse.amplitude / pulse.time_constant * u * (2.0 - u) * jnp.exp(-u)
-
-
-@jax.jit
-def ground_pulse_velocity_mean(
-    pulse: GroundPulse,
-    start: Float[ArrayLike, "..."],
-    stop: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the mean velocity between two times [m/s].
-
-    It is the difference of the displacements, written without cancellation:
-
-    $$s(u + \delta) - s(u) = A\,e^{-u}\left[u^2 (e^{-\delta} - 1)
-      + (2 u \delta + \delta^2)\,e^{-\delta}\right]$$
+    The formula continues past $t_d$ as a negative tail. For $b \le 0$ it grows without
+    end: stop at $t_d$.
 
     Args:
-        pulse: The pulse.
-        start: Starts of the intervals [s].
-        stop: Ends of the intervals [s].
+        time: Time $t$ since arrival [s], negative before it.
+        peak_overpressure: $P_s$ [Pa], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
+        decay: $b$ [-].
     """
-    start, stop = as_float_arrays(start, stop)
-    first = _since_arrival(pulse, start)
-    # of a sample that contains the arrival only the part after it counts
-    inside = jnp.minimum(_since_arrival(pulse, stop), stop - start)
-    u, delta = first / pulse.time_constant, inside / pulse.time_constant
-    # by expm1: a sample is much shorter than the time constant, and a difference of
-    # exponentials would cancel
-    rise = u**2 * jnp.expm1(-delta) + (2.0 * u + delta) * delta * jnp.exp(-delta)
-    return pulse.amplitude * jnp.exp(-u) * rise / (stop - start)
+    time, peak, duration, decay = as_float_arrays(
+        time, peak_overpressure, duration, decay
+    )
+    before = time < 0
+    # zero on the input, so that a negative decay does not overflow before the arrival
+    phase = jnp.where(before, 0.0, time) / duration
+    pressure = peak * (1.0 - phase) * jnp.exp(-decay * phase)
+    return jnp.where(before, 0.0, pressure)
 
 
-def _since_arrival(
-    pulse: GroundPulse, time: Float[ArrayLike, "..."]
+@checked
+def friedlander_impulse(
+    peak_overpressure: Float[ArrayLike, "..."],
+    duration: Float[ArrayLike, "..."],
+    decay: Float[ArrayLike, "..."],
 ) -> Float[Array, "..."]:
-    return jnp.maximum(as_float_array(time) - pulse.arrival_time, 0.0)
+    r"""Return the impulse of the positive phase, $P_s t_d\,k(b)$ [Pa s].
+
+    Args:
+        peak_overpressure: $P_s$ [Pa], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
+        decay: $b$ [-].
+    """
+    peak, duration, decay = as_float_arrays(peak_overpressure, duration, decay)
+    return peak * duration * impulse_fraction(decay)
+
+
+@checked
+def friedlander_decay(
+    peak_overpressure: Float[ArrayLike, "..."],
+    impulse: Float[ArrayLike, "..."],
+    duration: Float[ArrayLike, "..."],
+) -> Float[Array, "..."]:
+    r"""Return the decay $b$ that gives a pulse its impulse [-].
+
+    The root of `friedlander_impulse`, which is unique for every $k = i/(P_s t_d)$: 0 at
+    $k = 1/2$. Above it $b$ is negative; above $e - 2 = 0.718$ it is below $-1$,
+    and peak, impulse and duration do not belong to one Friedlander pulse.
+
+    Args:
+        peak_overpressure: $P_s$ [Pa], positive.
+        impulse: Impulse of the positive phase $i$ [Pa s], positive.
+        duration: Duration of the positive phase $t_d$ [s], positive.
+    """
+    peak, impulse, duration = as_float_arrays(peak_overpressure, impulse, duration)
+    return decay_of_fraction(impulse / (peak * duration))
+
+
+@jax.jit
+def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return $k(b)$: impulse over peak times duration."""
+    # at |b| < 1 the closed form loses digits; the replacement keeps 0/0 out of it
+    near = jnp.abs(decay) < 1.0
+    b, small = jnp.where(near, 1.0, decay), jnp.where(near, decay, 0.0)
+    series = jnp.full_like(small, SERIES[-1])
+    for coefficient in reversed(SERIES[:-1]):
+        series = series * small + coefficient
+    # (b + expm1(-b))/b^2, so divided that a large b does not overflow when squared
+    return jnp.where(near, series, (1.0 + jnp.expm1(-b) / b) / b)
+
+
+@jax.custom_jvp
+@jax.jit
+def decay_of_fraction(fraction: Float[Array, "..."]) -> Float[Array, "..."]:
+    r"""Return the decay $b$ of an impulse fraction $k > 0$, the inverse of $k(b)$.
+
+    Newton's method, which always converges: $q(b) = 1/k(b)$ is convex and rising, so
+    for $k \le 1/2$ the steps fall towards the root from any start above it: the tangent
+    at zero gives $\tfrac32(1/k - 2)$, the asymptote $1/k - 1$. For $k > 1/2$ they are
+    taken of $\ln q$, concave at negative $b$, and rise from below, where its tangent at
+    zero puts $-3\ln 2k$. The derivative is that of the implicit function, not of the
+    steps.
+    """
+    rising = fraction > 0.5
+    inverse = 1.0 / fraction
+    decay = jnp.where(
+        rising,
+        -3.0 * jnp.log(2.0 * fraction),
+        jnp.minimum(1.5 * (inverse - 2.0), inverse - 1.0),
+    )
+
+    def step(_, decay):
+        k, slope = _fraction_and_slope(decay)
+        ratio = k / fraction
+        residual = jnp.where(rising, -jnp.log(ratio), 1.0 - ratio)
+        return decay + residual * (k / slope)
+
+    return jax.lax.fori_loop(0, NEWTON_STEPS, step, decay)
+
+
+@decay_of_fraction.defjvp
+def _decay_of_fraction_jvp(primals, tangents):
+    """Return the derivative of the implicit function: db/dk = 1/k'(b)."""
+    (fraction,), (tangent,) = primals, tangents
+    decay = decay_of_fraction(fraction)
+    return decay, tangent / _fraction_and_slope(decay)[1]
+
+
+def _fraction_and_slope(decay):
+    """Return k and dk/db."""
+    return jax.jvp(impulse_fraction, (decay,), (jnp.ones_like(decay),))
+
+
+def _not_zero(rise_time: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Return the rise time as a divisor: 1 for a sharp front."""
+    return jnp.where(rise_time > 0, rise_time, 1.0)

@@ -166,7 +166,7 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
         beliefs["origin_time_s"] = time if independent else Free(positive=False)
         time = time.constrain(jnp.zeros(()))
     charge = Charge(mass, tuple(place), time)
-    laws = dict(scene.law) | record_laws(scene, ground=True)
+    laws = dict(scene.law) | record_laws(scene)
     scene = replace(scene, charges=(charge,), law=tuple(laws.items()))
     return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **beliefs})
 
@@ -281,7 +281,7 @@ def draw_world(
             "the distance of a single sensor"
         )
     scene = replace(scene, charges=tuple(charges))
-    laws = dict(scene.law) | record_laws(scene, ground=True)
+    laws = dict(scene.law) | record_laws(scene)
     scene = replace(scene, law=tuple(laws.items()))
     return DrawnWorld(scene, seed, source)
 

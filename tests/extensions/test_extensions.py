@@ -26,6 +26,7 @@ from jblast.registry import LAWS
 from jblast.report.flights import fly_answer
 from jblast.report.view import terminal
 from jblast.scene import SENSOR_KINDS, Charge, Normal, Scene, Sensor, read_scene
+from jblast.sensors import recording
 from jblast.sensors.listening import packets, plan
 from jblast.study.flight_results import trajectory_of
 from jblast.study.flights import Options, fly
@@ -175,12 +176,11 @@ def test_a_stream_is_the_record_and_goes_through_the_instrument(extension, writt
 @pytest.mark.slow
 def test_a_record_is_differentiable_and_batched(extension):
     extension("thermometer")
-    record = SENSOR_KINDS["thermometer"].samples().record
     probe = Sensor("probe", (30.0, 0.0, 1.0), "thermometer", settings={"offset_k": 0.0})
 
     def mean(mass):
         made = Scene(Charge(mass_kg=mass), sensors=(probe,))
-        return jnp.mean(record(made, probe, 0.1, jax.random.key(0)))
+        return jnp.mean(recording(made, probe, jax.random.key(0)).samples(0.1))
 
     values = jax.jit(jax.vmap(mean))(jnp.asarray([2.0 - 1e-3, 2.0, 2.0 + 1e-3]))
     assert float(values[1]) == pytest.approx(float(mean(jnp.asarray(2.0))), rel=1e-12)

@@ -26,7 +26,7 @@ SENSOR_KINDS.register(
         words="thermometer of the air",
         unit="k",  # of the keys full_scale_k and noise_k
         columns=("air_temperature_k",),
-        recorder=sampled_by(temperature),
+        sources=sampled_by(temperature),
         keys=(
             SceneKey("offset_k", Number(WITHIN_5), default=0.0),
         ),  # error of its zero

@@ -1,6 +1,6 @@
 r"""Whittle's likelihood of a sound record.
 
-The record is $y = m(\theta) + n$: $m$ is the noise-free output of `sensors.microphone`
+The record is $y = m(\theta) + n$: $m$ is the noise-free output of `sensors.recording`
 for the blast, $n$ Gaussian noise of the spectrum $S(f;\theta)$. For its Fourier
 coefficients, which are independent where the record is long,
 
@@ -25,7 +25,7 @@ recorded,
 
 $$S(f) = |H|^2 \big(e^{-2h/H_a} S_a + S_w\big) + S_i + q^2/12$$
 
-each from the taps from which `sensors.samples` draws it. White noise of rms
+each from the taps from which `sensors.noise` draws it. White noise of rms
 $\sigma$ has $S = \sigma^2$: the mean over frequency is the square of the rms.
 
 Samples at the recorder's limit are inferred from the others. With $K$ the inverse
@@ -52,10 +52,10 @@ from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int
 
 from jblast.scene import Instrument, Scene, Sensor
-from jblast.scene.sensor_kinds import SENSOR_KINDS, hears_ambient
-from jblast.sensors.microphone import WIND_SLOPE, share_at_height
-from jblast.sensors.samples import BLOCK, coloured_noise
-from jblast.waves.propagation import air_density, ambient as ambient_of
+from jblast.scene.sensor_kinds import hears_ambient
+from jblast.sensors import recording
+from jblast.sensors.noise import BLOCK, coloured_noise
+from jblast.sensors.sources import WIND_SLOPE, share_at_height, wind_pressure
 
 MIN_NOISE_POWER = 1e-9
 """Noise power relative to the largest below which a frequency is not used: leakage from
@@ -143,16 +143,9 @@ class SoundEvidence(eqx.Module):
         if ambient is not None and ambient.loop is None:
             ambient = None
         still = replace(scene, ambient=ambient)
-        record = SENSOR_KINDS[sensor.kind].samples().record
-        seconds = self.samples.size / instrument.rate
-        pressure = record(
-            still,
-            replace(sensor, instrument=quiet),
-            seconds,
-            jax.random.key(0),
-            laws=dict(self.laws),
-        )
-        return pressure / self.unit(scene)
+        sensor, key = replace(sensor, instrument=quiet), jax.random.key(0)
+        made = recording(still, sensor, key, laws=dict(self.laws))
+        return made.samples(self.samples.size / instrument.rate) / self.unit(scene)
 
     def left(self, scene: Scene, weights: Weights) -> Complex[Array, " frequency"]:
         """Return the Fourier coefficients of the residual."""
@@ -367,12 +360,10 @@ def _around(
     heard, ambient = jnp.zeros(BLOCK + 1), scene.ambient
     if ambient is not None and ambient.loop is None:
         unit = coloured_noise(jax.random.key(0), instrument.rate, 1.0, ambient.slope)
-        share = share_at_height(ambient, sensor.position_m[2])
+        share = share_at_height(ambient.height, sensor.position_m[2])
         heard = heard + jnp.square(share * ambient.level) * _power(unit.response)
     if instrument.wind_noise is not None:
-        air = scene.air
-        density = air_density(*ambient_of(air), air.relative_humidity)
-        level = density * (air.wind_east**2 + air.wind_north**2)
+        level = wind_pressure(scene.air)
         unit = coloured_noise(jax.random.key(0), instrument.rate, 1.0, WIND_SLOPE)
         heard += jnp.square(instrument.wind_noise * level) * _power(unit.response)
     return heard

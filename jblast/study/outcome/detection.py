@@ -31,9 +31,10 @@ from jblast.errors import InputError
 from jblast.scene import Scene, Sensor
 from jblast.scene.uncertain import with_values
 from jblast.scene.values import finite
-from jblast.sensors import even_overpressure, heard, record_laws
-from jblast.sensors.microphone import WIND_SLOPE, share_at_height
-from jblast.sensors.samples import power_spectrum
+from jblast.sensors import record_laws, waves
+from jblast.sensors.noise import power_spectrum
+from jblast.sensors.sources import WIND_SLOPE, share_at_height, wind_pressure
+from jblast.sensors.waves_met import mean_overpressure
 from jblast.study.outcome.family import (
     Answers,
     Family,
@@ -44,11 +45,7 @@ from jblast.study.outcome.family import (
     register_family,
     yes_no,
 )
-from jblast.waves.propagation import (
-    absorption_transfer,
-    air_density,
-    ambient as ambient_of,
-)
+from jblast.waves.propagation import absorption_transfer, ambient as ambient_of
 
 RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
 """Sampling rate [Hz], length of the record [s], and its part before the arrival [s], by
@@ -115,17 +112,14 @@ def _noises(scene: Scene, sensor: Sensor) -> list[tuple[Any, Any]]:
     """Return level [Pa] and slope [dB/octave] of each noise of a microphone."""
     found, ambient = [], scene.ambient
     if ambient is not None and not ambient.file:
-        share = share_at_height(ambient, sensor.position_m[2])
+        share = share_at_height(ambient.height, sensor.position_m[2])
         found.append((ambient.level * share, ambient.slope))
     instrument = sensor.instrument
     if instrument is not None and instrument.noise is not None:
         slope = instrument.noise_slope
         found.append((instrument.noise, 0.0 if slope is None else slope))
     if instrument is not None and instrument.wind_noise is not None:
-        air = scene.air
-        density = air_density(*ambient_of(air), air.relative_humidity)
-        speed = jnp.square(air.wind_east) + jnp.square(air.wind_north)
-        found.append((instrument.wind_noise * density * speed, WIND_SLOPE))
+        found.append((instrument.wind_noise * wind_pressure(scene.air), WIND_SLOPE))
     return found
 
 
@@ -133,10 +127,10 @@ def _detection(
     scene: Scene, sensor: Sensor, error, rate: float, count: int, threshold: float, laws
 ) -> Answers:
     """Return the outcomes of one microphone for the first wave."""
-    place = sensor.position_m
-    wave = heard(scene, place, laws)[0]
+    found = waves(scene, sensor.position_m, laws)
+    wave = found[0]
     start = wave.pulse.arrival_time - BEFORE_S
-    samples = even_overpressure(scene, place, start, rate, count, laws)
+    samples = mean_overpressure(found, start, jnp.arange(count + 1, dtype=float) / rate)
     # a shock without absorption is filtered over a path of 0 m
     path_m = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
     transfer = absorption_transfer(

@@ -1,9 +1,9 @@
 r"""The blast wave at a vehicle: overpressure, wind, and its part within a step.
 
 Overpressure: Friedlander's pulse, then the cubic suction of
-`waves.waveform.negative_phase_pressure`. Arrival, peak, duration, decay and suction are
-those of `waves.waveform.blast_pulse`, also used for gauges. The two differ in the
-duration of the suction, for the reason below.
+`waves.pulse.Pulse`. Arrival, peak, duration, decay and suction are those of
+`waves.pulse.blast_pulse`, also used for gauges. The two differ in the duration of
+the suction, for the reason below.
 
 Wind: at the front that of Rankine and Hugoniot, $u_s = 5c_0x/(7\sqrt{1+6x/7})$ with
 $x = p/P_0$. Behind it, with $x$ of the moment and the afterflow of a spherical wave,
@@ -56,6 +56,7 @@ from jblast.types import as_float_array
 from jblast.vehicle.quadrotor import Body
 from jblast.vehicle.state import Number, State, Vector, three
 from jblast.waves.paths import slant_range
+from jblast.waves.pulse import blast_pulse
 from jblast.waves.scaling import (
     log_scaled_distance,
     sachs_distance_factor,
@@ -63,7 +64,6 @@ from jblast.waves.scaling import (
 )
 from jblast.waves.shock import plane_wave_wind
 from jblast.waves.tables import Table, hermite_table, spline_slopes
-from jblast.waves.waveform import blast_pulse
 
 FIRST, LAST = 0.07, 1000.0
 """Range of scaled distance of the curves [m/kg^(1/3)].

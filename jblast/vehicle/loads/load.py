@@ -28,7 +28,7 @@ from jblast.vehicle.state import (
     joined,
     three,
 )
-from jblast.waves.waveform import modified_friedlander_pressure
+from jblast.waves.pulse import friedlander_pressure
 
 
 @runtime_checkable
@@ -220,5 +220,5 @@ class FriedlanderGust(eqx.Module):
         # Any negative time is before the arrival, where the pulse is zero.
         since = jnp.where(time_s >= self.start_s, time_s - self.start_s, -1)
         one = jnp.ones_like(since)
-        shape = modified_friedlander_pressure(since, one, self.duration_s, self.decay)
+        shape = friedlander_pressure(since, one, self.duration_s, self.decay)
         return self.velocity_m_s * shape

@@ -11,8 +11,8 @@ entity that reports its motion receives an updated announcement, computed from i
 report, in one of the `UPDATE_PACKETS` packets before an arrival. As an entity is slower
 than sound, no wave arrives unannounced, and an arriving wave is the one announced last.
 
-Samples are those of `sensors.microphone.record` and `sensors.pressure_gauge.record` for
-an instrument without errors, at the same times. Samples between the waves of a blast
+Samples are those of `sensors.recording` for a microphone and a pressure gauge without
+errors, at the same times. Samples between the waves of a blast
 and below `SILENCE_PA` are not stored.
 
 Force and moment of a force profile are means over each step, from the impulses of
@@ -38,9 +38,9 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError
 from jblast.kept_programs import kept
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
-from jblast.scene.sensor_kinds import SENSOR_KINDS
-from jblast.sensors import Heard, Track, heard, record_laws
-from jblast.sensors.samples import BLOCK
+from jblast.sensors import Track, Wave, record_laws, recording, waves
+from jblast.sensors.noise import BLOCK
+from jblast.sensors.waves_met import IN_AIR, IN_GROUND
 from jblast.types import as_float_array
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
 from jblast.vehicle.from_scene import images_of
@@ -373,7 +373,7 @@ class Stager:
         self.scene = replace(
             world.scene, sensors=(), camera=None, clocks=(), vehicle=None, ambient=None
         )
-        self._laws = dict(self.scene.law) | record_laws(self.scene, ground=True)
+        self._laws = dict(self.scene.law) | record_laws(self.scene)
 
     def stage(
         self,
@@ -438,8 +438,7 @@ class Stager:
         return BlastArrivals(flash, ground, air)
 
     def _pulse(self, scene: Scene, place: np.ndarray | Track) -> AirPulse | None:
-        waves = heard(scene, place, self._laws)
-        pulse = next(wave.pulse for wave in waves if wave.kind == "air")
+        pulse = waves(scene, place, self._laws, ("air",))[0].pulse
         if not np.isfinite(float(pulse.arrival_time)):
             return None
         return AirPulse(*(float(number) for number in pulse))
@@ -737,23 +736,15 @@ def records_of(
     sensor = Sensor(
         "", np.asarray(start), kind=KINDS[sense], instrument=Instrument(rate=rate_hz)
     )
-    waves = heard(scene, place, laws, ground=sense == "sound")
-    tail = TAIL_S if sense == "sound" else 0.0
-    recorder = SENSOR_KINDS[KINDS[sense]].samples()
+    is_sound = sense == "sound"
+    met = waves(scene, place, laws, (*IN_AIR, *IN_GROUND) if is_sound else IN_AIR)
     found = []
-    for first, last in _intervals(waves, rate_hz, tail):
+    for first, last in _intervals(met, rate_hz, TAIL_S if is_sound else 0.0):
         # Record lengths are powers of two blocks, for few compiled programs.
         size = BLOCK * 2 ** math.ceil(math.log2(max((last - first) / BLOCK, 1.0)))
-        samples = recorder.record(
-            scene,
-            sensor,
-            size / rate_hz,
-            jax.random.key(0),
-            start_s=first / rate_hz,
-            laws=laws,
-            track=track,
-        )
-        samples = np.asarray(samples)[: last - first]
+        start_s, key = first / rate_hz, jax.random.key(0)
+        made = recording(scene, sensor, key, laws=laws, track=track, start_s=start_s)
+        samples = np.asarray(made.samples(size / rate_hz))[: last - first]
         # Silence at both ends is not sent. A copy, so that the padding is freed.
         loud = np.flatnonzero(np.abs(samples) >= SILENCE_PA)
         if loud.size:
@@ -763,12 +754,12 @@ def records_of(
 
 
 def _intervals(
-    waves: tuple[Heard, ...], rate_hz: float, tail_s: float
+    met: tuple[Wave, ...], rate_hz: float, tail_s: float
 ) -> list[tuple[int, int]]:
     """Return the intervals of samples with waves, as first and last + 1."""
     spans = sorted(
         (arrival, arrival + lasts + tail_s)
-        for arrival, lasts in (_duration(wave) for wave in waves)
+        for arrival, lasts in (_duration(wave) for wave in met)
         if math.isfinite(arrival)
     )
     found: list[tuple[int, int]] = []
@@ -781,7 +772,7 @@ def _intervals(
     return found
 
 
-def _duration(wave: Heard) -> tuple[float, float]:
+def _duration(wave: Wave) -> tuple[float, float]:
     """Return arrival and duration of a wave [s]."""
     pulse = wave.pulse
     if isinstance(pulse, GroundPulse):
@@ -790,7 +781,7 @@ def _duration(wave: Heard) -> tuple[float, float]:
         return float(pulse.arrival_time), GROUND_TIME_CONSTANTS * float(
             pulse.time_constant
         )
-    return float(pulse.arrival_time), float(pulse.duration + pulse.suction_duration)
+    return float(pulse.arrival_time), float(pulse.lasts)
 
 
 def state_met(vehicle: Vehicle, motion: Motion) -> State:

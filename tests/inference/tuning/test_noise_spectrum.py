@@ -9,8 +9,7 @@ from scipy.signal import butter, sosfreqz
 
 from jblast.inference.tuning.sound import noise_spectrum, passed_power
 from jblast.scene import Ambient, Charge, Instrument, Scene, Sensor
-from jblast.sensors import microphone
-from jblast.sensors.microphone import WavePaths
+from jblast.sensors import recording
 
 RATE = 8000.0
 
@@ -35,10 +34,7 @@ def test_what_a_microphone_draws_has_the_spectrum_that_is_expected():
     never = Charge(time_s=np.inf)
     ambient = Ambient(level=0.1, slope=-3.0)
     scene = Scene(never, sensors=(sensor,), ambient=ambient)
-    quiet = WavePaths(ground=False, absorption=False)
-    samples = microphone.record(
-        scene, sensor, 16.0, jax.random.key(1), wave_paths=quiet
-    )
+    samples = recording(scene, sensor, jax.random.key(1)).samples(16.0)
     rows = np.asarray(samples)[:122880].reshape(-1, 512) * np.hanning(512)
     power = np.square(np.abs(np.fft.rfft(rows, axis=1))).mean(axis=0)
     power /= np.square(np.hanning(512)).sum()

@@ -28,7 +28,7 @@ from jblast.waves import (
     wu_hao_air_arrival_time,
     wu_hao_ground_arrival_time,
 )
-from jblast.waves.waveform import friedlander_impulse
+from jblast.waves.pulse import friedlander_impulse
 
 
 def scene_with(sound_speed=330.0, pressure=9e4, **charge):

@@ -30,7 +30,7 @@ from jblast.waves import (
     ufc_negative_pressure,
 )
 from jblast.waves.euler import decay_at, march
-from jblast.waves.waveform import blast_pressure, friedlander_impulse
+from jblast.waves.pulse import blast_pulse, friedlander_impulse
 
 PRESSURE, SOUND = 95e3, 335.0
 BURSTS = ("surface", "free-air")
@@ -96,7 +96,7 @@ def test_a_record_and_a_wave_are_one_blast_but_for_how_long_the_suction_lasts(bu
     came = arrival_time(distance, ones, jnp.asarray(PRESSURE), sound, burst)
 
     def record(since):
-        return blast_pressure(came + since, distance, ones, *air) / PRESSURE
+        return blast_pulse(distance, ones, *air).pressure(came + since) / PRESSURE
 
     # the splines' 2e-3 of the duration, on a way down from the peak of slope 1 + b
     since = share * found.duration_s

@@ -1,4 +1,4 @@
-"""What is listened to, for how long, over which background."""
+"""The plan of records: sensors, duration, true values, and the ambient recording."""
 
 import math
 from dataclasses import replace
@@ -40,7 +40,7 @@ def scene_of(*sensors: Sensor, **others) -> UncertainScene:
 
 
 @pytest.mark.slow
-def test_the_truth_is_what_simulate_writes_of_the_same_scene_and_seed():
+def test_true_values_are_those_of_simulate_for_the_same_scene_and_seed():
     prior = {"charge_mass_kg": LogNormal(15.0, 2.0)}
     uncertain = replace(scene_of(PHONE, FLASH, GAUGE), beliefs=prior)
     listening = plan(uncertain, seed=5)
@@ -59,24 +59,20 @@ def test_the_truth_is_what_simulate_writes_of_the_same_scene_and_seed():
         assert f"{name} by {listening.truth.laws[name]}" in said
 
 
-def test_a_record_lasts_until_the_blast_has_gone_by():
+def test_a_record_lasts_until_the_blast_has_passed():
     listening = plan(scene_of(PHONE, GAUGE))
     values = listening.truth.values
     last = values["air_arrival_s"] + 10 * values["positive_duration_s"]
     assert last.max() < listening.seconds < last.max() + 0.5
     assert samples_of(listening, PHONE) == 48_000 * listening.seconds
     assert plan(scene_of(PHONE), seconds=2.5).seconds == 2.5
-
-
-def test_without_a_blast_a_second_is_heard():
     never = replace(scene_of(PHONE).scene.charge, time_s=math.inf)
-    scene = replace(scene_of(PHONE).scene, charges=(never,))
-    listening = plan(UncertainScene(scene))
+    listening = plan(UncertainScene(replace(scene_of(PHONE).scene, charges=(never,))))
     assert listening.seconds == 1.0
     assert np.isinf(listening.truth.values["air_arrival_s"]).all()
 
 
-def test_what_cannot_be_recorded_is_refused():
+def test_invalid_plans_are_rejected():
     nowhere = Sensor("lost", np.full(3, math.nan), "microphone")
     odd = replace(PHONE, instrument=Instrument(rate=44100.5))
     ranged = replace(
@@ -122,7 +118,7 @@ def test_a_recording_is_pascals_by_its_full_scale(tmp_path):
     np.testing.assert_allclose(again.scene.ambient.loop, SOUND[0], atol=1e-7)
 
 
-def test_what_cannot_be_heard_of_a_background_is_told(tmp_path):
+def test_unusable_ambient_recordings_are_reported(tmp_path):
     noise, path = UncertainScene(Scene(ambient=Ambient(level=0.1))), tmp_path / "a.wav"
     assert with_ambient(noise) == (noise, [])
     with pytest.raises(InputError, match="no such file"):
