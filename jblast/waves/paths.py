@@ -31,7 +31,7 @@ def _optional() -> Any:
 
 
 def slant_range(
-    source: Float[Array, "... axis"], sensor: Float[Array, "... axis"]
+    source: Float[Any, "... axis"], sensor: Float[Any, "... axis"]
 ) -> Float[Array, "..."]:
     """Return the straight distance between two positions [m], on the last axis.
 

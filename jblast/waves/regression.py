@@ -7,7 +7,6 @@ uncertain coefficients (delta method), because all are common to its records.
 
 import json
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -42,15 +41,13 @@ class Regression:
 
     @staticmethod
     @abstractmethod
-    def log_curve(
-        coefficients: Sequence[Any], log_range: Numbers, height: Numbers
-    ) -> Numbers:
+    def log_curve(coefficients: Any, log_range: Numbers, height: Numbers) -> Numbers:
         r"""Return $\ln(y/S)$ at $\ln Z$ and $x$."""
 
     @staticmethod
     @abstractmethod
     def log_gradient(
-        coefficients: Sequence[Any], log_range: Numbers, height: Numbers
+        coefficients: Any, log_range: Numbers, height: Numbers
     ) -> tuple[Numbers, ...]:
         """Return the derivative of `log_curve` by each coefficient."""
 

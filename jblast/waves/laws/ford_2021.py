@@ -15,7 +15,7 @@ Coefficients, their covariance and the scatter of real blasts about the curve ar
 175 to 744 kg, R/W^(1/3) from 23 to 902 m/kg^(1/3), h/W^(1/3) from -0.61 to 0.81.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from jblast.registry import Law, register
@@ -43,16 +43,14 @@ class FordCurve(Regression):
     """The regression of one quantity."""
 
     @staticmethod
-    def log_curve(
-        coefficients: Sequence[Any], log_range: Numbers, height: Numbers
-    ) -> Numbers:
+    def log_curve(coefficients: Any, log_range: Numbers, height: Numbers) -> Numbers:
         r"""Return $\ln(y/S)$ at $\ln Z$ and $x$: the equation above."""
         b1, b2, b3, b4 = coefficients
         return b1 + b2 * log_range - b4 * softplus(-b3 * height)
 
     @staticmethod
     def log_gradient(
-        coefficients: Sequence[Any], log_range: Numbers, height: Numbers
+        coefficients: Any, log_range: Numbers, height: Numbers
     ) -> tuple[Numbers, ...]:
         """Return the derivative of `log_curve` by each coefficient."""
         _, _, b3, b4 = coefficients

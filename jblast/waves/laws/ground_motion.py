@@ -21,7 +21,6 @@ differ by 2.5 in ln of the velocity. The scatter of the law contains both: the v
 of a site and of a shot is its posterior mean over what four sites and 22 shots allow.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -36,16 +35,14 @@ class GroundMotionCurve(Regression):
     """The regression of one quantity."""
 
     @staticmethod
-    def log_curve(
-        coefficients: Sequence[Any], log_range: Numbers, height: Numbers
-    ) -> Numbers:
+    def log_curve(coefficients: Any, log_range: Numbers, height: Numbers) -> Numbers:
         r"""Return $\ln(y/S)$ at $\ln Z$ and $x$: the equation above."""
         b1, b2, b3, b4, b5 = coefficients
         return b1 + b2 * log_range + b3 * logistic(b4 * (b5 - height))
 
     @staticmethod
     def log_gradient(
-        coefficients: Sequence[Any], log_range: Numbers, height: Numbers
+        coefficients: Any, log_range: Numbers, height: Numbers
     ) -> tuple[Numbers, ...]:
         """Return the derivative of `log_curve` by each coefficient."""
         _, _, b3, b4, b5 = coefficients
