@@ -190,9 +190,7 @@ def tune_events(
     return _tuned(evidence, scene, unknowns, "events", EVENT_ERROR, notes)
 
 
-def paired(
-    x: np.ndarray, y: np.ndarray, time: np.ndarray, sign: np.ndarray, start: float
-) -> EventPairs:
+def paired(x: Ints, y: Ints, time: Floats, sign: Ints, start: float) -> EventPairs:
     """Return events with the time of the previous one at each pixel.
 
     Args:
