@@ -8,7 +8,7 @@ need a computation.
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -253,8 +253,10 @@ class _File:
             if isinstance(key.value, Table):
                 read = self.table(read, key.value.name, at)
             found[key.field or key.name] = read
+            # A table of the file is named in brackets: "[vehicle] as mount".
+            given = {*entry, *(f"[{name}]" for name in self.document)}
             for words in key.needs if read is not None else ():
-                require(words.split()[0] in entry, at, f"{words} with it", "none")
+                require(words.split()[0] in given, at, f"{words} with it", "none")
         return found
 
     def table(
@@ -340,14 +342,14 @@ class _File:
     def camera(self) -> Camera:
         """Return the camera; on a vehicle it is by default at its centre."""
         values, where = self.single("camera"), f"{self.source}: [camera]"
-        self.check_mount(values, where)
         position = values.setdefault("position", np.zeros(3))
         if (target := values.pop("look_at", None)) is not None:
             # There is no direction from a position to itself.
-            apart, where_to = (target != position).any(), f"{where} look_at_m"
-            require(
-                apart, where_to, "a position other than position_m", target.tolist()
+            apart, other = (
+                (target != position).any(),
+                "a position other than position_m",
             )
+            require(apart, f"{where} look_at_m", other, target.tolist())
             values["quaternion"] = look_at(position, target)
         quaternion = np.asarray(values.get("quaternion", FORWARD))
         values["quaternion"] = quaternion / np.linalg.norm(quaternion)
@@ -359,11 +361,6 @@ class _File:
         exposure = values.get("exposure_s", 0.0)
         require(exposure <= interval, f"{where} exposure_s", expected, exposure)
         return Camera(**values)
-
-    def check_mount(self, values: Mapping[str, Any], where: str) -> None:
-        """Reject a mount without a vehicle."""
-        carried = "mount" not in values or "vehicle" in self.document
-        require(carried, f"{where} mount", "a [vehicle] as mount", "none")
 
     def vehicle(self) -> VehicleSpec:
         """Return the vehicle; a mission begins at the home of its plan."""
@@ -384,7 +381,6 @@ class _File:
     def sensor(self, entry: dict[str, Any], where: str, of: str) -> Sensor:
         """Return a sensor; a missing position is NaN until a log gives it."""
         values = self.fields(entry, KEYS["sensor"], where, of)
-        self.check_mount(values, where)
         kind, mounted = values.get("kind", ""), "mount" in values
         own = {key.name: key for key in kind_keys(kind)}
         given = [key for key in entry if key not in SENSOR_KEYS]
@@ -400,18 +396,14 @@ class _File:
         position = values.setdefault("position_m", np.full(3, np.nan))
         # Sound in the ground has no law; a geophone records its motion.
         above = kind != "microphone" or not position[2] < 0
-        expected, height = (
-            "a microphone on the ground or above it",
-            f"{position[2]:g} m",
-        )
-        require(above, f"{where} position_m[2]", expected, height)
+        expected = "a microphone on the ground or above it"
+        require(above, f"{where} position_m[2]", expected, f"{position[2]:g} m")
         if mounted:
             _check_mountable(SENSOR_KINDS.get(kind), records, where)
         if kind == "imu":
+            at = f"{where} {''.join(given[:1])}"
             expected = 'mount = "vehicle" for the samples of an imu'
-            require(
-                mounted or not given, f"{where} {''.join(given[:1])}", expected, "none"
-            )
+            require(mounted or not given, at, expected, "none")
             return Sensor(**values, imu=Imu(**options) if given else None)
         settings = [key.name for key in SENSOR_KINDS[kind or "pressure"].keys]
         return Sensor(
@@ -428,15 +420,16 @@ class _File:
                 fit with their gap, or its vehicle is missing.
         """
         where = f"{self.source}: [world]"
-        given = "world" in self.document
-        require(given, where, "a table of random blasts", "none")
+        random = "world" in self.document
+        require(random, where, "a table of random blasts", "none")
         values = self.single("world")
         region = values.pop("region", {})
         once = not ("about" in values and "about" in region)
         require(once, f"{where} about", "it once", "it in region_m, too")
-        values |= {name: region[name] for name in ("about",) if name in region}
-        found = values.get("about") != "vehicle" or "vehicle" in self.document
+        about = values.get("about", region.get("about", "world"))
+        found = about != "vehicle" or "vehicle" in self.document
         require(found, f"{where} about", "a [vehicle] as centre of the region", "none")
+        values["about"] = about
         for name, shape in (("box", Box), ("ring", Ring)):
             if name in region:
                 values["region"] = shape(*region[name])
