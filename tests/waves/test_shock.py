@@ -110,6 +110,7 @@ def test_laws_for_still_air_end_at_300_and_have_the_far_scatter(burst):
 
 def test_far_scatter_is_nothing_near_the_charge_and_as_recorded_far_away():
     law = law_for(PEAK, "shock_kinematics")
+    assert law.far_scatter is not None
     sds = [*law.scatter(), *law.far_scatter(np.array([10.0, 100.0, 500.0, 1e9]), 1.0)]
     sd = np.sqrt(sum(np.square(each) for each in sds))
     near = np.hypot(0.1, 0.1)

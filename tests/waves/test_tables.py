@@ -1,6 +1,7 @@
 """Forms of curves, the tables of JAX, and arrivals by quadrature."""
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -56,7 +57,7 @@ def test_a_broken_power_does_not_overflow():
 def test_splines_are_those_of_scipy(ends):
     x = np.sort(np.random.default_rng(0).uniform(0.0, 5.0, 12))
     y = np.sin(2 * x)
-    kind = "natural" if ends is None else ((1, ends[0]), (1, ends[1]))
+    kind: Any = "natural" if ends is None else ((1, ends[0]), (1, ends[1]))
     scipys = CubicSpline(x, y, bc_type=kind)
     at = np.linspace(x[0], x[-1], 100)
     slopes = spline_slopes(x, y, ends)

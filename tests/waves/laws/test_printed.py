@@ -61,10 +61,8 @@ def log_polynomial(row):
     return lambda z: UNITS[row["y_unit"]] * form(z)
 
 
-POLYNOMIALS = [
-    pytest.param(
-        name, row, id=f"{name}-{row['burst']}-{row['quantity']}-{row['segment']}"
-    )
+ROWS = [
+    (name, row)
     for name, file in (
         ("kingery_bulmash", "kingery_bulmash"),
         ("swisdak", "swisdak_1994"),
@@ -74,7 +72,11 @@ POLYNOMIALS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "row"), POLYNOMIALS)
+@pytest.mark.parametrize(
+    ("name", "row"),
+    ROWS,
+    ids=lambda x: x if isinstance(x, str) else f"{x['quantity']}-{x['segment']}",
+)
 def test_printed_polynomials_hold_outside_the_blends(name, row):
     first, last = float(row["z_min"]), float(row["z_max"])
     half = math.sqrt(1 + BLEND_WIDTH) * (1 + 1e-12)
@@ -108,11 +110,9 @@ def test_blends_change_the_curves_by_half_of_the_printed_jump(
     name, quantity, burst, changes
 ):
     rows = [
-        row.values[1]
-        for row in POLYNOMIALS
-        if row.values[0] == name
-        and (row.values[1]["quantity"], BURSTS[row.values[1]["burst"]])
-        == (quantity, burst)
+        row
+        for source, row in ROWS
+        if (source, row["quantity"], BURSTS[row["burst"]]) == (name, quantity, burst)
     ]
     for join, largest in changes.items():
         low = next(row for row in rows if float(row["z_max"]) == join)
