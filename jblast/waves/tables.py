@@ -151,10 +151,9 @@ class Curve:
         # Clamped on the input: a polynomial far outside its span overflows, and a
         # `where` around the result would let its NaN gradient through.
         inside = xp.minimum(xp.maximum(log_z, first), last)
-        start, end = self.end_slopes
+        slope = xp.where(log_z < 0.5 * (first + last), *self.end_slopes)
         # Exactly on an end each of two terms gives half of the slope: together one.
-        before, after = xp.minimum(log_z - first, 0.0), xp.maximum(log_z - last, 0.0)
-        return self.form(inside) + start * before + end * after
+        return self.form(inside) + slope * (log_z - inside)
 
     def then(self, relation: Form) -> "Curve":
         """Return the curve of a quantity that follows from this one, in ln of both."""
