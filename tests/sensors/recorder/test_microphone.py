@@ -92,7 +92,8 @@ def test_the_cross_fade_keeps_the_loudness_of_noise():
     loops = np.random.default_rng(1).normal(size=(400, 4000))
 
     def turn(loop):
-        return ambient_sound(Ambient(loop=loop, loop_rate=4e3), 4e3, KEY).drawn(0, 0)[1]
+        sound = ambient_sound(Ambient(loop=loop, loop_rate=4e3), 4e3, KEY)
+        return sound.drawn(sound.start(), 0)[1]
 
     level = np.asarray(jax.vmap(turn)(loops))[:, :3800].std(axis=0)
     assert level == pytest.approx(1.0, abs=5 / np.sqrt(2 * 400))
