@@ -152,6 +152,13 @@ def test_no_sigma_asks_for_the_best_there_is():
     assert tolerance_of(np.array([np.nan]), ARRIVAL, [path]) == 0.0
 
 
+def test_the_sigma_of_a_time_is_a_share_of_the_travel_time_of_sound():
+    path = Rows(Scene(), np.array([5.0, 50.0]), np.ones(2)).path()
+    found = tolerance_of(np.array([1e-3, 1e-3]), ARRIVAL, [path])
+    travel = float(np.max(path.slant_range / path.sound_speed))
+    assert found == pytest.approx(SHARE_OF_SIGMA * 1e-3 / travel)
+
+
 FREE = freed(UncertainScene(scene(10.0)), ["charge_mass_kg"])
 NOWHERE = Scene(sensors=(Sensor("s", jnp.full(3, jnp.nan)),))
 
