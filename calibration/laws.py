@@ -29,8 +29,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from PIL import Image
 
-import jblast.sensors
-import jblast.waves
+import jblast.sensors.jolt  # registers the laws of jolts
+import jblast.waves  # noqa: F401  registers the laws
 from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED
@@ -114,8 +114,9 @@ for the other burst is missing there. The lower panels compare laws where both h
 are cut off at 45 %, at 15 % for arrivals: near the charge the laws of nuclear shots and
 of point sources, whose own mass is nothing, are far from those of TNT.
 
-A law is `jblast.waves.FUNCTION`, of a jolt `jblast.sensors.FUNCTION`; its scatter is
-one standard deviation of what a whole shot shares, and of each record.
+In Python a law is `jblast.registry.law_for(QUANTITY, LAW).function`, and most are
+functions of `jblast.waves`. The scatter is one standard deviation of what a whole shot
+shares, and of each record.
 """
 
 
@@ -143,27 +144,14 @@ def figure_name(quantity: str) -> str:
     return f"laws_{quantity}.png"
 
 
-def public_name(law: Law) -> str:
-    """Return what a law is called in `jblast.waves`, of a vehicle in `jblast.sensors`.
-
-    Raises:
-        ValueError: It is not re-exported there.
-    """
-    name = law.function.__name__
-    for each in (name, f"{law.name}_{name}"):  # laws with a calibration are closures
-        if hasattr(jblast.waves, each) or hasattr(jblast.sensors, each):
-            return each
-    raise ValueError(f"{law.name}, {law.quantity}: jblast.waves has no {name}")
-
-
 def _section(quantity: str, meaning: str, laws: list[Law]) -> str:
     title = capitalised(quantity_words(quantity))
     lines = [f"## {title}", "", f"`{quantity}`: {meaning}.", ""]
     if quantity in DRAWN:
         lines += [f"![{title} by every law]({figure_name(quantity)})", ""]
-    lines += ["| law | function | range | source | scatter |", "|---|---|---|---|---|"]
+    lines += ["| law | range | source | scatter |", "|---|---|---|---|"]
     lines += [
-        f"| `{law.name}` | `{public_name(law)}` | {law.range} | {law.source} | "
+        f"| `{law.name}` | {law.range} | {law.source} | "
         f"{law.scatter_words().removeprefix('scatter ')} |"
         for law in laws
     ]
