@@ -167,7 +167,7 @@ def _evidence(
 
     if quantity == "air_arrival_s":
         why = "their arrival over their pressure's" if in_tables else JOINS
-        theirs = value("kingery_bulmash") if in_tables else _late_arrival(path)
+        theirs = value("kingery_bulmash") if in_tables else _late_arrival(path, burst)
         yield _worst(theirs / value("shock_kinematics")), why
         return
     if quantity == "shock_speed_m_s":
@@ -244,9 +244,8 @@ def _mach(log_pressure: Any) -> Any:
     return np.exp(log_shock_speed(log_pressure)) / STANDARD_SOUND_SPEED
 
 
-def _late_arrival(path: WavePath) -> Any:
+def _late_arrival(path: WavePath, burst: Burst) -> Any:
     """Return the arrival of a front that is theirs to Z = 40, then a weak shock [s]."""
-    burst, z = (path.burst or "surface"), path.slant_range
     timed = kingery_bulmash_curves("arrival_time")[burst]
     form = arrival(
         lambda log_z: _tail(np.exp(log_z), burst, LATE) - LOG_STANDARD_PRESSURE,
@@ -254,7 +253,8 @@ def _late_arrival(path: WavePath) -> Any:
         STANDARD_SOUND_SPEED * math.exp(timed.form(math.log(LATE))),
         EDGES[-1],
     )
-    return z / path.sound_speed * np.exp(form(np.log(z)))
+    time = np.exp(form(np.log(path.slant_range)))
+    return time * path.slant_range / path.sound_speed
 
 
 def write(name: str, what: str, header: Sequence[str], rows: Iterable) -> None:
