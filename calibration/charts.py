@@ -82,7 +82,8 @@ from jblast.vehicle import (
 from jblast.waves import kingery_bulmash_pressure
 from jblast.waves.choice import compared
 from jblast.waves.euler import decay_at, march
-from jblast.waves.pulse import friedlander_decay, friedlander_pressure
+from jblast.waves.friedlander import friedlander_decay
+from jblast.waves.pulse import friedlander_pressure
 
 RESULTS = Path(__file__).parent / "results"
 KEPT = RESULTS / "charts.csv"

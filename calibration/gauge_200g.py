@@ -29,6 +29,7 @@ from jblast.constants import PSI
 from jblast.report.colours import BLUE, INK, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene.charge import EXPLOSIVES
+from jblast.waves.friedlander import friedlander_decay
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
@@ -39,7 +40,6 @@ from jblast.waves.laws.kingery_bulmash import (
 from jblast.waves.laws.kinney_graham import kinney_graham_duration
 from jblast.waves.pulse import (
     blast_pulse,
-    friedlander_decay,
     friedlander_impulse,
     friedlander_pressure,
 )

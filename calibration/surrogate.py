@@ -101,7 +101,7 @@ def log_frames(
     # without light on the ground: the fireball itself carries the parameters
     look = Appearance(flash=False)
     scene, camera = Scene(charge), film_camera()
-    frames = render(scene, camera, times, exposures=1, appearance=look)
+    frames = render(scene, camera, times, appearance=look)
     return log_intensity(luminance(frames))
 
 

@@ -26,6 +26,7 @@ computed.
 import math
 from collections.abc import Container
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -121,7 +122,7 @@ def grounded(scene: Scene, free: Container[str] = ()) -> Scene:
 def burst_notes(
     charge: Charge,
     heights: tuple[float, float],
-    weight: Float[np.ndarray, " place"],
+    weight: Float[Any, " place"],
     what: str,
 ) -> list[str]:
     """Return a note on the curves used for a charge above the ground.

@@ -109,6 +109,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.types import as_float_array, as_float_arrays
 from jblast.waves.arguments import checked
+from jblast.waves.friedlander import decay_of_fraction, impulse_fraction
 from jblast.waves.laws.kingery_bulmash import ground_factor
 from jblast.waves.laws.negative_phase_ufc import (
     LAST as LAST_SUCTION,
@@ -129,11 +130,6 @@ LEVEL = math.e - 2.0
 RISE_TIME_TIMES_PEAK = 1e-3 * 47.88
 """Rise time times peak of a weak shock in air [Pa s]."""
 # The first omitted term is below 1/(20 x 18!) = 8e-18, the rounding of float64.
-SERIES = tuple((-1.0) ** n / math.factorial(n + 2) for n in range(18))
-"""Coefficients of the series of $k(b)$, used for |b| < 1."""
-# Four reach rounding for k from 1e-6 to 1e12; one is a margin.
-NEWTON_STEPS = 5
-"""Newton steps for the decay."""
 AMPLITUDE_OVER_PEAK = math.exp(2.0) / 4.0
 r"""Amplitude $A$ over peak displacement, which is at $u = 2$ [-]."""
 PEAK_VELOCITY_FACTOR = (2.0 * math.sqrt(2.0) - 2.0) * math.exp(math.sqrt(2.0) - 2.0)
@@ -510,82 +506,6 @@ def friedlander_impulse(
     """
     peak, duration, decay = as_float_arrays(peak_overpressure, duration, decay)
     return peak * duration * impulse_fraction(decay)
-
-
-@checked
-def friedlander_decay(
-    peak_overpressure: Float[ArrayLike, "..."],
-    impulse: Float[ArrayLike, "..."],
-    duration: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the decay $b$ that gives a pulse its impulse [-].
-
-    The root of `friedlander_impulse`, which is unique for every $k = i/(P_s t_d)$: 0 at
-    $k = 1/2$. Above it $b$ is negative; above $e - 2 = 0.718$ it is below $-1$,
-    and peak, impulse and duration do not belong to one Friedlander pulse.
-
-    Args:
-        peak_overpressure: $P_s$ [Pa], positive.
-        impulse: Impulse of the positive phase $i$ [Pa s], positive.
-        duration: Duration of the positive phase $t_d$ [s], positive.
-    """
-    peak, impulse, duration = as_float_arrays(peak_overpressure, impulse, duration)
-    return decay_of_fraction(impulse / (peak * duration))
-
-
-@jax.jit
-def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return $k(b)$: impulse over peak times duration."""
-    # at |b| < 1 the closed form loses digits; the replacement keeps 0/0 out of it
-    near = jnp.abs(decay) < 1.0
-    b, small = jnp.where(near, 1.0, decay), jnp.where(near, decay, 0.0)
-    series = jnp.full_like(small, SERIES[-1])
-    for coefficient in reversed(SERIES[:-1]):
-        series = series * small + coefficient
-    # (b + expm1(-b))/b^2, so divided that a large b does not overflow when squared
-    return jnp.where(near, series, (1.0 + jnp.expm1(-b) / b) / b)
-
-
-@jax.custom_jvp
-@jax.jit
-def decay_of_fraction(fraction: Float[Array, "..."]) -> Float[Array, "..."]:
-    r"""Return the decay $b$ of an impulse fraction $k > 0$, the inverse of $k(b)$.
-
-    Newton's method, which always converges: $q(b) = 1/k(b)$ is convex and rising, so
-    for $k \le 1/2$ the steps fall towards the root from any start above it: the tangent
-    at zero gives $\tfrac32(1/k - 2)$, the asymptote $1/k - 1$. For $k > 1/2$ they are
-    taken of $\ln q$, concave at negative $b$, and rise from below, where its tangent at
-    zero puts $-3\ln 2k$. The derivative is that of the implicit function, not of the
-    steps.
-    """
-    rising = fraction > 0.5
-    inverse = 1.0 / fraction
-    decay = jnp.where(
-        rising,
-        -3.0 * jnp.log(2.0 * fraction),
-        jnp.minimum(1.5 * (inverse - 2.0), inverse - 1.0),
-    )
-
-    def step(_, decay):
-        k, slope = _fraction_and_slope(decay)
-        ratio = k / fraction
-        residual = jnp.where(rising, -jnp.log(ratio), 1.0 - ratio)
-        return decay + residual * (k / slope)
-
-    return jax.lax.fori_loop(0, NEWTON_STEPS, step, decay)
-
-
-@decay_of_fraction.defjvp
-def _decay_of_fraction_jvp(primals, tangents):
-    """Return the derivative of the implicit function: db/dk = 1/k'(b)."""
-    (fraction,), (tangent,) = primals, tangents
-    decay = decay_of_fraction(fraction)
-    return decay, tangent / _fraction_and_slope(decay)[1]
-
-
-def _fraction_and_slope(decay):
-    """Return k and dk/db."""
-    return jax.jvp(impulse_fraction, (decay,), (jnp.ones_like(decay),))
 
 
 def _not_zero(rise_time: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -122,7 +122,7 @@ def test_solutions_determinants_and_factors_are_those_of_numpy(size):
     np.testing.assert_allclose(answer, np.linalg.solve(matrix, right), rtol=1e-10)
     expected = np.linalg.slogdet(matrix)[1]
     np.testing.assert_allclose(log_determinant, expected, rtol=1e-12)
-    columns = jax.vmap(cholesky_columns)(np.concatenate([matrix, matrix], axis=1))
+    columns = jax.vmap(cholesky_columns)(jnp.concatenate([matrix, matrix], axis=1))
     factor = np.linalg.cholesky(matrix)
     # a row of A itself, below it: A L^-T is L
     expected = np.concatenate([factor, factor], axis=1)

@@ -83,7 +83,7 @@ def test_the_weight_rises_smoothly_from_half_a_phase_of_delay_to_a_whole_one():
 
 def path(weight=0.0, **changes):
     scene = Scene(charges=(Charge(mass_kg=1.0, burst="surface"),))
-    ranges = jnp.array([2.0, 20.0])
+    ranges = np.array([2.0, 20.0])
     rows = jax.tree.map(jnp.asarray, Rows(scene, ranges, np.ones(2)).path())
     return replace(rows, burst=None, free_air=weight, **changes)
 

@@ -9,6 +9,11 @@ from jaxtyping import ArrayLike
 from scipy.integrate import quad
 
 from jblast.constants import STANDARD_PRESSURE
+from jblast.waves.friedlander import (
+    decay_of_fraction,
+    friedlander_decay,
+    impulse_fraction,
+)
 from jblast.waves.laws import kingery_bulmash as kb, negative_phase_ufc as ufc
 from jblast.waves.laws.shock_kinematics import shock_kinematics_arrival_time
 from jblast.waves.pulse import (
@@ -16,12 +21,9 @@ from jblast.waves.pulse import (
     Pulse,
     blast_pulse,
     counted_from,
-    decay_of_fraction,
-    friedlander_decay,
     friedlander_impulse,
     friedlander_pressure,
     ground_pulse_of,
-    impulse_fraction,
     pulse_of,
     weak_shock_rise_time,
 )

@@ -93,7 +93,7 @@ def test_the_cross_fade_keeps_the_loudness_of_noise():
 
     def turn(loop):
         sound = ambient_sound(Ambient(loop=loop, loop_rate=4e3), 4e3, KEY)
-        return sound.drawn(sound.start(), 0)[1]
+        return sound.drawn(sound.start(), jnp.zeros((), int))[1]
 
     level = np.asarray(jax.vmap(turn)(loops))[:, :3800].std(axis=0)
     assert level == pytest.approx(1.0, abs=5 / np.sqrt(2 * 400))
