@@ -115,7 +115,7 @@ def test_an_option_that_gains_do_not_take_is_one_message(jblast, options, said):
     [
         (CHARGE, "expected a vehicle with its model"),
         (CHARGE + VEHICLE + 'mission = "survey.plan"\n', "[vehicle] mission"),
-        (VEHICLE, "charge_mass_kg is free"),
+        (VEHICLE, "charge_mass_kg: expected a value or a prior, got a number that is"),
         (BLAST + WORLD, "[world]"),
         (BLAST.replace("{ uniform = [0.3, 1.0] }", "1.0"), "prior"),
     ],

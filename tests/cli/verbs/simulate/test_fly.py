@@ -100,7 +100,8 @@ def test_a_custom_profile_takes_the_place_of_the_laws(jblast):
 REFUSED = table("""
 2.0] -> -2.0]; => scene.toml: [vehicle] position_m | -2 m
 crazyflie -> crazyfly; => [vehicle] model | did you mean crazyflie?
-mass_kg = 1.0 -> mass_kg = "free"; => charge_mass_kg is free
+mass_kg = 1.0 -> mass_kg = "free"; =>\
+ scene.toml: charge_mass_kg: expected a value or a prior
 [charge] / mass_kg = 1.0 ->; => or --seconds for a flight without a blast
 VEHICLE ->; => [vehicle] | got none
 ->;--step 0.3 => step_s: RK4 is stable up to

@@ -172,7 +172,7 @@ def test_a_world_on_land_has_its_truth_and_its_readings(jblast):
             "region_m box: expected a box with an area",
         ),
         (("count = 1", "count = 9"), "count: expected at most 1, which fit between"),
-        (("position_m = [40, 0, 1.5]", 'mount = "vehicle"'), "mount: expected a [vehi"),
+        (("position_m = [40, 0, 1.5]", 'mount = "vehicle"'), "mount: expected [vehic"),
     ],
 )
 def test_what_cannot_be_a_world_is_told_in_one_message(jblast, change, words):

@@ -152,7 +152,8 @@ def test_pictures_may_stand_for_the_fireball(jblast):
     folder.mkdir(parents=True)
     for k in range(3):
         picture = np.zeros((21, 21, 4), np.uint8)
-        picture[8:13, 8:13] = [0, 80 * (k + 1), 0, 255]
+        # larger than what a pixel of the film, 3.3 of these, smooths at its edge
+        picture[3:18, 3:18] = [0, 80 * (k + 1), 0, 255]
         Image.fromarray(picture).save(folder / f"{k}.png")
     words = ["--views", jblast.path("views"), "--mode", "rgb", "--force"]
     assert "expected a directory of views with views.toml, got no index" in refused(

@@ -57,7 +57,7 @@ OPTIONS = table("""
 --seconds 1e9 => got 500,000,000,000 of 500 Hz
 --threshold=-0.2 => --threshold: expected a positive number
 --background night => --background: expected a grey
---views nowhere => nowhere: no such directory
+--views nowhere => nowhere: expected a directory of views with views.toml, got no such
 """)
 
 
