@@ -18,7 +18,7 @@ from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from jblast.errors import InputError, nearest, shown
-from jblast.types import namespace
+from jblast.types import is_traced, namespace
 
 
 @runtime_checkable
@@ -210,8 +210,9 @@ def call(function: Callable[..., Any], path: Any) -> Any:
     """
     # Laws are called by the names of their arguments, as each has another set.
     names = _argument_names(function)
-    if namespace(*vars(path).values()) is np:
-        # the numbers of a path are checked where they enter a scene
+    if not any(map(is_traced, vars(path).values())):
+        # The numbers of a path are checked where they enter a scene. Traced ones become
+        # NaN where a search leaves the bounds.
         function = getattr(function, "unchecked", function)
 
     def by_curves(burst: str) -> Any:

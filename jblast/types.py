@@ -95,18 +95,34 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
-    """Convert a number to a float array: of JAX, in its default precision, if loaded.
+def as_numbers(value: ArrayLike) -> Float[Array, "..."]:
+    """Convert numbers to a float array: of JAX, in its default precision, if loaded.
 
-    A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
-    and is skipped by `eqx.filter_grad`, so every field with a unit goes through here.
-    Float arrays of NumPy and JAX are returned unchanged.
+    Float arrays of NumPy and of JAX are returned unchanged.
     """
     xp = sys.modules["jax.numpy"] if jax_is_loaded() else np
-    # A vehicle has thirty such fields per flight, and `asarray` takes 0.1 ms each.
     given = isinstance(value, np.ndarray) or namespace(value) is not np
     array: Any = value if given else xp.asarray(value)
     return array if xp.issubdtype(array.dtype, xp.floating) else array.astype(float)
+
+
+def as_optional_number(value: ArrayLike | None) -> Float[Array, "..."] | None:
+    """Convert an optional number by `as_numbers`; None remains None."""
+    return None if value is None else as_numbers(value)
+
+
+def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
+    """Convert a number to a float array of JAX, in its default precision.
+
+    A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
+    and is skipped by `eqx.filter_grad`, and a NumPy array cannot be indexed by a traced
+    number, so every field of an `eqx.Module` with a unit goes through here.
+    """
+    import jax
+
+    array: Any = as_numbers(value)
+    # `jnp.asarray` would compile a program for each shape; a copy does not.
+    return jax.device_put(array) if isinstance(array, np.ndarray) else array
 
 
 def as_optional_float_array(value: ArrayLike | None) -> Float[Array, "..."] | None:
@@ -143,7 +159,7 @@ def field(
 
 def number(*, default: Any = MISSING) -> Any:
     """Return a field of one number: a float array, or None if that is the default."""
-    convert = as_optional_float_array if default is None else as_float_array
+    convert = as_optional_number if default is None else as_numbers
     return field(converter=convert, default=default)
 
 

@@ -21,7 +21,7 @@ from jblast.types import (
     Float,
     Module,
     Scalar,
-    as_float_array,
+    as_numbers,
     compiled,
     field,
     is_traced,
@@ -68,19 +68,19 @@ class Camera(Module):
             Inside jit numbers are not checked.
     """
 
-    position: Float[Array, "3"] = field(converter=as_float_array)
-    quaternion: Float[Array, "4"] = field(converter=as_float_array)
-    focal: Float[Array, "2"] = field(converter=as_float_array)
-    center: Float[Array, "2"] = field(converter=as_float_array)
+    position: Float[Array, "3"] = field(converter=as_numbers)
+    quaternion: Float[Array, "4"] = field(converter=as_numbers)
+    focal: Float[Array, "2"] = field(converter=as_numbers)
+    center: Float[Array, "2"] = field(converter=as_numbers)
     width: int = field(static=True)
     height: int = field(static=True)
     distortion: Float[Array, "5"] = field(
-        converter=as_float_array, default_factory=lambda: np.zeros(5)
+        converter=as_numbers, default_factory=lambda: np.zeros(5)
     )
     frames_hz: Scalar = number(default=FRAMES_HZ)
     exposure_s: Scalar = number(default=0.0)
     threshold: Float[Array, "2"] = field(
-        converter=as_float_array, default_factory=lambda: np.full(2, 0.2)
+        converter=as_numbers, default_factory=lambda: np.full(2, 0.2)
     )
     daylight: Scalar | None = number(default=None)
     mount: str = field(static=True, default="")
@@ -119,7 +119,7 @@ def quaternion_matrix(quaternion: Float[ArrayLike, "4"]) -> Float[Array, "3 3"]:
     Returns:
         $R$; its columns are the camera's axes in the world.
     """
-    x, y, z, w = q = as_float_array(quaternion)
+    x, y, z, w = q = as_numbers(quaternion)
     # 0 * w, so that the entries have the type and tracer of the others.
     xp = namespace(q)
     cross = xp.asarray([[0 * w, -z, y], [z, 0 * w, -x], [-y, x, 0 * w]])
@@ -137,7 +137,7 @@ def quaternion_product(
         after: The later rotation.
         before: The earlier one.
     """
-    a, b = as_float_array(after), as_float_array(before)
+    a, b = as_numbers(after), as_numbers(before)
     xp = namespace(a, b)
     vector = a[3] * b[:3] + b[3] * a[:3] + xp.cross(a[:3], b[:3])
     return xp.append(vector, a[3] * b[3] - xp.dot(a[:3], b[:3]))
@@ -153,7 +153,7 @@ def matrix_quaternion(matrix: Float[ArrayLike, "3 3"]) -> Float[Array, "4"]:
     Args:
         matrix: Orthonormal, of determinant 1.
     """
-    m = as_float_array(matrix)
+    m = as_numbers(matrix)
     xp = namespace(m)
     # Only four of ten entries are used, but all are computed: a branch would depend on
     # data.
@@ -192,7 +192,7 @@ def look_at(
         Unit quaternion (x, y, z, w), camera to world; NaN, with gradient zero, where
         the two positions are equal.
     """
-    ahead = as_float_array(target) - as_float_array(position)
+    ahead = as_numbers(target) - as_numbers(position)
     xp = namespace(ahead)
     apart = xp.any(ahead != 0)
     # The input is replaced, not the result, so that no branch has a NaN gradient.

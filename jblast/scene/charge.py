@@ -23,7 +23,7 @@ from jblast.types import (
     Described,
     Float,
     Scalar,
-    as_float_array,
+    as_numbers,
     field,
     is_traced,
     namespace,
@@ -45,7 +45,7 @@ def _place(value: ArrayLike | Sequence[ArrayLike]) -> EastNorthUp:
     if getattr(value, "ndim", 1) == 1:  # rejects an array of three positions
         with suppress(TypeError, ValueError):
             east, north, up = cast(Sequence[ArrayLike], value)
-            return as_float_array(east), as_float_array(north), as_float_array(up)
+            return as_numbers(east), as_numbers(north), as_numbers(up)
     raise InputError(
         "charge position_m: expected three numbers: east, north, up [m]; got "
         f"{shown(value)}"

@@ -12,7 +12,7 @@ from jblast.types import (
     Float,
     Module,
     Scalar,
-    as_float_array,
+    as_numbers,
     field,
     number,
 )
@@ -27,7 +27,7 @@ Number = Scalar | Prior
 
 
 def _number(value: ArrayLike | Prior) -> Number:
-    return value if isinstance(value, Prior) else as_float_array(value)
+    return value if isinstance(value, Prior) else as_numbers(value)
 
 
 class Box(Module):
@@ -38,8 +38,8 @@ class Box(Module):
         high: Maximum east, north, up [m]; up may equal the minimum.
     """
 
-    low: Float[Array, "3"] = field(converter=as_float_array)
-    high: Float[Array, "3"] = field(converter=as_float_array)
+    low: Float[Array, "3"] = field(converter=as_numbers)
+    high: Float[Array, "3"] = field(converter=as_numbers)
 
 
 class Ring(Module):

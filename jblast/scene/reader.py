@@ -41,7 +41,7 @@ from jblast.scene.uncertain import (
     with_values,
 )
 from jblast.scene.values import POSITION, SceneKey, Table, Uncertain, known
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 
 
 def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
@@ -368,7 +368,7 @@ class _File:
         control = values.pop("control", {})
         fields = ("integral", "target", "yaw")
         values |= {name: control.pop(name) for name in fields if name in control}
-        values["gains"] = {name: as_float_array(gain) for name, gain in control.items()}
+        values["gains"] = {name: as_numbers(gain) for name, gain in control.items()}
         placed, mission = "position" in values, "mission" in values
         require(placed or mission, f"{where} position_m", POSITION, "nothing")
         if mission:

@@ -20,8 +20,8 @@ from jblast.types import (
     Float,
     Module,
     Scalar,
-    as_float_array,
-    as_optional_float_array,
+    as_numbers,
+    as_optional_number,
     field,
     number,
 )
@@ -82,7 +82,7 @@ class Ambient(Module):
     file: str = field(static=True, default="")
     full_scale: Scalar = number(default=1.0)
     loop: Float[Array, " sample"] | None = field(
-        converter=as_optional_float_array, default=None
+        converter=as_optional_number, default=None
     )
     loop_rate: float = field(static=True, converter=float, default=math.nan)
 
@@ -128,10 +128,10 @@ class VehicleSpec(Module):
     """
 
     model: str = field(static=True)
-    position: Float[Array, "3"] = field(converter=as_float_array)
+    position: Float[Array, "3"] = field(converter=as_numbers)
     target: Float[Array, "3"] | None = None
     velocity: Float[Array, "3"] = field(
-        converter=as_float_array, default_factory=lambda: np.zeros(3)
+        converter=as_numbers, default_factory=lambda: np.zeros(3)
     )
     yaw: Scalar = number(default=0.0)
     integral: bool | None = field(static=True, default=None)

@@ -17,7 +17,7 @@ from jblast.types import (
     Float,
     Module,
     Scalar,
-    as_float_array,
+    as_numbers,
     field,
     jax_is_loaded,
     namespace,
@@ -43,7 +43,7 @@ def _vector(value: Any) -> Float[Array, "..."]:
         import jax.numpy as jnp
 
         value = jnp.asarray(value)
-    return as_float_array(value)
+    return as_numbers(value)
 
 
 class Imu(Module):
@@ -186,7 +186,7 @@ class Sensor(Described):
         converter=_vector, default_factory=lambda: np.eye(4)[3]
     )
     settings: dict[str, Float[Array, ""]] = field(
-        converter=lambda numbers: {k: as_float_array(v) for k, v in numbers.items()},
+        converter=lambda numbers: {k: as_numbers(v) for k, v in numbers.items()},
         default_factory=dict,
     )
 

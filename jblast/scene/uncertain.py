@@ -32,7 +32,7 @@ from jblast.types import (
     Float,
     Module,
     Scalar,
-    as_float_array,
+    as_numbers,
     field,
     is_traced,
     namespace,
@@ -201,7 +201,7 @@ def names_in(scene: Scene) -> tuple[str, ...]:
 def with_values(scene: Scene, values: Mapping[str, ArrayLike]) -> Scene:
     """Return the scene with some of its numbers replaced."""
     for name, value in values.items():
-        scene = with_value_at(scene, _path(scene, name), as_float_array(value))
+        scene = with_value_at(scene, _path(scene, name), as_numbers(value))
     return scene
 
 

@@ -20,7 +20,7 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int, Key
 
-from jblast.errors import require, shown
+from jblast.errors import InputError, require, shown
 from jblast.scene import Instrument, Scene, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import Chain, instrument_chain
@@ -283,7 +283,10 @@ def recording(
     require(known, where, "a finite start_s", f"{start} s")
     # one key per source: adding one does not change the others
     *keys, last = jax.random.split(key, 4)
-    sources = kind.samples()(scene, sensor, place, laws, keys)
+    try:
+        sources = kind.samples()(scene, sensor, place, laws, keys)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
     instrument = sensor.instrument or Instrument()
     several = len(kind.columns)
     own = [last] if several == 1 else [*jax.random.split(last, several)]

@@ -13,6 +13,7 @@ operations, both in compilation and in each call.
 import functools
 import inspect
 from collections.abc import Callable, Collection
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any, ParamSpec, TypeVar
 
@@ -119,6 +120,10 @@ WORDS = ("burst", "ground_path", "quantity")
 """Arguments that are not numbers."""
 
 
+_INSIDE = ContextVar("inside", default=False)
+"""True inside a law, whose arguments have been checked."""
+
+
 def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]:
     """Make a law raise for arguments that no scene can have, and compile it for JAX.
 
@@ -144,6 +149,8 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
     @functools.wraps(law)
     def checking(*args: P.args, **kwargs: P.kwargs) -> R:
         given = signature.bind(*args, **kwargs).arguments
+        if _INSIDE.get():
+            return law(**given)
         xp = namespace(*given.values())
         traced = False
         for name, value in given.items():
@@ -157,12 +164,20 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
                 fault = ARGUMENTS[name].fault(np.atleast_1d(numbers))
                 require(not fault, name, *(fault or ("",)))
                 given[name] = numbers if xp is np else value
-        _check_shapes(law.__name__, given)
-        evaluate: Callable[..., R] = law if xp is np or traced else compiled()
-        return evaluate(**given)
+        _check_shapes(checking.__name__, given)
+        return law(**given) if traced else unchecked(**given)
+
+    def unchecked(**given: Any) -> R:
+        # `Any`, as the keywords are those of the law without `absent`
+        evaluate: Any = law if namespace(*given.values()) is np else compiled()
+        token = _INSIDE.set(True)
+        try:
+            return evaluate(**given)
+        finally:
+            _INSIDE.reset(token)
 
     checking.__signature__ = signature  # type: ignore[attr-defined]
-    checking.unchecked = law  # type: ignore[attr-defined]  for `registry.call`
+    checking.unchecked = unchecked  # type: ignore[attr-defined]  for `registry.call`
     return checking
 
 

@@ -28,7 +28,7 @@ import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are
 from jblast.errors import InputError, nearest, require
 from jblast.progress import Progress, reported
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, TIMES, components
-from jblast.registry import Law, law_for, names_for
+from jblast.registry import PACKAGED, Law, law_for, names_for
 from jblast.scene import (
     Charge,
     Scene,
@@ -292,9 +292,13 @@ def compared_on(path: Path, found: Evaluated, quantity: str) -> Compared:
 
 
 def is_candidate(law: Law) -> bool:
-    """Return whether a law may be chosen by its difference from a reference."""
+    """Return whether a law may be chosen by its difference from a reference.
+
+    A law from outside the package is used where it is named.
+    """
+    key = law.quantity, law.name
     needs_time = "time_since_detonation" in law.arguments()
-    return not needs_time and (law.quantity, law.name) not in CONTINUATIONS
+    return PACKAGED.get(key) is law and not needs_time and key not in CONTINUATIONS
 
 
 def _reference(
@@ -495,7 +499,10 @@ def tnt_path(
     time_since_detonation: Float[np.ndarray, " place"],
 ) -> Path:
     """Return `path_between` in NumPy, with the TNT-equivalent mass for a quantity."""
-    path = path_between(scene, charge, position, stated_range, time_since_detonation)
+    with np.errstate(over="ignore"):  # of positions that are refused later
+        path = path_between(
+            scene, charge, position, stated_range, time_since_detonation
+        )
     return in_numpy(replace(path, charge_mass=charge.tnt_mass(quantity)))
 
 

@@ -16,7 +16,7 @@ from jblast.registry import call, law_for, names_for, total_scatter
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.scene.scene import GroundPath
-from jblast.types import Array, Bool, Float, Module, as_float_array, field, namespace
+from jblast.types import Array, Bool, Float, Module, as_numbers, field, namespace
 from jblast.waves.height_of_burst import free_air_weight
 from jblast.waves.propagation import (
     air_density,
@@ -27,7 +27,7 @@ from jblast.waves.propagation import (
 
 
 def _optional() -> Any:
-    return field(converter=as_float_array, default=math.nan)
+    return field(converter=as_numbers, default=math.nan)
 
 
 def slant_range(
@@ -97,7 +97,7 @@ class Path(Module):
     toward_up: Float[Array, "..."] = _optional()
     fireball_growth: Float[Array, "..."] = _optional()
     camera_focal: Float[Array, "..."] = _optional()
-    free_air: Float[Array, "..."] = field(converter=as_float_array, default=0.0)
+    free_air: Float[Array, "..."] = field(converter=as_numbers, default=0.0)
     burst: Burst | None = field(static=True, default="surface")
     ground_path: GroundPath = field(static=True, default="head")
 

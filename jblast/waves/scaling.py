@@ -38,7 +38,6 @@ SD = (0.10, 0.10)
 NOWHERE: Span = (math.inf, -math.inf)
 
 
-@checked
 def scaled_distance(
     slant_range: Number,
     charge_mass: Number,

@@ -99,7 +99,8 @@ def test_the_calculator_names_the_rows_that_do_not_go_together(ranges, masses, s
 
 def test_a_law_names_the_arguments_that_do_not_go_together():
     said = (
-        r"kingery_bulmash_pressure: expected one shape.*slant_range \(3,\), charge_mass"
+        r"kingery_bulmash_peak_overpressure_pa: expected one shape.*"
+        r"slant_range \(3,\), charge_mass"
     )
     with pytest.raises(ValueError, match=said):
         kingery_bulmash_pressure(np.full(3, 9.0), np.ones(2))

@@ -25,8 +25,8 @@ REFUSED = [
     ({"burst": "air"}, "burst: expected 'surface' or 'free-air', got air"),
     (
         {"slant_range": np.ones(2), "charge_mass": np.ones(3)},
-        "law: expected one shape, or single numbers, got slant_range (2,), "
-        "charge_mass (3,)",
+        "kingery_bulmash_peak_overpressure_pa: expected one shape, or single numbers, "
+        "got slant_range (2,), charge_mass (3,)",
     ),
 ]
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.thesis.laws import stokes_absorption
+from calibration.thesis.absorption import stokes_absorption
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.waves.propagation import (
     absorption_transfer,

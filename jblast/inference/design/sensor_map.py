@@ -97,7 +97,7 @@ def bound_map(bound: Bound, points: int = POINTS) -> BoundMap:
     like = layout.only(rows)
     # a path of its own: its scatter is independent of that of the other sensors
     group = tuple(max(layout.group) + 1 + shot for shot in like.shot)
-    new = replace(like, group=group, clock=("",) * len(rows), free_air=())
+    new = replace(like, group=group, clock=("",) * len(rows))
     charges = np.array([[float(c.east), float(c.north)] for c in scene.charges])
     east, north = _grid(np.asarray(layout.position)[:, :2], charges, points)
     places = np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)

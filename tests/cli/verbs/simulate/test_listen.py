@@ -130,7 +130,7 @@ def test_what_is_bad_exits_2_in_one_message(jblast):
         charge + sensor + 'kind = "pressure"\n': "'a': expected position_m",
         charge + sensor + 'kind = "pressure"\nposition_m = [0, 0, 0]\n': "sensor 'a'",
         sensor
-        + 'kind = "pressure"\nposition_m = [9, 0, 0]\n': "charge_mass_kg is free",
+        + 'kind = "pressure"\nposition_m = [9, 0, 0]\n': "charge_mass_kg: expected a",
     }
     for content, words in cases.items():
         bad = jblast.file("bad.toml", content)
