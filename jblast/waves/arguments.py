@@ -138,6 +138,7 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
     """
     full = inspect.signature(law).parameters.values()
     signature = inspect.Signature([p for p in full if p.name not in absent])
+    body: Any = law  # called by the keywords of this signature
 
     @functools.cache
     def compiled() -> Callable[..., R]:
@@ -150,7 +151,7 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
     def checking(*args: P.args, **kwargs: P.kwargs) -> R:
         given = signature.bind(*args, **kwargs).arguments
         if _INSIDE.get():
-            return law(**given)
+            return body(**given)
         xp = namespace(*given.values())
         traced = False
         for name, value in given.items():
@@ -165,11 +166,10 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
                 require(not fault, name, *(fault or ("",)))
                 given[name] = numbers if xp is np else value
         _check_shapes(checking.__name__, given)
-        return law(**given) if traced else unchecked(**given)
+        return body(**given) if traced else unchecked(**given)
 
     def unchecked(**given: Any) -> R:
-        # `Any`, as the keywords are those of the law without `absent`
-        evaluate: Any = law if namespace(*given.values()) is np else compiled()
+        evaluate = body if namespace(*given.values()) is np else compiled()
         token = _INSIDE.set(True)
         try:
             return evaluate(**given)
