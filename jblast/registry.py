@@ -215,7 +215,7 @@ def call(function: Callable[..., Any], path: Any) -> Any:
         # NaN where a search leaves the bounds.
         function = getattr(function, "unchecked", function)
 
-    def by_curves(burst: str) -> Any:
+    def by_curves(burst: str | None) -> Any:
         given = {name: getattr(path, name) for name in names}
         return function(**(given | {"burst": burst} if "burst" in given else given))
 

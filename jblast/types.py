@@ -173,6 +173,9 @@ class Module:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True, eq=False)(cls)
+        for one in fields(cls):  # type: ignore[arg-type]
+            if one.metadata.get("converter"):  # the constructor takes more than arrays
+                cls.__init__.__annotations__[one.name] = Any
         _WAITING.add(cls)
 
     def __post_init__(self) -> None:

@@ -57,7 +57,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int, Key
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int, Key, PRNGKeyArray
 
 from jblast.errors import require, shown
 from jblast.scene import Air, Ambient, Instrument, Scene, Sensor
@@ -88,21 +88,21 @@ period of 20 Hz, the lowest audible tone; a longer one only shortens the loop.""
 
 
 def pressure(
-    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[Key]
+    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[PRNGKeyArray]
 ) -> tuple[Source, ...]:
     """Return the waves in the air at a pressure gauge."""
     return tuple(Passing(wave.pulse) for wave in waves(scene, place, laws))
 
 
 def geophone(
-    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[Key]
+    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[PRNGKeyArray]
 ) -> tuple[Source, ...]:
     """Return the waves in the ground at a geophone; the ground is linear."""
     return tuple(Passing(wave.pulse) for wave in waves(scene, place, laws, IN_GROUND))
 
 
 def microphone(
-    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[Key]
+    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[PRNGKeyArray]
 ) -> tuple[Source, ...]:
     """Return the waves at a microphone, ambient sound, and wind on its membrane.
 
@@ -130,7 +130,7 @@ def microphone(
 
 
 def anemometer(
-    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[Key]
+    scene: Scene, sensor: Sensor, place: Place, laws: Laws, keys: Sequence[PRNGKeyArray]
 ) -> tuple[Source, ...]:
     """Return the scene's wind at an anemometer, and the gust of every wave.
 

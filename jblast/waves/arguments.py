@@ -23,7 +23,7 @@ from jblast.errors import require
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
 from jblast.types import Float, is_traced, namespace
 
-Number = float | Float[Any, "..."]
+Number = Float[Any, "..."] | float | int
 """A number, or an array of NumPy or of JAX."""
 NOT_NEGATIVE = Bounds(at_least=0.0)
 

@@ -7,10 +7,13 @@ uncertain coefficients (delta method), because all are common to its records.
 
 import json
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Any
+
+import numpy as np
 
 from jblast.types import Float, namespace
 from jblast.waves.tables import Numbers
@@ -31,8 +34,8 @@ class Regression:
         burial_sd: Additional scatter of a shot per unit of $-x$, in quadrature.
     """
 
-    coefficients: Float[Any, " b"]
-    covariance: Float[Any, "b b"]
+    coefficients: Sequence[float] | Float[np.ndarray, " b"]
+    covariance: Sequence[Sequence[float]] | Float[np.ndarray, "b b"]
     site_sd: float
     shot_sd: float
     path_sd: float

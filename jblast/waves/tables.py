@@ -34,7 +34,7 @@ import numpy as np
 
 from jblast.types import Float, namespace
 
-Numbers = Float[Any, "..."]
+Numbers = Float[Any, "..."] | float | int
 """An array of NumPy or of JAX."""
 Form = Callable[[Any], Any]
 """ln y as a function of ln z."""
