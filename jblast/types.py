@@ -98,41 +98,50 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 def as_numbers(value: ArrayLike) -> Float[Array, "..."]:
     """Convert numbers to a float array: of JAX, in its default precision, if loaded.
 
-    Float arrays of NumPy and of JAX are returned unchanged.
+    A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
+    and is skipped by `eqx.filter_grad`, and a NumPy array cannot be indexed by a traced
+    number, so every field with a unit goes through here.
     """
-    xp = sys.modules["jax.numpy"] if jax_is_loaded() else np
-    given = isinstance(value, np.ndarray) or namespace(value) is not np
-    array: Any = value if given else xp.asarray(value)
-    return array if xp.issubdtype(array.dtype, xp.floating) else array.astype(float)
+    if not jax_is_loaded():
+        plain: Any = np.asarray(value)
+        return plain if np.issubdtype(plain.dtype, np.floating) else plain.astype(float)
+    import jax
+    import jax.numpy as jnp
+
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
+        # A vehicle has thirty such fields per flight, and `asarray` takes 0.1 ms each.
+        return value
+    # For NumPy arrays `jnp.asarray` compiles a program per shape; a copy does not.
+    array = (jax.device_put if isinstance(value, np.ndarray) else jnp.asarray)(value)
+    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(float)
 
 
 def as_optional_number(value: ArrayLike | None) -> Float[Array, "..."] | None:
-    """Convert an optional number by `as_numbers`; None remains None."""
+    """Convert an optional number; None remains None."""
     return None if value is None else as_numbers(value)
 
 
-def as_float_array(value: ArrayLike) -> Float[Array, "..."]:
-    """Convert a number to a float array of JAX, in its default precision.
+def unconverted(value: R, **changes: Any) -> R:
+    """Return a `Module` with other values of some fields, as they are.
 
-    A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`
-    and is skipped by `eqx.filter_grad`, and a NumPy array cannot be indexed by a traced
-    number, so every field of an `eqx.Module` with a unit goes through here.
+    Its numbers remain NumPy arrays also where JAX is loaded.
     """
-    import jax
+    copy = object.__new__(type(value))
+    for name, number in (vars(value) | changes).items():
+        object.__setattr__(copy, name, number)
+    return copy
 
-    array: Any = as_numbers(value)
-    # `jnp.asarray` would compile a program for each shape; a copy does not.
-    return jax.device_put(array) if isinstance(array, np.ndarray) else array
 
-
-def as_optional_float_array(value: ArrayLike | None) -> Float[Array, "..."] | None:
-    """Convert an optional number; None remains None."""
-    return None if value is None else as_float_array(value)
+def numpy_or_jax(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
+    """Convert numbers for a function of both kinds: to NumPy, unless one is of JAX."""
+    if namespace(*values) is np:
+        return tuple(np.asarray(value, float) for value in values)  # type: ignore[return-value]
+    return tuple(as_numbers(value) for value in values)
 
 
 def as_float_arrays(*values: ArrayLike) -> tuple[Float[Array, "..."], ...]:
     """Convert several numbers; used by laws that also accept plain numbers."""
-    return tuple(as_float_array(value) for value in values)
+    return tuple(as_numbers(value) for value in values)
 
 
 def field(

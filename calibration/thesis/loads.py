@@ -40,7 +40,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.scene import Scene
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle.quadrotor import Vehicle, required_body
 from jblast.vehicle.state import State, four, rotation, three, times_transposed, unit
 from jblast.waves.laws.kingery_bulmash import (
@@ -102,9 +102,9 @@ class Blasts(eqx.Module):
         mass_kg: TNT mass.
     """
 
-    position_m: Float[Array, "*batch blast 3"] = eqx.field(converter=as_float_array)
-    time_s: Float[Array, "*batch blast"] = eqx.field(converter=as_float_array)
-    mass_kg: Float[Array, "*batch blast"] = eqx.field(converter=as_float_array)
+    position_m: Float[Array, "*batch blast 3"] = eqx.field(converter=as_numbers)
+    time_s: Float[Array, "*batch blast"] = eqx.field(converter=as_numbers)
+    mass_kg: Float[Array, "*batch blast"] = eqx.field(converter=as_numbers)
 
     @property
     def never(self) -> Bool[Array, "*batch blast"]:
@@ -161,7 +161,7 @@ class PrintedLoad(eqx.Module):
 
     blasts: Blasts
     sound_speed_m_s: Float[Array, "*batch"] = eqx.field(
-        converter=as_float_array, default=SOUND_SPEED_M_S
+        converter=as_numbers, default=SOUND_SPEED_M_S
     )
 
     def arrival_time_s(self, position_m: Float[Array, "... 3"]) -> Float[Array, "..."]:
@@ -242,7 +242,7 @@ class CodedLoad(eqx.Module):
 
     blasts: Blasts
     most_moment_n_m: Float[Array, "*batch"] = eqx.field(
-        converter=as_float_array, default=MAX_MOMENT_N_M
+        converter=as_numbers, default=MAX_MOMENT_N_M
     )
 
     def arrival_time_s(self, position_m: Float[Array, "... 3"]) -> Float[Array, "..."]:

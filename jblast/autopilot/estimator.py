@@ -60,7 +60,7 @@ from jblast.sensors.flight_sensors import (
     height_of,
 )
 from jblast.sensors.imu import Inertial, rotation_between, rotation_quaternion
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle import State, Trajectory, Vehicle
 
 WATCHED_S = 10.0
@@ -172,10 +172,10 @@ class Alignment(eqx.Module):
         moves: Velocity along each axis [m/s].
     """
 
-    tilt: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.01)
-    heading: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.03)
-    place: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.2)
-    moves: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.05)
+    tilt: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.01)
+    heading: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.03)
+    place: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.2)
+    moves: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.05)
 
     def deviations(
         self, rate_bias: Float[Array, ""], force_bias: Float[Array, ""]
@@ -270,7 +270,7 @@ class EstimatedControl(eqx.Module):
     initial: State
     seed: Integer[Array, "*batch"]
     alignment: Alignment = eqx.field(default_factory=Alignment)
-    ground_m: Float[Array, "*batch"] = eqx.field(converter=as_float_array, default=0.0)
+    ground_m: Float[Array, "*batch"] = eqx.field(converter=as_numbers, default=0.0)
 
     @property
     def gains(self) -> Any:

@@ -37,7 +37,7 @@ from jblast.missions.guidance import SetPoint, as_if_at_rest
 from jblast.scene import Air, Charge, Ring, Scene, Uniform, WorldSpec
 from jblast.scene.random_blasts import ByCount
 from jblast.scene.uncertain import Prior, draw
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle import BlastLoad, Controller, Gains, Vehicle, blast_load
 from jblast.vehicle.control.allocation import speeds_within
 from jblast.vehicle.loads.blast_wave import crossing_time
@@ -85,7 +85,7 @@ class Aim(eqx.Module):
 
 
 def _number(value: ArrayLike | Prior) -> NumberOrPrior:
-    return value if isinstance(value, Prior) else as_float_array(value)
+    return value if isinstance(value, Prior) else as_numbers(value)
 
 
 class Randomisation(eqx.Module):
@@ -142,14 +142,14 @@ class EnvironmentParams(eqx.Module):
     air: Air
     randomisation: Randomisation
     guidance: Guidance | None
-    target_m: Float[Array, "3"] = eqx.field(converter=as_float_array)
-    spread_m: Float[Array, ""] = eqx.field(converter=as_float_array)
-    far_m: Float[Array, ""] = eqx.field(converter=as_float_array)
-    rate_rad_s: Float[Array, ""] = eqx.field(converter=as_float_array)
-    speed_m_s: Float[Array, ""] = eqx.field(converter=as_float_array)
-    reach_m: Float[Array, ""] = eqx.field(converter=as_float_array)
-    ground_up_m: Float[Array, ""] = eqx.field(converter=as_float_array)
-    step_s: Float[Array, ""] = eqx.field(converter=as_float_array)
+    target_m: Float[Array, "3"] = eqx.field(converter=as_numbers)
+    spread_m: Float[Array, ""] = eqx.field(converter=as_numbers)
+    far_m: Float[Array, ""] = eqx.field(converter=as_numbers)
+    rate_rad_s: Float[Array, ""] = eqx.field(converter=as_numbers)
+    speed_m_s: Float[Array, ""] = eqx.field(converter=as_numbers)
+    reach_m: Float[Array, ""] = eqx.field(converter=as_numbers)
+    ground_up_m: Float[Array, ""] = eqx.field(converter=as_numbers)
+    step_s: Float[Array, ""] = eqx.field(converter=as_numbers)
     episode_steps: Int[Array, ""] = eqx.field(
         converter=lambda x: jnp.asarray(x, jnp.int32)
     )

@@ -42,7 +42,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
 from jblast.vehicle.control.position_hold import PreparedController
 from jblast.vehicle.state import three
@@ -85,17 +85,17 @@ class Legs(eqx.Module):
         visit: Index of its item in the order of execution, from 0.
     """
 
-    start_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_float_array)
-    along: Float[Array, "*batch leg 3"] = eqx.field(converter=as_float_array)
-    inward: Float[Array, "*batch leg 3"] = eqx.field(converter=as_float_array)
-    curvature_per_m: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
-    length_m: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
-    speed_m_s: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
-    end_speed_m_s: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
-    goal_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_float_array)
-    acceptance_m: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
-    hold_s: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
-    yaw_rad: Float[Array, "*batch leg"] = eqx.field(converter=as_float_array)
+    start_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
+    along: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
+    inward: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
+    curvature_per_m: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    length_m: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    speed_m_s: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    end_speed_m_s: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    goal_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
+    acceptance_m: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    hold_s: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    yaw_rad: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
     waits: Bool[Array, "*batch leg"] = eqx.field(converter=jnp.asarray)
     lands: Bool[Array, "*batch leg"] = eqx.field(converter=jnp.asarray)
     visit: Int[Array, "*batch leg"] = eqx.field(
@@ -197,9 +197,9 @@ class Guidance(eqx.Module):
     """
 
     legs: Legs
-    acceleration_m_s2: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    yaw_rad: Float[Array, "*batch"] = eqx.field(converter=as_float_array, default=0.0)
-    ground_m: Float[Array, "*batch"] = eqx.field(converter=as_float_array, default=0.0)
+    acceleration_m_s2: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
+    yaw_rad: Float[Array, "*batch"] = eqx.field(converter=as_numbers, default=0.0)
+    ground_m: Float[Array, "*batch"] = eqx.field(converter=as_numbers, default=0.0)
 
     def start(self) -> Progress:
         """Return the state before the first sample."""

@@ -146,7 +146,7 @@ class Charge(Described):
         elapsed = time - self.as_if_at_zero().time_s
         return namespace(elapsed).where(self.never, -1.0, elapsed)
 
-    def tnt_mass(self, quantity: str) -> Float[Array, ""]:
+    def tnt_mass(self, quantity: str) -> Float[Array, "..."]:
         """Return the TNT-equivalent mass for a quantity [kg]."""
         return self.mass_kg * self.tnt_factor_for(quantity)
 

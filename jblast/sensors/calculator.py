@@ -17,7 +17,7 @@ more than their scatter (90 %) are reported as a disagreement.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any, Literal
 
@@ -30,7 +30,7 @@ from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
 from jblast.registry import LAWS, Law, call, names_for
 from jblast.results import ABSENT, HIDDEN
 from jblast.scene import Scene
-from jblast.types import ArrayLike, Bool, Float, in_numpy
+from jblast.types import ArrayLike, Bool, Float, in_numpy, unconverted
 from jblast.waves.choice import Choice, Compared, compared_on, references, tnt_path
 from jblast.waves.friedlander import friedlander_decay
 from jblast.waves.paths import Evaluated, Path, evaluate
@@ -132,7 +132,7 @@ class Rows:
         factor = float(self.scene.charge.tnt_factor_for(quantity))
         if factor not in self.known:
             scene, count = in_numpy(self.scene), len(self.slant_range)
-            charge = replace(scene.charge, mass_kg=self.charge_mass, range_m=None)
+            charge = unconverted(scene.charge, mass_kg=self.charge_mass, range_m=None)
             nowhere, never = np.zeros((count, 3)), np.full(count, np.nan)
             self.known[factor] = tnt_path(
                 scene, charge, quantity, nowhere, self.slant_range, never

@@ -48,7 +48,7 @@ from jblast.sensors.imu import (
     sampled,
     walked,
 )
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle import BlastLoad, State
 from jblast.vehicle.loads.blast import map_grouped
 from jblast.vehicle.loads.blast_wave import Blast, Wave, overpressure
@@ -143,11 +143,9 @@ class Gps(eqx.Module):
 
     rate: float = eqx.field(static=True, converter=float, default=5.0)
     delay: float = eqx.field(static=True, converter=float, default=0.12)
-    horizontal_noise: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=0.4
-    )
-    vertical_noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.8)
-    velocity_noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.05)
+    horizontal_noise: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.4)
+    vertical_noise: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.8)
+    velocity_noise: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.05)
 
     def noise(self) -> Float[Array, "6"]:
         """Return the standard deviation of each number of a fix [m, m/s]."""
@@ -168,8 +166,8 @@ class Barometer(eqx.Module):
     """
 
     rate: float = eqx.field(static=True, converter=float, default=50.0)
-    noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.2)
-    lag: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.02)
+    noise: Float[Array, ""] = eqx.field(converter=as_numbers, default=1.2)
+    lag: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.02)
 
 
 class Magnetometer(eqx.Module):
@@ -182,9 +180,9 @@ class Magnetometer(eqx.Module):
             times the resolution of an IST8310 (data sheet: 0.3 uT).
     """
 
-    field_gauss: Float[Array, "3"] = eqx.field(converter=as_float_array)
+    field_gauss: Float[Array, "3"] = eqx.field(converter=as_numbers)
     rate: float = eqx.field(static=True, converter=float, default=50.0)
-    noise: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.009)
+    noise: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.009)
 
 
 class Suite(eqx.Module):
@@ -206,13 +204,13 @@ class Suite(eqx.Module):
     barometer: Barometer = eqx.field(default_factory=Barometer)
     gps: Gps = eqx.field(default_factory=Gps)
     ground_pressure_pa: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=101_325.0
+        converter=as_numbers, default=101_325.0
     )
     ground_temperature_k: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=288.15
+        converter=as_numbers, default=288.15
     )
     wind_m_s: Float[Array, "3"] = eqx.field(
-        converter=as_float_array, default_factory=lambda: jnp.zeros(3)
+        converter=as_numbers, default_factory=lambda: jnp.zeros(3)
     )
     blasts: BlastLoad | None = None
 

@@ -36,7 +36,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, Key
 from jblast.errors import require
 from jblast.scene import Instrument
 from jblast.sensors.noise import ColouredNoise, coloured_noise, white_noise
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 
 CHUNK = 32
 """Samples that are filtered together: one matrix product and one step of the scan. It
@@ -155,7 +155,7 @@ def _section(rate: float, corner: Float[ArrayLike, ""], name: str) -> Section:
     """Return a Butterworth filter of second order with -3 dB at its corner."""
     damping = math.sqrt(2.0)  # 1/Q of a Butterworth filter
     # the tangent pre-warps the corner, which the bilinear transform would shift
-    gain = jnp.tan(jnp.pi / rate * as_float_array(corner))
+    gain = jnp.tan(jnp.pi / rate * as_numbers(corner))
     a1 = 1.0 / (1.0 + gain * (gain + damping))
     a2 = gain * a1
     a3 = gain * a2

@@ -6,7 +6,6 @@ result, and is constant during a search, so that it has derivatives.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +14,7 @@ from jblast.errors import nearest, require
 from jblast.registry import is_law, names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
-from jblast.types import in_numpy
+from jblast.types import in_numpy, unconverted
 from jblast.waves.choice import TakenLaw, compared, tnt_path, tolerance_of
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import path_between
@@ -118,7 +117,7 @@ def height_notes(scene: Scene, layout: Layout, shot: int) -> list[str]:
     charge = scene.charges[shot]
     rows = np.flatnonzero(np.array(layout.shot) == shot)
     nothing = np.full(rows.size, np.nan)
-    by_height = replace(charge, burst=None)
+    by_height = unconverted(charge, burst=None)
     path = path_between(scene, by_height, *_places(layout, rows), nothing)
     height = float(scaled_height(scene, charge))
     return burst_notes(charge, (height, height), np.asarray(path.free_air), "reading")

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key
 
-from jblast.types import as_float_array, as_float_arrays
+from jblast.types import as_float_arrays, as_numbers
 
 BLOCK = 4096
 """Samples of a block: an FFT of twice this size is efficient, and at 48 kHz a block of
@@ -100,5 +100,5 @@ def coloured_noise(
     taps = jnp.roll(jnp.fft.irfft(amplitude, 2 * BLOCK), BLOCK // 2)[: BLOCK + 1]
     # a window: truncated taps would ripple about every corner of the spectrum
     taps = taps * jnp.hanning(BLOCK + 1)
-    taps = as_float_array(level) * taps / jnp.sqrt(jnp.sum(taps**2))
+    taps = as_numbers(level) * taps / jnp.sqrt(jnp.sum(taps**2))
     return ColouredNoise(key, jnp.fft.rfft(taps, 2 * BLOCK))

@@ -26,7 +26,7 @@ from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import Chain, instrument_chain
 from jblast.sensors.noise import BLOCK
 from jblast.sensors.waves_met import Track
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.waves.pulse import AnyPulse, counted_from
 
 LARGEST_RATE = 2**31 // BLOCK
@@ -278,7 +278,7 @@ def recording(
     got = f"one on a vehicle; a {kind.name} has one position only"
     require(track is None or not kind.unmounted, where, "a fixed sensor", got)
     _check_site(sensor.position_m if track is None else track.position, kind, where)
-    start = as_float_array(start_s)
+    start = as_numbers(start_s)
     known = isinstance(start, Tracer) or bool(np.isfinite(start))
     require(known, where, "a finite start_s", f"{start} s")
     # one key per source: adding one does not change the others

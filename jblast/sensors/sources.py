@@ -64,7 +64,7 @@ from jblast.scene import Air, Ambient, Instrument, Scene, Sensor
 from jblast.sensors.noise import BLOCK, DB_OF_OCTAVE, ColouredNoise, coloured_noise
 from jblast.sensors.recorder import Block, Source
 from jblast.sensors.waves_met import IN_AIR, IN_GROUND, Track, Wave, waves
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.waves.propagation import (
     TAIL_S,
     absorption_transfer,
@@ -432,11 +432,11 @@ class Rotors(Source):
         blades: Blades per rotor.
     """
 
-    time: Float[Array, " knot"] = eqx.field(converter=as_float_array)
-    speed: Float[Array, "knot rotor"] = eqx.field(converter=as_float_array)
-    amplitude: Float[Array, " harmonic"] = eqx.field(converter=as_float_array)
-    reference_speed: Float[Array, ""] = eqx.field(converter=as_float_array)
-    offset: Float[Array, "..."] = eqx.field(converter=as_float_array, default=0.0)
+    time: Float[Array, " knot"] = eqx.field(converter=as_numbers)
+    speed: Float[Array, "knot rotor"] = eqx.field(converter=as_numbers)
+    amplitude: Float[Array, " harmonic"] = eqx.field(converter=as_numbers)
+    reference_speed: Float[Array, ""] = eqx.field(converter=as_numbers)
+    offset: Float[Array, "..."] = eqx.field(converter=as_numbers, default=0.0)
     blades: int = eqx.field(static=True, default=2)
 
     def __check_init__(self):

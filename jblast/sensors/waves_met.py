@@ -39,7 +39,7 @@ from jblast.errors import nearest, require
 from jblast.kept_programs import kept
 from jblast.registry import call, is_law, law_for, names_for
 from jblast.scene import Charge, Scene
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.waves.height_of_burst import grounded
 from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from jblast.waves.paths import Path, path_between
@@ -90,8 +90,8 @@ class Track(eqx.Module):
             are not checked.
     """
 
-    time: Float[Array, " knot"] = eqx.field(converter=as_float_array)
-    position: Float[Array, "knot 3"] = eqx.field(converter=as_float_array)
+    time: Float[Array, " knot"] = eqx.field(converter=as_numbers)
+    position: Float[Array, "knot 3"] = eqx.field(converter=as_numbers)
 
     def __check_init__(self):
         knots = self.time.shape[0] if self.time.ndim == 1 else 0
@@ -196,7 +196,7 @@ def waves(
         shape = np.shape(place)
         expected = "east, north and up [m]"
         require(shape == (3,), "place", expected, f"shape {shape}")
-        place = as_float_array(jnp.asarray(place))
+        place = as_numbers(jnp.asarray(place))
     for shot, charge in enumerate(grounded(scene).charges):
         own: tuple[Way, ...] = tuple(
             way for way in ways if way != "reflected" or _is_reflected(charge)
@@ -475,7 +475,7 @@ def overpressure(
     Example:
         `jblast.sensors.overpressure(scene, [20.0, 0.0, 1.5], jnp.arange(4801) / 48e3)`
     """
-    edges, expected = as_float_array(edges), "two or more rising times [s]"
+    edges, expected = as_numbers(edges), "two or more rising times [s]"
     is_row = edges.ndim == 1 and edges.size > 1
     require(is_row, "edges", expected, f"shape {edges.shape}")
     if not isinstance(edges, Tracer):

@@ -33,7 +33,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.kept_programs import kept
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle.state import Trajectory
 
 
@@ -69,7 +69,7 @@ def path_error(
         target_m: East, north, up: (3,), or what broadcasts to the rows.
     """
     away = trajectory.position_m - jnp.broadcast_to(
-        as_float_array(target_m), trajectory.position_m.shape
+        as_numbers(target_m), trajectory.position_m.shape
     )
     return jnp.linalg.norm(away, axis=-1)
 
@@ -99,7 +99,7 @@ def flight_metrics(
     time, error = trajectory.time_s, path_error(trajectory, target_m)
     known = jnp.isfinite(error)
     blast = jnp.broadcast_to(
-        as_float_array(blast_time_s).astype(time.dtype), error.shape[:-1]
+        as_numbers(blast_time_s).astype(time.dtype), error.shape[:-1]
     )[..., None]
     times = jnp.broadcast_to(time, error.shape)
     after = times >= blast

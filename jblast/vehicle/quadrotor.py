@@ -33,7 +33,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.errors import InputError, nearest, shown
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 
 BODY = (
     "body_area",
@@ -132,7 +132,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
 
 def floats(value: Any) -> Float[Array, "..."]:
     """Convert a number, a nested list or an array to a float array."""
-    return as_float_array(value if isinstance(value, Array) else jnp.asarray(value))
+    return as_numbers(value if isinstance(value, Array) else jnp.asarray(value))
 
 
 class Body(eqx.Module):
@@ -389,7 +389,7 @@ def numbers(
             raise InputError(
                 f"vehicle parameter {key}: expected {what}, got {shown(value)}"
             ) from None
-    array = as_float_array(value)
+    array = as_numbers(value)
     if array.shape != shape:
         raise InputError(
             f"vehicle parameter {key}: expected {what}, got the shape {array.shape}"

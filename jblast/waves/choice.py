@@ -39,7 +39,7 @@ from jblast.scene import (
     with_values,
 )
 from jblast.scene.uncertain import Free
-from jblast.types import Bool, Float, Int, in_numpy
+from jblast.types import Bool, Float, Int, in_numpy, unconverted
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import Evaluated, Path, evaluate, path_between
 from jblast.waves.scaling import scaled_distance
@@ -371,7 +371,7 @@ def choose(
     here, position = in_numpy(uncertain.scene), _positions(sensors)
     notes = []
     for charge in here.charges:
-        path = _path(here, replace(charge, burst=None), quantity, position)
+        path = _path(here, unconverted(charge, burst=None), quantity, position)
         height = float(scaled_height(here, charge))
         notes += burst_notes(charge, (height, height), path.free_air, "sensor")
     return replace(choice, notes=tuple(notes))

@@ -70,7 +70,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
 from jblast.errors import InputError
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.waves.laws.sedov_taylor import sedov_alpha
 from jblast.waves.tables import cubics
 
@@ -110,10 +110,10 @@ class Air(eqx.Module):
         gamma: Ratio of specific heats [-].
     """
 
-    pressure: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.0)
-    density: Float[Array, ""] = eqx.field(converter=as_float_array, default=1.0)
+    pressure: Float[Array, ""] = eqx.field(converter=as_numbers, default=1.0)
+    density: Float[Array, ""] = eqx.field(converter=as_numbers, default=1.0)
     gamma: Float[Array, ""] = eqx.field(
-        converter=as_float_array, default=AIR_HEAT_CAPACITY_RATIO
+        converter=as_numbers, default=AIR_HEAT_CAPACITY_RATIO
     )
 
 
@@ -208,7 +208,7 @@ def point_source(
         InputError: There are too few cells, or the shock is not strong at that radius.
     """
     air = Air() if air is None else air
-    energy, radius = as_float_array(energy), as_float_array(radius)
+    energy, radius = as_numbers(energy), as_numbers(radius)
     if cells < FEWEST_CELLS:
         raise InputError(
             f"cells: expected at least {FEWEST_CELLS} to resolve a point source, got "
@@ -228,7 +228,7 @@ def point_source(
     if length is None:
         # The spacing of the cells is no property of the flow: it has no derivative.
         length = jax.lax.stop_gradient(jnp.cbrt(energy / air.pressure))
-    length = as_float_array(length)
+    length = as_numbers(length)
     labels, crowding, _ = _labels(radius, length, cells)
     # a difference of depths in closed form: thin cells would lose their digits
     stretch = radius * (1.0 + radius / length) / cells
@@ -274,7 +274,7 @@ def run(
         stride: Steps between records.
         gauges: Radii at which pressure and velocity are recorded [m].
     """
-    end, radii = as_float_array(end), jnp.asarray(gauges, flow.radius.dtype)
+    end, radii = as_numbers(end), jnp.asarray(gauges, flow.radius.dtype)
     # Inside a scan no common subexpressions can be shared, so no barrier is needed.
     recomputed = functools.partial(jax.checkpoint, prevent_cse=False)
 

@@ -10,7 +10,7 @@ inverse is found by Newton's method, for arrays of NumPy and JAX alike.
 
 import math
 
-from jblast.types import Array, ArrayLike, Float, as_numbers, namespace
+from jblast.types import Array, ArrayLike, Float, namespace, numpy_or_jax
 
 SERIES = tuple((-1.0) ** n / math.factorial(n + 2) for n in range(18))
 """Coefficients of the series of $k(b)$, used for |b| < 1."""
@@ -35,7 +35,7 @@ def friedlander_decay(
         impulse: Impulse of the positive phase $i$ [Pa s], positive.
         duration: Duration of the positive phase $t_d$ [s], positive.
     """
-    peak, impulse, duration = map(as_numbers, (peak_overpressure, impulse, duration))
+    peak, impulse, duration = numpy_or_jax(peak_overpressure, impulse, duration)
     return decay_of_fraction(impulse / (peak * duration))
 
 

@@ -33,7 +33,7 @@ from jblast.constants import (
     STANDARD_TEMPERATURE,
 )
 from jblast.scene.scene import Air
-from jblast.types import as_float_array, namespace
+from jblast.types import as_numbers, namespace
 from jblast.waves.arguments import Number, checked
 from jblast.waves.tables import Numbers
 
@@ -283,7 +283,7 @@ def absorption_transfer(
     """
     from jax import lax, numpy as jnp  # filters run in JAX alone
 
-    distance = as_float_array(distance)
+    distance = as_numbers(distance)
     frequency = jnp.arange(count // 2 + 1, dtype=distance.dtype) * (rate / count)
     log_gain = -distance * iso_9613_absorption(
         frequency, temperature, pressure, relative_humidity

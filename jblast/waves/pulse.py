@@ -107,7 +107,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
-from jblast.types import as_float_array, as_float_arrays
+from jblast.types import as_float_arrays, as_numbers
 from jblast.waves.arguments import checked
 from jblast.waves.friedlander import decay_of_fraction, impulse_fraction
 from jblast.waves.laws.kingery_bulmash import ground_factor
@@ -183,7 +183,7 @@ class Pulse(NamedTuple):
     @jax.jit
     def pressure(self, time: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         """Return the overpressure at times on the clock of the arrival [Pa]."""
-        since = as_float_array(time) - self.arrival_time
+        since = as_numbers(time) - self.arrival_time
         peaked = self.rise_time + self.hold_time
         x = jnp.clip(since / _not_zero(self.rise_time), 0.0, 1.0)
         s = jnp.clip((since - peaked) / self.decay_duration, 0.0, 1.0)

@@ -82,7 +82,7 @@ from jblast.sensors.camera.tiles import (
     over_corners,
     without_direction,
 )
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.waves.fireball import (
     LARGEST_RADIUS,
     fireball_duration,
@@ -137,14 +137,14 @@ class ExplosionViews(eqx.Module):
     """
 
     frames: UInt8[Array, "view frame height width 5"]
-    direction: Float[Array, "view 3"] = eqx.field(converter=as_float_array)
-    up: Float[Array, "view 3"] = eqx.field(converter=as_float_array)
-    radius: Float[Array, "view frame"] = eqx.field(converter=as_float_array)
-    spread: Float[Array, "view frame 2"] = eqx.field(converter=as_float_array)
-    box: Float[Array, "view frame 4"] = eqx.field(converter=as_float_array)
-    height: Float[Array, " frame"] = eqx.field(converter=as_float_array)
-    phase: Float[Array, " frame"] = eqx.field(converter=as_float_array)
-    anchor: Float[Array, "view 2"] = eqx.field(converter=as_float_array)
+    direction: Float[Array, "view 3"] = eqx.field(converter=as_numbers)
+    up: Float[Array, "view 3"] = eqx.field(converter=as_numbers)
+    radius: Float[Array, "view frame"] = eqx.field(converter=as_numbers)
+    spread: Float[Array, "view frame 2"] = eqx.field(converter=as_numbers)
+    box: Float[Array, "view frame 4"] = eqx.field(converter=as_numbers)
+    height: Float[Array, " frame"] = eqx.field(converter=as_numbers)
+    phase: Float[Array, " frame"] = eqx.field(converter=as_numbers)
+    anchor: Float[Array, "view 2"] = eqx.field(converter=as_numbers)
     hot: bool = eqx.field(static=True, default=True)
 
     def duration(self, charge: Charge) -> Float[Array, ""]:

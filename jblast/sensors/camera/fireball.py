@@ -38,7 +38,7 @@ from jblast.scene import Air, Charge
 from jblast.sensors.camera.geometry import Rays
 from jblast.sensors.camera.image import FULL_SUN, blackbody_light, luminance
 from jblast.sensors.camera.tiles import SLACK, over_corners, without_direction
-from jblast.types import as_float_array, as_optional_float_array
+from jblast.types import as_numbers, as_optional_number
 from jblast.waves.fireball import fireball
 from jblast.waves.propagation import ambient
 
@@ -79,12 +79,12 @@ class Appearance(eqx.Module):
             `smoke` is above 1.
     """
 
-    white: Float[Array, ""] = eqx.field(converter=as_float_array, default=WHITE)
-    lumps: Float[Array, ""] = eqx.field(converter=as_float_array, default=LUMPS)
-    rim: Float[Array, ""] = eqx.field(converter=as_float_array, default=RIM)
-    smoke: Float[Array, ""] = eqx.field(converter=as_float_array, default=SMOKE)
+    white: Float[Array, ""] = eqx.field(converter=as_numbers, default=WHITE)
+    lumps: Float[Array, ""] = eqx.field(converter=as_numbers, default=LUMPS)
+    rim: Float[Array, ""] = eqx.field(converter=as_numbers, default=RIM)
+    smoke: Float[Array, ""] = eqx.field(converter=as_numbers, default=SMOKE)
     illuminance: Float[Array, ""] | None = eqx.field(
-        converter=as_optional_float_array, default=None
+        converter=as_optional_number, default=None
     )
     flash: bool = eqx.field(static=True, default=True)
 

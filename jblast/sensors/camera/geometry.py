@@ -32,7 +32,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.errors import require, shown
 from jblast.scene.camera import Camera, quaternion_matrix, quaternion_product
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 
 STEEPEST = 1e4
 """Largest distance from the axis in the plane at 1: 89.994 degrees. Beyond it the sixth
@@ -103,7 +103,7 @@ def to_camera(
     camera: Camera, points: Float[ArrayLike, "... 3"]
 ) -> Float[Array, "... 3"]:
     """Return points of the world in the camera's axes: right, down, ahead [m]."""
-    points = as_float_array(points)
+    points = as_numbers(points)
     offset = points - jnp.broadcast_to(camera.position, points.shape)
     return offset @ quaternion_matrix(camera.quaternion)
 
@@ -124,7 +124,7 @@ def unproject(
     Raises:
         InputError: Outside jit, for the first such pixel.
     """
-    pixel = as_float_array(pixel)
+    pixel = as_numbers(pixel)
     unit, found = lens_direction(camera, pixel)
     if not isinstance(found, Tracer):
         beyond = pixel[~found].tolist()

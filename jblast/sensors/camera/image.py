@@ -39,7 +39,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import require
 from jblast.scene import Camera
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of linear red, green and blue (ITU-R BT.709-6, item 3.2)."""
@@ -145,7 +145,7 @@ def blackbody_light(
         Linear red, green, blue [cd/m2], not negative; 0.2126 red + 0.7152 green +
         0.0722 blue is the luminance.
     """
-    xyz, scale = relative_xyz(as_float_array(temperature))
+    xyz, scale = relative_xyz(as_numbers(temperature))
     ratio = xyz @ jnp.asarray(LINEAR_SRGB.T, xyz.dtype) / xyz[..., 1:2]
     # smooth maximum of the ratio and 0
     shown = 0.5 * (ratio + jnp.sqrt(jnp.square(ratio) + STEP_WIDTH**2))
@@ -235,7 +235,7 @@ def images(
     Raises:
         InputError: The background has another shape.
     """
-    image, size = as_float_array(background), (camera.height, camera.width, 3)
+    image, size = as_numbers(background), (camera.height, camera.width, 3)
     shapes = size, (count, *size)
     require(
         image.shape in ((), (3,), *shapes),

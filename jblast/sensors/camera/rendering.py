@@ -65,7 +65,7 @@ from jblast.sensors.camera.tiles import (
     padded_rays,
     turns,
 )
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.waves.fireball import fireball_duration
 
 BATCH = 256
@@ -155,7 +155,7 @@ def view_of(
     else:
         require(camera.mount in MOUNTS, "camera mount", "a mount on a vehicle", "none")
     if depth is not None:
-        depth = as_float_array(depth)
+        depth = as_numbers(depth)
         _check_depth(depth, camera)
     alike: dict[Any, list[Charge]] = {}
     for charge in (replace(charge, name="") for charge in scene.charges):
@@ -418,7 +418,7 @@ def render(
     Example:
         `frames = jblast.render(scene, scene.camera, jnp.arange(100) / 1e3)`
     """
-    times = as_float_array(times)
+    times = as_numbers(times)
     _check_times(times, path)
     if background is None:
         background = BACKGROUND if path is None else landscape()

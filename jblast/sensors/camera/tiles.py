@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Shaped
 
 from jblast.sensors.camera.geometry import Rays
 
@@ -57,7 +57,7 @@ def is_small(image: Array) -> bool:
     return min(image.shape[-2:]) < TILE
 
 
-def padded(image: Image) -> Image:
+def padded(image: Image) -> Float[Array, "channel padded_row padded_column"]:
     """Return an image with whole tiles, unless it is small."""
     if is_small(image):
         return image
@@ -90,7 +90,7 @@ def corner_rays(rays: Rays) -> Rays:
 
 def over_corners(
     values: Array, join: Callable[[Array, Array], Array]
-) -> Float[Array, "tile_row tile_column"]:
+) -> Shaped[Array, "tile_row tile_column"]:
     """Return a reduction over the four corners of each tile."""
     across = join(values[:, 1:], values[:, :-1])
     return join(across[1:], across[:-1])

@@ -55,7 +55,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO, FLIGHT_GRAVITY
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle.dynamics import Wrench, air_wrench
 from jblast.vehicle.loads.blast_wave import (
     RANGE,
@@ -121,9 +121,9 @@ class BlastLoad(eqx.Module):
     """
 
     blasts: tuple[Blast, ...]
-    pressure_pa: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    sound_speed_m_s: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    wind_m_s: Float[Array, "*batch 3"] = eqx.field(converter=as_float_array)
+    pressure_pa: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
+    sound_speed_m_s: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
+    wind_m_s: Float[Array, "*batch 3"] = eqx.field(converter=as_numbers)
     drag: bool = eqx.field(static=True, default=True)
     front: bool = eqx.field(static=True, default=True)
     rotors: bool = eqx.field(static=True, default=True)

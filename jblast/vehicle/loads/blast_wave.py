@@ -52,7 +52,7 @@ from jblast.constants import (
     STANDARD_PRESSURE,
     STANDARD_SOUND_SPEED,
 )
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle.quadrotor import Body
 from jblast.vehicle.state import Number, State, Vector, three
 from jblast.waves.paths import slant_range
@@ -308,10 +308,10 @@ class Blast(eqx.Module):
         burst: "surface" or "free-air".
     """
 
-    position_m: Float[Array, "*batch 3"] = eqx.field(converter=as_float_array)
-    time_s: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
-    impulse_mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_float_array)
+    position_m: Float[Array, "*batch 3"] = eqx.field(converter=as_numbers)
+    time_s: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
+    mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
+    impulse_mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
     burst: str = eqx.field(static=True, default="surface")
 
     @property

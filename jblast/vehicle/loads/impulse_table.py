@@ -35,7 +35,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import InputError, argument, read_text, shown
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle.quadrotor import Vehicle
 from jblast.vehicle.state import (
     State,
@@ -100,9 +100,9 @@ class CustomProfile(eqx.Module):
     slowness: Float[Array, "way case"]
     reach: Float[Array, "way 2"]
     spacing_rad: Float[Array, ""]
-    charge_m: Float[Array, "3"] = eqx.field(converter=as_float_array)
-    time_s: Float[Array, ""] = eqx.field(converter=as_float_array)
-    duration_s: Float[Array, ""] = eqx.field(converter=as_float_array)
+    charge_m: Float[Array, "3"] = eqx.field(converter=as_numbers)
+    time_s: Float[Array, ""] = eqx.field(converter=as_numbers)
+    duration_s: Float[Array, ""] = eqx.field(converter=as_numbers)
 
     def impulse_at(
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
@@ -251,7 +251,7 @@ def custom_profile(
     def table(column: np.ndarray) -> Float[Array, "..."]:
         """Return a column by direction, padded with the last case."""
         filled = [column[np.pad(o, (0, most - len(o)), mode="edge")] for o in order]
-        return as_float_array(np.stack(filled))
+        return as_numbers(np.stack(filled))
 
     # An impulse falls about as 1/R^2: times R^2 it is flat between two cases.
     square = np.square(distance)[:, None]
@@ -260,13 +260,13 @@ def custom_profile(
     padding = np.array([np.maximum(np.arange(most) - len(o) + 1, 0) for o in order])
     reach = np.stack([logs.min(axis=1), logs.max(axis=1)], axis=1)
     return CustomProfile(
-        direction=as_float_array(toward[first]),
-        log_distance=as_float_array(logs + padding),
+        direction=as_numbers(toward[first]),
+        log_distance=as_numbers(logs + padding),
         push=table(push * square),
         turn=table(turn * square),
         slowness=table(delay / distance),
-        reach=as_float_array(reach),
-        spacing_rad=as_float_array(_spacing(toward[first])),
+        reach=as_numbers(reach),
+        spacing_rad=as_numbers(_spacing(toward[first])),
         charge_m=charge_m if isinstance(charge_m, jax.Array) else np.array(charge_m),
         time_s=time_s,
         duration_s=duration_s,

@@ -41,7 +41,7 @@ from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import Track, Wave, record_laws, recording, waves
 from jblast.sensors.noise import BLOCK
 from jblast.sensors.waves_met import IN_AIR, IN_GROUND
-from jblast.types import as_float_array
+from jblast.types import as_numbers
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
 from jblast.vehicle.from_scene import images_of
 from jblast.vehicle.loads.blast_wave import Blast, crossing_time
@@ -264,8 +264,8 @@ class PlayedForce(eqx.Module):
         rate_hz: Steps per second; the first begins with the flight.
     """
 
-    rows: Float[Array, "step 6"] = eqx.field(converter=as_float_array)
-    rate_hz: Float[Array, ""] = eqx.field(converter=as_float_array)
+    rows: Float[Array, "step 6"] = eqx.field(converter=as_numbers)
+    rate_hz: Float[Array, ""] = eqx.field(converter=as_numbers)
 
     def impulse(
         self,
