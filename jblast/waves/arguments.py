@@ -15,7 +15,7 @@ import inspect
 from collections.abc import Callable, Collection
 from contextvars import ContextVar
 from dataclasses import dataclass
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -23,7 +23,10 @@ from jblast.errors import require
 from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
 from jblast.types import Float, is_traced, namespace
 
-Number = Float[Any, "..."] | float | int
+if TYPE_CHECKING:
+    Number = Any
+else:
+    Number = Float[Any, "..."] | float | int
 """A number, or an array of NumPy or of JAX."""
 NOT_NEGATIVE = Bounds(at_least=0.0)
 

@@ -28,13 +28,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jblast.types import Float, namespace
 
-Numbers = Float[Any, "..."] | float | int
+if TYPE_CHECKING:
+    Numbers = Any
+else:
+    Numbers = Float[Any, "..."] | float | int
 """An array of NumPy or of JAX."""
 Form = Callable[[Any], Any]
 """ln y as a function of ln z."""
@@ -151,9 +154,10 @@ class Curve:
         # Clamped on the input: a polynomial far outside its span overflows, and a
         # `where` around the result would let its NaN gradient through.
         inside = xp.minimum(xp.maximum(log_z, first), last)
-        slope = xp.where(log_z < 0.5 * (first + last), *self.end_slopes)
+        start, end = self.end_slopes
         # Exactly on an end each of two terms gives half of the slope: together one.
-        return self.form(inside) + slope * (log_z - inside)
+        before, after = xp.minimum(log_z - first, 0.0), xp.maximum(log_z - last, 0.0)
+        return self.form(inside) + start * before + end * after
 
     def then(self, relation: Form) -> "Curve":
         """Return the curve of a quantity that follows from this one, in ln of both."""

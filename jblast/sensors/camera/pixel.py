@@ -229,7 +229,7 @@ def first_held(pixel: Pixel, log_light: Numbers) -> Held:
 
 
 def interval(
-    pixel: Pixel, held: Held, before: Numbers, after: Numbers, length_s: Numbers
+    pixel: Pixel, held: Held, before: Numbers, after: Numbers, length_s: float | Numbers
 ) -> tuple[Held, Runs]:
     """Return the state of pixels after an interval between frames, and their events.
 

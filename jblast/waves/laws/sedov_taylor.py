@@ -174,12 +174,15 @@ def _log_alpha(log_excess: Numbers) -> Numbers:
     values = np.polynomial.legendre.legvander(points, NODES - 1).T
     projection = (np.arange(NODES)[:, None] + 0.5) * values * weights
     gamma = 1.0 + xp.exp(log_excess)[..., None]
+    points, projection = points.astype(gamma.dtype), projection.astype(gamma.dtype)
     k = 3.0 * (gamma - 1.0) / (2.0 * gamma + 1.0)
     nodes = xp.broadcast_to((points + 1.0) / 2.0, (*gamma.shape[:-1], NODES))
     part = _analytic_part(nodes, gamma)
     coefficients = part @ xp.asarray(projection.T)
     # The integral of x^(k-1) P_n is (-1)^n/k times the product of (j-k)/(j+k), j to n.
-    j = xp.broadcast_to(np.arange(1.0, NODES), (*gamma.shape[:-1], NODES - 1))
+    j = xp.broadcast_to(
+        np.arange(1.0, NODES).astype(gamma.dtype), (*gamma.shape[:-1], NODES - 1)
+    )
     products = (-1.0) ** j * xp.cumprod((j - k) / (j + k), axis=-1)
     moments = coefficients[..., :1] + (products * coefficients[..., 1:]).sum(
         -1, keepdims=True
