@@ -52,17 +52,17 @@ class Belief(Protocol):
     """Interface of `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform`."""
 
     @abstractmethod
-    def constrain(self, z: Float[ArrayLike, "..."]) -> Any:
+    def constrain(self, z: ArrayLike) -> Any:
         """Return the number at a fitted coordinate."""
         ...
 
     @abstractmethod
-    def unconstrain(self, value: Float[ArrayLike, "..."]) -> Any:
+    def unconstrain(self, value: ArrayLike) -> Any:
         """Return the fitted coordinate of a number."""
         ...
 
     @abstractmethod
-    def log_density(self, z: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    def log_density(self, z: ArrayLike) -> Float[Array, "..."]:
         """Return ln of the prior density per unit of $z$, log-determinant included."""
         ...
 

@@ -96,7 +96,7 @@ class Question:
         return Rows(self.scene, np.full_like(x, self.slant_range[0]), x)
 
 
-def charge_radius(charge_mass: Float[ArrayLike, "..."]) -> Float[np.ndarray, "..."]:
+def charge_radius(charge_mass: ArrayLike) -> Float[np.ndarray, "..."]:
     r"""Return the radius of a sphere of TNT [m]: $(3 W / (4 \pi \rho))^{1/3}$.
 
     Args:
@@ -195,8 +195,8 @@ def calculated_laws(quantity: str = "") -> tuple[Law, ...]:
 
 def calculate(
     scene: Scene,
-    slant_range: Float[ArrayLike, "..."] | Sequence[float],
-    charge_mass: Float[ArrayLike, "..."] | Sequence[float],
+    slant_range: ArrayLike | Sequence[float],
+    charge_mass: ArrayLike | Sequence[float],
 ) -> dict[str, dict[str, Calculated]]:
     """Return every quantity by every law at given ranges from given charges.
 

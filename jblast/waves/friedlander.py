@@ -20,9 +20,9 @@ NEWTON_STEPS = 5
 
 
 def friedlander_decay(
-    peak_overpressure: Float[ArrayLike, "..."],
-    impulse: Float[ArrayLike, "..."],
-    duration: Float[ArrayLike, "..."],
+    peak_overpressure: ArrayLike,
+    impulse: ArrayLike,
+    duration: ArrayLike,
 ) -> Float[Array, "..."]:
     r"""Return the decay $b$ that gives a pulse its impulse [-].
 

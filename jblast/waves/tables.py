@@ -188,10 +188,12 @@ def polynomial(
         offset: $k_0$.
         scale: $k_1$.
     """
+    # numbers of Python take the precision of the argument
+    numbers = [float(coefficient) for coefficient in coefficients]
 
     def form(log_z: Numbers) -> Numbers:
-        u, value = offset + scale * log_z, coefficients[-1]
-        for coefficient in reversed(coefficients[:-1]):
+        u, value = offset + scale * log_z, numbers[-1]
+        for coefficient in reversed(numbers[:-1]):
             value = value * u + coefficient
         return value
 

@@ -124,7 +124,8 @@ def _continued(quantity: str, burst: str) -> Curve:
     """Return a curve of the table with that of a weak shock beyond the table."""
     curve = kingery_bulmash_curves(quantity)[burst]
     log_end = math.log(END_OF_TABLE)
-    at_end, length = curve.form(log_end), math.log(TAILS[burst].length)
+    # numbers of Python take the precision of the argument
+    at_end, length = float(curve.form(log_end)), math.log(TAILS[burst].length)
     far = polynomial([at_end + log_end, -1.0])  # peak times duration falls as 1/Z
     if quantity == "positive_phase_duration":
         far = _lengthening(at_end, log_end, length)
