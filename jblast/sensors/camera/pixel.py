@@ -60,7 +60,7 @@ DARKEST = 1e-6
 sensor of Lichtsteiner et al. (0.1 lux in a scene of 100,000 lux). Changes of darker
 light cause no events; a lower level gives events of light that its dark current hides.
 """
-Numbers = Float[Array | np.ndarray | np.generic, "..."]
+Numbers = Float[Array | np.ndarray, "..."]
 """Arrays of the device or of the host."""
 
 
@@ -83,8 +83,8 @@ class Events(eqx.Module):
     y: Int[Array | np.ndarray, " event"]
     time: Float[Array | np.ndarray, " event"]
     polarity: Int[Array | np.ndarray, " event"]
-    count: Int[Array | np.ndarray | np.generic, ""]
-    lost: Int[Array | np.ndarray | np.generic, ""]
+    count: Int[Array | np.ndarray, ""] | np.integer
+    lost: Int[Array | np.ndarray, ""] | np.integer
 
 
 class NoiseModel(NamedTuple):
@@ -206,7 +206,7 @@ class Held(NamedTuple):
     signal: Numbers
     level: Numbers
     wait_s: Numbers
-    parts: Int[Array | np.ndarray | np.generic, ""] | int = 0
+    parts: Int[Array | np.ndarray, ""] | int = 0
 
 
 class Runs(NamedTuple):
