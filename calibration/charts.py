@@ -7,7 +7,7 @@ A topic has panels, a panel has methods with a cost, an error and at most one re
 Rows are kept in `results/charts.csv`; the page `results/charts.md` has all of them.
 
 Laws are compared with the reference of their quantity. Waveforms are compared with the
-shock solver (`jblast.waves.euler`) at gauges of a point source, where the closed forms
+shock solver (`calibration.euler`) at gauges of a point source, where the closed forms
 have the peak, durations, impulses and underpressure of the solver's history: only the
 shape is compared. The logs of `fit` have poor starts (`stability_fits`); a fit misses
 if its likelihood is lower than a shift by 0.1 standard deviations would make it. The
@@ -43,6 +43,7 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
 from calibration import cases, stability_fits as poor
+from calibration.euler import decay_at, march
 from calibration.eye_pick import eye_pick
 from calibration.timing import best_of, machine, seconds
 from jblast.cli.jax_start import start_jax
@@ -81,7 +82,6 @@ from jblast.vehicle import (
 )
 from jblast.waves import kingery_bulmash_pressure
 from jblast.waves.choice import compared
-from jblast.waves.euler import decay_at, march
 from jblast.waves.friedlander import friedlander_decay
 from jblast.waves.pulse import friedlander_pressure
 

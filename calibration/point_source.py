@@ -2,7 +2,7 @@ r"""What is the blast of a point source? The solver's answer, beside the printed
 
     python -m calibration.point_source > calibration/results/point_source.txt
 
-The solver of `jblast.waves.euler` runs from $\lambda = R\,(P_0/E)^{1/3} = 0.02$, where
+The solver of `calibration.euler` runs from $\lambda = R\,(P_0/E)^{1/3} = 0.02$, where
 it starts from Sedov's solution, to 100, each time with twice the cells; the last three
 give a limit (Richardson's, with the order that is observed). Compared are values that
 are printed to three or four digits, every row of the table they were read off
@@ -21,11 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
-from jblast.cli.jax_start import start_jax
-from jblast.files import write_text
-from jblast.report.colours import BLUE, INK, MUTED, VERMILLION
-from jblast.report.figures import log_ticks, new_figure, quiet, titled
-from jblast.waves.euler import (
+from calibration.euler import (
     Decay,
     Flow,
     History,
@@ -34,6 +30,10 @@ from jblast.waves.euler import (
     gas_of,
     march,
 )
+from jblast.cli.jax_start import start_jax
+from jblast.files import write_text
+from jblast.report.colours import BLUE, INK, MUTED, VERMILLION
+from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.waves.laws.point_source import (
     TAIL,
     log_overpressure_ratio,
@@ -251,7 +251,7 @@ def table(decay: Decay, apart: float) -> str:
         "`python -m calibration.point_source --table`.\n"
         "# lambda = R (P0/E)^(1/3); overpressure_ratio = (p - P0)/P0; log_slope = "
         "d ln(overpressure_ratio)/d ln(lambda); arrival = c0 t (P0/E)^(1/3).\n"
-        f"# jblast.waves.euler, limit of {CELLS[-3]} to {CELLS[-1]} cells; the last "
+        f"# calibration.euler, limit of {CELLS[-3]} to {CELLS[-1]} cells; the last "
         f"is within {apart:.0e} of it.\n"
         "lambda,overpressure_ratio,log_slope,arrival\n"
     )

@@ -13,9 +13,10 @@ $$u(t) = \frac{5 c_0}{7}\frac{x}{\sqrt{1+6x/7}} + \frac{1}{\rho_0 R}\int_0^t p\,
 The first term is that of a plane wave. The momentum equation adds the integral where
 the front is a sphere: exact for sound (Landau and Lifshitz 1987, Fluid Mechanics, art.
 70). So the wind outlasts the overpressure, by 60 % of its duration at Z = 2 and 9 % at
-Z = 10. Against the shock solver of `waves.euler` (point source, free air) this wind
-carries 0.89 of $\int u|u|\,dt$ at Z = 2, 0.96 at 3.5, 0.98 at 5, 1.00 at 10 and 20; a
-wind of the shape of the overpressure, as in handbooks, 0.52, 0.64, 0.70, 0.79 and 0.85.
+Z = 10. Against the shock solver `calibration/euler.py` (point source, free air) this
+wind carries 0.89 of $\int u|u|\,dt$ at Z = 2, 0.96 at 3.5, 0.98 at 5, 1.00 at 10 and
+20; a wind of the shape of the overpressure, as in handbooks, 0.52, 0.64, 0.70, 0.79 and
+0.85.
 
 The whole wave has no impulse, like any spherical sound (the same article): the suction
 lasts $t^- = \tfrac{16}{9}\,i^+/P^-$, so the wind ends at zero. The suction of a gauge

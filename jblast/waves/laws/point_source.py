@@ -4,7 +4,7 @@ The solution of the equations of motion for energy released at a point, as a fun
 $\lambda = R\,(P_0/E)^{1/3}$ with $E = 4.184$ MJ/kg times the mass. With $x = p/P_0$ the
 front is one curve $x(\lambda)$. From 0.1 to 100 (Z = 346) it is the cubic spline of
 $\ln x$ in $\ln\lambda$ through the nodes of `data/point_source_euler.csv`, computed by
-`jblast.waves.euler`. Nearer the source it is Sedov's and Taylor's strong limit with the
+`calibration.euler`. Nearer the source it is Sedov's and Taylor's strong limit with the
 constant that meets the first value,
 
 $$x = \frac{8}{60\,\alpha}\lambda^{-3} + 1.063, \qquad \alpha(1.4) = 0.851071854758$$

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from calibration.euler import decay_at, march
 from calibration.point_source import extrapolated
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.errors import InputError
 from jblast.registry import law_for
-from jblast.waves.euler import decay_at, march
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_curves,
     kingery_bulmash_duration,

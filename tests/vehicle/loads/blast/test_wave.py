@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration.euler import decay_at, march
 from jblast.constants import STANDARD_PRESSURE
 from jblast.vehicle.loads.blast_wave import (
     FIRST,
@@ -29,7 +30,6 @@ from jblast.waves import (
     ufc_negative_impulse,
     ufc_negative_pressure,
 )
-from jblast.waves.euler import decay_at, march
 from jblast.waves.pulse import blast_pulse, friedlander_impulse
 
 PRESSURE, SOUND = 95e3, 335.0
