@@ -56,8 +56,9 @@ from calibration.likelihood import Marginal, likelihood_maximum, marginal, print
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED, STANDARD_TEMPERATURE
 from jblast.files import write_text
-from jblast.waves.laws.ford_2021 import FordCurve, log_scaled_place
-from jblast.waves.scaling import sachs_impulse_factor, sachs_time_factor
+from jblast.waves.laws.ford_2021 import FACTORS, ford_2021_form
+from jblast.waves.regression import Regression, log_scaled_place
+from jblast.waves.scaling import log_sachs_length, scaled_value
 
 RECORDS = Path(__file__).parent / "data" / "acoustic_ford2021.csv"
 
@@ -139,7 +140,7 @@ class Fit(NamedTuple):
     n_free: int
 
     @property
-    def curve(self) -> FordCurve:
+    def curve(self) -> Regression:
         """Return the curve as the package has it: without a bend."""
         if self.coefficients[-1] != 0:
             raise ValueError(f"expected b5 = 0, got {self.coefficients[-1]:g}")
@@ -148,7 +149,8 @@ class Fit(NamedTuple):
             f"{name}_sd": float(sd)
             for name, sd in zip(SCATTERS, self.scatter, strict=True)
         }
-        return FordCurve(self.coefficients[:-1], covariance, **scatter)
+        kept = self.coefficients[:-1], covariance
+        return Regression(ford_2021_form, *kept, **scatter)
 
 
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ford_2021.json"
@@ -175,7 +177,7 @@ LOGS = Path(__file__).parent / "data"
 SHOTS = ("HTA-1", "HRI-2")
 
 
-def as_json(curves: dict[str, FordCurve], records: Records) -> str:
+def as_json(curves: dict[str, Regression], records: Records) -> str:
     """Return the packaged data file: six significant digits, the same each run."""
 
     def rounded(array: jax.Array) -> object:
@@ -192,7 +194,9 @@ def as_json(curves: dict[str, FordCurve], records: Records) -> str:
             rounded(f(records.scaled_height())) for f in (np.min, np.max)
         ],
         "curves": {
-            quantity: {name: rounded(x) for name, x in vars(curve).items()}
+            quantity: {
+                name: rounded(x) for name, x in vars(curve).items() if name != "form"
+            }
             for quantity, curve in curves.items()
         },
     }
@@ -202,7 +206,7 @@ def as_json(curves: dict[str, FordCurve], records: Records) -> str:
 def main() -> None:
     """Print the tables and write the data file."""
     start_jax()
-    curves: dict[str, FordCurve] = {}
+    curves: dict[str, Regression] = {}
     for quantity in QUANTITIES:
         print_forms(quantity, FORMS, fit)
         adopted = fit(quantity, ADOPTED[quantity])
@@ -292,9 +296,9 @@ def objective(quantity: str, form: Form, restricted: bool):
         records.height_of_burst,
         records.ambient_pressure,
     )
-    factor = (sachs_impulse_factor if "impulse" in quantity else sachs_time_factor)(
-        records.charge_mass, records.ambient_pressure, records.sound_speed
-    )
+    length = log_sachs_length(records.charge_mass, records.ambient_pressure)
+    others = records.slant_range, records.ambient_pressure, records.sound_speed
+    factor = scaled_value(FACTORS[quantity], 0.0 * length, length, *others)
     value = jnp.log(records.value[quantity]) - jnp.log(factor)
     depth = jnp.maximum(-place[1], 0.0)
     bend = (place[0] - np.log(BEND_ABOUT)) ** 2
@@ -318,7 +322,7 @@ def objective(quantity: str, form: Form, restricted: bool):
             ends = np.cumsum([len(inner), *sizes])
             of_site, of_shot, of_path = (x[a:b] for a, b in itertools.pairwise(ends))
             shared = site_sd * of_site[site] + spread * of_shot[shot]
-            curve = FordCurve.log_curve(coefficients[:4], *place)
+            curve = ford_2021_form(coefficients[:4], *place)[0]
             curve += coefficients[4] * bend
             return curve + shared + path_sd * of_path[path]
 

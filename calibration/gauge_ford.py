@@ -16,14 +16,14 @@ from scipy.stats import rankdata
 from calibration.ford_2021 import QUANTITIES, Records, read_records
 from jblast.waves.laws.ford_2021 import (
     ford_2021_duration,
+    ford_2021_form,
     ford_2021_impulse,
-    log_scaled_place,
 )
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_duration,
     kingery_bulmash_impulse,
 )
-from jblast.waves.regression import packaged_curves, softplus
+from jblast.waves.regression import log_scaled_place, packaged, softplus
 from jblast.waves.scaling import scaled_distance
 
 FARTHEST = 40.0
@@ -79,7 +79,7 @@ def _ground_factor(records: Records) -> np.ndarray:
     High above ground it is one. The term of duration is nearly a straight line there,
     which no law of a surface burst can be multiplied with.
     """
-    _, _, b3, b4 = packaged_curves("ford_2021")[IMPULSE]["coefficients"]
+    _, _, b3, b4 = packaged("ford_2021", ford_2021_form)[IMPULSE].coefficients
     _, height = log_scaled_place(
         records.slant_range,
         records.charge_mass,

@@ -92,12 +92,9 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.colours import COLOURS, INK
 from jblast.report.figures import MARKERS, new_figure, quiet, titled, write_figure
-from jblast.waves.laws.ground_motion import (
-    GroundMotionCurve,
-    log_scaled_place,
-)
+from jblast.waves.laws.ground_motion import ground_motion_form
+from jblast.waves.regression import Regression, log_scaled_place
 
-log_curve, log_gradient = GroundMotionCurve.log_curve, GroundMotionCurve.log_gradient
 DATA = Path(__file__).parent / "data" / "seismic_ford2021.csv"
 QUANTITIES = ("ground_displacement_m", "ground_peak_velocity_m_s")
 COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")
@@ -145,7 +142,7 @@ class Form(NamedTuple):
 class Fit(NamedTuple):
     """A curve, and what it reached; the prior tells the last two apart."""
 
-    curve: GroundMotionCurve
+    curve: Regression
     log_likelihood: float
     log_posterior: float
     n_free: int
@@ -189,7 +186,7 @@ Compared = tuple[Judged, MassEstimate]
 
 
 def covariance_of(
-    curve: GroundMotionCurve, records: Records, charge_mass: np.ndarray
+    curve: Regression, records: Records, charge_mass: np.ndarray
 ) -> np.ndarray:
     """Return what the law claims for the records of one shot at a new site.
 
@@ -212,7 +209,7 @@ def covariance_of(
 
 
 def log_density(
-    quantity: str, curve: GroundMotionCurve, shot: Records, mass: np.ndarray
+    quantity: str, curve: Regression, shot: Records, mass: np.ndarray
 ) -> np.ndarray:
     """Return ln of the density of a shot's records at each mass.
 
@@ -227,16 +224,14 @@ def log_density(
     scale = np.log(mass / shot.charge_mass) / 3.0
     value = shot.log_value[quantity] - scale * (quantity == "ground_displacement_m")
     place = log_scaled_place(shot.slant_range, mass, shot.height_of_burst)
-    residual = value - np.asarray(log_curve(curve.coefficients, *place))
+    residual = value - np.asarray(curve.at(*place)[0])
     claimed = covariance_of(curve, shot, mass)
     solved = np.linalg.solve(claimed, residual[..., None])[..., 0]
     density = -0.5 * np.sum(residual * solved, axis=-1)
     return density - 0.5 * np.linalg.slogdet(claimed)[1]
 
 
-def log_mass(
-    quantity: str, curve: GroundMotionCurve, shot: Records
-) -> tuple[float, float]:
+def log_mass(quantity: str, curve: Regression, shot: Records) -> tuple[float, float]:
     """Return the most probable ln W of a shot, and the sd of its posterior."""
     density = log_density(quantity, curve, shot, MASSES)
     weights = np.exp(density - density.max())
@@ -264,7 +259,7 @@ def show_left_out(quantity: str, by: str) -> None:
         for shot in dict.fromkeys(records.shot[groups == name].tolist()):
             mine = where(records, records.shot == shot)
             residual = mine.log_value[quantity] - np.asarray(
-                log_curve(learned.coefficients, *mine.place())
+                learned.at(*mine.place())[0]
             )
             claimed = covariance_of(learned, mine, mine.charge_mass)
             n = len(residual)
@@ -300,7 +295,11 @@ def as_json(fits: dict[str, Fit], records: Records) -> str:
         "scaled_range": rounded(np.exp([log_range.min(), log_range.max()])),
         "scaled_height": rounded(np.array([height.min(), height.max()])),
         "curves": {
-            quantity: {name: rounded(x) for name, x in vars(found.curve).items()}
+            quantity: {
+                name: rounded(x)
+                for name, x in vars(found.curve).items()
+                if name != "form"
+            }
             for quantity, found in fits.items()
         },
     }
@@ -326,7 +325,7 @@ def main() -> None:
     print(f"wrote {OUTPUT.name} and {FIGURE.name}")
 
 
-def draw(curves: Mapping[str, GroundMotionCurve], path: Path) -> None:
+def draw(curves: Mapping[str, Regression], path: Path) -> None:
     """Write the figure: each quantity by range, and its coupling by burial."""
     records = read_ground()
     log_range, height = map(np.asarray, records.place())
@@ -364,10 +363,10 @@ def draw(curves: Mapping[str, GroundMotionCurve], path: Path) -> None:
                 label=site,
             )
         for level, style in ((BURIED, "-"), (ABOVE, "--")):
-            line = log_curve(curve.coefficients, jnp.log(z), jnp.full(z.shape, level))
+            line, _ = curve.at(jnp.log(z), jnp.full(z.shape, level))
             by_range.plot(z, np.exp(line), style, color=INK)
         at_100 = jnp.full(x.shape, jnp.log(100.0))
-        line = log_curve(curve.coefficients, at_100, jnp.asarray(x))
+        line, _ = curve.at(at_100, jnp.asarray(x))
         by_burial.plot(x, np.exp(line), color=INK)
         by_range.set(xscale="log", yscale="log", ylabel=label)
         by_range.set_xlabel("R/W$^{1/3}$ [m/kg$^{1/3}$]")
@@ -432,7 +431,8 @@ def objective(quantity: str, form: Form, restricted: bool):
 
     def cost(theta: jax.Array, weight: jax.Array) -> tuple[jax.Array, Marginal]:
         def predict(theta: jax.Array, x: jax.Array) -> jax.Array:
-            curve = log_curve(theta[:n].at[inner].set(x[: len(inner)]), *place)
+            coefficients = theta[:n].at[inner].set(x[: len(inner)])
+            curve, _ = ground_motion_form(coefficients, *place)
             for sd, index, (start, stop) in zip(
                 theta[n:-1], groups, itertools.pairwise(ends), strict=True
             ):
@@ -474,8 +474,8 @@ def predictive(
     held = dict(form.held)
     inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
     place, b = records.place(), jnp.asarray(values[:n])
-    left = np.asarray(records.log_value[quantity] - log_curve(b, *place))[used]
-    gradient = log_gradient(b, *place)
+    curve, gradient = ground_motion_form(b, *place)
+    left = np.asarray(records.log_value[quantity] - curve)[used]
     slopes = np.stack(gradient, axis=-1)[used][:, inner]
     alike = [
         np.equal.outer(names[used], names[used])
@@ -550,7 +550,7 @@ def fit(
     if restricted:
         values, covariance = predictive(quantity, form, weights, values)
     return Fit(
-        curve=GroundMotionCurve(values[:n], covariance, *values[n:]),
+        curve=Regression(ground_motion_form, values[:n], covariance, *values[n:]),
         log_likelihood=found.log_likelihood,
         log_posterior=found.log_posterior,
         n_free=len(NAMES) - len(held),
@@ -579,7 +579,7 @@ def judge_jointly(name: str) -> list[Compared]:
 
 
 def compare(
-    shot: str, laws: list, curves: dict[str, GroundMotionCurve], ground: Records
+    shot: str, laws: list, curves: dict[str, Regression], ground: Records
 ) -> Compared:
     """Estimate the mass of one shot from its acoustic records, and from all."""
     records = read_records()

@@ -156,26 +156,27 @@ def checked(law: Callable[P, R], absent: Collection[str] = ()) -> Callable[P, R]
         if _INSIDE.get():
             return body(**given)
         xp = namespace(*given.values())
-        traced = False
         for name, value in given.items():
             if name == "burst":
                 known = value in ("surface", "free-air")
                 require(known, "burst", "'surface' or 'free-air'", value)
             elif name in ARGUMENTS and is_traced(value):
-                traced, given[name] = True, ARGUMENTS[name].or_nan(value)
+                given[name] = ARGUMENTS[name].or_nan(value)
             elif name in ARGUMENTS:
                 numbers = np.asarray(value, float)
                 fault = ARGUMENTS[name].fault(np.atleast_1d(numbers))
                 require(not fault, name, *(fault or ("",)))
                 given[name] = numbers if xp is np else value
         _check_shapes(checking.__name__, given)
-        return body(**given) if traced else unchecked(**given)
+        return unchecked(**given)
 
     def unchecked(**given: Any) -> R:
-        evaluate = body if namespace(*given.values()) is np else compiled()
+        values = given.values()
+        plain = namespace(*values) is np or any(map(is_traced, values))
+        # also where it is traced: a second guard of one number would be computed again
         token = _INSIDE.set(True)
         try:
-            return evaluate(**given)
+            return (body if plain else compiled())(**given)
         finally:
             _INSIDE.reset(token)
 

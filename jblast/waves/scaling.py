@@ -38,6 +38,21 @@ SD = (0.10, 0.10)
 NOWHERE: Span = (math.inf, -math.inf)
 
 
+def log_sachs_length(charge_mass: Number, ambient_pressure: Number) -> Numbers:
+    r"""Return $\ln S_d = \tfrac13 \ln(W/S_p)$, the logarithm of Sachs' length."""
+    xp = namespace(charge_mass, ambient_pressure)
+    # Neither cbrt, which XLA does not vectorise on a CPU, nor a power.
+    return xp.log(charge_mass / (ambient_pressure / STANDARD_PRESSURE)) / 3.0
+
+
+def log_scaled_distance(
+    slant_range: Number, charge_mass: Number, ambient_pressure: Number
+) -> Numbers:
+    r"""Return $\ln Z = \ln R - \ln S_d$, the argument of the curves."""
+    log_length = log_sachs_length(charge_mass, ambient_pressure)
+    return namespace(slant_range, log_length).log(slant_range) - log_length
+
+
 def scaled_distance(
     slant_range: Number,
     charge_mass: Number,
@@ -55,28 +70,6 @@ def scaled_distance(
     return slant_range / sachs_distance_factor(charge_mass, ambient_pressure)
 
 
-def log_scaled_distance(
-    slant_range: Number, charge_mass: Number, ambient_pressure: Number
-) -> Numbers:
-    r"""Return $\ln Z = \ln R - \tfrac13 \ln(W/S_p)$, the argument of the curves.
-
-    Two logarithms: cheaper than the cube root and its logarithm.
-    """
-    xp = namespace(slant_range, charge_mass, ambient_pressure)
-    log_mass = xp.log(charge_mass / (ambient_pressure / STANDARD_PRESSURE))
-    return xp.log(slant_range) - log_mass / 3.0
-
-
-@checked
-def sachs_pressure_factor(ambient_pressure: Number) -> Numbers:
-    r"""Return $S_p = P_0 / 101325$ Pa, by which pressures multiply [-].
-
-    Args:
-        ambient_pressure: $P_0$ [Pa].
-    """
-    return ambient_pressure / STANDARD_PRESSURE
-
-
 @checked
 def sachs_distance_factor(
     charge_mass: Number, ambient_pressure: Number = STANDARD_PRESSURE
@@ -85,13 +78,10 @@ def sachs_distance_factor(
 
     Args:
         charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
+        ambient_pressure: $P_0$ [Pa], positive; $S_p = P_0/101325$ Pa.
     """
-    xp = namespace(charge_mass, ambient_pressure)
-    # Neither cbrt, which XLA does not vectorise on a CPU, nor a power: this shares its
-    # logarithm with that of Z, which makes an arrival a third faster.
-    log_mass = xp.log(charge_mass / (ambient_pressure / STANDARD_PRESSURE))
-    return xp.exp(log_mass / 3.0)
+    log_length = log_sachs_length(charge_mass, ambient_pressure)
+    return namespace(log_length).exp(log_length)
 
 
 @checked
@@ -113,34 +103,49 @@ def sachs_time_factor(
     return factor * (STANDARD_SOUND_SPEED / sound_speed)
 
 
-@checked
-def sachs_impulse_factor(
-    charge_mass: Number,
-    ambient_pressure: Number = STANDARD_PRESSURE,
-    sound_speed: Number = STANDARD_SOUND_SPEED,
-) -> Numbers:
-    r"""Return $S_i = S_p S_t$, by which impulses multiply [kg^(1/3)].
-
-    Args:
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        ambient_pressure: $P_0$ [Pa], positive.
-        sound_speed: $c_0$ [m/s], positive.
-    """
-    time_factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
-    return ambient_pressure / STANDARD_PRESSURE * time_factor
-
-
-FACTORS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
-    "pressure": lambda r, w, p, c: p / STANDARD_PRESSURE,
-    "impulse": lambda r, w, p, c: sachs_impulse_factor(w, p, c),
-    "time": lambda r, w, p, c: sachs_time_factor(w, p, c),
-    "speed": lambda r, w, p, c: c / STANDARD_SOUND_SPEED,
-    "travel": lambda r, w, p, c: r / c,
+FACTORS: dict[str, tuple[bool, Callable[[Any, Any, Any], Any]]] = {
+    "pressure": (False, lambda r, p, c: p / STANDARD_PRESSURE),
+    "impulse": (True, lambda r, p, c: p / STANDARD_PRESSURE * _slowness(c)),
+    "time": (True, lambda r, p, c: _slowness(c)),
+    "speed": (False, lambda r, p, c: c / STANDARD_SOUND_SPEED),
+    "travel": (False, lambda r, p, c: r / c),
+    "distance": (True, lambda r, p, c: 1.0),
+    "one": (False, lambda r, p, c: 1.0),
 }
-"""Factor of a curve by slant range, mass, ambient pressure and sound speed.
+"""Factor of a curve: whether Sachs' length $S_d$ multiplies it, and the rest by slant
+range, ambient pressure and sound speed.
 
 A curve with the factor "travel" is $c_0 t/R$: the share of the travel time of sound.
 """
+
+
+def _slowness(sound_speed: Any) -> Any:
+    return STANDARD_SOUND_SPEED / sound_speed
+
+
+def scaled_value(
+    factor: str,
+    log_value: Numbers,
+    log_length: Numbers,
+    slant_range: Number,
+    ambient_pressure: Number,
+    sound_speed: Number,
+) -> Numbers:
+    r"""Return a value times its factor, in SI.
+
+    Args:
+        factor: Key of `FACTORS`.
+        log_value: ln of the value of the curve.
+        log_length: $\ln S_d$.
+        slant_range: Range $R$ [m].
+        ambient_pressure: $P_0$ [Pa].
+        sound_speed: $c_0$ [m/s].
+    """
+    lengthens, rest = FACTORS[factor]
+    # in the exponent: a second exponential would cost as much as the polynomial
+    log_value = log_value + log_length if lengthens else log_value
+    value = namespace(log_value).exp(log_value)
+    return rest(slant_range, ambient_pressure, sound_speed) * value
 
 
 def scaled_law(
@@ -188,11 +193,12 @@ def scaled_law(
         sound_speed: Number = STANDARD_SOUND_SPEED,
         burst: str = "surface",
     ) -> Numbers:
-        log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
-        curve = curves if isinstance(curves, Curve) else curves[burst]
-        value = namespace(log_z).exp(curve(log_z))
-        air = slant_range, charge_mass, ambient_pressure, sound_speed
-        return FACTORS[factor](*air) * value
+        log_length = log_sachs_length(charge_mass, ambient_pressure)
+        xp = namespace(slant_range, log_length)
+        log_z = xp.log(slant_range) - log_length
+        log_value = (curves if isinstance(curves, Curve) else curves[burst])(log_z)
+        others = slant_range, ambient_pressure, sound_speed
+        return scaled_value(factor, log_value, log_length, *others)
 
     absent = ["sound_speed"] * (factor == "pressure") + ["burst"] * (len(forms) == 1)
     function = checked(law, absent)

@@ -84,7 +84,7 @@ class Table:
     def __call__(self, x: Numbers) -> Numbers:
         """Return the value, in JAX."""
         xp = namespace(x)
-        position = (x - self.first) / self.step + 1.0
+        position = x * (1.0 / self.step) + (1.0 - self.first / self.step)
         row = xp.clip(position.astype(np.int32), 0, len(self.rows) - 1)
         t = position - row.astype(x.dtype)
         # By columns, which XLA reads twice as fast as rows; no index is out of bounds.
@@ -152,12 +152,12 @@ class Curve:
         xp = namespace(log_z)
         first, last = math.log(self.z_min), math.log(self.z_max)
         # Clamped on the input: a polynomial far outside its span overflows, and a
-        # `where` around the result would let its NaN gradient through.
+        # `where` around the result would let its NaN gradient through. Exactly on an
+        # end both terms give half of the slope: together one.
         inside = xp.minimum(xp.maximum(log_z, first), last)
         start, end = self.end_slopes
-        # Exactly on an end each of two terms gives half of the slope: together one.
-        before, after = xp.minimum(log_z - first, 0.0), xp.maximum(log_z - last, 0.0)
-        return self.form(inside) + start * before + end * after
+        slope = xp.where(log_z <= first, start, end)
+        return self.form(inside) + slope * (log_z - inside)
 
     def then(self, relation: Form) -> "Curve":
         """Return the curve of a quantity that follows from this one, in ln of both."""

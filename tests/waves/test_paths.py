@@ -18,9 +18,10 @@ from jblast.waves.height_of_burst import free_air_weight, image_range
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import (
     NUCLEAR_SCALED_METRES,
+    log_sachs_length,
     sachs_distance_factor,
-    sachs_impulse_factor,
     sachs_time_factor,
+    scaled_value,
 )
 
 PEAK = "peak_overpressure_pa"
@@ -178,7 +179,8 @@ def test_factors_have_the_exponents_of_hopkinson_and_sachs():
     assert sachs_time_factor(mass, air, sound) == pytest.approx(
         (mass / relative) ** (1 / 3) * warmth, rel=1e-5
     )
-    assert sachs_impulse_factor(mass, air, sound) == pytest.approx(
+    length = log_sachs_length(mass, air)
+    assert scaled_value("impulse", 0.0, length, 1.0, air, sound) == pytest.approx(
         mass ** (1 / 3) * relative ** (2 / 3) * warmth, rel=1e-5
     )
     # half a kiloton of TNT at its scaled metre is one nuclear kiloton at 79.37 m

@@ -21,117 +21,45 @@ differ by 2.5 in ln of the velocity. The scatter of the law contains both: the v
 of a site and of a shot is its posterior mean over what four sites and 22 shots allow.
 """
 
-from functools import partial
 from typing import Any
 
-from jblast.registry import Law, register
-from jblast.types import namespace
-from jblast.waves.arguments import Number, checked
-from jblast.waves.regression import Regression, logistic, packaged_curves
+from jblast.registry import register
+from jblast.waves.regression import logistic, packaged, regression_law
 from jblast.waves.tables import Numbers
 
 
-class GroundMotionCurve(Regression):
-    """The regression of one quantity."""
-
-    @staticmethod
-    def log_curve(coefficients: Any, log_range: Numbers, height: Numbers) -> Numbers:
-        r"""Return $\ln(y/S)$ at $\ln Z$ and $x$: the equation above."""
-        b1, b2, b3, b4, b5 = coefficients
-        return b1 + b2 * log_range + b3 * logistic(b4 * (b5 - height))
-
-    @staticmethod
-    def log_gradient(
-        coefficients: Any, log_range: Numbers, height: Numbers
-    ) -> tuple[Numbers, ...]:
-        """Return the derivative of `log_curve` by each coefficient."""
-        _, _, b3, b4, b5 = coefficients
-        coupled = logistic(b4 * (b5 - height))
-        slope = b3 * coupled * (1.0 - coupled)
-        ones = 1.0 + 0.0 * log_range
-        return ones, log_range, coupled, slope * (b5 - height), slope * b4
+def ground_motion_form(
+    coefficients: Any, log_range: Numbers, height: Numbers
+) -> tuple[Numbers, tuple[Numbers, ...]]:
+    r"""Return $\ln(y/S)$ at $\ln Z$ and $x$ by the equation above, and derivatives."""
+    b1, b2, b3, b4, b5 = coefficients
+    coupled = logistic(b4 * (b5 - height))
+    slope = b3 * coupled * (1.0 - coupled)
+    ones = 1.0 + 0.0 * log_range
+    slopes = ones, log_range, coupled, slope * (b5 - height), slope * b4
+    return b1 + b2 * log_range + b3 * coupled, slopes
 
 
-def log_scaled_place(
-    slant_range: Number, charge_mass: Number, height_of_burst: Number
-) -> tuple[Numbers, Numbers]:
-    r"""Return $\ln Z$ and $x$ [m/kg^(1/3)] by Hopkinson."""
-    xp = namespace(slant_range, charge_mass, height_of_burst)
-    log_scale = xp.log(charge_mass) / 3.0
-    return xp.log(slant_range) - log_scale, height_of_burst * xp.exp(-log_scale)
-
-
-def ground_motion_curve(quantity: str) -> GroundMotionCurve:
-    """Return the packaged curve of a quantity, from all 22 shots."""
-    return GroundMotionCurve(**packaged_curves("ground_motion")[quantity])
-
-
-@checked
-def ground_motion_displacement(
-    slant_range: Number, charge_mass: Number, height_of_burst: Number
-) -> Numbers:
-    r"""Return the peak displacement of the ground [m].
-
-    Args:
-        slant_range: Distance $R$ from the charge to the ground there [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        height_of_burst: $h$ [m]; negative is buried.
-    """
-    place = log_scaled_place(slant_range, charge_mass, height_of_burst)
-    xp = namespace(*place)
-    value = ground_motion_curve("ground_displacement_m").value(*place)
-    return value * xp.exp(xp.log(charge_mass) / 3.0)
-
-
-@checked
-def ground_motion_velocity(
-    slant_range: Number, charge_mass: Number, height_of_burst: Number
-) -> Numbers:
-    r"""Return the peak particle velocity of the ground [m/s].
-
-    Args:
-        slant_range: Distance $R$ from the charge to the ground there [m], positive.
-        charge_mass: TNT-equivalent mass $W$ [kg], positive.
-        height_of_burst: $h$ [m]; negative is buried.
-    """
-    place = log_scaled_place(slant_range, charge_mass, height_of_burst)
-    # By Hopkinson charges of all sizes have one velocity at one Z: S = 1.
-    return ground_motion_curve("ground_peak_velocity_m_s").value(*place)
-
-
-def ground_motion_valid(
-    slant_range: Number, charge_mass: Number, height_of_burst: Number
-) -> Any:
-    """Return True within the range of the recordings."""
-    log_range, height = log_scaled_place(slant_range, charge_mass, height_of_burst)
-    scaled_range = namespace(log_range).exp(log_range)
-    # Recorded are Z = 28 to 902 and x = -1.43 to 0.81; the bounds are rounded outward.
-    reached = (scaled_range >= 25.0) & (scaled_range <= 1000.0)
-    return reached & (height >= -1.5) & (height <= 1.0)
-
-
-def ground_motion_scatter(
-    quantity: str, slant_range: Number, charge_mass: Number, height_of_burst: Number
-) -> tuple[Numbers, float, float]:
-    """Return the scatter of a quantity at a new site, in ln."""
-    place = log_scaled_place(slant_range, charge_mass, height_of_burst)
-    return ground_motion_curve(quantity).scatter(*place)
-
-
-for _quantity, _law in (
-    ("ground_displacement_m", ground_motion_displacement),
-    ("ground_peak_velocity_m_s", ground_motion_velocity),
-):
+GROUND_MOTION = packaged("ground_motion", ground_motion_form)
+"""Regression of each quantity, from all 22 shots."""
+ground_motion_displacement, ground_motion_velocity = (
     register(
-        Law(
-            quantity=_quantity,
+        regression_law(
+            quantity,
+            GROUND_MOTION[quantity],
+            factor,
+            # Recorded are Z = 28 to 902 and x = -1.43 to 0.81, rounded outward.
+            ranges=(25.0, 1000.0),
+            heights=(-1.5, 1.0),
+            air=False,
             name="ground_motion",
-            function=_law,
-            range="Z = 25 to 1000 m/kg^(1/3), h/W^(1/3) = -1.5 to 1 m/kg^(1/3), "
-            "along rock",
+            where=", along rock",
             source="fitted to P waves recorded by Ford et al. 2021 (units inferred)",
-            valid=ground_motion_valid,
-            scatter=partial(ground_motion_scatter, _quantity),
-            scatter_source="measured by calibration/ground_motion.py",
         )
+    ).function
+    # By Hopkinson charges of all sizes have one velocity at one Z.
+    for quantity, factor in (
+        ("ground_displacement_m", "distance"),
+        ("ground_peak_velocity_m_s", "one"),
     )
+)

@@ -12,7 +12,7 @@ from jblast.registry import law_for
 from jblast.scene import Charge, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record
 from jblast.waves import ground_motion_displacement, ground_motion_velocity
-from jblast.waves.laws.ground_motion import ground_motion_curve
+from jblast.waves.laws.ground_motion import GROUND_MOTION
 
 PACKAGED = json.loads(
     (Path(jblast.__path__[0]) / "waves/data/ground_motion.json").read_text("utf-8")
@@ -66,7 +66,7 @@ def test_shots_of_a_site_scatter_as_far_as_the_law_states(quantity):
     measured = np.sqrt(squares / (len(names) - len(np.unique(SITE))))
     # Paths add to the mean of a shot; 18 degrees of freedom give a scatter to 17 %,
     # and the law adds the uncertainty of its own. Three standard errors to either side.
-    assert 0.6 < measured / float(ground_motion_curve(quantity).shot_sd) < 1.6
+    assert 0.6 < measured / GROUND_MOTION[quantity].shot_sd < 1.6
 
 
 def test_a_buried_charge_moves_the_ground_three_times_as_far():
