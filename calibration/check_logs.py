@@ -23,9 +23,8 @@ from jblast.files import write_text
 from jblast.inference.sanity import doubts
 from jblast.observations import Observations, observed
 from jblast.observations.places import Frame
-from jblast.registry import law_for
 from jblast.scene import UncertainScene, default_scene, freed
-from jblast.sensors.calculator import Rows
+from jblast.sensors.calculator import Rows, by_law
 
 SEED, HONEST, SLIPPED = 20, 1000, 500
 TITLE = "How often an honest log is doubted, and a slip is named"
@@ -64,7 +63,7 @@ def tables() -> dict[tuple[str, str], np.ndarray]:
     scene = default_scene().scene
     scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
     rows = Rows(scene, GRID, np.ones_like(GRID))
-    return {name: np.log(rows.by(law_for(*name))[0]) for name in names}
+    return {(q, name): np.log(by_law(rows, q)[name].value) for q, name in names}
 
 
 def honest(rng: np.random.Generator, laws: dict[tuple[str, str], np.ndarray]) -> Case:

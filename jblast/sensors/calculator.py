@@ -24,17 +24,17 @@ from typing import Any, Literal
 import numpy as np
 
 import jblast.waves as _waves  # noqa: F401  laws enter the registry as they are imported
-from jblast.constants import STANDARD_PRESSURE, TNT_DENSITY
+from jblast.constants import TNT_DENSITY
 from jblast.errors import require
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES, components
-from jblast.registry import LAWS, Law, call, names_for
+from jblast.registry import LAWS, Law
 from jblast.results import ABSENT, HIDDEN
 from jblast.scene import Scene
 from jblast.types import ArrayLike, Bool, Float, in_numpy, unconverted
 from jblast.waves.choice import Choice, Compared, compared_on, references, tnt_path
 from jblast.waves.friedlander import friedlander_decay
 from jblast.waves.paths import Evaluated, Path, evaluate
-from jblast.waves.propagation import ambient
+from jblast.waves.scaling import sachs_distance_factor
 
 NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt"}
 """Arguments that a question does not state: laws with one of them are left out."""
@@ -128,32 +128,29 @@ class Rows:
         A sensor is as low as its range allows: on the ground, unless the charge is
         higher than the range is long.
         """
-        # TNT equivalence differs between pressure and impulse
-        factor = float(self.scene.charge.tnt_factor_for(quantity))
-        if factor not in self.known:
+
+        def made() -> Path:
             scene, count = in_numpy(self.scene), len(self.slant_range)
             charge = unconverted(scene.charge, mass_kg=self.charge_mass, range_m=None)
             nowhere, never = np.zeros((count, 3)), np.full(count, np.nan)
-            self.known[factor] = tnt_path(
-                scene, charge, quantity, nowhere, self.slant_range, never
-            )
-        return self.known[factor]
+            return tnt_path(scene, charge, quantity, nowhere, self.slant_range, never)
+
+        # TNT equivalence differs between pressure and impulse
+        return self._once(float(self.scene.charge.tnt_factor_for(quantity)), made)
 
     def evaluated(self, quantity: str) -> Evaluated:
         """Return all laws of a quantity."""
-        if quantity not in self.known:
-            self.known[quantity] = evaluate(quantity, self.path(quantity))
-        return self.known[quantity]
-
-    def by(self, law: Law) -> tuple[Numbers, Bool[np.ndarray, " row"]]:
-        """Return value and validity of one law."""
-        path, shape = self.path(law.quantity), self.slant_range.shape
-        value, valid = call(law.function, path), call(law.valid, path)
-        return np.broadcast_to(value, shape), np.broadcast_to(valid, shape)
+        return self._once(quantity, lambda: evaluate(quantity, self.path(quantity)))
 
     def compared(self, quantity: str) -> Compared:
         """Return the laws of a quantity with their differences from a reference."""
-        return compared_on(self.path(quantity), self.evaluated(quantity), quantity)
+        given = self.path(quantity), self.evaluated(quantity), quantity
+        return self._once(("compared", quantity), lambda: compared_on(*given))
+
+    def _once(self, key: Any, made: Callable[[], Any]) -> Any:
+        if key not in self.known:
+            self.known[key] = made()
+        return self.known[key]
 
 
 @dataclass(frozen=True)
@@ -164,7 +161,6 @@ class Calculated:
         value: By row, in the unit of the quantity.
         valid: Mask of the rows within the law's range of validity.
         range: Range of validity, as text.
-        two_sets: True if the law has a curve set for each burst.
         scatter: Standard deviation of real blasts about the value, in ln; NaN for
             combinations of several laws.
     """
@@ -172,7 +168,6 @@ class Calculated:
     value: Numbers
     valid: Bool[np.ndarray, " row"]
     range: str
-    two_sets: bool
     scatter: Numbers
 
 
@@ -217,18 +212,12 @@ def calculate(
         `jblast.calculate(jblast.Scene(), [20.0, 40.0], 15.0)["peak_overpressure_pa"]`
     """
     given = [np.atleast_1d(np.asarray(x, float)) for x in (slant_range, charge_mass)]
+    rows = max(one.size for one in given)
     for name, one in zip(("slant_range", "charge_mass"), given, strict=True):
-        require(one.ndim == 1, name, "one number or a row", f"{one.shape}")
-    ranges, masses = given
-    # a single number is broadcast against the rows of the other
-    require(
-        len({ranges.size, masses.size} - {1}) <= 1,
-        "charge_mass",
-        f"one number or shape {ranges.shape}, as slant_range has",
-        f"{masses.shape}",
-    )
-    ranges, masses = np.broadcast_arrays(ranges, masses)
-    return calculated(Rows(scene, ranges, masses))
+        expected = f"a number or a row of {rows} numbers"
+        # a single number is broadcast against the rows of the other
+        require(one.shape in ((1,), (rows,)), name, expected, f"shape {one.shape}")
+    return calculated(Rows(scene, *np.broadcast_arrays(*given)))
 
 
 def calculated(rows: Rows) -> dict[str, dict[str, Calculated]]:
@@ -250,7 +239,6 @@ def by_law(rows: Rows, quantity: str) -> dict[str, Calculated]:
             value=found.value[i],
             valid=found.valid[i],
             range=law.range,
-            two_sets="burst" in law.arguments(),
             scatter=found.sd[i],
         )
         for law in calculated_laws(quantity)
@@ -308,7 +296,6 @@ def _combined(found: Calculation) -> dict[str, dict[str, Calculated]]:
                 value=value,
                 valid=valid & combination.holds(value),
                 range=combination.range,
-                two_sets=any(one.two_sets for one in of_parts),
                 scatter=np.full(value.shape, np.nan),
             )
     return answer
@@ -399,13 +386,13 @@ def roots(question: Question) -> dict[str, Roots]:
 
 def _grid(question: Question) -> Float[np.ndarray, " point"]:
     """Return ranges or masses of the explosive to search, ascending."""
-    factor = float(question.scene.charge.tnt_factor_for(question.quantity))
-    _, pressure = ambient(in_numpy(question.scene).air)
+    one_kg = Rows(question.scene, np.ones(1), np.ones(1)).path(question.quantity)
     # Sachs scaling: Z of the ambient pressure, not of the standard one
-    scale = factor * STANDARD_PRESSURE / float(pressure)
+    factor = sachs_distance_factor(one_kg.charge_mass, one_kg.ambient_pressure)
+    ranges = SCALED_DISTANCES * factor
     if question.charge_mass:
-        return SCALED_DISTANCES * np.cbrt(scale * question.charge_mass[0])
-    return (question.slant_range[0] / SCALED_DISTANCES[::-1]) ** 3 / scale
+        return ranges * np.cbrt(question.charge_mass[0])
+    return (question.slant_range[0] / ranges[::-1]) ** 3
 
 
 def _span(values: Float[np.ndarray, " point"]) -> tuple[float, float] | None:
@@ -450,51 +437,36 @@ def recommended_by_row(
         answer: Values of the laws there.
         most: Largest number of rows, the first ones; None for all.
     """
-    count = len(rows.slant_range[:most])
-    laws = {
-        quantity: _recommended_laws(rows, quantity, tuple(by_name), count)
-        for quantity, by_name in answer.items()
-    }
-    return [
-        {
-            quantity: Recommended(
+    found: list[dict[str, Recommended]] = [{} for _ in rows.slant_range[:most]]
+    for quantity, by_name in answer.items():
+        for row, recommended in enumerate(found):
+            law, choice = _recommended_law(rows, quantity, tuple(by_name), row)
+            one = by_name[law]
+            recommended[quantity] = Recommended(
                 quantity=quantity,
                 law=law,
-                value=float(answer[quantity][law].value[row]),
-                valid=bool(answer[quantity][law].valid[row]),
-                scatter=float(answer[quantity][law].scatter[row]),
+                value=float(one.value[row]),
+                valid=bool(one.valid[row]),
+                scatter=float(one.scatter[row]),
                 choice=choice,
             )
-            for quantity, of_rows in laws.items()
-            for law, choice in [of_rows[row]]
-        }
-        for row in range(count)
-    ]
+    return found
 
 
-def _recommended_laws(
-    rows: Rows, quantity: str, names: tuple[str, ...], count: int
-) -> list[tuple[str, Choice | None]]:
-    """Return the law of those named at each row, and the basis of its choice.
+def _recommended_law(
+    rows: Rows, quantity: str, names: tuple[str, ...], row: int
+) -> tuple[str, Choice | None]:
+    """Return the law of those named at a row, and the basis of its choice.
 
-    Args:
-        rows: Ranges and masses.
-        quantity: Quantity. The law of a combination is that of its first part whose
-            law is one of them.
-        names: Names of laws.
-        count: Number of rows, the first ones.
+    The law of a combination is that of its first part whose law is one of them.
     """
-    found: list[tuple[str, Choice | None]] = [(names[0], None)] * count
     combination = COMBINATIONS.get(quantity)
     parts = combination.parts if combination else (quantity,)
-    for part in reversed([part for part in parts if names_for(part)]):
-        if len(names) > 1:
-            every = rows.compared(part)
-            choices = [every.choose(at=slice(row, row + 1)) for row in range(count)]
-            for row, choice in enumerate(choices):
-                if choice.method in names:
-                    found[row] = choice.method, choice
-    return found
+    for part in parts if len(names) > 1 else ():
+        choice = rows.compared(part).choose(at=slice(row, row + 1))
+        if choice.method in names:
+            return choice.method, choice
+    return names[0], None
 
 
 def recommended_root(question: Question, by_name: Mapping[str, Roots]) -> Recommended:
@@ -516,8 +488,7 @@ def recommended_root(question: Question, by_name: Mapping[str, Roots]) -> Recomm
     quantity = question.quantity
     # median of logarithms: one outlying law does not decide where laws are compared
     middle = math.exp(float(np.median(np.log(list(holding.values())))))
-    rows = question.at(middle)
-    ((law, choice),) = _recommended_laws(rows, quantity, tuple(by_name), 1)
+    law, choice = _recommended_law(question.at(middle), quantity, tuple(by_name), 0)
     is_nearest = law not in holding
     if is_nearest:
         law = min(holding, key=lambda name: abs(math.log(holding[name] / middle)))
@@ -568,46 +539,41 @@ class Disagreement:
 
 def disagreements(rows: Rows, answer: Calculation) -> list[Disagreement]:
     """Return one disagreement per quantity whose valid laws disagree."""
-    found = (
-        _disagreement(rows, quantity, by_name)
-        for quantity, by_name in answer.items()
-        if quantity not in COMBINATIONS
-    )
-    return [one for one in found if one is not None]
-
-
-def _disagreement(
-    rows: Rows, quantity: str, by_name: Mapping[str, Calculated]
-) -> Disagreement | None:
-    """Return the largest difference of two laws of a quantity, if they disagree."""
-    held = [name for name, one in by_name.items() if one.valid.any()]
-    pairs = list(combinations(held, 2))
-    sds = np.array([_sds_apart(*(by_name[name] for name in pair)) for pair in pairs])
-    if not (sds > BEYOND).any():
-        return None
-    which, row = np.unravel_index(int(sds.argmax()), sds.shape)
-    low, high = sorted(pairs[which], key=lambda name: by_name[name].value[row])
-    both = by_name[low].scatter[row], by_name[high].scatter[row]
-    choice = None
-    if references(quantity):
-        choice = rows.compared(quantity).choose(at=slice(row, row + 1))
-    return Disagreement(
-        quantity=quantity,
-        low=low,
-        high=high,
-        ratio=float(by_name[high].value[row] / by_name[low].value[row]),
-        expected=math.exp(BEYOND * math.hypot(*both)),
-        range_m=float(rows.slant_range[row]),
-        mass_kg=float(rows.charge_mass[row]),
-        rows=int((sds > BEYOND).any(axis=0).sum()),
-        choice=choice,
-    )
+    found = []
+    for quantity, by_name in answer.items():
+        pairs = list(combinations(by_name, 2))
+        sds = np.array([_sds_apart(by_name[one], by_name[two]) for one, two in pairs])
+        if not (sds > BEYOND).any():
+            continue
+        # the largest difference of two laws
+        which, row = np.unravel_index(int(sds.argmax()), sds.shape)
+        low, high = sorted(pairs[which], key=lambda name: by_name[name].value[row])
+        both = by_name[low].scatter[row], by_name[high].scatter[row]
+        choice = None
+        if references(quantity):
+            choice = rows.compared(quantity).choose(at=slice(row, row + 1))
+        found.append(
+            Disagreement(
+                quantity=quantity,
+                low=low,
+                high=high,
+                ratio=float(by_name[high].value[row] / by_name[low].value[row]),
+                expected=math.exp(BEYOND * math.hypot(*both)),
+                range_m=float(rows.slant_range[row]),
+                mass_kg=float(rows.charge_mass[row]),
+                rows=int((sds > BEYOND).any(axis=0).sum()),
+                choice=choice,
+            )
+        )
+    return found
 
 
 def _sds_apart(one: Calculated, other: Calculated) -> Numbers:
-    """Return |ln ratio| of two laws in standard deviations; 0 where one is invalid."""
-    both = one.valid & other.valid & (one.value > 0.0) & (other.value > 0.0)
-    off = np.log(np.where(both, one.value, 1.0) / np.where(both, other.value, 1.0))
+    """Return |ln ratio| of two laws in standard deviations; 0 where one is invalid.
+
+    Also where one has no scatter, as combinations of several laws.
+    """
     # independent scatter of two laws: the variance of their difference is the sum
-    sd = np.hypot(one.scatter, other.scatter)
-    return np.where(sd > 0.0, np.abs(off) / np.where(sd > 0.0, sd, 1.0), 0.0)
+    with np.errstate(all="ignore"):
+        off = np.log(one.value / other.value) / np.hypot(one.scatter, other.scatter)
+    return np.where(one.valid & other.valid & np.isfinite(off), np.abs(off), 0.0)

@@ -34,6 +34,7 @@ from jblast.scene import Scene
 from jblast.sensors.calculator import (
     SCALED_DISTANCES,
     Rows,
+    by_law,
     calculated_laws,
 )
 from jblast.waves.propagation import ambient
@@ -501,10 +502,10 @@ def ranges_at(
     )
     count = log_range.shape[1]
     mass = np.repeat(np.asarray(masses, float), count)
-    value, holds = Rows(scene, np.exp(log_range.ravel()), mass).by(law)
+    found = by_law(Rows(scene, np.exp(log_range.ravel()), mass), law.quantity)[law.name]
     with np.errstate(divide="ignore", invalid="ignore"):
-        log_peak = np.log(value.reshape(log_range.shape))
-    holds = holds.reshape(log_range.shape)
+        log_peak = np.log(found.value.reshape(log_range.shape))
+    holds = found.valid.reshape(log_range.shape)
     ranges = np.full((len(masses), len(levels)), np.nan)
     valid = np.zeros(ranges.shape, bool)
     for i, j in np.ndindex(ranges.shape):

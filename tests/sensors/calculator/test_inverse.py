@@ -56,7 +56,6 @@ def test_numbers_are_those_of_the_laws(burst):
         by_law = found[quantity]["kingery_bulmash"]
         np.testing.assert_allclose(by_law.value, expected, rtol=1e-12)
         assert by_law.valid.tolist() == [True, True, False]
-        assert by_law.two_sets
     wu_hao = wu_hao_ground_arrival_time(RANGES, MASSES, 6000.0)
     ground = found["ground_arrival_s"]["wu_hao"]
     np.testing.assert_allclose(ground.value, wu_hao, rtol=1e-12)
@@ -218,7 +217,7 @@ def said(**values):
     return {
         QUANTITY: {
             name: Calculated(
-                np.array(value), np.array(valid), "", True, np.full(2, 0.1 * 2**0.5)
+                np.array(value), np.array(valid), "", np.full(2, 0.1 * 2**0.5)
             )
             for name, (value, valid) in values.items()
         }
