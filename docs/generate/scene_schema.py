@@ -83,7 +83,7 @@ def _(value: values.Numbers) -> Schema:
 
 
 @schema_of.register
-def _(value: values.Box) -> Schema:
+def _(value: values.Corners) -> Schema:
     return listed(listed(NUMBER, 3), 2)
 
 

@@ -14,7 +14,6 @@ import math
 
 import numpy as np
 
-from jblast.errors import require, shown
 from jblast.types import (
     Array,
     ArrayLike,
@@ -24,19 +23,16 @@ from jblast.types import (
     as_numbers,
     compiled,
     field,
-    is_traced,
     namespace,
     number,
 )
 
 FRAMES_HZ = 1000.0
 """Default frame rate [1/s]."""
-POSITIVE = ("focal", "frames_hz", "threshold")
 MOUNTS = ("vehicle",)
 """Possible mounts of a camera."""
 FORWARD = (-0.5, 0.5, -0.5, 0.5)
 """Quaternion from a camera's axes to those of its body, for a view forward."""
-NUMBERS = ("position", "quaternion", "center", "distortion", "exposure_s", *POSITIVE)
 
 
 class Camera(Module):
@@ -61,11 +57,6 @@ class Camera(Module):
             exposed [lx]; None: full sun.
         mount: "" for none, "vehicle" for the scene's vehicle. Then position and
             quaternion are those in the axes of its body (forward, left, up).
-
-    Raises:
-        InputError: A size is below one, a number not finite, a focal length, frame rate
-            or threshold not positive, an exposure negative, or the quaternion zero.
-            Inside jit numbers are not checked.
     """
 
     position: Float[Array, "3"] = field(converter=as_numbers)
@@ -84,24 +75,6 @@ class Camera(Module):
     )
     daylight: Scalar | None = number(default=None)
     mount: str = field(static=True, default="")
-
-    def __check_init__(self) -> None:
-        for name in ("width", "height"):
-            pixels = getattr(self, name)
-            require(pixels >= 1, f"camera {name}", "at least 1 px", pixels)
-        for name in NUMBERS:
-            if is_traced(value := getattr(self, name)):
-                continue
-            # NumPy, because JAX operations on constants inside jit would be traced.
-            number = np.asarray(value)
-            where, got = f"camera {name}", shown(number.tolist())
-            require(np.isfinite(number).all(), where, "finite numbers", got)
-            positive = name not in POSITIVE or (number > 0).all()
-            require(positive, where, "positive numbers", got)
-            turned = name != "quaternion" or number.any()
-            require(turned, where, "one that is not zero", got)
-            exposed = name != "exposure_s" or number >= 0
-            require(exposed, where, "zero or more", got)
 
 
 @compiled

@@ -4,6 +4,8 @@ The reader, the manual, the JSON Schema, `jblast tune` and the tests read this t
 Numbers that may be uncertain have their bounds and defaults in `parameters.csv`.
 """
 
+from collections.abc import Iterable
+
 from jblast.parameters import (
     CLOCK,
     NOT_NEGATIVE,
@@ -15,11 +17,12 @@ from jblast.parameters import (
 from jblast.quantities import QUANTITIES
 from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import BURSTS, EXPLOSIVES, explosive_named
-from jblast.scene.random_blasts import ABOUT
+from jblast.scene.random_blasts import ABOUT, Box, ByCount, ByRate, Ring
 from jblast.scene.sensor_kinds import SENSOR_KINDS, kind_keys
 from jblast.scene.values import (
     POSITION,
-    Box,
+    Corners,
+    File,
     Number,
     Numbers,
     Records,
@@ -111,7 +114,7 @@ KEYS: dict[str, tuple[Key, ...]] = {
         Key("alt_m", Number(PLACE_LIMITS["alt_m"])),
     ),
     "ambient": (
-        Key("file", Text()),
+        Key("file", File()),
         Key("full_scale_pa", Number(POSITIVE), "full_scale", needs=("file",)),
         Key("level_pa", Number(NOT_NEGATIVE), "level", needed=True, instead=("file",)),
         Key("slope_db_octave", Number(SLOPE), "slope", instead=("file",)),
@@ -139,36 +142,37 @@ KEYS: dict[str, tuple[Key, ...]] = {
         Key("position_m", Numbers(POSITION), "position"),
         Key("velocity_m_s", Numbers(POSITION), "velocity", instead=("mission",)),
         Key("control", Table("control", "a table such as { integral = true }")),
-        Key("mission", Text()),
+        Key("mission", File()),
     ),
     "control": (
         Key("integral", Truth()),
         Key("target_m", Numbers(POSITION), "target"),
         Key("yaw_rad", Number(), "yaw"),
-        Key("kp_pos", Numbers(POSITION, NOT_NEGATIVE)),
-        Key("kd_pos", Numbers(POSITION, NOT_NEGATIVE)),
-        Key("ki_pos", Numbers(POSITION, NOT_NEGATIVE, not_zero=True)),
-        Key("kp_att", Number(NOT_NEGATIVE)),
-        Key("kd_att", Number(NOT_NEGATIVE)),
-        Key("integral_limit", Number(NOT_NEGATIVE)),
+        Key("kp_pos", Numbers(POSITION, NOT_NEGATIVE), "gains.kp_pos"),
+        Key("kd_pos", Numbers(POSITION, NOT_NEGATIVE), "gains.kd_pos"),
+        Key("ki_pos", Numbers(POSITION, NOT_NEGATIVE, not_zero=True), "gains.ki_pos"),
+        Key("kp_att", Number(NOT_NEGATIVE), "gains.kp_att"),
+        Key("kd_att", Number(NOT_NEGATIVE), "gains.kd_att"),
+        Key("integral_limit", Number(NOT_NEGATIVE), "gains.integral_limit"),
         # Below 1 the lead would be a second lag.
-        Key("motor_lead", Number(Bounds(at_least=1.0))),
+        Key("motor_lead", Number(Bounds(at_least=1.0)), "gains.motor_lead"),
     ),
     "world": (
-        Key("count", Whole(1, MAX_BLASTS)),
-        Key("rate_hz", Number(POSITIVE, sampled=True), "rate", instead=("count",)),
-        Key("probability", Number(Bounds(above=0.0, at_most=1.0)),
+        Key("count", Whole(1, MAX_BLASTS), "occurrence", make=ByCount),
+        Key("rate_hz", Number(POSITIVE, sampled=True), "occurrence",
+            instead=("count",), make=ByRate),
+        Key("probability", Number(Bounds(above=0.0, at_most=1.0)), "occurrence",
             instead=("count", "rate_hz"), needs=("tick_s",)),
         Key("tick_s", Number(TICK), "tick", needs=("probability",)),
-        Key("region_m", Table("region", BOX_OR_RING), "region"),
+        Key("region_m", Table("region", BOX_OR_RING)),
         Key("about", Word(ABOUT)),
         Key("mass_kg", Number(POSITIVE, sampled=True), "mass"),
         Key("time_s", Number(NOT_NEGATIVE, sampled=True), "time"),
         Key("gap_s", Number(NOT_NEGATIVE, sampled=True), "gap"),
     ),
     "region": (
-        Key("box", Box()),
-        Key("ring", RING, instead=("box",)),
+        Key("box", Corners(), "region", make=lambda ends: Box(*ends)),
+        Key("ring", RING, "region", instead=("box",), make=lambda ends: Ring(*ends)),
         Key("about", Word(ABOUT)),
     ),
     "law": (
@@ -186,11 +190,9 @@ SEVERAL = ("charge", "sensor", "clock")
 """Tables of which a file may have several."""
 
 
-def keys_of(table: str) -> dict[str, Key]:
-    """Return the keys of a table by name; for sensors including those of all kinds."""
+def keys_of(table: str, kinds: Iterable[str] = ("", *SENSOR_KINDS)) -> dict[str, Key]:
+    """Return the keys of a table by name; for sensors including those of some kinds."""
     keys = {key.name: key for key in KEYS[table]}
-    if table == "sensor":
-        for kind in ("", *SENSOR_KINDS):
-            for key in kind_keys(kind):
-                keys.setdefault(key.name, key)
+    for kind in kinds if table == "sensor" else ():
+        keys = {key.name: key for key in kind_keys(kind)} | keys
     return keys

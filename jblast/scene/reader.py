@@ -9,7 +9,6 @@ import math
 import os
 import tomllib
 from collections.abc import Iterable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,27 +20,20 @@ from jblast.quantities import BY_CAMERA, QUANTITIES, TIMED, components
 from jblast.scene.camera import FORWARD, FRAMES_HZ, Camera, look_at
 from jblast.scene.charge import Charge
 from jblast.scene.keys import KEYS, WITHIN, keys_of
-from jblast.scene.random_blasts import (
-    Box,
-    ByCount,
-    ByRate,
-    ByTick,
-    Ring,
-    WorldSpec,
-)
+from jblast.scene.random_blasts import ByCount, ByTick, WorldSpec
 from jblast.scene.scene import Air, Ambient, Ground, Scene, VehicleSpec
 from jblast.scene.sensor import RATE_HZ, Clock, Imu, Instrument, Sensor
-from jblast.scene.sensor_kinds import SENSOR_KINDS, SensorKind, kind_keys
+from jblast.scene.sensor_kinds import SENSOR_KINDS, SensorKind
 from jblast.scene.uncertain import (
     Belief,
+    Free,
     Place,
     Prior,
     UncertainScene,
     Uniform,
     with_values,
 )
-from jblast.scene.values import POSITION, SceneKey, Table, Uncertain, known
-from jblast.types import as_numbers
+from jblast.scene.values import POSITION, File, SceneKey, Table, Uncertain, Word, known
 
 
 def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
@@ -165,10 +157,6 @@ def world_from_document(
     return file.scene(needs_charge=False), file.world()
 
 
-SENSOR_KEYS = [key.name for key in KEYS["sensor"]]
-"""Keys of sensors of any kind."""
-
-
 class _File:
     """Tables of a scene file, from which the parts of a scene are read.
 
@@ -192,9 +180,9 @@ class _File:
         schema = document.get("schema", 1)
         first = type(schema) is int and schema == 1
         require(first, f"{self.source}: schema", "1", shown(schema))
-        law = self.single("law")
+        law, tables = self.single("law"), document.keys()
         names = {name: law.pop(name) for name in QUANTITIES if name in law}
-        sensors = tuple(self.sensor(*each) for each in self.named("sensor"))
+        sensors = tuple(self.sensor(*each) for each in self.each("sensor"))
         # A scene needs a charge: one that never detonates has no effect.
         charges: tuple[Charge, ...] = (Charge(time_s=math.inf),)
         if needs_charge or "charge" in document:
@@ -204,102 +192,102 @@ class _File:
             air=Air(**self.single("air")),
             ground=Ground(**self.single("ground")),
             sensors=sensors,
-            ambient=self.ambient() if "ambient" in document else None,
-            camera=self.camera() if "camera" in document else None,
-            vehicle=self.vehicle() if "vehicle" in document else None,
-            clocks=tuple(self.clock(*each) for each in self.named("clock")),
+            ambient=Ambient(**self.single("ambient")) if "ambient" in tables else None,
+            camera=self.camera() if "camera" in tables else None,
+            vehicle=self.vehicle() if "vehicle" in tables else None,
+            clocks=tuple(self.clock(*each) for each in self.each("clock")),
             # The reader imports no laws: `sensors.resolve_laws` rejects unknown names.
             law=tuple(pair for pair in names.items() if pair[1] != "auto"),
             **law,
         )
-        place = Place(**self.single("place")) if "place" in document else None
+        place = Place(**self.single("place")) if "place" in tables else None
         # One table places the numbers, not this class.
         scene = with_values(scene, self.starts)
         return UncertainScene(scene, self.beliefs, self.source, place)
 
-    def fields(
-        self, entry: dict[str, Any], keys: Iterable[SceneKey], where: str, of: str = ""
+    def table(
+        self, entry: dict[str, Any], keys: dict[str, SceneKey], where: str, of: str = ""
     ) -> dict[str, Any]:
         """Return the checked values of a table by field, without uncertain numbers.
 
         Args:
             entry: The table.
-            keys: Keys to read.
+            keys: Its keys by name.
             where: File and table, for messages.
             of: Suffix of names of numbers: the charge or clock, as ".phone".
 
         Raises:
-            InputError: A value is invalid, or a key is missing or excluded by another.
+            InputError: A key is unknown, missing or excluded by another, or a value is
+                invalid.
         """
         found: dict[str, Any] = {}
-        for key in keys:
-            at, value = f"{where} {key.name}", entry.get(key.name, key.default)
+        # A table of the file is named in brackets: "[vehicle] as mount".
+        given = {*entry, *(f"[{name}]" for name in self.document)}
+        # Unknown keys are rejected: an ignored one would silently leave a default.
+        kind = f" for kind {shown(entry['kind'])}" if "kind" in entry else ""
+        for name in entry:
+            known(name, keys, where, f"key{kind}")
+        for name, key in keys.items():
+            at, value = f"{where} {name}", entry.get(name, key.default)
             others = [words for words in key.instead if words.split()[0] in entry]
             if value is None:
-                either = f"either {' or '.join((key.name, *key.instead))}"
-                expected = either if key.instead else key.value.form
-                got = "neither" if key.instead else "nothing"
-                require(not key.needed or others, at, expected, got)
+                form = " or ".join((key.value.form, *key.instead))
+                require(not key.needed or others, at, form, "nothing")
                 continue
-            excluded = f"either {key.name} or {' or '.join(others)}"
-            require(not others, at, excluded, "both")
+            require(not others, at, f"either {name} or {' or '.join(others)}", "both")
             read = key.value.read(value, at)
-            if isinstance(key.value, Uncertain):
-                for row, (start, belief) in zip(key.value.rows, read, strict=True):
-                    self.starts[f"{row.name}{of}"] = start
-                    if belief is not None:
-                        self.beliefs[f"{row.name}{of}"] = belief
-                continue
-            if isinstance(key.value, Table):
-                read = self.table(read, key.value.name, at)
-            found[key.field or key.name] = read
-            # A table of the file is named in brackets: "[vehicle] as mount".
-            given = {*entry, *(f"[{name}]" for name in self.document)}
             for words in key.needs if read is not None else ():
                 require(words.split()[0] in given, at, f"{words} with it", "none")
+            if isinstance(key.value, Uncertain):
+                for row, one in zip(key.value.rows, read, strict=True):
+                    self.put(f"{row.name}{of}", one, row.default)
+                continue
+            if isinstance(key.value, Table):
+                found |= self.table(read, keys_of(key.value.name), at, of)
+                continue
+            if isinstance(key.value, File):
+                # Relative to the scene file, so that a folder can be moved as a whole.
+                read = str(Path(self.source).parent / read)
+            part, _, field = (key.field or name).rpartition(".")
+            inner = found.setdefault(part, {}) if part else found
+            require(field not in inner, at, "it once", "it twice")
+            inner[field] = key.make(read) if key.make else read
         return found
 
-    def table(
-        self, entry: dict[str, Any], name: str, where: str, of: str = ""
-    ) -> dict[str, Any]:
-        """Return the checked values of a table with the keys of its name."""
-        keys = keys_of(name)
-        # Unknown keys are rejected: an ignored one would silently leave a default.
-        for key in entry:
-            known(key, keys, where, "key")
-        return self.fields(entry, keys.values(), where, of)
+    def put(self, name: str, value: float | Belief, default: float) -> None:
+        """Store a number, or what is known of it and the start of its fit."""
+        if isinstance(value, Belief):
+            self.beliefs[name] = value
+            value = default if isinstance(value, Free) else value.middle
+        self.starts[name] = value
 
     def single(self, name: str) -> dict[str, Any]:
         """Return the checked values of a table that a file has once, or not at all."""
         entry, where = self.document.get(name, {}), f"{self.source}: [{name}]"
         expected = f"one table written [{name}]"
         require(isinstance(entry, dict), where, expected, shown(entry))
-        return self.table(entry, name, where)
+        return self.table(entry, keys_of(name), where)
 
-    def named(self, name: str) -> Iterator[tuple[dict[str, Any], str, str]]:
-        """Yield each of several tables, its place in the file, and its name."""
+    def each(self, name: str) -> Iterator[tuple[dict[str, Any], str, str]]:
+        """Yield each of several tables, its place in the file, and its suffix."""
         entries, where = self.document.get(name, []), f"{self.source}: [[{name}]]"
         tables = isinstance(entries, list) and all(isinstance(x, dict) for x in entries)
         require(tables, where, f"tables written [[{name}]]", shown(entries))
         names: list[str] = []
         for number, entry in enumerate(entries, start=1):
-            for key in entry:
-                known(key, keys_of(name), where, "key")
-            at, word = f"{where} name", entry.get("name")
-            named = isinstance(word, str) and word.strip()
-            got = "nothing" if word is None else shown(word)
-            require(named, at, f"a name in quotes for {name} {number}", got)
-            names.append(str(word).strip())
-            once = names.count(names[-1]) == 1
-            require(once, at, "each name once", f"{shown(names[-1])} twice")
-            yield entry, f"{where} {shown(names[-1])}", f".{names[-1]}"
+            word = entry.get("name")
+            label = word.strip() if isinstance(word, str) else ""
+            once = not label or label not in names
+            require(once, f"{where} name", "each name once", f"{shown(label)} twice")
+            names.append(label)
+            yield entry, f"{where} {shown(label) if label else number}", f".{label}"
 
     def charges(self) -> Iterator[tuple[dict[str, Any], str, str]]:
         """Yield the tables of charges: [charge], [[charge]], or an empty default."""
         entries, where = self.document.get("charge", {}), f"{self.source}: [charge]"
         require(entries != [], where, "a charge", "an empty list")
         if isinstance(entries, list) and len(entries) > 1:
-            yield from self.named("charge")
+            yield from self.each("charge")
             return
         # A single charge has plain names, also if the file names it.
         entry = entries[0] if isinstance(entries, list) else entries
@@ -311,10 +299,10 @@ class _File:
         self, entry: dict[str, Any], where: str, of: str, sensors: int
     ) -> Charge:
         """Return a charge of a scene with a number of sensors."""
-        never = "a finite number; omit a charge that never happens"
-        require(entry.get("time_s") != math.inf, f"{where} time_s", never, "inf")
         # The mass is what a scene is mostly for: without the key it is fitted.
-        values = self.table({"mass_kg": "free"} | entry, "charge", where, of)
+        values = self.table({"mass_kg": "free"} | entry, keys_of("charge"), where, of)
+        named = not of or "name" in values
+        require(named, f"{where} name", "a name in quotes", "nothing")
         both = "tnt_factor" in entry and values.get("explosive", "TNT") != "TNT"
         either = "either tnt_factor or an explosive"
         require(not both, f"{where} tnt_factor", either, "both")
@@ -329,66 +317,45 @@ class _File:
         own = f"{CLOCK_OFFSET}{of}" not in self.starts
         other = "another name than that of a [[sensor]] with a clock_offset_s"
         require(own, f"{where} name", other, shown(of[1:]))
-        return Clock(**self.table(entry, "clock", where, of))
-
-    def ambient(self) -> Ambient:
-        """Return the ambient sound; a recording is only named."""
-        values = self.single("ambient")
-        if "file" in values:
-            # Relative to the scene file, so that a folder can be moved as a whole.
-            values["file"] = str(Path(self.source).parent / values["file"])
-        return Ambient(**values)
+        return Clock(**self.table(entry, keys_of("clock"), where, of))
 
     def camera(self) -> Camera:
         """Return the camera; on a vehicle it is by default at its centre."""
         values, where = self.single("camera"), f"{self.source}: [camera]"
         position = values.setdefault("position", np.zeros(3))
+        quaternion = np.asarray(values.get("quaternion", FORWARD))
         if (target := values.pop("look_at", None)) is not None:
             # There is no direction from a position to itself.
-            apart, other = (
-                (target != position).any(),
-                "a position other than position_m",
-            )
+            apart, other = (target != position).any(), "another place than position_m"
             require(apart, f"{where} look_at_m", other, target.tolist())
-            values["quaternion"] = look_at(position, target)
-        quaternion = np.asarray(values.get("quaternion", FORWARD))
+            quaternion = np.asarray(look_at(position, target))
         values["quaternion"] = quaternion / np.linalg.norm(quaternion)
         size = np.array([values["width"], values["height"]])
-        values.setdefault("center", (size - 1) / 2)
+        camera = Camera(**({"center": (size - 1) / 2} | values))
         # The exposure of a frame ends before the next frame begins.
         interval = 1 / values.get("frames_hz", FRAMES_HZ)
         expected = f"between 0 and {interval:g}, the time from frame to frame"
         exposure = values.get("exposure_s", 0.0)
         require(exposure <= interval, f"{where} exposure_s", expected, exposure)
-        return Camera(**values)
+        return camera
 
     def vehicle(self) -> VehicleSpec:
         """Return the vehicle; a mission begins at the home of its plan."""
         values, where = self.single("vehicle"), f"{self.source}: [vehicle]"
-        control = values.pop("control", {})
-        fields = ("integral", "target", "yaw")
-        values |= {name: control.pop(name) for name in fields if name in control}
-        values["gains"] = {name: as_numbers(gain) for name, gain in control.items()}
         placed, mission = "position" in values, "mission" in values
         require(placed or mission, f"{where} position_m", POSITION, "nothing")
-        if mission:
-            own = "no value with a mission, which has its own targets"
-            require("target" not in values, f"{where} control target_m", own, "one")
-            values["mission"] = str(Path(self.source).parent / values["mission"])
+        own = "no value with a mission, which has its own targets"
+        held = not mission or "target" not in values
+        require(held, f"{where} control target_m", own, "one")
         # The home of a plan is not read here.
         return VehicleSpec(**{"position": np.zeros(3), "placed": placed} | values)
 
     def sensor(self, entry: dict[str, Any], where: str, of: str) -> Sensor:
         """Return a sensor; a missing position is NaN until a log gives it."""
-        values = self.fields(entry, KEYS["sensor"], where, of)
-        kind, mounted = values.get("kind", ""), "mount" in values
-        own = {key.name: key for key in kind_keys(kind)}
-        given = [key for key in entry if key not in SENSOR_KEYS]
-        for key in given:
-            expected = f"one of {', '.join(own)}" if own else "no further key"
-            expected += f" for kind {shown(kind)}"
-            require(key in own, f"{where} {key}", expected, key)
-        options = self.fields(entry, own.values(), where)
+        kind = entry.get("kind", "")
+        if kind:
+            kind = Word(SENSOR_KINDS).read(kind, f"{where} kind")
+        values = self.table(entry, keys_of("sensor", [kind]), where, of)
         records = values.get("records", ())
         timed = "times_s" not in values or any(name in TIMED for name, _ in records)
         expected = f"one of {', '.join(TIMED)} in records (only these have times)"
@@ -398,19 +365,13 @@ class _File:
         above = kind != "microphone" or not position[2] < 0
         expected = "a microphone on the ground or above it"
         require(above, f"{where} position_m[2]", expected, f"{position[2]:g} m")
-        if mounted:
+        if "mount" in values:
             _check_mountable(SENSOR_KINDS.get(kind), records, where)
-        if kind == "imu":
-            at = f"{where} {''.join(given[:1])}"
-            expected = 'mount = "vehicle" for the samples of an imu'
-            require(mounted or not given, at, expected, "none")
-            return Sensor(**values, imu=Imu(**options) if given else None)
-        settings = [key.name for key in SENSOR_KINDS[kind or "pressure"].keys]
-        return Sensor(
-            **values,
-            settings={name: options.pop(name) for name in settings if name in options},
-            instrument=_instrument(options, where) if options else None,
-        )
+        if "imu" in values:
+            values["imu"] = Imu(**values["imu"])
+        if "instrument" in values:
+            values["instrument"] = _instrument(values["instrument"], where)
+        return Sensor(**values)
 
     def world(self) -> WorldSpec:
         """Return the distribution of random blasts.
@@ -423,24 +384,10 @@ class _File:
         random = "world" in self.document
         require(random, where, "a table of random blasts", "none")
         values = self.single("world")
-        region = values.pop("region", {})
-        once = not ("about" in values and "about" in region)
-        require(once, f"{where} about", "it once", "it in region_m, too")
-        about = values.get("about", region.get("about", "world"))
-        found = about != "vehicle" or "vehicle" in self.document
+        found = values.get("about") != "vehicle" or "vehicle" in self.document
         require(found, f"{where} about", "a [vehicle] as centre of the region", "none")
-        values["about"] = about
-        for name, shape in (("box", Box), ("ring", Ring)):
-            if name in region:
-                values["region"] = shape(*region[name])
-        tick = values.pop("tick", None)
-        for name, occurrence in (
-            ("count", ByCount),
-            ("rate", ByRate),
-            ("probability", partial(ByTick, tick=tick)),
-        ):
-            if name in values:
-                values["occurrence"] = occurrence(values.pop(name))
+        if (tick := values.pop("tick", None)) is not None:
+            values["occurrence"] = ByTick(values["occurrence"], tick)
         world = WorldSpec(**values)
         _check_times(world, where)
         return world

@@ -14,7 +14,7 @@ from jblast.errors import require
 from jblast.parameters import PARAMETERS
 from jblast.scene.camera import Camera
 from jblast.scene.charge import Charge
-from jblast.scene.sensor import Clock, Sensor
+from jblast.scene.sensor import Clock, Sensor, named_numbers
 from jblast.types import (
     Array,
     Float,
@@ -135,7 +135,9 @@ class VehicleSpec(Module):
     )
     yaw: Scalar = number(default=0.0)
     integral: bool | None = field(static=True, default=None)
-    gains: dict[str, Float[Array, "..."]] = field(default_factory=dict)
+    gains: dict[str, Float[Array, "..."]] = field(
+        converter=named_numbers, default_factory=dict
+    )
     mission: str | None = field(static=True, default=None)
     placed: bool = field(static=True, default=True)
 

@@ -5,6 +5,7 @@ sample rate, range, noise, filters. Several sensors may share a clock.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -13,6 +14,7 @@ from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import require
 from jblast.types import (
     Array,
+    ArrayLike,
     Described,
     Float,
     Module,
@@ -32,8 +34,6 @@ VECTORS = {
 """Components of a sensor's vectors."""
 RATE_HZ = 48_000.0
 """Default sample rate [Hz]: that of audio recorders."""
-# Converters of 8 bits are the coarsest in use; 32 bits exceed any noise floor.
-FEWEST_BITS, MOST_BITS = 8, 32
 Saturation = Literal["clip", "compress"]
 
 
@@ -44,6 +44,11 @@ def _vector(value: Any) -> Float[Array, "..."]:
 
         value = jnp.asarray(value)
     return as_numbers(value)
+
+
+def named_numbers(numbers: Mapping[str, ArrayLike]) -> dict[str, Float[Array, "..."]]:
+    """Return numbers by name as arrays."""
+    return {name: as_numbers(number) for name, number in numbers.items()}
 
 
 class Imu(Module):
@@ -127,19 +132,6 @@ class Instrument(Module):
     noise_slope: Scalar | None = number(default=None)
     wind_noise: Scalar | None = number(default=None)
 
-    def __check_init__(self) -> None:
-        rate, bits = self.rate, self.bits
-        positive = 0 < rate < math.inf
-        require(positive, "instrument rate", "a positive, finite rate [Hz]", rate)
-        if bits is not None:
-            expected = f"{FEWEST_BITS} to {MOST_BITS}"
-            require(FEWEST_BITS <= bits <= MOST_BITS, "instrument bits", expected, bits)
-            # The quantization step is the range over 2**bits.
-            ranged = self.full_scale is not None
-            require(
-                ranged, "instrument full_scale", f"the range of {bits} bits", "none"
-            )
-
 
 class Sensor(Described):
     """Position, instrument and recorded quantities of a sensor.
@@ -186,8 +178,7 @@ class Sensor(Described):
         converter=_vector, default_factory=lambda: np.eye(4)[3]
     )
     settings: dict[str, Float[Array, ""]] = field(
-        converter=lambda numbers: {k: as_numbers(v) for k, v in numbers.items()},
-        default_factory=dict,
+        converter=named_numbers, default_factory=dict
     )
 
     def __check_init__(self) -> None:

@@ -9,17 +9,16 @@ reader of scene files imports no physics of sensors.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from jblast.lazy import resolved
 from jblast.parameters import NOT_NEGATIVE, POSITIVE, Bounds
 from jblast.registry import Registry
-from jblast.scene.sensor import FEWEST_BITS, MOST_BITS
 from jblast.scene.values import Number, Numbers, SceneKey, Whole, Word
 
-BITS = Whole(FEWEST_BITS, MOST_BITS, word="float")
-
+# Converters of 8 bits are the coarsest in use; 32 bits exceed any noise floor.
+BITS = Whole(8, 32, word="float")
 BAND = Numbers("[high-pass, low-pass]", POSITIVE, rising=True, word="none")
 SATURATIONS = ("clip", "compress")
 
@@ -27,13 +26,13 @@ SATURATIONS = ("clip", "compress")
 def instrument_keys(unit: str) -> tuple[SceneKey, ...]:
     """Return the keys of an instrument whose samples have a unit."""
     return (
-        SceneKey("rate_hz", Number(POSITIVE), "rate"),
-        SceneKey(f"full_scale_{unit}", Number(POSITIVE), "full_scale"),
-        SceneKey(f"noise_{unit}", Number(NOT_NEGATIVE), "noise"),
+        SceneKey("rate_hz", Number(POSITIVE), "instrument.rate"),
+        SceneKey(f"full_scale_{unit}", Number(POSITIVE), "instrument.full_scale"),
+        SceneKey(f"noise_{unit}", Number(NOT_NEGATIVE), "instrument.noise"),
         # The quantization step is the range over 2**bits.
-        SceneKey("bits", BITS, needs=(f"full_scale_{unit}",)),
-        SceneKey("filter_hz", BAND),
-        SceneKey("saturation", Word(SATURATIONS)),
+        SceneKey("bits", BITS, "instrument.bits", needs=(f"full_scale_{unit}",)),
+        SceneKey("filter_hz", BAND, "instrument.filter_hz"),
+        SceneKey("saturation", Word(SATURATIONS), "instrument.saturation"),
     )
 
 
@@ -101,7 +100,8 @@ def kind_keys(kind: str) -> tuple[SceneKey, ...]:
     """Return the keys of a kind: its own, and those of an instrument with samples."""
     # A sensor without a kind records pressure.
     known = SENSOR_KINDS[kind or "pressure"]
-    return (*known.keys, *(instrument_keys(known.unit) if known.has_samples else ()))
+    own = [k if k.field else replace(k, field=f"settings.{k.name}") for k in known.keys]
+    return (*own, *(instrument_keys(known.unit) if known.has_samples else ()))
 
 
 def hears_ambient(kind: str) -> bool:
@@ -112,20 +112,21 @@ def hears_ambient(kind: str) -> bool:
 
 MAX_IMU_RATE_HZ = 1e5
 """Maximum sampling rate of an IMU [Hz]; declared: MEMS units reach some 10 kHz."""
-# fmt: off
-IMU_KEYS = (
-    SceneKey("rate_hz", Number(Bounds(above=0.0, at_most=MAX_IMU_RATE_HZ)), "rate"),
-    SceneKey("full_scale_m_s2", Number(POSITIVE), "accelerometer_range"),
-    SceneKey("full_scale_rad_s", Number(POSITIVE), "gyroscope_range"),
-    SceneKey("noise_m_s2_sqrt_hz", Number(NOT_NEGATIVE), "accelerometer_noise"),
-    SceneKey("noise_rad_s_sqrt_hz", Number(NOT_NEGATIVE), "gyroscope_noise"),
-    SceneKey("bias_m_s2", Number(NOT_NEGATIVE), "accelerometer_bias"),
-    SceneKey("bias_rad_s", Number(NOT_NEGATIVE), "gyroscope_bias"),
-    SceneKey("bias_walk_m_s2_sqrt_s", Number(NOT_NEGATIVE), "accelerometer_walk"),
-    SceneKey("bias_walk_rad_s_sqrt_s", Number(NOT_NEGATIVE), "gyroscope_walk"),
-    SceneKey("bits", BITS),
+IMU_KEYS = tuple(
+    SceneKey(name, value, f"imu.{field}", needs=('mount = "vehicle"',))
+    for name, value, field in (
+        ("rate_hz", Number(Bounds(above=0.0, at_most=MAX_IMU_RATE_HZ)), "rate"),
+        ("full_scale_m_s2", Number(POSITIVE), "accelerometer_range"),
+        ("full_scale_rad_s", Number(POSITIVE), "gyroscope_range"),
+        ("noise_m_s2_sqrt_hz", Number(NOT_NEGATIVE), "accelerometer_noise"),
+        ("noise_rad_s_sqrt_hz", Number(NOT_NEGATIVE), "gyroscope_noise"),
+        ("bias_m_s2", Number(NOT_NEGATIVE), "accelerometer_bias"),
+        ("bias_rad_s", Number(NOT_NEGATIVE), "gyroscope_bias"),
+        ("bias_walk_m_s2_sqrt_s", Number(NOT_NEGATIVE), "accelerometer_walk"),
+        ("bias_walk_rad_s_sqrt_s", Number(NOT_NEGATIVE), "gyroscope_walk"),
+        ("bits", BITS, "bits"),
+    )
 )
-# fmt: on
 """Defaults are those of `scene.Imu`."""
 SENSOR_KINDS = Registry[SensorKind](
     "kind of sensor",

@@ -7,12 +7,11 @@ its $z$, which is its logarithm for positive numbers.
 """
 
 import math
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast, runtime_checkable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
@@ -42,29 +41,8 @@ from jblast.types import (
 if TYPE_CHECKING:
     from jaxtyping import PRNGKeyArray
 
-SQRT_2 = math.sqrt(2.0)
 NO_SCENE = "the default scene"
 """Source of the scene that is used if none is given."""
-
-
-@runtime_checkable
-class Belief(Protocol):
-    """Interface of `Free`, `Normal`, `LogNormal`, `Uniform` and `LogUniform`."""
-
-    @abstractmethod
-    def constrain(self, z: ArrayLike) -> Any:
-        """Return the number at a fitted coordinate."""
-        ...
-
-    @abstractmethod
-    def unconstrain(self, value: ArrayLike) -> Any:
-        """Return the fitted coordinate of a number."""
-        ...
-
-    @abstractmethod
-    def log_density(self, z: ArrayLike) -> Float[Array, "..."]:
-        """Return ln of the prior density per unit of $z$, log-determinant included."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -81,7 +59,7 @@ class UncertainScene:
     """
 
     scene: Scene
-    beliefs: Mapping[str, Belief] = field(default_factory=dict)
+    beliefs: Mapping[str, "Belief"] = field(default_factory=dict)
     source: str = ""
     place: Place | None = None
 
@@ -251,35 +229,8 @@ def with_value_at(node: Any, path: Sequence[str | int], value: Any) -> Any:
     return (*node[:step], new, *node[step + 1 :])
 
 
-class Free(Module):
-    """Free: flat in ln of a positive number, flat otherwise.
-
-    A fit limits it by the weak prior of `inference.coordinates`.
-
-    Attributes:
-        positive: Whether the number is positive.
-    """
-
-    positive: bool = field(static=True)
-
-    def constrain(self, z):
-        """Return the number at a fitted coordinate."""
-        # In ln a step of the search is a factor, for masses from grams to kilotonnes.
-        xp, (z,) = _by(z)
-        return xp.exp(z) if self.positive else xp.asarray(z)
-
-    def unconstrain(self, value):
-        """Return the fitted coordinate of a number."""
-        xp, (value,) = _by(value)
-        return xp.log(value) if self.positive else xp.asarray(value)
-
-    def log_density(self, z):
-        """Return zero: the density is improper."""
-        return 0.0 * z
-
-
-class Prior(Module):
-    """Distribution of a number, a standard normal in its coordinate $z$.
+class Belief(Module):
+    """What is known of a number, as a function of its coordinate $z$.
 
     The number is its first parameter plus a multiple of $z$, or for an interval of the
     share of the normal distribution below $z$. A number in ln is that parameter times a
@@ -289,34 +240,71 @@ class Prior(Module):
     in_ln: ClassVar[bool] = False
     of_interval: ClassVar[bool] = False
 
-    def constrain(self, z):
+    def constrain(self, z: ArrayLike) -> Any:
         """Return the number at a fitted coordinate."""
-        xp, (z, first, second) = _by(z, *vars(self).values())
-        scale = self._scale(xp, first, second)
-        steps = _ndtr(xp, z) if self.of_interval else z
-        # exp(z ln f), because XLA does not vectorize powers on a CPU.
-        return first * xp.exp(steps * scale) if self.in_ln else first + scale * steps
+        return self._at(_normal("ndtr", z) if self.of_interval else z)
 
-    def unconstrain(self, value):
+    def unconstrain(self, value: ArrayLike) -> Any:
         """Return the fitted coordinate of a number."""
-        xp, (value, first, second) = _by(value, *vars(self).values())
-        scale = self._scale(xp, first, second)
+        xp, value, first, scale = self._line(value)
         steps = (xp.log(value / first) if self.in_ln else value - first) / scale
-        return _ndtri(xp, steps) if self.of_interval else steps
+        return _normal("ndtri", steps) if self.of_interval else steps
 
-    def _scale(self, xp, first, second):
-        if self.of_interval:
-            second = second / first if self.in_ln else second - first
-        return xp.log(second) if self.in_ln else second
-
-    def log_density(self, z):
-        """Return ln of the prior density per unit of $z$."""
+    def log_density(self, z: ArrayLike) -> Any:
+        """Return ln of the prior density per unit of $z$, log-determinant included."""
         return -0.5 * z**2 - 0.5 * math.log(2 * math.pi)
 
     @property
     def middle(self) -> float:
         """Median of the number, the start of a fit."""
-        return float(self.constrain(0.0))
+        return float(self._at(0.5 if self.of_interval else 0.0))
+
+    def _at(self, steps):
+        xp, steps, first, scale = self._line(steps)
+        # exp(z ln f), because XLA does not vectorize powers on a CPU.
+        return first * xp.exp(steps * scale) if self.in_ln else first + scale * steps
+
+    def _line(self, value) -> tuple[Any, ...]:
+        """Return NumPy or JAX, and its arrays of a value, the first and the scale.
+
+        In NumPy nothing is compiled, which JAX would do for each shape.
+        """
+        numbers = vars(self).values()
+        xp = namespace(value, *filter(is_traced, numbers))
+        value, first, second = (xp.asarray(one) for one in (value, *numbers))
+        if self.of_interval:
+            second = second / first if self.in_ln else second - first
+        return xp, value, first, xp.log(second) if self.in_ln else second
+
+
+class Free(Belief):
+    """Free: flat in ln of a positive number, flat otherwise.
+
+    In ln a step of the search is a factor, for masses from grams to kilotonnes. A fit
+    limits the number by the weak prior of `inference.coordinates`.
+
+    Attributes:
+        positive: Whether the number is positive.
+    """
+
+    positive: bool = field(static=True)
+
+    @property
+    def in_ln(self) -> bool:  # type: ignore[override]
+        """Whether the number is searched in ln."""
+        return self.positive
+
+    def log_density(self, z: ArrayLike) -> Any:
+        """Return zero: the density is improper."""
+        return 0.0 * z
+
+    def _line(self, value) -> tuple[Any, ...]:
+        xp = namespace(value)
+        return xp, xp.asarray(value), float(self.positive), 1.0
+
+
+class Prior(Belief):
+    """Distribution of a number, a standard normal in its coordinate $z$."""
 
 
 class Normal(Prior):
@@ -352,46 +340,15 @@ class LogUniform(Prior):
 
 
 PRIORS = {
-    "lognormal": (LogNormal, "median", "factor"),
-    "normal": (Normal, "mean", "sd"),
-    "uniform": (Uniform, "lo", "hi"),
-    "loguniform": (LogUniform, "lo", "hi"),
+    kind.__name__.lower(): kind for kind in (LogNormal, Normal, Uniform, LogUniform)
 }
-"""Kinds of prior in a scene file: classes and their two numbers."""
+"""Kinds of prior by their names in a scene file, which has their numbers in order."""
 
 
-def _by(first, *others) -> tuple[Any, tuple[Any, ...]]:
-    """Return the module of an argument, NumPy or JAX, and all as its arrays.
-
-    In NumPy nothing is compiled, which JAX would do for each shape.
-    """
-    every = (first, *others)
-    xp = namespace(first, *(one for one in others if is_traced(one)))
-    return xp, tuple(xp.asarray(one) for one in every)
-
-
-def _ndtr(xp, z):
-    """Return the standard normal distribution function."""
-    if xp is not np:
-        from jax.scipy.special import ndtr
-
-        return ndtr(z)
-    return np.vectorize(lambda x: 0.5 * math.erfc(-x / SQRT_2), otypes=[float])(z)
-
-
-def _ndtri(xp, p):
-    """Return its inverse; infinite at 0 and 1, NaN beyond."""
-    if xp is not np:
-        from jax.scipy.special import ndtri
-
-        return ndtri(p)
-
-    def one(x):
-        if 0 < x < 1:
-            return NormalDist().inv_cdf(x)
-        return {0.0: -math.inf, 1.0: math.inf}.get(x, math.nan)
-
-    return np.vectorize(one, otypes=[float])(p)
+def _normal(function: str, value: Any) -> Any:
+    """Return the standard normal distribution function, or its inverse."""
+    jax = "" if namespace(value) is np else "jax."
+    return getattr(import_module(f"{jax}scipy.special"), function)(value)
 
 
 def draw(key: "PRNGKeyArray", prior: Prior) -> Float[Array, ""]:

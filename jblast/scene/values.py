@@ -9,15 +9,15 @@ in contrast, are written by instruments and are converted.
 import math
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from jblast.errors import nearest, require, shown
-from jblast.parameters import NUMBER_SIZES, UNBOUNDED, Bounds, Parameter
-from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES
+from jblast.parameters import NUMBER_SIZES, POSITIVE, UNBOUNDED, Bounds, Parameter
+from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, Quantity
 from jblast.scene.uncertain import PRIORS, Belief, Free, Prior
 from jblast.units import in_other_unit
 
@@ -56,11 +56,13 @@ class SceneKey:
     Attributes:
         name: Name of the key, with its unit.
         value: Kind of its value.
-        field: Field of the scene's classes that contains it; "": the name of the key.
+        field: Field of the scene's classes that contains it, as "rate" or as
+            "instrument.rate"; "": the name of the key.
         default: Value of a missing key; None: the default is that of the class.
         needed: The key is required, or one of `instead`.
         instead: Keys that exclude it, each with further words: "mount with offset_m".
         needs: Keys that are required with it, each with further words.
+        make: Function of the value that returns the field; None: the value itself.
     """
 
     name: str
@@ -70,6 +72,7 @@ class SceneKey:
     needed: bool = False
     instead: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
+    make: Callable[[Any], Any] | None = None
 
 
 def finite(value: Any, where: str, expected: str = "a finite number") -> float:
@@ -101,8 +104,10 @@ class Number:
     @property
     def form(self) -> str:
         """Form of a value."""
-        prior = ", [lo, hi] or a prior to sample from" if self.sampled else ""
-        return f"a number{self.bounds.that_is()}{prior}"
+        if self.sampled:
+            numbers = f"a number{self.bounds.that_is()}"
+            return f"{numbers}, [lo, hi] or a prior to sample from"
+        return f"a fixed number{self.bounds.that_is()}"
 
     def read(self, value: Any, where: str) -> float | Prior:
         """Return the number, or its prior."""
@@ -110,9 +115,6 @@ class Number:
             value = {"uniform": value}
         if self.sampled and isinstance(value, dict):
             return read_prior(value, self.bounds, False, where)
-        uncertain = value == "free" or isinstance(value, dict)
-        expected = self.form if self.sampled else "a fixed number"
-        require(not uncertain, where, expected, shown(value))
         return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
@@ -157,25 +159,21 @@ def _rises(numbers: Sequence[float]) -> bool:
 
 
 @dataclass(frozen=True)
-class Box:
+class Corners:
     """Two opposite corners of a box, with an extent towards east and north."""
 
     form: str = f"[{POSITION}, {POSITION}]"
 
     def read(self, value: Any, where: str) -> np.ndarray:
         """Return both corners."""
-        pair = isinstance(value, list) and len(value) == 2
-        require(pair, where, self.form, shown(value))
-        one = Numbers(POSITION)
-        corners = np.array(
-            [one.read(at, f"{where}[{i}]") for i, at in enumerate(value)]
-        )
+        pair = enumerate(listed(value, "[low corner, high corner]", where))
+        corners = [Numbers(POSITION).read(at, f"{where}[{i}]") for i, at in pair]
         east, north, up = corners[1] - corners[0]
         area = (
             "a box with an area, its first corner south-west of its second, not higher"
         )
         require(east > 0 and north > 0 and up >= 0, where, area, shown(value))
-        return corners
+        return np.array(corners)
 
 
 @dataclass(frozen=True)
@@ -241,7 +239,7 @@ class Word:
 
 @dataclass(frozen=True)
 class Text:
-    """A name, or the path of a file."""
+    """A name."""
 
     form: str = "a name in quotes"
 
@@ -250,6 +248,13 @@ class Text:
         text = isinstance(value, str) and value.strip()
         require(text, where, self.form, shown(value))
         return value.strip()
+
+
+@dataclass(frozen=True)
+class File(Text):
+    """The path of a file, relative to that of the scene."""
+
+    form: str = "the path of a file in quotes"
 
 
 @dataclass(frozen=True)
@@ -266,7 +271,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Table:
-    """A table within a table, read by the keys of its name."""
+    """A table within a table, whose keys have fields of the outer one."""
 
     name: str
     form: str
@@ -293,22 +298,21 @@ class Records:
         require(isinstance(value, dict), where, self.form, shown(value))
         for quantity in value:
             known(quantity, QUANTITIES, where, "quantity")
+        sigmas = ((name, f"{where} {name}", x) for name, x in value.items())
         # Times may be zero or negative, so that they have no relative error.
         return tuple(
-            (name, (_additive if name in ADDITIVE else _share)(sigma, name, where))
-            for name, sigma in value.items()
+            (name, (_additive if name in ADDITIVE else _share)(x, at, QUANTITIES[name]))
+            for name, at, x in sigmas
         )
 
 
-def _additive(sigma: Any, quantity: str, where: str) -> float:
-    unit = "radians" if quantity in DIRECTIONS else "seconds"
-    expected = f"a positive sigma in {unit}, without a sign"
-    number = finite(sigma, f"{where} {quantity}", expected)
-    require(number > 0, f"{where} {quantity}", expected, shown(sigma))
-    return number
+def _additive(sigma: Any, where: str, quantity: Quantity) -> float:
+    unit = "radians" if quantity.name in DIRECTIONS else "seconds"
+    expected = f"a sigma in {unit}"
+    return POSITIVE.checked(finite(sigma, where, expected), where, expected, sigma)
 
 
-def _share(sigma: Any, quantity: str, where: str) -> float:
+def _share(sigma: Any, where: str, quantity: Quantity) -> float:
     match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
     share = float(match.group(1)) / 100 if match else 0.0
     # A share and an error in the unit look the same, hence both readings.
@@ -316,11 +320,10 @@ def _share(sigma: Any, quantity: str, where: str) -> float:
     if isinstance(sigma, int | float) and sigma > 0:
         advice = (
             f"; if this is a share, multiply by 100 and write {share_text(sigma)}, if "
-            f"it is in {QUANTITIES[quantity].unit}, divide by the value first"
+            f"it is in {quantity.unit}, divide by the value first"
         )
     expected = 'a positive share of the value with its % sign, as "5%"'
-    valid = 0 < share < math.inf
-    require(valid, f"{where} {quantity}", expected, f"{shown(sigma)}{advice}")
+    require(0 < share < math.inf, where, expected, f"{shown(sigma)}{advice}")
     return share
 
 
@@ -347,23 +350,21 @@ class Uncertain:
         bounds = self.rows[0].bounds.that_is()
         return self.list_form or f'a number{bounds}, "free" or a prior'
 
-    def read(self, value: Any, where: str) -> list[tuple[float, Belief | None]]:
-        """Return the start of a fit of each number, and its prior; None: fixed."""
+    def read(self, value: Any, where: str) -> list[float | Belief]:
+        """Return each number, or what is known of it."""
         if not self.list_form:
             return [_uncertain(value, self.rows[0], where)]
         items = zip(listed(value, self.list_form, where), self.rows, strict=True)
         return [_uncertain(x, row, f"{where}[{i}]") for i, (x, row) in enumerate(items)]
 
 
-def _uncertain(value: Any, row: Parameter, where: str) -> tuple[float, Belief | None]:
+def _uncertain(value: Any, row: Parameter, where: str) -> float | Belief:
     if value == "free":
-        # The default is only the start of the fit.
-        return row.default, Free(row.positive)
+        return Free(row.positive)
     if isinstance(value, dict):
-        prior = read_prior(value, row.bounds, row.positive, where)
-        return prior.middle, prior
+        return read_prior(value, row.bounds, row.positive, where)
     form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
-    return row.bounds.checked(finite(value, where, form), where, got=value), None
+    return row.bounds.checked(finite(value, where, form), where, got=value)
 
 
 def read_prior(
@@ -385,29 +386,24 @@ def read_prior(
     got = " and ".join(value) or "an empty table"
     require(len(value) == 1, where, f"one of {', '.join(PRIORS)}", got)
     ((kind, pair),) = value.items()
-    make, *words = PRIORS[kind]
+    make = PRIORS[kind]
+    words = [one.name for one in fields(make)]
     form = f"{kind} = [{', '.join(words)}]"
-
-    def check(condition: bool, expected: str) -> None:
-        require(condition, where, f"{expected} in {form}", shown(pair))
-
-    a, b = (
-        finite(one, where, f"two finite numbers in {form}")
-        for one in listed(pair, form, where)
-    )
+    both = f"two finite numbers in {form}"
+    numbers = [finite(one, where, both) for one in listed(pair, form, where)]
+    first, second = numbers
+    limits = [(0, bounds), (1, Bounds(above=first if make.of_interval else make.in_ln))]
     if make.of_interval:
-        check(a < b, "lo < hi")
-    else:
-        check(b > make.in_ln, "a factor above 1" if make.in_ln else "a positive sd")
-    check(not make.in_ln or a > 0, f"a positive {words[0]}")
-    # Bounds of the prior must respect those of the number, so that every sample does.
-    noun = "a bound" if make.of_interval else f"a {words[0]}"
-    bounds.checked(a, where, noun, pair[0])
-    if make.of_interval:
-        bounds.checked(b, where, noun, pair[1])
-    sure = kind != "normal" or not positive or a >= MIN_MEAN_SDS * b
-    check(sure, f"a mean at least {MIN_MEAN_SDS:g} sd above zero (or a lognormal)")
-    return make(a, b)
+        # With bounds of the prior within those of the number every sample is.
+        limits.append((1, bounds))
+    if make.in_ln:
+        limits.append((0, POSITIVE))
+    if kind == "normal" and positive:
+        advice = f"{MIN_MEAN_SDS:g} sd above zero, or a lognormal"
+        limits.append((0, Bounds(at_least=MIN_MEAN_SDS * second, advice=advice)))
+    for i, limit in limits:
+        limit.checked(numbers[i], where, f"{words[i]} of {form}")
+    return make(first, second)
 
 
 def listed(value: Any, form: str, where: str) -> list[Any]:

@@ -29,10 +29,10 @@ SCENES = table("""
 [chrge] => chrge | did you mean charge
 [charge] / mass_kg = -1 => mass_kg | positive | -1
 [charge => broken TOML | line 1
-[charge] / mass_kg = { uniform = [3, 1] } => mass_kg | lo < hi | [3, 1]
+[charge] / mass_kg = { uniform = [3, 1] } => mass_kg | hi of uniform | above 3, got 1
 [law] / air_arrival_s = "kingery" => kingery_bulmash
 [[charge]] / name = "x" / [[charge]] / name = "y" => shot | 'x', 'y' | got nothing
-[camera] => [camera] position_m | got neither
+[camera] => [camera] position_m | or mount with offset_m, got nothing
 [vehicle] => [vehicle] model | got nothing
 [world] / count = 0 => [world] count | got 0
 [law] / positive_duration_s = "ford_2020" => _duration_s | did you mean ford_2021

@@ -135,7 +135,7 @@ def good(value) -> Any:
             return [0.1, 0.2]
         case values.Records():
             return {"air_arrival_s": 1e-3, "shock_radius_m": "5%"}
-        case values.Box():
+        case values.Corners():
             return [[0, 0, 0], [1, 1, 0]]
     return "a name"
 
@@ -190,7 +190,7 @@ def test_a_missing_key_is_refused_where_it_is_needed(case):
     if case.key.needed:
         message = case.message(entry)
         assert f" {case.key.name}: expected " in message
-        assert message.endswith(("got nothing", "got neither"))
+        assert message.endswith("got nothing")
 
 
 @each_key
@@ -210,14 +210,15 @@ def test_keys_that_exclude_one_another_and_keys_that_need_another(case):
         if words.startswith("["):  # a table of the file, in every case
             continue
         without = {k: v for k, v in entry.items() if k != words.split()[0]}
-        assert case.message(without).endswith(("got none", "got neither"))
+        assert case.message(without).endswith(("got none", "got nothing"))
 
 
 @each_key
 def test_a_misspelt_key_is_refused_with_the_nearest(case):
     message = case.message(case.entry(None) | {f"{case.key.name}x": 1})
     assert f" {case.key.name}x: expected one of " in message
-    assert "got an unknown key; did you mean " in message
+    assert "got an unknown key" in message
+    assert "; did you mean " in message
 
 
 @pytest.mark.parametrize(
