@@ -4,8 +4,6 @@ The reader, the manual, the JSON Schema, `jblast tune` and the tests read this t
 Numbers that may be uncertain have their bounds and defaults in `parameters.csv`.
 """
 
-from collections.abc import Iterable
-
 from jblast.parameters import (
     CLOCK,
     NOT_NEGATIVE,
@@ -190,9 +188,10 @@ SEVERAL = ("charge", "sensor", "clock")
 """Tables of which a file may have several."""
 
 
-def keys_of(table: str, kinds: Iterable[str] = ("", *SENSOR_KINDS)) -> dict[str, Key]:
-    """Return the keys of a table by name; for sensors including those of some kinds."""
+def keys_of(table: str, kind: str | None = None) -> dict[str, Key]:
+    """Return the keys of a table by name; for sensors those of a kind, or of all."""
     keys = {key.name: key for key in KEYS[table]}
+    kinds = ("", *SENSOR_KINDS) if kind is None else (kind,)
     for kind in kinds if table == "sensor" else ():
         keys = {key.name: key for key in kind_keys(kind)} | keys
     return keys

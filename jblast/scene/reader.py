@@ -355,7 +355,7 @@ class _File:
         kind = entry.get("kind", "")
         if kind:
             kind = Word(SENSOR_KINDS).read(kind, f"{where} kind")
-        values = self.table(entry, keys_of("sensor", [kind]), where, of)
+        values = self.table(entry, keys_of("sensor", kind), where, of)
         records = values.get("records", ())
         timed = "times_s" not in values or any(name in TIMED for name, _ in records)
         expected = f"one of {', '.join(TIMED)} in records (only these have times)"

@@ -93,7 +93,7 @@ def test_a_law_is_calculated(extension):
 
 def test_a_scene_file_has_a_kind_and_its_keys_once_it_is_registered(extension, written):
     path = written(SCENE)
-    with pytest.raises(InputError, match=r"offset_k: expected .* an unknown key"):
+    with pytest.raises(InputError, match=r"kind: expected one of .* got 'thermometer'"):
         read_scene(path)
     extension("thermometer")
     (sensor,) = read_scene(path).scene.sensors
