@@ -255,7 +255,7 @@ class _File:
         return found
 
     def put(self, name: str, value: float | Belief, default: float) -> None:
-        """Store a number, or what is known of it and the start of its fit."""
+        """Store a number, or the belief about it and the start of its fit."""
         if isinstance(value, Belief):
             self.beliefs[name] = value
             value = default if isinstance(value, Free) else value.middle

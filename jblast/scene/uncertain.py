@@ -230,7 +230,7 @@ def with_value_at(node: Any, path: Sequence[str | int], value: Any) -> Any:
 
 
 class Belief(Module):
-    """What is known of a number, as a function of its coordinate $z$.
+    """Belief about a number, as a function of its coordinate $z$.
 
     The number is its first parameter plus a multiple of $z$, or for an interval of the
     share of the normal distribution below $z$. A number in ln is that parameter times a

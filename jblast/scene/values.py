@@ -351,7 +351,7 @@ class Uncertain:
         return self.list_form or f'a number{bounds}, "free" or a prior'
 
     def read(self, value: Any, where: str) -> list[float | Belief]:
-        """Return each number, or what is known of it."""
+        """Return each number, or the belief about it."""
         if not self.list_form:
             return [_uncertain(value, self.rows[0], where)]
         items = zip(listed(value, self.list_form, where), self.rows, strict=True)
