@@ -291,7 +291,7 @@ class Free(Belief):
 
     @property
     def in_ln(self) -> bool:  # type: ignore[override]
-        """Whether the number is searched in ln."""
+        """True for a positive number."""
         return self.positive
 
     def log_density(self, z: ArrayLike) -> Any:
