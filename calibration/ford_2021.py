@@ -56,7 +56,8 @@ from calibration.likelihood import Marginal, likelihood_maximum, marginal, print
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED, STANDARD_TEMPERATURE
 from jblast.files import write_text
-from jblast.waves.laws.ford_2021 import FACTORS, ford_2021_form
+from jblast.quantities import unit_suffix
+from jblast.waves.laws.ford_2021 import ford_2021_form
 from jblast.waves.regression import Regression, log_scaled_place
 from jblast.waves.scaling import log_sachs_length, scaled_value
 
@@ -298,7 +299,7 @@ def objective(quantity: str, form: Form, restricted: bool):
     )
     length = log_sachs_length(records.charge_mass, records.ambient_pressure)
     others = records.slant_range, records.ambient_pressure, records.sound_speed
-    factor = scaled_value(FACTORS[quantity], 0.0 * length, length, *others)
+    factor = scaled_value(unit_suffix(quantity), 0.0 * length, length, *others)
     value = jnp.log(records.value[quantity]) - jnp.log(factor)
     depth = jnp.maximum(-place[1], 0.0)
     bend = (place[0] - np.log(BEND_ABOUT)) ** 2

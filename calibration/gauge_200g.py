@@ -29,7 +29,7 @@ from jblast.constants import PSI
 from jblast.report.colours import BLUE, INK, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
 from jblast.scene.charge import EXPLOSIVES
-from jblast.waves.friedlander import friedlander_decay
+from jblast.waves.friedlander import friedlander_decay, impulse_fraction
 from jblast.waves.laws.kingery_bulmash import (
     kingery_bulmash_arrival_time,
     kingery_bulmash_duration,
@@ -40,7 +40,6 @@ from jblast.waves.laws.kingery_bulmash import (
 from jblast.waves.laws.kinney_graham import kinney_graham_duration
 from jblast.waves.pulse import (
     blast_pulse,
-    friedlander_impulse,
     friedlander_pressure,
 )
 from jblast.waves.scaling import scaled_distance
@@ -113,7 +112,7 @@ def fitted() -> Pulse:
     peak = PSI * table()["friedlander_fit_peak"]
     duration = 1e-3 * table()["friedlander_fit_tplus"]
     decay = table()["friedlander_fit_alpha"] * table()["friedlander_fit_tplus"]
-    impulse = float(friedlander_impulse(peak, duration, decay))
+    impulse = peak * duration * float(impulse_fraction(np.asarray(decay)))
     return Pulse(
         peak, impulse, duration, decay, 1e-3 * table()["peak_time_from_trigger"]
     )
@@ -130,7 +129,7 @@ def at_front() -> Pulse:
     decay = late.decay * longer
     peak = late.peak * longer * exp(late.decay * lead / late.duration)
     duration = late.duration * longer
-    impulse = float(friedlander_impulse(peak, duration, decay))
+    impulse = peak * duration * float(impulse_fraction(np.asarray(decay)))
     return Pulse(peak, impulse, duration, decay, late.arrival - lead)
 
 

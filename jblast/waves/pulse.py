@@ -491,23 +491,6 @@ def friedlander_pressure(
     return jnp.where(before, 0.0, pressure)
 
 
-@checked
-def friedlander_impulse(
-    peak_overpressure: Float[ArrayLike, "..."],
-    duration: Float[ArrayLike, "..."],
-    decay: Float[ArrayLike, "..."],
-) -> Float[Array, "..."]:
-    r"""Return the impulse of the positive phase, $P_s t_d\,k(b)$ [Pa s].
-
-    Args:
-        peak_overpressure: $P_s$ [Pa], positive.
-        duration: Duration of the positive phase $t_d$ [s], positive.
-        decay: $b$ [-].
-    """
-    peak, duration, decay = as_float_arrays(peak_overpressure, duration, decay)
-    return peak * duration * impulse_fraction(decay)
-
-
 def _not_zero(rise_time: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return the rise time as a divisor: 1 for a sharp front."""
     return jnp.where(rise_time > 0, rise_time, 1.0)

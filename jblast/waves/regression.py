@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.quantities import unit_suffix
 from jblast.registry import Law
 from jblast.types import Float, namespace
 from jblast.waves.arguments import Number, checked
@@ -114,7 +115,6 @@ def log_scaled_place(
 def regression_law(
     quantity: str,
     regression: Regression,
-    factor: str,
     *,
     ranges: Span,
     heights: Span,
@@ -129,7 +129,6 @@ def regression_law(
     Args:
         quantity: Predicted quantity.
         regression: Its fitted curve.
-        factor: Key of `scaling.FACTORS`.
         ranges: Valid range over $W^{1/3}$, in which the source states it [m/kg^(1/3)].
         heights: Valid height of burst over $W^{1/3}$ [m/kg^(1/3)].
         air: Whether the law depends on the air, by Sachs.
@@ -151,7 +150,7 @@ def regression_law(
         log_value, _ = regression.at(*log_scaled_place(*place))
         log_length = log_sachs_length(charge_mass, ambient_pressure)
         others = slant_range, ambient_pressure, sound_speed
-        return scaled_value(factor, log_value, log_length, *others)
+        return scaled_value(unit_suffix(quantity), log_value, log_length, *others)
 
     def scatter(
         slant_range: Number,

@@ -18,6 +18,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
+from jblast.quantities import unit_suffix
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import namespace
 from jblast.waves.arguments import Number, checked
@@ -104,16 +105,15 @@ def sachs_time_factor(
 
 
 FACTORS: dict[str, tuple[bool, Callable[[Any, Any, Any], Any]]] = {
-    "pressure": (False, lambda r, p, c: p / STANDARD_PRESSURE),
-    "impulse": (True, lambda r, p, c: p / STANDARD_PRESSURE * _slowness(c)),
-    "time": (True, lambda r, p, c: _slowness(c)),
-    "speed": (False, lambda r, p, c: c / STANDARD_SOUND_SPEED),
+    "_pa": (False, lambda r, p, c: p / STANDARD_PRESSURE),
+    "_pa_s": (True, lambda r, p, c: p / STANDARD_PRESSURE * _slowness(c)),
+    "_s": (True, lambda r, p, c: _slowness(c)),
+    "_m_s": (False, lambda r, p, c: c / STANDARD_SOUND_SPEED),
+    "_m": (True, lambda r, p, c: 1.0),
     "travel": (False, lambda r, p, c: r / c),
-    "distance": (True, lambda r, p, c: 1.0),
-    "one": (False, lambda r, p, c: 1.0),
 }
-"""Factor of a curve: whether Sachs' length $S_d$ multiplies it, and the rest by slant
-range, ambient pressure and sound speed.
+"""Factor of a curve by the unit of its quantity: whether Sachs' length $S_d$ multiplies
+it, and the rest by slant range, ambient pressure and sound speed.
 
 A curve with the factor "travel" is $c_0 t/R$: the share of the travel time of sound.
 """
@@ -150,12 +150,12 @@ def scaled_value(
 
 def scaled_law(
     quantity: str,
-    factor: str,
     curves: Curve | Mapping[str, Curve],
     spans: Mapping[str, Span] | None = None,
     *,
     name: str,
     source: str,
+    factor: str = "",
     title: str = "",
     note: str = "",
     words: str = "",
@@ -166,12 +166,12 @@ def scaled_law(
 
     Args:
         quantity: Predicted quantity.
-        factor: Key of `FACTORS`.
         curves: One curve, or one for "surface" and one for "free-air".
         spans: Range of validity for each burst with a validity; that of its curve if
             None.
         name: Name of the law.
         source: Reference.
+        factor: Key of `FACTORS`; "" for the unit of the quantity.
         title: Name in sentences.
         note: Addition to the range in words.
         words: Range in words; "" for that of `spans`.
@@ -184,6 +184,7 @@ def scaled_law(
         spans = {burst: (curve.z_min, curve.z_max) for burst, curve in curves.items()}
     if sd is None:
         sd = (0.01, 0.01) if quantity in ("air_arrival_s", "shock_speed_m_s") else SD
+    factor = factor or unit_suffix(quantity)
     forms = [curves] if isinstance(curves, Curve) else list(curves.values())
 
     def law(
@@ -200,7 +201,7 @@ def scaled_law(
         others = slant_range, ambient_pressure, sound_speed
         return scaled_value(factor, log_value, log_length, *others)
 
-    absent = ["sound_speed"] * (factor == "pressure") + ["burst"] * (len(forms) == 1)
+    absent = ["sound_speed"] * (factor == "_pa") + ["burst"] * (len(forms) == 1)
     function = checked(law, absent)
     function.__name__ = function.__qualname__ = f"{name}_{quantity}"
     register(

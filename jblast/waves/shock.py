@@ -105,15 +105,6 @@ def plane_wave_wind(overpressure: Numbers, sound_speed: Number) -> Numbers:
     return 5.0 / 7.0 * sound_speed * overpressure / steep
 
 
-@checked
-def dynamic_pressure(
-    peak_overpressure: Number, ambient_pressure: Number = STANDARD_PRESSURE
-) -> Numbers:
-    r"""Return the dynamic pressure of the wind, $q = \tfrac12\rho u^2$ [Pa]."""
-    p = peak_overpressure
-    return 2.5 * p * (p / (7.0 * ambient_pressure + p))
-
-
 def log_shock_speed(log_pressure: Numbers) -> Numbers:
     """Return ln U [m/s] in standard air, of ln p (p in Pa)."""
     xp = namespace(log_pressure)
@@ -152,6 +143,12 @@ class WeakShockTail:
         """Return ln p (p in Pa); log_z must exceed ln b."""
         reach = namespace(log_z).log(log_z - math.log(self.length))
         return math.log(self.amplitude) - log_z - 0.5 * reach
+
+    def log_growth(self, log_z: Numbers, log_start: float) -> Numbers:
+        r"""Return ln of the duration over that at a start: $\tfrac12$ ln of ln(Z/b)."""
+        log_length = math.log(self.length)
+        reach = (log_z - log_length) / (log_start - log_length)
+        return 0.5 * namespace(log_z).log(reach)
 
 
 def tail_from(join: float, pressure: float, slope: float) -> WeakShockTail:

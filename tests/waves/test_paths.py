@@ -180,7 +180,7 @@ def test_factors_have_the_exponents_of_hopkinson_and_sachs():
         (mass / relative) ** (1 / 3) * warmth, rel=1e-5
     )
     length = log_sachs_length(mass, air)
-    assert scaled_value("impulse", 0.0, length, 1.0, air, sound) == pytest.approx(
+    assert scaled_value("_pa_s", 0.0, length, 1.0, air, sound) == pytest.approx(
         mass ** (1 / 3) * relative ** (2 / 3) * warmth, rel=1e-5
     )
     # half a kiloton of TNT at its scaled metre is one nuclear kiloton at 79.37 m

@@ -62,8 +62,6 @@ _law = partial(
     words="free air, r = 16 to 4000 m/kt^(1/3) (Z = 0.2 to 50 m/kg^(1/3)), Y = 2 W",
 )
 dna_1kt_arrival_time = _law(
-    "air_arrival_s", "travel", Curve(_log_sound_fraction, *EVERYWHERE)
+    "air_arrival_s", Curve(_log_sound_fraction, *EVERYWHERE), factor="travel"
 )
-dna_1kt_pressure = _law(
-    "peak_overpressure_pa", "pressure", Curve(_log_pressure, *EVERYWHERE)
-)
+dna_1kt_pressure = _law("peak_overpressure_pa", Curve(_log_pressure, *EVERYWHERE))

@@ -35,9 +35,6 @@ from jblast.waves.regression import (
 )
 from jblast.waves.tables import Numbers
 
-FACTORS = {"positive_impulse_pa_s": "impulse", "positive_duration_s": "time"}
-"""Sachs' factor of each quantity."""
-
 
 def ford_2021_form(
     coefficients: Any, log_range: Numbers, height: Numbers
@@ -56,14 +53,13 @@ def ford_2021_law(quantity: str, regression: Regression, name: str) -> Law:
     This makes it possible to leave a shot out of the fit that it is compared with.
 
     Args:
-        quantity: A key of `FACTORS`.
+        quantity: Impulse or duration of the positive phase.
         regression: Fitted curve.
         name: Name of the law, as in `--law NAME`.
     """
     return regression_law(
         quantity,
         regression,
-        FACTORS[quantity],
         ranges=(20.0, 1000.0),
         # One of the three deeper shots is missed by far.
         heights=(-0.2, 1.0),

@@ -47,7 +47,6 @@ ground_motion_displacement, ground_motion_velocity = (
         regression_law(
             quantity,
             GROUND_MOTION[quantity],
-            factor,
             # Recorded are Z = 28 to 902 and x = -1.43 to 0.81, rounded outward.
             ranges=(25.0, 1000.0),
             heights=(-1.5, 1.0),
@@ -58,8 +57,5 @@ ground_motion_displacement, ground_motion_velocity = (
         )
     ).function
     # By Hopkinson charges of all sizes have one velocity at one Z.
-    for quantity, factor in (
-        ("ground_displacement_m", "distance"),
-        ("ground_peak_velocity_m_s", "one"),
-    )
+    for quantity in ("ground_displacement_m", "ground_peak_velocity_m_s")
 )

@@ -116,38 +116,36 @@ _law = partial(
 _jump = partial(_law, source=f"{SOURCE}; Rankine-Hugoniot", note="; ideal gas")
 _pressure = kingery_bulmash_curves("incident_pressure")
 kingery_bulmash_arrival_time = _law(
-    "air_arrival_s", "time", kingery_bulmash_curves("arrival_time")
+    "air_arrival_s", kingery_bulmash_curves("arrival_time")
 )
 """Time from detonation to the arrival of the shock [s].
 
 Its derivative is no shock speed near Z = 40: it oscillates by up to 7 %.
 """
-kingery_bulmash_pressure = _law("peak_overpressure_pa", "pressure", _pressure)
+kingery_bulmash_pressure = _law("peak_overpressure_pa", _pressure)
 kingery_bulmash_impulse = _law(
-    "positive_impulse_pa_s", "impulse", kingery_bulmash_curves("incident_impulse")
+    "positive_impulse_pa_s", kingery_bulmash_curves("incident_impulse")
 )
 kingery_bulmash_duration = _law(
-    "positive_duration_s", "time", kingery_bulmash_curves("positive_phase_duration")
+    "positive_duration_s", kingery_bulmash_curves("positive_phase_duration")
 )
 kingery_bulmash_reflected_pressure = _law(
-    "reflected_pressure_pa", "pressure", kingery_bulmash_curves("reflected_pressure")
+    "reflected_pressure_pa", kingery_bulmash_curves("reflected_pressure")
 )
 kingery_bulmash_reflected_impulse = _law(
-    "reflected_impulse_pa_s", "impulse", kingery_bulmash_curves("reflected_impulse")
+    "reflected_impulse_pa_s", kingery_bulmash_curves("reflected_impulse")
 )
 kingery_bulmash_shock_speed = _law(
-    "shock_speed_m_s", "speed", kingery_bulmash_curves("shock_front_velocity")
+    "shock_speed_m_s", kingery_bulmash_curves("shock_front_velocity")
 )
 """Speed of the shock front [m/s]. Beyond Z = 40 the power law departs slowly from the
 speed of sound (352 m/s at Z = 1e6 on the surface, 311 in free air): not valid there."""
 kingery_bulmash_blast_wind = _jump(
     "blast_wind_m_s",
-    "speed",
     {burst: curve.then(log_wind) for burst, curve in _pressure.items()},
 )
 kingery_bulmash_dynamic_pressure = _jump(
     "dynamic_pressure_pa",
-    "pressure",
     {burst: curve.then(log_dynamic_pressure) for burst, curve in _pressure.items()},
 )
 

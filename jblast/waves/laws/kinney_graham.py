@@ -63,7 +63,6 @@ from jblast.constants import STANDARD_PRESSURE
 from jblast.waves.scaling import (
     LOG_NUCLEAR_SCALED_METRES,
     NUCLEAR_SCALED_METRES,
-    Span,
     scaled_law,
 )
 from jblast.waves.shock import LOG_STANDARD_PRESSURE, log_shock_speed
@@ -124,28 +123,22 @@ _arrival = arrival(
 )
 
 
-def _law(quantity: str, factor: str, curve: Curve, span: Span):
-    source = "Kinney & Graham 1985 (Explosive Shocks in Air), over two transcriptions"
-    return scaled_law(
-        quantity,
-        factor,
-        curve,
-        {"free-air": span},
-        name="kinney_graham",
-        title="Kinney-Graham",
-        source=source,
-        note=" (ours)",
-    )
-
+_law = partial(
+    scaled_law,
+    name="kinney_graham",
+    title="Kinney-Graham",
+    source="Kinney & Graham 1985 (Explosive Shocks in Air), over two transcriptions",
+    note=" (ours)",
+)
 
 # Compared with Kingery and Bulmash: their pressure ends at 40, and the duration is
 # within 30 % of theirs from 4.2 on (at 0.7 it is 23 % of theirs). Farther than 1e4
 # absorption changes an arrival (see `shock_kinematics`).
 kinney_graham_arrival_time = _law(
     "air_arrival_s",
-    "travel",
     Curve(_arrival, FIRST_ARRIVAL, EVERYWHERE[1]),
-    (FIRST_ARRIVAL, 1e4),
+    {"free-air": (FIRST_ARRIVAL, 1e4)},
+    factor="travel",
 )
 """Time from the shock's leaving the charge to its arrival [s].
 
@@ -153,21 +146,22 @@ Earlier than Kingery and Bulmash near the charge: by 53 % at Z = 0.1, 16 % at 0.
 at 1, 0.2 % at 10.
 """
 kinney_graham_pressure = _law(
-    "peak_overpressure_pa", "pressure", _pressure, (CHARGE_RADIUS, 40.0)
+    "peak_overpressure_pa", _pressure, {"free-air": (CHARGE_RADIUS, 40.0)}
 )
 kinney_graham_impulse = _law(
     "positive_impulse_pa_s",
-    "impulse",
     Curve(IMPULSE, *EVERYWHERE),
-    (CHARGE_RADIUS, 40.0),
+    {"free-air": (CHARGE_RADIUS, 40.0)},
 )
 # Cut where it turns up towards the charge, and where it is constant to 0.05 % a factor
 # e: past that its tenth power would cost single precision its digits.
 kinney_graham_duration = _law(
-    "positive_duration_s", "time", Curve(DURATION, 0.5, 300.0), (4.2, 33.0)
+    "positive_duration_s", Curve(DURATION, 0.5, 300.0), {"free-air": (4.2, 33.0)}
 )
 kinney_graham_shock_speed = _law(
-    "shock_speed_m_s", "speed", _pressure.then(log_shock_speed), (FIRST_ARRIVAL, 1e4)
+    "shock_speed_m_s",
+    _pressure.then(log_shock_speed),
+    {"free-air": (FIRST_ARRIVAL, 1e4)},
 )
 _nuclear_law = partial(
     scaled_law,
@@ -179,8 +173,8 @@ _nuclear_law = partial(
     note=" (ours)",
 )
 kinney_graham_nuclear_pressure = _nuclear_law(
-    "peak_overpressure_pa", "pressure", _of_yield(NUCLEAR_PRESSURE)
+    "peak_overpressure_pa", _of_yield(NUCLEAR_PRESSURE)
 )
 kinney_graham_nuclear_duration = _nuclear_law(
-    "positive_duration_s", "time", _of_yield(NUCLEAR_DURATION, 1.0)
+    "positive_duration_s", _of_yield(NUCLEAR_DURATION, 1.0)
 )

@@ -83,10 +83,9 @@ def _curve(printed: Printed, unit: float) -> Curve:
     return segmented(segments, [*(first for first, _ in printed), LAST])
 
 
-def _law(quantity: str, factor: str, printed: dict[str, Printed], unit: float):
+def _law(quantity: str, printed: dict[str, Printed], unit: float):
     return scaled_law(
         quantity,
-        factor,
         {burst: _curve(each, unit) for burst, each in printed.items()},
         name="rigby_2014",
         source="Rigby et al. 2014, over one transcription",
@@ -96,10 +95,8 @@ def _law(quantity: str, factor: str, printed: dict[str, Printed], unit: float):
 
 
 rigby_reflected_negative_pressure = _law(
-    "reflected_negative_pressure_pa", "pressure", PRESSURE, 1e3
+    "reflected_negative_pressure_pa", PRESSURE, 1e3
 )
 # 1 kPa ms is 1 Pa s
-rigby_reflected_negative_impulse = _law(
-    "reflected_negative_impulse_pa_s", "impulse", IMPULSE, 1.0
-)
-rigby_negative_duration = _law("negative_duration_s", "time", DURATION, 1e-3)
+rigby_reflected_negative_impulse = _law("reflected_negative_impulse_pa_s", IMPULSE, 1.0)
+rigby_negative_duration = _law("negative_duration_s", DURATION, 1e-3)

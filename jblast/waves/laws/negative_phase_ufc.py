@@ -73,20 +73,16 @@ _law = partial(
     source="UFC 3-340-02, figure digitised, over OpenRadioss",
     sd=(0.15, 0.10),
 )
-ufc_negative_pressure = _law(
-    "negative_pressure_pa", "pressure", ufc_curve("Pso_neg_kPa", 1e3)
-)
+ufc_negative_pressure = _law("negative_pressure_pa", ufc_curve("Pso_neg_kPa", 1e3))
 # 1 kPa ms is 1 Pa s
 ufc_negative_impulse = _law(
-    "negative_impulse_pa_s", "impulse", ufc_curve("is_neg_kPa_ms_kg13", 1.0)
+    "negative_impulse_pa_s", ufc_curve("is_neg_kPa_ms_kg13", 1.0)
 )
-ufc_negative_duration = _law(
-    "negative_duration_s", "time", ufc_curve("t_neg_ms_kg13", 1e-3)
-)
+ufc_negative_duration = _law("negative_duration_s", ufc_curve("t_neg_ms_kg13", 1e-3))
 """One duration for incident and reflected [s]."""
 ufc_reflected_negative_pressure = _law(
-    "reflected_negative_pressure_pa", "pressure", ufc_curve("Pr_neg_kPa", 1e3)
+    "reflected_negative_pressure_pa", ufc_curve("Pr_neg_kPa", 1e3)
 )
 ufc_reflected_negative_impulse = _law(
-    "reflected_negative_impulse_pa_s", "impulse", ufc_curve("ir_neg_kPa_ms_kg13", 1.0)
+    "reflected_negative_impulse_pa_s", ufc_curve("ir_neg_kPa_ms_kg13", 1.0)
 )

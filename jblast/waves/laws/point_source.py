@@ -118,13 +118,13 @@ def _of_z(form: Form, summand: float = 0.0) -> Curve:
     return Curve(lambda x: form(x - math.log(LENGTH)) + summand, *SPAN, joins)
 
 
-def _law(quantity: str, factor: str, curve: Curve, last: float):
+def _law(quantity: str, curve: Curve, last: float, factor: str = ""):
     return scaled_law(
         quantity,
-        factor,
         curve,
         {"free-air": (ENDS[0] * LENGTH, last)},
         name="point_source",
+        factor=factor,
         title="point-source",
         source="calibration/point_source.py to Z = 346, weak-shock tail; "
         "1/U integrated",
@@ -143,9 +143,7 @@ log_sound_fraction = arrival(
 )
 r"""$\ln(c_0 t/R)$ of $\ln\lambda$."""
 point_source_arrival_time = _law(
-    "air_arrival_s", "travel", _of_z(log_sound_fraction), 1e4
+    "air_arrival_s", _of_z(log_sound_fraction), 1e4, "travel"
 )
-point_source_pressure = _law("peak_overpressure_pa", "pressure", _pressure, FAR_END)
-point_source_shock_speed = _law(
-    "shock_speed_m_s", "speed", _pressure.then(log_shock_speed), 1e4
-)
+point_source_pressure = _law("peak_overpressure_pa", _pressure, FAR_END)
+point_source_shock_speed = _law("shock_speed_m_s", _pressure.then(log_shock_speed), 1e4)

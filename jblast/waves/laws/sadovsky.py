@@ -41,7 +41,5 @@ _law = partial(
     title="Sadovsky",
     source="Sadovsky 1952, second-hand",
 )
-sadovsky_pressure = _law("peak_overpressure_pa", "pressure", Curve(PRESSURE, *RANGE))
-sadovsky_duration = _law(
-    "positive_duration_s", "time", Curve(DURATION, *RANGE, cheap=True)
-)
+sadovsky_pressure = _law("peak_overpressure_pa", Curve(PRESSURE, *RANGE))
+sadovsky_duration = _law("positive_duration_s", Curve(DURATION, *RANGE, cheap=True))

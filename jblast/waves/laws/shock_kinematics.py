@@ -61,7 +61,6 @@ import math
 from functools import partial
 
 from jblast.constants import STANDARD_SOUND_SPEED
-from jblast.types import namespace
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.scaling import scaled_law
 from jblast.waves.shock import (
@@ -76,11 +75,9 @@ from jblast.waves.shock import (
 from jblast.waves.tables import (
     BLEND_WIDTH,
     Curve,
-    Form,
     Numbers,
     arrival,
     joined,
-    polynomial,
 )
 
 # Up to here absorption is negligible in an arrival (docstring of the module).
@@ -125,58 +122,47 @@ def _continued(quantity: str, burst: str) -> Curve:
     curve = kingery_bulmash_curves(quantity)[burst]
     log_end = math.log(END_OF_TABLE)
     # numbers of Python take the precision of the argument
-    at_end, length = float(curve.form(log_end)), math.log(TAILS[burst].length)
-    far = polynomial([at_end + log_end, -1.0])  # peak times duration falls as 1/Z
-    if quantity == "positive_phase_duration":
-        far = _lengthening(at_end, log_end, length)
+    at_end = float(curve.form(log_end))
 
-    def near(log_z: Numbers) -> Numbers:
-        xp = namespace(log_z)
-        past = curve.end_slopes[1] * xp.maximum(log_z - log_end, 0.0)
-        return curve.form(xp.minimum(log_z, log_end)) + past
+    def far(log_z: Numbers) -> Numbers:
+        if quantity == "positive_phase_duration":
+            return at_end + TAILS[burst].log_growth(log_z, log_end)
+        return at_end + log_end - log_z  # peak times duration falls as 1/Z
 
     # the blend begins at the end of the table
     blend = END_OF_TABLE * math.sqrt(1.0 + BLEND_WIDTH)
-    form, joins = joined([near, far], [blend]), (*curve.joins, blend)
+    form, joins = joined([curve.exact, far], [blend]), (*curve.joins, blend)
     return Curve(form, curve.z_min, END, joins, cheap=True)
-
-
-def _lengthening(at_end: float, log_end: float, log_length: float) -> Form:
-    """Return ln of the duration of a weak shock, which grows as the root of ln(Z/b)."""
-
-    def form(log_z: Numbers) -> Numbers:
-        reach = (log_z - log_length) / (log_end - log_length)
-        return at_end + 0.5 * namespace(log_z).log(reach)
-
-    return form
 
 
 def _law(
     quantity: str,
-    factor: str,
     curves: dict[str, Curve],
     last: float = FAR_END,
     source: str = "Kingery & Bulmash 1984 to Z = 20, weak-shock tail, 1/U integrated",
+    factor: str = "",
 ):
     return scaled_law(
         quantity,
-        factor,
         curves,
         {burst: (curve.z_min, last) for burst, curve in curves.items()},
         name="shock_kinematics",
         source=source,
+        factor=factor,
         note="; no absorption",
         far_scatter=measured_far_scatter(quantity) if last == FAR_END else None,
     )
 
 
 shock_kinematics_arrival_time = _law(
-    "air_arrival_s", "travel", {burst: _arrival(burst) for burst in FRONTS}, LAST_VALID
+    "air_arrival_s",
+    {burst: _arrival(burst) for burst in FRONTS},
+    LAST_VALID,
+    factor="travel",
 )
-shock_kinematics_pressure = _law("peak_overpressure_pa", "pressure", FRONTS)
+shock_kinematics_pressure = _law("peak_overpressure_pa", FRONTS)
 shock_kinematics_shock_speed = _law(
     "shock_speed_m_s",
-    "speed",
     {burst: front.then(log_shock_speed) for burst, front in FRONTS.items()},
     LAST_VALID,
 )
@@ -185,11 +171,9 @@ _phase_law = partial(
 )
 shock_kinematics_duration = _phase_law(
     "positive_duration_s",
-    "time",
     {burst: _continued("positive_phase_duration", burst) for burst in FRONTS},
 )
 shock_kinematics_impulse = _phase_law(
     "positive_impulse_pa_s",
-    "impulse",
     {burst: _continued("incident_impulse", burst) for burst in FRONTS},
 )

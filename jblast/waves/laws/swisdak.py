@@ -50,11 +50,10 @@ def _polynomial(row: dict[str, str]) -> Polynomial:
     return [float(row[letter]) for letter in "ABCDEFG"], 0.0, 1.0
 
 
-def _law(quantity: str, factor: str, column: str, last: float = 0.0):
+def _law(quantity: str, column: str, last: float = 0.0):
     curve = swisdak_curve(column)
     return scaled_law(
         quantity,
-        factor,
         curve,
         {"surface": (curve.z_min, last or curve.z_max)},
         name="swisdak",
@@ -63,17 +62,11 @@ def _law(quantity: str, factor: str, column: str, last: float = 0.0):
     )
 
 
-swisdak_arrival_time = _law("air_arrival_s", "time", "arrival_time")
+swisdak_arrival_time = _law("air_arrival_s", "arrival_time")
 # The print goes to 198.5, but recorded shots decay more slowly past 20 (see above).
-swisdak_pressure = _law(
-    "peak_overpressure_pa", "pressure", "incident_pressure", last=40.0
-)
-swisdak_impulse = _law("positive_impulse_pa_s", "impulse", "incident_impulse")
-swisdak_duration = _law("positive_duration_s", "time", "positive_phase_duration")
-swisdak_reflected_pressure = _law(
-    "reflected_pressure_pa", "pressure", "reflected_pressure"
-)
-swisdak_reflected_impulse = _law(
-    "reflected_impulse_pa_s", "impulse", "reflected_impulse"
-)
-swisdak_shock_speed = _law("shock_speed_m_s", "speed", "shock_front_velocity")
+swisdak_pressure = _law("peak_overpressure_pa", "incident_pressure", last=40.0)
+swisdak_impulse = _law("positive_impulse_pa_s", "incident_impulse")
+swisdak_duration = _law("positive_duration_s", "positive_phase_duration")
+swisdak_reflected_pressure = _law("reflected_pressure_pa", "reflected_pressure")
+swisdak_reflected_impulse = _law("reflected_impulse_pa_s", "reflected_impulse")
+swisdak_shock_speed = _law("shock_speed_m_s", "shock_front_velocity")

@@ -86,7 +86,6 @@ HUMIDITY = 0.5
 
 weak_shock_pressure = scaled_law(
     "peak_overpressure_pa",
-    "pressure",
     {burst: Curve(tail.log_pressure, JOIN, END) for burst, tail in TAILS.items()},
     SPANS,
     name="weak_shock",
@@ -119,12 +118,11 @@ def weak_shock_iso_pressure(
     """
     log_z = log_scaled_distance(slant_range, charge_mass, ambient_pressure)
     xp, start = namespace(log_z), math.log(JOIN)
-    log_length = math.log(TAILS[burst].length)
-    growth = (xp.maximum(log_z, start) - log_length) / (start - log_length)
+    growth = TAILS[burst].log_growth(xp.maximum(log_z, start), start)
     time_factor = sachs_time_factor(charge_mass, ambient_pressure, sound_speed)
     curve = kingery_bulmash_curves("positive_phase_duration")[burst]
     # t_20 by Kingery and Bulmash, from where a weak shock lengthens as its tail does
-    duration = math.exp(curve.form(start)) * time_factor * xp.sqrt(growth)
+    duration = time_factor * xp.exp(growth + float(curve.form(start)))
     # one frequency stands for the pulse: half a period is the positive phase
     absorption = iso_9613_absorption(
         0.5 / duration, temperature, ambient_pressure, relative_humidity
