@@ -119,7 +119,7 @@ def scene_of(case: Case, way: Physics) -> Scene:
 def heard(scene: Scene, way: Physics) -> dict[str, float]:
     """Return when and how loud a blast is, and when it pushes."""
     ear = (Sensor("ear", np.array([0.0, 0.0, UP_M]), "microphone"),)
-    _, sound = truth_of(scene, ear, {}, (*LISTENED, PEAK))
+    sound = truth_of(scene, ear, {}, (*LISTENED, PEAK))
     values = {name: float(rows[0, 0]) for name, rows in sound.values.items()}
     pressure = values["air_arrival_s"] - TIME_S
     if way.pressure_speed_m_s is not None:

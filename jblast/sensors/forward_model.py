@@ -31,8 +31,7 @@ from jblast.scene import Charge, Scene
 from jblast.sensors.jolt import jolts
 from jblast.sensors.layout import (
     Layout,
-    check_laws,
-    check_layout,
+    check_rows,
     check_scene,
     joined,
     opaque_constant,
@@ -152,12 +151,11 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         readings.
     """
     check_scene(scene)
-    check_layout(layout)
-    check_laws(laws, layout)
+    check_rows(layout, laws)
     n = len(layout.quantity)
     offsets, jolted = clock_offsets(scene, layout), np.isin(layout.quantity, BY_VEHICLE)
     value: list[Any] = []
-    valid: list[Any] = []
+    outside: list[Any] = []
     variance: list[Any] = []
     shot_loading, path_loading, arrival_sd = {}, {}, {}
     fields: list[tuple[str, str, int]] = []
@@ -208,7 +206,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
                 )
             unit = given if quantity in TIMES else jnp.ones_like(given)
             value.append((rows, given))
-            valid.append((rows, holds))
+            outside.append((rows, jnp.where(holds, 0.0, 1.0)))
             variance.append((rows, (scatter[2] ** 2 + far[1] ** 2) * unit**2))
             of_arrival = scatter[2] if quantity in ARRIVALS else 0.0
             for table, key, sd in (
@@ -238,7 +236,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         value=jnp.where(never, absent, starts + joined(value, n)),
         slant_range=distance,
         # nothing to predict, so nothing to flag
-        valid=joined(valid, n) | never,
+        valid=(joined(outside, n) == 0) | never,
         record_sd=jnp.where(some, jnp.sqrt(jnp.where(some, total, 1.0)), 0.0),
         shot_loading=shot_loading,
         path_loading=path_loading,

@@ -218,11 +218,12 @@ def check_scene(scene: Scene) -> None:
         _check(f"sensor {sensor.name}: position_m", sensor.position_m, (3,))
 
 
-def check_layout(layout: Layout) -> None:
-    """Reject a layout whose columns differ in length.
+def check_rows(layout: Layout, laws: Mapping[str, str]) -> None:
+    """Reject a layout whose columns differ in length, and laws that omit a quantity.
 
     Raises:
-        InputError: A column has another shape than its quantities require.
+        InputError: A column has another shape than its quantities require, or a
+            quantity has no law.
     """
     n = len(layout.quantity)
     _check("layout.position", layout.position, (n, 3))
@@ -231,14 +232,6 @@ def check_layout(layout: Layout) -> None:
     for name in ("group", "shot", "clock"):
         length = len(getattr(layout, name))
         require(length == n, f"layout.{name}", f"{n} entries", length)
-
-
-def check_laws(laws: Mapping[str, str], layout: Layout) -> None:
-    """Reject laws that omit a quantity of a layout.
-
-    Raises:
-        InputError: A quantity has no law.
-    """
     needed = layout.quantities()
     for quantity in needed:
         names = f"a name for each of {', '.join(needed)}"
@@ -259,48 +252,32 @@ def opaque_constant(rows: np.ndarray) -> np.ndarray | Array:
     )
 
 
-def stride_of(rows: Int[np.ndarray, " some"]) -> int:
-    """Return the constant step between rows; 0 if they are not evenly spaced."""
-    if rows.size == 1:
-        return 1
-    # an even step becomes a slice
-    steps = np.unique(np.diff(rows))
-    return int(steps[0]) if steps.size == 1 and steps[0] > 0 else 0
-
-
 def picked(x: Array, rows: Int[np.ndarray, " some"]) -> Array:
-    """Return some rows of an array."""
-    if step := stride_of(rows):
-        return x[int(rows[0]) : int(rows[-1]) + 1 : step]
+    """Return some rows of an array; evenly spaced ones are a slice."""
+    steps = np.unique(np.diff(rows))
+    if rows.size == 1 or (steps.size == 1 and steps[0] > 0):
+        return x[int(rows[0]) : int(rows[-1]) + 1 : int(steps.sum()) or 1]
     return x[opaque_constant(rows)]
 
 
-def joined(parts: Sequence[tuple[Int[np.ndarray, " _"], Any]], count: int) -> Array:
+def joined(
+    parts: Sequence[tuple[Int[np.ndarray, " _"], Array]], count: int
+) -> Float[Array, " row"]:
     """Return the sums of parts over all rows, 0 for rows that no part has.
 
     Args:
-        parts: Rows (each once per part) and their values. Boolean values are combined
-            by `and`; rows that no part has are true.
+        parts: Rows (each once per part) and their values.
         count: Number of all rows.
     """
-    # masks are combined by `and`, numbers by sums
-    yes = bool(parts) and parts[0][1].dtype == bool
-    dtype = bool if yes else jnp.zeros(()).dtype
-    parts = [(own, x.astype(dtype)) for own, x in parts]
-    rows = np.concatenate([own for own, _ in parts]) if parts else np.zeros(0, int)
-    if np.array_equal(np.sort(rows), np.arange(count)):
-        whole = jnp.concatenate([x for _, x in parts])
-        # every row in exactly one part: a permutation of the concatenated parts
-        if np.array_equal(rows, np.arange(count)):
-            return whole
-        # parts interleaved row by row, the usual order of a log: a stack, not a gather
-
-        turns = [np.arange(n, count, len(parts)) for n in range(len(parts))]
-        if count % len(parts) == 0 and np.array_equal(rows, np.concatenate(turns)):
-            return jnp.stack([x for _, x in parts], axis=1).reshape(count)
-        return whole[opaque_constant(np.argsort(rows))]
-    whole = jnp.ones(count, bool) if yes else jnp.zeros(count)
-    for own, x in parts:
-        at = whole.at[opaque_constant(own)]
-        whole = at.min(x) if yes else at.add(x)
-    return whole
+    rows = np.concatenate([np.zeros(0, int), *(own for own, _ in parts)])
+    if not np.array_equal(np.sort(rows), np.arange(count)):
+        whole = jnp.zeros(count)
+        for own, x in parts:
+            whole = whole.at[opaque_constant(own)].add(x)
+        return whole
+    # parts interleaved row by row, the usual order of a log: a stack, not a gather
+    turns = [np.arange(n, count, len(parts)) for n in range(len(parts))]
+    if count % len(parts) == 0 and np.array_equal(rows, np.concatenate(turns)):
+        return jnp.stack([x for _, x in parts], axis=1).reshape(count)
+    # every row in exactly one part: a permutation of the concatenated parts
+    return picked(jnp.concatenate([x for _, x in parts]), np.argsort(rows))

@@ -9,26 +9,27 @@ of a sensor of any kind, whole or packet by packet.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from itertools import product
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Bool, Float, PRNGKeyArray
 
-from jblast.errors import InputError, argument, require, shown
+from jblast.errors import InputError, argument, require
 from jblast.kept_programs import kept
 from jblast.observations.records.sound import read_sound
 from jblast.registry import names_for
 from jblast.scene import Ambient, Instrument, Scene, Sensor, UncertainScene, draw_scene
 from jblast.scene.sensor_kinds import SENSOR_KINDS, sampling_kinds
-from jblast.scene.uncertain import value_of
 from jblast.sensors.forward_model import Recording, record
 from jblast.sensors.law_choice import height_notes, law_names, resolve_laws
 from jblast.sensors.layout import Layout, planned_layout
 from jblast.sensors.recorder import recording
+from jblast.sensors.simulated_readings import drawn_values
 from jblast.sensors.waves_met import Track, places_met, record_laws
 
 TAIL_S = 0.25
@@ -106,11 +107,6 @@ def instrument_of(sensor: Sensor) -> Instrument:
     return Instrument() if sensor.instrument is None else sensor.instrument
 
 
-def samples_of(listening: Listening, sensor: Sensor) -> int:
-    """Return the number of samples of a sensor's record."""
-    return max(1, round(listening.seconds * instrument_of(sensor).rate))
-
-
 def plan(
     uncertain: UncertainScene,
     seed: int = 0,
@@ -133,9 +129,9 @@ def plan(
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     source = uncertain.source or "scene"
     tracks = {} if tracks is None else tracks
-    sensors, skipped = _sampling_sensors(uncertain.scene, source, tracks)
     # as in `simulate` with the same seed: a log and the records agree
     scene = draw_scene(scene_key, uncertain)
+    sensors, skipped = _sampling_sensors(scene, source, tracks)
     # sound has a direction of arrival at each sensor: a range alone does not define the
     # paths
     require(
@@ -144,25 +140,19 @@ def plan(
         "position_m, which defines the path to every sensor",
         "a range only",
     )
-    places = {sensor.name: sensor for sensor in scene.sensors}
-    sensors = tuple(places[sensor.name] for sensor in sensors)
     # tracks of sensors that record nothing are ignored
     own = {i.name: tracks[i.name] for i in sensors if i.name in tracks}
-    scene, truth = truth_of(scene, sensors, own)
-    drawn = [
-        f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
-        for name in uncertain.beliefs
-    ]
+    truth = truth_of(scene, sensors, own)
     if seconds is None:
         seconds = _until_gone_by(truth, source)
     _check_rates(sensors, seconds, source)
-    notes = (*drawn, *truth.notes)
+    notes = (*drawn_values(uncertain, scene), *truth.notes)
     return Listening(scene, sensors, skipped, seconds, truth, notes, noise_key, own)
 
 
 def _sampling_sensors(
     scene: Scene, source: str, tracks: Mapping[str, Track]
-) -> tuple[list[Sensor], dict[str, str]]:
+) -> tuple[tuple[Sensor, ...], dict[str, str]]:
     """Return the sensors that record samples, and the reason why others do not."""
     sampling = sampling_kinds()
     skipped = {
@@ -172,7 +162,7 @@ def _sampling_sensors(
         for sensor in scene.sensors
         if sensor.kind not in sampling
     }
-    found = [sensor for sensor in scene.sensors if sensor.name not in skipped]
+    found = tuple(sensor for sensor in scene.sensors if sensor.name not in skipped)
     got = [f"sensor {name!r}: {why}" for name, why in skipped.items()] or ["no sensor"]
     expected = f"at least one [[sensor]] of kind {', '.join(sampling)}"
     require(found, source, expected, got[0])
@@ -238,41 +228,23 @@ def packets(
     Raises:
         InputError: A packet would hold no sample.
     """
-    rate_hz, left = instrument_of(sensor).rate, samples_of(listening, sensor)
-    require(
-        packets_hz is None or packets_hz <= rate_hz,
-        argument("packets"),
-        f"at most {rate_hz:g} packets per second, the sampling rate of sensor "
-        f"{sensor.name!r}",
-        f"{packets_hz}",
-    )
     # noise depends on the sensor's position in the scene, not on the order of recording
     number = [other.name for other in listening.sensors].index(sensor.name)
     key = jax.random.fold_in(listening.key, number)
     laws, track = listening.truth.laws, listening.tracks.get(sensor.name)
-    try:
-        made = recording(listening.scene, sensor, key, laws=laws, track=track)
-    except InputError as error:
-        # the message names the sensor already
-        if shown(sensor.name) in str(error):
-            raise
-        raise InputError(f"sensor {sensor.name!r}: {error}") from None
+    made = recording(listening.scene, sensor, key, laws=laws, track=track)
+    left = max(1, round(listening.seconds * made.rate))
     if packets_hz is None:
-        yield _by_component(made.samples(listening.seconds))
-        return
-    for packet in made.packets(packets_hz):
-        samples = _by_component(packet)[:left]
+        found: Iterable[Any] = [made.samples(listening.seconds)]
+    else:
+        found = made.packets(packets_hz)
+    for packet in found:
+        # the last packet is cut at the end of the record; a column per component
+        samples = np.asarray(packet).reshape(len(packet), -1)[:left]
         yield samples
-        # the last packet is cut at the end of the record
         left -= len(samples)
         if left <= 0:
             return
-
-
-def _by_component(samples: ArrayLike) -> Float[np.ndarray, "sample component"]:
-    """Return samples with one column per component: pressure 1, wind 3."""
-    samples = np.asarray(samples)
-    return samples[:, None] if samples.ndim == 1 else samples
 
 
 def truth_of(
@@ -280,7 +252,7 @@ def truth_of(
     sensors: tuple[Sensor, ...],
     tracks: Mapping[str, Track] | None = None,
     requested: Sequence[str] = QUANTITIES,
-) -> tuple[Scene, Truth]:
+) -> Truth:
     """Return the true values of some of a scene's sensors.
 
     Args:
@@ -294,56 +266,66 @@ def truth_of(
     """
     tracks = tracks or {}
     quantities = tuple(name for name in requested if names_for(name))
-    shots = len(scene.charges)
     # a position is needed for the choice of laws; the arrivals refine it below
-    start = {i.name: i.position_m for i in sensors}
-    start |= {name: track.position[0] for name, track in tracks.items()}
-    rows = [(q, s, i) for q in quantities for s in range(shots) for i in sensors]
-    layout = Layout(
-        quantity=tuple(quantity for quantity, _, _ in rows),
-        position=jnp.stack([start[sensor.name] for _, _, sensor in rows]),
-        slant_range=jnp.full(len(rows), jnp.nan),
-        time=jnp.full(len(rows), jnp.nan),
-        group=tuple(range(len(rows))),
-        shot=tuple(shot for _, shot, _ in rows),
-        clock=tuple(sensor.name for *_, sensor in rows),
-    )
+    start = [
+        tracks[i.name].position[0] if i.name in tracks else i.position_m
+        for i in sensors
+    ]
+    places = np.tile(np.stack(start), (len(scene.charges), len(quantities), 1, 1))
+    layout = _layout(quantities, sensors, places)
     laws = law_names(resolve_laws(scene, layout)) | _laws_of_readings(scene)
     laws = {name: laws[name] for name in quantities}
-    if tracks:
-        named = record_laws(scene, laws)
-        met = {name: places_met(scene, one, named) for name, one in tracks.items()}
-        places = [
-            met[i.name][_arrival_of(quantity)][shot] if i.name in met else i.position_m
-            for quantity, shot, i in rows
-        ]
-        layout = replace(layout, position=jnp.stack([*map(jnp.asarray, places)]))
-    shape = (len(quantities), shots, len(sensors))
+    for n, sensor in enumerate(sensors):
+        if track := tracks.get(sensor.name):
+            met = places_met(scene, track, record_laws(scene, laws))
+            for k, quantity in enumerate(quantities):
+                places[:, k, n] = met[_arrival_of(quantity)]
+    layout = _layout(quantities, sensors, places)
     # Charges are evaluated one by one: their rows have one shape, so that all share the
     # compiled program of `_recorded`.
-    numbers = np.arange(len(rows)).reshape(shape)
     read = [
         _recorded(
-            *_with_one_charge(scene, layout, shot, numbers[:, shot].ravel()), laws
+            replace(scene, charges=(replace(charge, name=""),)),
+            _layout(quantities, sensors, own[None]),
+            laws,
         )
-        for shot in range(shots)
+        for charge, own in zip(scene.charges, places, strict=True)
     ]
+    shape = len(quantities), len(sensors)
     value, valid = (
-        np.stack([np.reshape(x, shape[::2]) for x in column], axis=-1)
-        for column in ([x.value for x in read], [x.valid for x in read])
+        np.stack([np.reshape(x, shape) for x in column], axis=-1)
+        for column in ([one.value for one in read], [one.valid for one in read])
     )
-    place = np.asarray(layout.position).reshape(*shape, 3).transpose(0, 2, 1, 3)
-    return scene, Truth(
+    return Truth(
         values=dict(zip(quantities, value, strict=True)),
         valid=dict(zip(quantities, valid, strict=True)),
         shots=tuple(charge.name for charge in scene.charges),
         laws=laws,
         notes=tuple(
             f"note: {note}"
-            for shot in range(shots)
+            for shot in range(len(scene.charges))
             for note in height_notes(scene, layout, shot)
         ),
-        places=dict(zip(quantities, place, strict=True)),
+        places=dict(zip(quantities, places.transpose(1, 2, 0, 3), strict=True)),
+    )
+
+
+def _layout(
+    quantities: Sequence[str],
+    sensors: Sequence[Sensor],
+    places: Float[np.ndarray, "shot quantity sensor 3"],
+) -> Layout:
+    """Return the rows of all charges, quantities and sensors."""
+    rows = list(product(range(len(places)), quantities, sensors))
+    nothing = jnp.full(len(rows), jnp.nan)
+    return Layout(
+        quantity=tuple(quantity for _, quantity, _ in rows),
+        position=jnp.asarray(places.reshape(-1, 3)),
+        slant_range=nothing,
+        time=nothing,
+        group=tuple(range(len(rows))),
+        shot=tuple(shot for shot, *_ in rows),
+        clock=tuple(sensor.name for *_, sensor in rows),
     )
 
 
@@ -357,16 +339,6 @@ def _arrival_of(quantity: str) -> str:
 @kept
 def _recorded(scene: Scene, layout: Layout, laws: dict[str, str]) -> Recording:
     return record(scene, layout, laws)
-
-
-def _with_one_charge(
-    scene: Scene, layout: Layout, shot: int, rows: Int[np.ndarray, " row"]
-) -> tuple[Scene, Layout]:
-    """Return the scene with one charge, and its rows, in one form for all charges."""
-    charge = replace(scene.charges[shot], name="")
-    own = tuple(range(len(rows)))
-    only = replace(layout.only(rows), shot=(0,) * len(rows), group=own)
-    return replace(scene, charges=(charge,)), only
 
 
 def _laws_of_readings(scene: Scene) -> dict[str, str]:

@@ -41,11 +41,15 @@ triangular solves of jaxlib 0.10.2, and with them the derivative of a Cholesky f
 The elimination here is a loop of operations on whole matrices.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float
+
+from jblast.types import namespace
 
 KERNELS = np.array(
     [
@@ -116,33 +120,27 @@ def correlations(
     apart = sum(
         jnp.square(one[:, i, None] - other[None, :, i]) for i in range(one.shape[1])
     )
-    apart = jnp.asarray(apart) + ROOT_GUARD
-    found = jnp.zeros_like(apart)
-    for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
-        # `apart` is squared, hence half the power
-        part = f * jnp.exp(-((apart / rough**2) ** (power / 2)))
-        if f < 1:
-            part = part + (1 - f) * jnp.exp(-apart / smooth**2)
-        found = found + weight * part
-    return found
+    return correlation(jnp.asarray(apart) + ROOT_GUARD, weights)
 
 
-def decorrelation(
-    separation: Float[np.ndarray, "*shape"],
-    weights: Float[np.ndarray, " kernel"] = TYPICAL,
-) -> Float[np.ndarray, "*shape"]:
-    r"""Return $1 - \rho(d)$, without rounding at small separations.
+def correlation(
+    squared: Float[Any, "*shape"], weights: Float[Any, " kernel"]
+) -> Float[Any, "*shape"]:
+    r"""Return $\rho(d)$, the weighted mean of the kernels; NumPy or JAX.
 
     Args:
-        separation: Separation $d$ of two paths; for neighbours distance over range.
+        squared: Square of the separation $d$ of two paths; for neighbours of distance
+            over range.
         weights: Weights of the kernels; their sum is 1.
     """
-    found = np.zeros_like(separation)
+    xp = namespace(squared, weights)
+    found = xp.zeros_like(squared)
     for weight, (f, smooth, rough, power) in zip(weights, KERNELS, strict=True):
-        # expm1: 1 - exp of a tiny argument would round to 0
-        turbulent = -np.expm1(-((separation / rough) ** power))
-        along = -np.expm1(-np.square(separation / smooth))
-        found = found + weight * (f * turbulent + (1 - f) * along)
+        # the separation is squared, hence half the power
+        part = f * xp.exp(-((squared / rough**2) ** (power / 2)))
+        if f < 1:
+            part = part + (1 - f) * xp.exp(-squared / smooth**2)
+        found = found + weight * part
     return found
 
 

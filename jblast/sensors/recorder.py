@@ -20,7 +20,7 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int, Key
 
-from jblast.errors import InputError, require, shown
+from jblast.errors import InputError, argument, require, shown
 from jblast.scene import Instrument, Scene, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import Chain, instrument_chain
@@ -168,8 +168,8 @@ class Recorder(eqx.Module):
         """
         require(
             0 < packets_hz <= self.rate,
-            "packets_hz",
-            f"one or more samples per packet at {self.rate:g} Hz",
+            argument("packets"),
+            f"at most {self.rate:g} packets per second, one for each sample",
             f"{packets_hz:g}",
         )
         # fractions as they are written: sums of a float step would drift over hours
@@ -283,19 +283,15 @@ def recording(
     require(known, where, "a finite start_s", f"{start} s")
     # one key per source: adding one does not change the others
     *keys, last = jax.random.split(key, 4)
+    instrument, several = sensor.instrument or Instrument(), len(kind.columns)
+    own = [last] if several == 1 else [*jax.random.split(last, several)]
     try:
         sources = kind.samples()(scene, sensor, place, laws, keys)
+        chains = tuple(instrument_chain(instrument, one) for one in own)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
-    instrument = sensor.instrument or Instrument()
-    several = len(kind.columns)
-    own = [last] if several == 1 else [*jax.random.split(last, several)]
-    return Recorder(
-        (*sources, *more),
-        tuple(instrument_chain(instrument, one) for one in own),
-        start - sensor.clock_offset_s,
-        instrument.rate,
-    )
+    begin = start - sensor.clock_offset_s
+    return Recorder((*sources, *more), chains, begin, instrument.rate)
 
 
 def _check_site(places: Float[Array, "..."], kind: Any, where: str) -> None:

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
 
-from jblast.errors import require
+from jblast.errors import InputError
 from jblast.observations import Observations, observed
 from jblast.quantities import ADDITIVE, BY_CAMERA, CIRCULAR
 from jblast.scene import Scene, UncertainScene, draw_scene, scene_of
@@ -72,13 +72,19 @@ def simulate(
     scene_key, noise_key = jax.random.split(jax.random.key(seed))
     scene = draw_scene(scene_key, uncertain)
     log = readings(noise_key, scene, noise=noise)
-    truth = [
+    source = f"{uncertain.source or 'a scene'}, seed {seed}"
+    first = f"SIMULATED, not measured: {source}"
+    return replace(
+        log, comments=(first, *log.comments, *drawn_values(uncertain, scene))
+    )
+
+
+def drawn_values(uncertain: UncertainScene, scene: Scene) -> list[str]:
+    """Return a comment on each number of a scene that was drawn from a prior."""
+    return [
         f"truth: {name} = {float(np.asarray(value_of(scene, name)))!r}"
         for name in uncertain.beliefs
     ]
-    source = f"{uncertain.source or 'a scene'}, seed {seed}"
-    first = f"SIMULATED, not measured: {source}"
-    return replace(log, comments=(first, *log.comments, *truth))
 
 
 def check_readings(observations: Observations, source: str, seed: int) -> None:
@@ -87,24 +93,20 @@ def check_readings(observations: Observations, source: str, seed: int) -> None:
     Raises:
         InputError: A value or a sigma is not finite, or not positive.
     """
+    log = observations
+    is_size = np.isin(log.quantity, ADDITIVE) | (log.value > 0)
+    holds = is_size & np.isfinite(log.value) & np.isfinite(log.sigma) & (log.sigma > 0)
+    if holds.all():
+        return
+    row = int(np.argmin(holds))
     # the sampled truth is in the comments of the log, and explains a bad value
-    drawn = ", ".join(c for c in observations.comments if "truth:" in c)
-    rows = zip(
-        observations.sensor,
-        observations.quantity,
-        observations.value,
-        observations.sigma,
-        strict=True,
+    drawn = ", ".join(c for c in log.comments if "truth:" in c)
+    got = f"{log.quantity[row]} {log.value[row]:g} with sigma {log.sigma[row]:g}"
+    raise InputError(
+        f"{source}: sensor {log.sensor[row]!r}: seed {seed}: expected priors and "
+        "sigmas that give a valid reading (a lognormal prior keeps a mass positive), "
+        f"got {got}{drawn and f' ({drawn})'}"
     )
-    for sensor, quantity, value, sigma in rows:
-        is_size = quantity in ADDITIVE or value > 0
-        require(
-            math.isfinite(value) and 0 < sigma < math.inf and is_size,
-            f"{source}: sensor {sensor!r}: seed {seed}",
-            "priors and sigmas that give a valid reading (a lognormal prior keeps a "
-            "mass positive)",
-            f"{quantity} {value:g} with sigma {sigma:g}{drawn and f' ({drawn})'}",
-        )
 
 
 def readings(
@@ -275,7 +277,6 @@ def observe(
     sigma: Float[Array, " row"],
     *,
     noise: Noise = "student",
-    shared_error: Float[Array, "row effect"] | None = None,
     own: Float[Array, " row"] | None = None,
 ) -> Float[Array, " row"]:
     """Return random readings of each row of a layout, errors included.
@@ -287,8 +288,6 @@ def observe(
         laws: Name of the law for each of `layout.quantities()`.
         sigma: Instrument error of each row: in its unit for `ADDITIVE`, else relative.
         noise: Distribution of the independent errors of instruments.
-        shared_error: Contribution of one standard deviation of each shared instrument
-            error to each row, in addition to `sigma`; None if all are independent.
         own: Student-t errors of the instruments, of scale 1, instead of drawn ones.
             Batches draw them by `student_errors`; a log keeps `jax.random.t`, so that
             seeds reproduce.
@@ -299,8 +298,6 @@ def observe(
     kernel = jax.random.randint(jax.random.fold_in(shared_key, 2), (), 0, len(TYPICAL))
     of_laws = error_model(recording, layout, jnp.eye(len(TYPICAL))[kernel])
     loading, neighbours = jnp.split(of_laws.loading, [of_laws.common], axis=1)
-    if shared_error is not None:
-        loading = jnp.concatenate([loading, shared_error], axis=1)
     shared = loading @ jax.random.normal(shared_key, (loading.shape[1],))
     if neighbours.shape[1]:
         # a separate key: the draws of all other effects do not depend on this one

@@ -330,7 +330,7 @@ def direction(
     basis, center = axes[:span].T, np.eye(len(positions)) - 1 / len(positions)
     between = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     # grouping of picks needs no scatter, whose package imports JAX
-    from jblast.sensors.path_scatter import KERNELS, TYPICAL, decorrelation
+    from jblast.sensors.path_scatter import KERNELS, TYPICAL, correlation
 
     # The first function of the correlation, rough at small separations, is left out for
     # arrays that are small compared with the range: at D/R = 0.001 it gives bearings a
@@ -340,7 +340,7 @@ def direction(
     travel_sd = path_scatter * source_range / sound_speed
     fits = []
     for weights in small_aperture if path_scatter > 0 else [TYPICAL]:
-        lacking = decorrelation(between / source_range, weights)
+        lacking = 1 - correlation(np.square(between / source_range), weights)
         # covariance relative to the mean time; the common part of the scatter cancels
         of_air = -(travel_sd**2) * center @ lacking @ center
         fits.append(

@@ -313,7 +313,7 @@ def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arri
     for charge in scene.charges:
         # The name is static: with it each blast would compile its own program.
         alone = replace(bare, charges=(replace(charge, name=""),))
-        _, truth = truth_of(alone, observers, moving, WAVES)
+        truth = truth_of(alone, observers, moving, WAVES)
         for wave in WAVES:
             times[wave].append(truth.values[wave][:, 0])
             places[wave].append(truth.places[wave][:, 0])

@@ -9,7 +9,7 @@ import pytest
 
 from jblast.scene import Scene, Sensor
 from jblast.sensors import observe, planned_layout
-from jblast.sensors.layout import joined, picked, stride_of
+from jblast.sensors.layout import joined, picked
 from jblast.sensors.simulated_readings import written
 
 SD = 0.05
@@ -83,19 +83,7 @@ def test_parts_are_added_up_in_their_rows(name):
     np.testing.assert_array_equal(joined(parts, 6), whole)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_of_yes_and_no_a_row_is_false_where_any_part_says_so(name):
-    parts = [(np.array(rows), jnp.arange(len(rows)) != 1) for rows in CASES[name]]
-    whole = np.ones(6, bool)
-    for rows, x in parts:
-        np.logical_and.at(whole, rows, np.asarray(x))
-    np.testing.assert_array_equal(joined(parts, 6), whole)
-
-
 def test_rows_are_those_asked_for():
     x = jnp.arange(6.0) ** 2
     for rows in ([0, 1, 2], [1, 3, 5], [2], [4, 0, 5], [0, 3, 4]):
         np.testing.assert_array_equal(picked(x, np.array(rows)), np.array(x)[rows])
-    assert [stride_of(np.array(r)) for r in ([0, 1], [1, 4, 7], [3], [2, 1])] == [
-        *(1, 3, 1, 0)
-    ]

@@ -15,7 +15,6 @@ from jblast.sensors.path_scatter import (
     TYPICAL,
     cholesky_columns,
     correlations,
-    decorrelation,
     embedded,
     solve_system,
     split,
@@ -43,14 +42,6 @@ def layout_of_ring():
     position = jnp.asarray(ring(1.0, 8, (40.0, 0.0)))
     names = ("air_arrival_s",) * 8
     return Layout(names, position, nothing, nothing, rows, (0,) * 8, ("",) * 8)
-
-
-def test_decorrelation_is_what_a_correlation_lacks():
-    apart = np.array([1e-3, 0.02, 0.3, 1.0])
-    place = jnp.zeros((1, 4)), jnp.zeros((4, 4)).at[:, 0].set(apart)
-    for weights in np.eye(len(KERNELS)):
-        rho = np.asarray(correlations(*place, jnp.asarray(weights)))[0]
-        np.testing.assert_allclose(decorrelation(apart, weights), 1 - rho, rtol=1e-6)
 
 
 @pytest.mark.parametrize("kernel", range(len(KERNELS)))

@@ -84,12 +84,8 @@ def test_what_a_bound_is_asked_at_is_a_number():
 @pytest.mark.parametrize(
     ("ranges", "masses", "said"),
     [
-        (np.ones(3), np.ones(2), r"charge_mass: .* shape \(3,\), as .* \(2,\)"),
-        (
-            np.ones((2, 2)),
-            1.0,
-            r"slant_range: expected one number or a row, got",
-        ),
+        (np.ones(3), np.ones(2), r"charge_mass: .* a row of 3 numbers, got .* \(2,\)"),
+        (np.ones((2, 2)), 1.0, r"slant_range: expected a number or a row .* \(2, 2\)"),
     ],
 )
 def test_the_calculator_names_the_rows_that_do_not_go_together(ranges, masses, said):

@@ -108,7 +108,7 @@ def tune_sound(
         notes.append(warning("noise_added"))
     scene, unknowns = unknowns_of(uncertain, names, "sound", rate)
     scene = filled(scene, index, names, _loudness(scene, recorded))
-    scene, truth = truth_of(scene, (scene.sensors[index],))
+    truth = truth_of(scene, (scene.sensors[index],))
     scene = grounded(scene)
     limit = _limit(scene, recorded, names)
     evidence = sound_evidence(
@@ -124,7 +124,7 @@ def tune_sound(
     found = solve(problem)
     tuned = problem.scene_at(jnp.asarray(found.z))
     # laws and blast window at the result, which may have moved
-    _, truth = truth_of(tuned, (tuned.sensors[index],))
+    truth = truth_of(tuned, (tuned.sensors[index],))
     blast = _blast(truth, rate, recorded.samples.size)
     if blast is None:
         notes.append(warning("blast_outside", seconds=recorded.samples.size / rate))
@@ -207,7 +207,7 @@ def _timed(
             "probable time"
         )
     scene = _shifted(scene, index, name, float(lag) / rate)
-    return scene, truth_of(scene, (scene.sensors[index],))[1]
+    return scene, truth_of(scene, (scene.sensors[index],))
 
 
 def _shifted(scene: Scene, index: int, name: str, shift: float) -> Scene:

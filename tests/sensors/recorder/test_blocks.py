@@ -71,7 +71,7 @@ def test_a_record_has_the_samples_of_its_duration():
 
 @pytest.mark.parametrize("packets_hz", [-10.0, 0.0, math.inf, math.nan, 201.0])
 def test_a_packet_without_samples_is_rejected_before_the_first(packets_hz):
-    with pytest.raises(InputError, match="one or more samples per packet at 200 Hz"):
+    with pytest.raises(InputError, match="at most 200 packets per second"):
         recorder(Counted()).packets(packets_hz)
 
 

@@ -19,7 +19,7 @@ from jblast.scene import (
     UncertainScene,
 )
 from jblast.sensors import simulate
-from jblast.sensors.listening import plan, samples_of, with_ambient
+from jblast.sensors.listening import packets, plan, with_ambient
 
 NAMES = ("air_arrival_s", "peak_overpressure_pa", "positive_impulse_pa_s")
 RECORDS = tuple((name, 1e-9) for name in NAMES)
@@ -64,7 +64,8 @@ def test_a_record_lasts_until_the_blast_has_passed():
     values = listening.truth.values
     last = values["air_arrival_s"] + 10 * values["positive_duration_s"]
     assert last.max() < listening.seconds < last.max() + 0.5
-    assert samples_of(listening, PHONE) == 48_000 * listening.seconds
+    (record,) = packets(listening, PHONE)
+    assert record.shape == (48_000 * listening.seconds, 1)
     assert plan(scene_of(PHONE), seconds=2.5).seconds == 2.5
     never = replace(scene_of(PHONE).scene.charge, time_s=math.inf)
     listening = plan(UncertainScene(replace(scene_of(PHONE).scene, charges=(never,))))
