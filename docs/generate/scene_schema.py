@@ -8,7 +8,6 @@ from functools import singledispatch
 from typing import Any
 
 from jblast.parameters import Bounds
-from jblast.quantities import ADDITIVE, QUANTITIES
 from jblast.results import DIALECT
 from jblast.scene import values
 from jblast.scene.keys import KEYS, SEVERAL, WITHIN, keys_of
@@ -71,25 +70,19 @@ def schema_of(value: Any) -> Schema:
 @schema_of.register
 def _(value: values.Number) -> Schema:
     one = limited(value.bounds)
+    if value.free:
+        return {"anyOf": [one, {"const": "free"}, prior()]}
     return {"anyOf": [one, listed(NUMBER, 2), prior()]} if value.sampled else one
 
 
 @schema_of.register
 def _(value: values.Numbers) -> Schema:
-    one = limited(value.bounds)
+    one = schema_of(value.of)
     item = {"anyOf": [one, {"const": value.word}]} if value.word else one
+    if "[" not in value.form:
+        return {"type": "array", "items": item, "minItems": 1}
     several = listed(item, value.form.count(",") + 1)
     return {"anyOf": [one, several]} if value.repeated else several
-
-
-@schema_of.register
-def _(value: values.Corners) -> Schema:
-    return listed(listed(NUMBER, 3), 2)
-
-
-@schema_of.register
-def _(value: values.Times) -> Schema:
-    return {"type": "array", "items": NUMBER, "minItems": 1}
 
 
 @schema_of.register
@@ -111,22 +104,9 @@ def _(value: values.Truth) -> Schema:
 
 @schema_of.register
 def _(value: values.Table) -> Schema:
-    return table(value.name)
+    return closed({key.name: schema_of(key.value) for key in value.keys})
 
 
 @schema_of.register
-def _(value: values.Records) -> Schema:
-    sigma = {True: limited(Bounds(above=0.0)), False: PERCENT}
-    return closed({name: sigma[name in ADDITIVE] for name in QUANTITIES})
-
-
-@schema_of.register
-def _(value: values.Uncertain) -> Schema:
-    items = [
-        {"anyOf": [limited(row.bounds), {"const": "free"}, prior()]}
-        for row in value.rows
-    ]
-    if not value.list_form:
-        return items[0]
-    length = {"minItems": len(items), "maxItems": len(items)}
-    return {"type": "array", "prefixItems": items, **length}
+def _(value: values.Share) -> Schema:
+    return PERCENT

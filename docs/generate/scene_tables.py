@@ -102,7 +102,8 @@ def keys() -> str:
 
 def written(key: SceneKey) -> str:
     """Return the form of the value of a key."""
-    form, bounds = key.value.form, getattr(key.value, "bounds", UNBOUNDED)
+    one = getattr(key.value, "of", key.value)
+    form, bounds = key.value.form, getattr(one, "bounds", UNBOUNDED)
     each = f", each {bounds.words()}" if bounds != UNBOUNDED else ""
     each = "" if bounds.that_is() in form else each
     return f"{code([form])}{each}" if form[0] in "[{" else f"{form}{each}"

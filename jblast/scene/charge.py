@@ -215,10 +215,7 @@ def explosive_named(name: str, where: str) -> str:
     def plain(text: str) -> str:
         return "".join(c for c in text.lower() if c.isalnum())
 
-    for known in EXPLOSIVES:
-        if plain(known) == plain(name):
-            return known
-    raise InputError(
-        f"{where}: unknown explosive {shown(name)}{nearest(name, EXPLOSIVES)}; "
-        f"expected one of {', '.join(EXPLOSIVES)}"
-    )
+    known = {plain(one): one for one in EXPLOSIVES}
+    got = f"{shown(name)}{nearest(name, EXPLOSIVES)}"
+    require(plain(name) in known, where, f"one of {', '.join(EXPLOSIVES)}", got)
+    return known[plain(name)]

@@ -4,6 +4,8 @@ The reader, the manual, the JSON Schema, `jblast tune` and the tests read this t
 Numbers that may be uncertain have their bounds and defaults in `parameters.csv`.
 """
 
+from dataclasses import replace
+
 from jblast.parameters import (
     CLOCK,
     NOT_NEGATIVE,
@@ -12,24 +14,22 @@ from jblast.parameters import (
     POSITIVE,
     Bounds,
 )
-from jblast.quantities import QUANTITIES
+from jblast.quantities import ADDITIVE, QUANTITIES
 from jblast.scene.camera import MOUNTS
 from jblast.scene.charge import BURSTS, EXPLOSIVES, explosive_named
 from jblast.scene.random_blasts import ABOUT, Box, ByCount, ByRate, Ring
 from jblast.scene.sensor_kinds import SENSOR_KINDS, kind_keys
+from jblast.scene.uncertain import Free
 from jblast.scene.values import (
     POSITION,
-    Corners,
     File,
     Number,
     Numbers,
-    Records,
     SceneKey as Key,
+    Share,
     Table,
     Text,
-    Times,
     Truth,
-    Uncertain,
     Whole,
     Word,
 )
@@ -43,12 +43,14 @@ MAX_IMAGE_PX = 65_535
 MAX_SLOPE_DB_OCTAVE = 12.0
 """Maximum slope of ambient noise [dB/octave]: a steeper spectrum is nearly a tone."""
 SLOPE = Bounds(at_least=-MAX_SLOPE_DB_OCTAVE, at_most=MAX_SLOPE_DB_OCTAVE)
+TIMES = Numbers("a list of times in seconds", rising=True)
 TICK = Bounds(at_least=1e-3, at_most=1e6)
 LAW = Text("the name of a law in quotes")
 BODY = "[forward, left, up]"
-RING = Numbers("[inner, outer]", NOT_NEGATIVE, rising=True)
-XY = Numbers("a number or [x, y]", POSITIVE, repeated=True)
-THRESHOLDS = Numbers("a number or [brighter, darker]", POSITIVE, repeated=True)
+CORNERS = Numbers("[low corner, high corner]", Numbers(POSITION))
+RING = Numbers("[inner, outer]", Number(NOT_NEGATIVE), rising=True)
+XY = Numbers("a number or [x, y]", Number(POSITIVE), repeated=True)
+THRESHOLDS = Numbers("a number or [brighter, darker]", Number(POSITIVE), repeated=True)
 QUATERNION = Numbers("[x, y, z, w]", not_zero=True)
 MOUNTED = ("mount with offset_m",)
 BOX_OR_RING = (
@@ -58,13 +60,42 @@ BOX_OR_RING = (
 
 def uncertain(at: str, list_form: str = "", instead: tuple[str, ...] = ()) -> Key:
     """Return a key of the table of numbers, which may be free or have a prior."""
-    table, name = at.split(".")
-    rows = (*PARAMETERS.values(), CLOCK)
-    own = tuple(row for row in rows if (row.key.table, row.key.name) == (table, name))
-    return Key(name, Uncertain(own, list_form), instead=instead)
+    rows = tuple(
+        row
+        for row in (*PARAMETERS.values(), CLOCK)
+        if f"{row.key.table}.{row.key.name}" == at
+    )
+    one = Number(rows[0].bounds, free=Free(rows[0].positive))
+    kind = Numbers(list_form, one) if list_form else one
+    return Key(at.partition(".")[2], kind, instead=instead, rows=rows)
 
 
+# Times may be zero or negative, so that they have no relative error.
+ADDED, RELATIVE = Number(POSITIVE), {x.name: Share(x.unit) for x in QUANTITIES.values()}
+RECORDS = tuple(
+    Key(name, ADDED if name in ADDITIVE else share, f"records.{name}")
+    for name, share in RELATIVE.items()
+)
 # fmt: off
+CONTROL = (
+    Key("integral", Truth()),
+    Key("target_m", Numbers(POSITION), "target"),
+    Key("yaw_rad", Number(), "yaw"),
+    Key("kp_pos", Numbers(POSITION, Number(NOT_NEGATIVE)), "gains.kp_pos"),
+    Key("kd_pos", Numbers(POSITION, Number(NOT_NEGATIVE)), "gains.kd_pos"),
+    Key("ki_pos", Numbers(POSITION, Number(NOT_NEGATIVE), not_zero=True),
+        "gains.ki_pos"),
+    Key("kp_att", Number(NOT_NEGATIVE), "gains.kp_att"),
+    Key("kd_att", Number(NOT_NEGATIVE), "gains.kd_att"),
+    Key("integral_limit", Number(NOT_NEGATIVE), "gains.integral_limit"),
+    # Below 1 the lead would be a second lag.
+    Key("motor_lead", Number(Bounds(at_least=1.0)), "gains.motor_lead"),
+)
+REGION = (
+    Key("box", CORNERS, "region", make=lambda ends: Box(*ends)),
+    Key("ring", RING, "region", instead=("box",), make=lambda ends: Ring(*ends)),
+    Key("about", Word(ABOUT)),
+)
 KEYS: dict[str, tuple[Key, ...]] = {
     "charge": (
         Key("name", Text()),
@@ -96,15 +127,15 @@ KEYS: dict[str, tuple[Key, ...]] = {
         Key("kind", Word(SENSOR_KINDS)),
         Key("position_m", Numbers(POSITION), instead=MOUNTED),
         uncertain("sensor.clock_offset_s"),
-        Key("records", Records()),
-        Key("times_s", Times()),
+        Key("records", Table("{ QUANTITY = sigma }", RECORDS)),
+        Key("times_s", TIMES, make=tuple),
         Key("mount", Word(MOUNTS), needs=("[vehicle]",)),
         Key("offset_m", Numbers(BODY), needs=('mount = "vehicle"',)),
         Key("quaternion_xyzw", QUATERNION, "quaternion", needs=('mount = "vehicle"',)),
     ),
     "clock": (
         Key("name", Text(), needed=True),
-        Key("offset_s", Uncertain((CLOCK,)), "offset_s"),
+        replace(uncertain("sensor.clock_offset_s"), name="offset_s"),
     ),
     "place": (
         Key("lat_deg", Number(PLACE_LIMITS["lat_deg"]), needed=True),
@@ -139,22 +170,10 @@ KEYS: dict[str, tuple[Key, ...]] = {
         Key("model", Word(VEHICLE_MODELS), needed=True),
         Key("position_m", Numbers(POSITION), "position"),
         Key("velocity_m_s", Numbers(POSITION), "velocity", instead=("mission",)),
-        Key("control", Table("control", "a table such as { integral = true }")),
+        Key("control", Table("a table such as { integral = true }", CONTROL)),
         Key("mission", File()),
     ),
-    "control": (
-        Key("integral", Truth()),
-        Key("target_m", Numbers(POSITION), "target"),
-        Key("yaw_rad", Number(), "yaw"),
-        Key("kp_pos", Numbers(POSITION, NOT_NEGATIVE), "gains.kp_pos"),
-        Key("kd_pos", Numbers(POSITION, NOT_NEGATIVE), "gains.kd_pos"),
-        Key("ki_pos", Numbers(POSITION, NOT_NEGATIVE, not_zero=True), "gains.ki_pos"),
-        Key("kp_att", Number(NOT_NEGATIVE), "gains.kp_att"),
-        Key("kd_att", Number(NOT_NEGATIVE), "gains.kd_att"),
-        Key("integral_limit", Number(NOT_NEGATIVE), "gains.integral_limit"),
-        # Below 1 the lead would be a second lag.
-        Key("motor_lead", Number(Bounds(at_least=1.0)), "gains.motor_lead"),
-    ),
+    "control": CONTROL,
     "world": (
         Key("count", Whole(1, MAX_BLASTS), "occurrence", make=ByCount),
         Key("rate_hz", Number(POSITIVE, sampled=True), "occurrence",
@@ -162,19 +181,15 @@ KEYS: dict[str, tuple[Key, ...]] = {
         Key("probability", Number(Bounds(above=0.0, at_most=1.0)), "occurrence",
             instead=("count", "rate_hz"), needs=("tick_s",)),
         Key("tick_s", Number(TICK), "tick", needs=("probability",)),
-        Key("region_m", Table("region", BOX_OR_RING)),
+        Key("region_m", Table(BOX_OR_RING, REGION)),
         Key("about", Word(ABOUT)),
         Key("mass_kg", Number(POSITIVE, sampled=True), "mass"),
         Key("time_s", Number(NOT_NEGATIVE, sampled=True), "time"),
         Key("gap_s", Number(NOT_NEGATIVE, sampled=True), "gap"),
     ),
-    "region": (
-        Key("box", Corners(), "region", make=lambda ends: Box(*ends)),
-        Key("ring", RING, "region", instead=("box",), make=lambda ends: Ring(*ends)),
-        Key("about", Word(ABOUT)),
-    ),
+    "region": REGION,
     "law": (
-        *(Key(quantity, LAW) for quantity in QUANTITIES),
+        *(Key(quantity, LAW, f"law.{quantity}") for quantity in QUANTITIES),
         Key("scatter", Truth()),
         uncertain("law.sedov_gamma"),
         uncertain("law.fireball_growth_s"),

@@ -8,7 +8,7 @@ need a computation.
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +16,14 @@ import numpy as np
 
 from jblast.errors import InputError, read_text, require, shown
 from jblast.parameters import CLOCK_OFFSET
-from jblast.quantities import BY_CAMERA, QUANTITIES, TIMED, components
+from jblast.quantities import BY_CAMERA, TIMED, components
 from jblast.scene.camera import FORWARD, FRAMES_HZ, Camera, look_at
 from jblast.scene.charge import Charge
 from jblast.scene.keys import KEYS, WITHIN, keys_of
-from jblast.scene.random_blasts import ByCount, ByTick, WorldSpec
+from jblast.scene.random_blasts import Box, ByCount, ByTick, WorldSpec
 from jblast.scene.scene import Air, Ambient, Ground, Scene, VehicleSpec
 from jblast.scene.sensor import RATE_HZ, Clock, Imu, Instrument, Sensor
-from jblast.scene.sensor_kinds import SENSOR_KINDS, SensorKind
+from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.scene.uncertain import (
     Belief,
     Free,
@@ -33,7 +33,7 @@ from jblast.scene.uncertain import (
     Uniform,
     with_values,
 )
-from jblast.scene.values import POSITION, File, SceneKey, Table, Uncertain, Word, known
+from jblast.scene.values import POSITION, File, SceneKey, Table, Word, known
 
 
 def read_scene(path: str | os.PathLike[str]) -> UncertainScene:
@@ -61,17 +61,14 @@ def scene_of(scene: Any) -> UncertainScene:
     Raises:
         InputError: It is neither, or as in `read_scene`.
     """
-    if isinstance(scene, str | os.PathLike):
-        return read_scene(scene)
     if isinstance(scene, Scene):
         return UncertainScene(scene)
-    require(
-        isinstance(scene, UncertainScene),
-        "scene",
-        "the path of a scene file or the result of jblast.read_scene",
-        type(scene).__name__,
-    )
-    return scene
+    if isinstance(scene, UncertainScene):
+        return scene
+    expected = "the path of a scene file or the result of jblast.read_scene"
+    is_path = isinstance(scene, str | os.PathLike)
+    require(is_path, "scene", expected, type(scene).__name__)
+    return read_scene(scene)
 
 
 def read_world(path: str | os.PathLike[str]) -> tuple[UncertainScene, WorldSpec]:
@@ -181,12 +178,14 @@ class _File:
         first = type(schema) is int and schema == 1
         require(first, f"{self.source}: schema", "1", shown(schema))
         law, tables = self.single("law"), document.keys()
-        names = {name: law.pop(name) for name in QUANTITIES if name in law}
+        # The reader imports no laws: `sensors.resolve_laws` rejects unknown names.
+        names = {q: n for q, n in law.get("law", {}).items() if n != "auto"}
         sensors = tuple(self.sensor(*each) for each in self.each("sensor"))
         # A scene needs a charge: one that never detonates has no effect.
         charges: tuple[Charge, ...] = (Charge(time_s=math.inf),)
         if needs_charge or "charge" in document:
-            charges = tuple(self.charge(*each, len(sensors)) for each in self.charges())
+            each = self.each("charge")
+            charges = tuple(self.charge(*one, len(sensors)) for one in each)
         scene = Scene(
             charges=charges,
             air=Air(**self.single("air")),
@@ -196,9 +195,7 @@ class _File:
             camera=self.camera() if "camera" in tables else None,
             vehicle=self.vehicle() if "vehicle" in tables else None,
             clocks=tuple(self.clock(*each) for each in self.each("clock")),
-            # The reader imports no laws: `sensors.resolve_laws` rejects unknown names.
-            law=tuple(pair for pair in names.items() if pair[1] != "auto"),
-            **law,
+            **law | {"law": tuple(names.items())},
         )
         place = Place(**self.single("place")) if "place" in tables else None
         # One table places the numbers, not this class.
@@ -238,12 +235,14 @@ class _File:
             read = key.value.read(value, at)
             for words in key.needs if read is not None else ():
                 require(words.split()[0] in given, at, f"{words} with it", "none")
-            if isinstance(key.value, Uncertain):
-                for row, one in zip(key.value.rows, read, strict=True):
+            if key.rows:
+                several = read if isinstance(read, list) else [read]
+                for row, one in zip(key.rows, several, strict=True):
                     self.put(f"{row.name}{of}", one, row.default)
                 continue
             if isinstance(key.value, Table):
-                found |= self.table(read, keys_of(key.value.name), at, of)
+                inner = {key.name: key for key in key.value.keys}
+                found |= self.table(read, inner, at, of)
                 continue
             if isinstance(key.value, File):
                 # Relative to the scene file, so that a folder can be moved as a whole.
@@ -270,9 +269,17 @@ class _File:
 
     def each(self, name: str) -> Iterator[tuple[dict[str, Any], str, str]]:
         """Yield each of several tables, its place in the file, and its suffix."""
-        entries, where = self.document.get(name, []), f"{self.source}: [[{name}]]"
+        where, of_charge = f"{self.source}: [[{name}]]", name == "charge"
+        entries = self.document.get(name, [{}] if of_charge else [])
+        if of_charge and isinstance(entries, dict):
+            entries = [entries]
         tables = isinstance(entries, list) and all(isinstance(x, dict) for x in entries)
         require(tables, where, f"tables written [[{name}]]", shown(entries))
+        require(entries or not of_charge, where, "a charge", "an empty list")
+        if of_charge and len(entries) == 1:
+            # A single charge has plain names, also if the file names it.
+            yield entries[0], f"{self.source}: [charge]", ""
+            return
         names: list[str] = []
         for number, entry in enumerate(entries, start=1):
             word = entry.get("name")
@@ -281,19 +288,6 @@ class _File:
             require(once, f"{where} name", "each name once", f"{shown(label)} twice")
             names.append(label)
             yield entry, f"{where} {shown(label) if label else number}", f".{label}"
-
-    def charges(self) -> Iterator[tuple[dict[str, Any], str, str]]:
-        """Yield the tables of charges: [charge], [[charge]], or an empty default."""
-        entries, where = self.document.get("charge", {}), f"{self.source}: [charge]"
-        require(entries != [], where, "a charge", "an empty list")
-        if isinstance(entries, list) and len(entries) > 1:
-            yield from self.each("charge")
-            return
-        # A single charge has plain names, also if the file names it.
-        entry = entries[0] if isinstance(entries, list) else entries
-        expected = "a table written [charge]"
-        require(isinstance(entry, dict), where, expected, shown(entry))
-        yield entry, where, ""
 
     def charge(
         self, entry: dict[str, Any], where: str, of: str, sensors: int
@@ -322,22 +316,22 @@ class _File:
     def camera(self) -> Camera:
         """Return the camera; on a vehicle it is by default at its centre."""
         values, where = self.single("camera"), f"{self.source}: [camera]"
-        position = values.setdefault("position", np.zeros(3))
-        quaternion = np.asarray(values.get("quaternion", FORWARD))
+        position = values.setdefault("position", [0.0, 0.0, 0.0])
+        quaternion = values.get("quaternion", FORWARD)
         if (target := values.pop("look_at", None)) is not None:
             # There is no direction from a position to itself.
-            apart, other = (target != position).any(), "another place than position_m"
-            require(apart, f"{where} look_at_m", other, target.tolist())
-            quaternion = np.asarray(look_at(position, target))
-        values["quaternion"] = quaternion / np.linalg.norm(quaternion)
-        size = np.array([values["width"], values["height"]])
-        camera = Camera(**({"center": (size - 1) / 2} | values))
+            other = "another place than position_m"
+            require(target != position, f"{where} look_at_m", other, target)
+            quaternion = look_at(np.array(position), np.array(target))
+        values["quaternion"] = np.asarray(quaternion) / np.linalg.norm(quaternion)
+        middle = [(values["width"] - 1) / 2, (values["height"] - 1) / 2]
+        values.setdefault("center", middle)
         # The exposure of a frame ends before the next frame begins.
         interval = 1 / values.get("frames_hz", FRAMES_HZ)
         expected = f"between 0 and {interval:g}, the time from frame to frame"
         exposure = values.get("exposure_s", 0.0)
         require(exposure <= interval, f"{where} exposure_s", expected, exposure)
-        return camera
+        return Camera(**values)
 
     def vehicle(self) -> VehicleSpec:
         """Return the vehicle; a mission begins at the home of its plan."""
@@ -356,21 +350,33 @@ class _File:
         if kind:
             kind = Word(SENSOR_KINDS).read(kind, f"{where} kind")
         values = self.table(entry, keys_of("sensor", kind), where, of)
-        records = values.get("records", ())
-        timed = "times_s" not in values or any(name in TIMED for name, _ in records)
+        records = values.get("records", {})
+        timed = "times_s" not in values or any(name in TIMED for name in records)
         expected = f"one of {', '.join(TIMED)} in records (only these have times)"
         require(timed, f"{where} times_s", expected, "none")
-        position = values.setdefault("position_m", np.full(3, np.nan))
+        position = values.setdefault("position_m", [math.nan] * 3)
         # Sound in the ground has no law; a geophone records its motion.
         above = kind != "microphone" or not position[2] < 0
         expected = "a microphone on the ground or above it"
         require(above, f"{where} position_m[2]", expected, f"{position[2]:g} m")
         if "mount" in values:
-            _check_mountable(SENSOR_KINDS.get(kind), records, where)
+            reason = SENSOR_KINDS[kind].unmounted if kind else ""
+            carried = "a sensor that a vehicle can carry"
+            require(not reason, f"{where} mount", carried, reason)
+            fixed = ", ".join(filter(_is_of_fixed_place, records))
+            expected = "quantities that a sensor on a vehicle can record"
+            require(not fixed, f"{where} records {fixed}", expected, fixed)
         if "imu" in values:
             values["imu"] = Imu(**values["imu"])
-        if "instrument" in values:
-            values["instrument"] = _instrument(values["instrument"], where)
+        if (own := values.get("instrument")) is not None:
+            high, low = own.pop("filter_hz", (None, None))
+            half = own.get("rate", RATE_HZ) / 2
+            # Above the Nyquist frequency a digital filter is not defined.
+            expected = f"corners below {half:g}, half of rate_hz"
+            below = max(high or 0.0, low or 0.0) < half
+            require(below, f"{where} filter_hz", expected, shown([high, low]))
+            values["instrument"] = Instrument(**own, high_pass=high, low_pass=low)
+        values["records"] = tuple(records.items())
         return Sensor(**values)
 
     def world(self) -> WorldSpec:
@@ -384,6 +390,11 @@ class _File:
         random = "world" in self.document
         require(random, where, "a table of random blasts", "none")
         values = self.single("world")
+        if isinstance(box := values.get("region"), Box):
+            east, north, up = box.high - box.low
+            area = "a box with an area, its first corner south-west and not higher"
+            wide, got = east > 0 and north > 0 and up >= 0, f"{east:g} {north:g} {up:g}"
+            require(wide, f"{where} region_m box", area, got)
         found = values.get("about") != "vehicle" or "vehicle" in self.document
         require(found, f"{where} about", "a [vehicle] as centre of the region", "none")
         if (tick := values.pop("tick", None)) is not None:
@@ -393,30 +404,14 @@ class _File:
         return world
 
 
-def _instrument(options: dict[str, Any], where: str) -> Instrument:
-    """Return the instrument of a sensor."""
-    high, low = options.pop("filter_hz", (None, None))
-    half = options.get("rate", RATE_HZ) / 2
-    for index, corner in enumerate((high, low)):
-        # Above the Nyquist frequency a digital filter is not defined.
-        below, at = corner is None or corner < half, f"{where} filter_hz[{index}]"
-        require(below, at, f"a corner below {half:g}, half of rate_hz", corner)
-    return Instrument(**options, high_pass=high, low_pass=low)
+def _is_of_fixed_place(quantity: str) -> bool:
+    """Return whether a moving sensor has no single position for a quantity.
 
-
-def _check_mountable(
-    kind: SensorKind | None, records: Iterable[tuple[str, float]], where: str
-) -> None:
-    """Reject a sensor in the ground, or records whose motion is not supported."""
-    reason = kind.unmounted if kind else ""
-    require(not reason, f"{where} mount", "a sensor that a vehicle can carry", reason)
-    for name, _ in records:
-        # A sum of arrivals, a timed radius and an image have no single position of a
-        # moving sensor.
-        apart = len(components(name)) > 1 or name in (*TIMED, *BY_CAMERA)
-        of_ground = name.startswith("ground_") and name != "ground_arrival_s"
-        expected = "a quantity that a sensor on a vehicle can record"
-        require(not apart and not of_ground, f"{where} records {name}", expected, name)
+    It has none for a sum of arrivals, a timed radius and an image.
+    """
+    of_ground = quantity.startswith("ground_") and quantity != "ground_arrival_s"
+    several = len(components(quantity)) > 1
+    return of_ground or several or quantity in (*TIMED, *BY_CAMERA)
 
 
 def _check_times(world: WorldSpec, where: str) -> None:

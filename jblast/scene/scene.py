@@ -129,7 +129,7 @@ class VehicleSpec(Module):
 
     model: str = field(static=True)
     position: Float[Array, "3"] = field(converter=as_numbers)
-    target: Float[Array, "3"] | None = None
+    target: Float[Array, "3"] | None = number(default=None)
     velocity: Float[Array, "3"] = field(
         converter=as_numbers, default_factory=lambda: np.zeros(3)
     )

@@ -6,7 +6,7 @@ sample rate, range, noise, filters. Several sensors may share a clock.
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from jblast.types import (
     Scalar,
     as_numbers,
     field,
-    jax_is_loaded,
     namespace,
     number,
 )
@@ -35,15 +34,6 @@ VECTORS = {
 RATE_HZ = 48_000.0
 """Default sample rate [Hz]: that of audio recorders."""
 Saturation = Literal["clip", "compress"]
-
-
-def _vector(value: Any) -> Float[Array, "..."]:
-    # A tuple may have traced and plain numbers, as in a fit of a position.
-    if jax_is_loaded():
-        import jax.numpy as jnp
-
-        value = jnp.asarray(value)
-    return as_numbers(value)
 
 
 def named_numbers(numbers: Mapping[str, ArrayLike]) -> dict[str, Float[Array, "..."]]:
@@ -162,7 +152,7 @@ class Sensor(Described):
     """
 
     name: str = field(static=True)
-    position_m: Float[Array, "3"] = field(converter=_vector)
+    position_m: Float[Array, "3"] = field(converter=as_numbers)
     kind: str = field(static=True, default="")
     clock_offset_s: Scalar = number(default=0.0)
     records: tuple[tuple[str, float], ...] = field(static=True, default=())
@@ -171,11 +161,11 @@ class Sensor(Described):
     imu: Imu | None = None
     mount: str = field(static=True, default="")
     offset_m: Float[Array, "3"] = field(
-        converter=_vector,
+        converter=as_numbers,
         default_factory=lambda: np.zeros(3),
     )
     quaternion: Float[Array, "4"] = field(
-        converter=_vector, default_factory=lambda: np.eye(4)[3]
+        converter=as_numbers, default_factory=lambda: np.eye(4)[3]
     )
     settings: dict[str, Float[Array, ""]] = field(
         converter=named_numbers, default_factory=dict

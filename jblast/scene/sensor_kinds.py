@@ -19,7 +19,7 @@ from jblast.scene.values import Number, Numbers, SceneKey, Whole, Word
 
 # Converters of 8 bits are the coarsest in use; 32 bits exceed any noise floor.
 BITS = Whole(8, 32, word="float")
-BAND = Numbers("[high-pass, low-pass]", POSITIVE, rising=True, word="none")
+BAND = Numbers("[high-pass, low-pass]", Number(POSITIVE), rising=True, word="none")
 SATURATIONS = ("clip", "compress")
 
 

@@ -8,16 +8,13 @@ in contrast, are written by instruments and are converted.
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
 from jblast.errors import nearest, require, shown
 from jblast.parameters import NUMBER_SIZES, POSITIVE, UNBOUNDED, Bounds, Parameter
-from jblast.quantities import ADDITIVE, DIRECTIONS, QUANTITIES, Quantity
 from jblast.scene.uncertain import PRIORS, Belief, Free, Prior
 from jblast.units import in_other_unit
 
@@ -63,6 +60,7 @@ class SceneKey:
         instead: Keys that exclude it, each with further words: "mount with offset_m".
         needs: Keys that are required with it, each with further words.
         make: Function of the value that returns the field; None: the value itself.
+        rows: Rows of the table of numbers, which it places; (): none.
     """
 
     name: str
@@ -73,6 +71,7 @@ class SceneKey:
     instead: tuple[str, ...] = ()
     needs: tuple[str, ...] = ()
     make: Callable[[Any], Any] | None = None
+    rows: tuple[Parameter, ...] = ()
 
 
 def finite(value: Any, where: str, expected: str = "a finite number") -> float:
@@ -91,40 +90,47 @@ def finite(value: Any, where: str, expected: str = "a finite number") -> float:
 
 @dataclass(frozen=True)
 class Number:
-    """A fixed number, or one that is sampled.
+    """A fixed number, or one that may have a prior or be free.
 
     Attributes:
         bounds: Bounds of the number.
         sampled: It may have a prior to sample from; a pair is a uniform prior.
+        free: Value of "free", in place of which it may have a prior; None: no value.
     """
 
     bounds: Bounds = UNBOUNDED
     sampled: bool = False
+    free: Free | None = None
 
     @property
     def form(self) -> str:
         """Form of a value."""
+        number = f"number{self.bounds.that_is()}"
+        if self.free:
+            return f'a {number}, "free" or a prior'
         if self.sampled:
-            numbers = f"a number{self.bounds.that_is()}"
-            return f"{numbers}, [lo, hi] or a prior to sample from"
-        return f"a fixed number{self.bounds.that_is()}"
+            return f"a {number}, [lo, hi] or a prior to sample from"
+        return f"a fixed {number}"
 
-    def read(self, value: Any, where: str) -> float | Prior:
-        """Return the number, or its prior."""
+    def read(self, value: Any, where: str) -> float | Belief:
+        """Return the number, or the belief about it."""
+        if self.free and value == "free":
+            return self.free
         if self.sampled and isinstance(value, list):
             value = {"uniform": value}
-        if self.sampled and isinstance(value, dict):
-            return read_prior(value, self.bounds, False, where)
+        if isinstance(value, dict) and (self.free or self.sampled):
+            positive = self.free is not None and self.free.positive
+            return read_prior(value, self.bounds, positive, where)
         return self.bounds.checked(finite(value, where, self.form), where, got=value)
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """A list of fixed numbers.
+    """A list of numbers, or of lists of them.
 
     Attributes:
-        form: Form of the list, such as "[east, north]".
-        bounds: Bounds of each number.
+        form: Form of the list, such as "[east, north]"; in words: of any length.
+        of: Kind of each item.
         not_zero: One number at least differs from zero.
         rising: Each number is larger than the one before it.
         word: Word in place of a number, which is read as None; "": no word.
@@ -132,63 +138,26 @@ class Numbers:
     """
 
     form: str
-    bounds: Bounds = UNBOUNDED
+    of: Value = Number()
     not_zero: bool = False
     rising: bool = False
     word: str = ""
     repeated: bool = False
 
-    def read(self, value: Any, where: str) -> Any:
-        """Return the numbers, an array unless a word is accepted."""
-        one = Number(self.bounds)
+    def read(self, value: Any, where: str) -> list[Any]:
+        """Return the items."""
         if self.repeated and not isinstance(value, list):
-            return np.full(self.form.count(",") + 1, one.read(value, where))
-        numbers: list[Any] = [
-            None if item == self.word else one.read(item, f"{where}[{i}]")
+            return [self.of.read(value, where)] * (self.form.count(",") + 1)
+        items = [
+            None if item == self.word else self.of.read(item, f"{where}[{i}]")
             for i, item in enumerate(listed(value, self.form, where))
         ]
-        zero = self.not_zero and not any(numbers)
+        zero = self.not_zero and not any(items)
         require(not zero, where, f"{self.form} that is not zero", shown(value))
-        falls = self.rising and not _rises([x for x in numbers if x is not None])
+        pairs = pairwise(item for item in items if item is not None)
+        falls = self.rising and not all(low < high for low, high in pairs)
         require(not falls, where, f"{self.form} in increasing order", shown(value))
-        return numbers if self.word else np.array(numbers)
-
-
-def _rises(numbers: Sequence[float]) -> bool:
-    return all(low < high for low, high in pairwise(numbers))
-
-
-@dataclass(frozen=True)
-class Corners:
-    """Two opposite corners of a box, with an extent towards east and north."""
-
-    form: str = f"[{POSITION}, {POSITION}]"
-
-    def read(self, value: Any, where: str) -> np.ndarray:
-        """Return both corners."""
-        pair = enumerate(listed(value, "[low corner, high corner]", where))
-        corners = [Numbers(POSITION).read(at, f"{where}[{i}]") for i, at in pair]
-        east, north, up = corners[1] - corners[0]
-        area = (
-            "a box with an area, its first corner south-west of its second, not higher"
-        )
-        require(east > 0 and north > 0 and up >= 0, where, area, shown(value))
-        return np.array(corners)
-
-
-@dataclass(frozen=True)
-class Times:
-    """Increasing times."""
-
-    form: str = "a list of increasing times in seconds"
-
-    def read(self, value: Any, where: str) -> tuple[float, ...]:
-        """Return the times."""
-        require(isinstance(value, list) and value, where, self.form, shown(value))
-        times = [finite(time, f"{where}[{i}]") for i, time in enumerate(value)]
-        # Rows of one sensor are distinguished by their times.
-        require(_rises(times), where, self.form, shown(value))
-        return tuple(times)
+        return items
 
 
 @dataclass(frozen=True)
@@ -273,8 +242,8 @@ class Truth:
 class Table:
     """A table within a table, whose keys have fields of the outer one."""
 
-    name: str
     form: str
+    keys: tuple[SceneKey, ...] = ()
 
     def read(self, value: Any, where: str) -> dict[str, Any]:
         """Return the unchecked table."""
@@ -283,88 +252,38 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Records:
-    """Recorded quantities with their sigmas.
+class Share:
+    """An error as a share of the value, "5%".
 
-    A sigma is a plain number in seconds for times and in radians for directions. For
-    other quantities it is a share of the value, "5%". A plain number there could also
-    be an error in the unit of the quantity, as in a log, so it is rejected.
+    A plain number could also be an error in the unit of the quantity, as in a log, so
+    it is rejected.
+
+    Attributes:
+        unit: Unit of the quantity.
+        form: Form of a value.
     """
 
-    form: str = "{ QUANTITY = sigma }"
+    unit: str
+    form: str = 'a positive share of the value with its % sign, as "5%"'
 
-    def read(self, value: Any, where: str) -> tuple[tuple[str, float], ...]:
-        """Return pairs of quantity and sigma: seconds, radians, or relative."""
-        require(isinstance(value, dict), where, self.form, shown(value))
-        for quantity in value:
-            known(quantity, QUANTITIES, where, "quantity")
-        sigmas = ((name, f"{where} {name}", x) for name, x in value.items())
-        # Times may be zero or negative, so that they have no relative error.
-        return tuple(
-            (name, (_additive if name in ADDITIVE else _share)(x, at, QUANTITIES[name]))
-            for name, at, x in sigmas
-        )
-
-
-def _additive(sigma: Any, where: str, quantity: Quantity) -> float:
-    unit = "radians" if quantity.name in DIRECTIONS else "seconds"
-    expected = f"a sigma in {unit}"
-    return POSITIVE.checked(finite(sigma, where, expected), where, expected, sigma)
-
-
-def _share(sigma: Any, where: str, quantity: Quantity) -> float:
-    match = SHARE.fullmatch(sigma) if isinstance(sigma, str) else None
-    share = float(match.group(1)) / 100 if match else 0.0
-    # A share and an error in the unit look the same, hence both readings.
-    advice = ""
-    if isinstance(sigma, int | float) and sigma > 0:
-        advice = (
-            f"; if this is a share, multiply by 100 and write {share_text(sigma)}, if "
-            f"it is in {quantity.unit}, divide by the value first"
-        )
-    expected = 'a positive share of the value with its % sign, as "5%"'
-    require(0 < share < math.inf, where, expected, f"{shown(sigma)}{advice}")
-    return share
+    def read(self, value: Any, where: str) -> float:
+        """Return the share, 0.05."""
+        match = SHARE.fullmatch(value) if isinstance(value, str) else None
+        share = float(match.group(1)) / 100 if match else 0.0
+        advice = ""
+        if isinstance(value, int | float) and value > 0:
+            advice = (
+                f"; if this is a share, multiply by 100 and write {share_text(value)}, "
+                f"if it is in {self.unit}, divide by the value first"
+            )
+        valid = 0 < share < math.inf
+        require(valid, where, self.form, f"{shown(value)}{advice}")
+        return share
 
 
 def share_text(share: float) -> str:
     """Return a share in the form of a scene file: 0.05 is "5%"."""
     return f'"{100 * share:.3g}%"'
-
-
-@dataclass(frozen=True)
-class Uncertain:
-    """A number that is fixed, free or has a prior; several of them in a list.
-
-    Attributes:
-        rows: Rows of the table of numbers, in the order of the list.
-        list_form: Form of the list; "" for a single number.
-    """
-
-    rows: tuple[Parameter, ...]
-    list_form: str = ""
-
-    @property
-    def form(self) -> str:
-        """Form of a value."""
-        bounds = self.rows[0].bounds.that_is()
-        return self.list_form or f'a number{bounds}, "free" or a prior'
-
-    def read(self, value: Any, where: str) -> list[float | Belief]:
-        """Return each number, or the belief about it."""
-        if not self.list_form:
-            return [_uncertain(value, self.rows[0], where)]
-        items = zip(listed(value, self.list_form, where), self.rows, strict=True)
-        return [_uncertain(x, row, f"{where}[{i}]") for i, (x, row) in enumerate(items)]
-
-
-def _uncertain(value: Any, row: Parameter, where: str) -> float | Belief:
-    if value == "free":
-        return Free(row.positive)
-    if isinstance(value, dict):
-        return read_prior(value, row.bounds, row.positive, where)
-    form = 'a number, "free" or a prior such as { normal = [mean, sd] }'
-    return row.bounds.checked(finite(value, where, form), where, got=value)
 
 
 def read_prior(
@@ -408,8 +327,9 @@ def read_prior(
 
 def listed(value: Any, form: str, where: str) -> list[Any]:
     """Return a list with the length of its form, such as "[east, north]"."""
-    count = form.count(",") + 1
-    require(isinstance(value, list) and len(value) == count, where, form, shown(value))
+    items = value if isinstance(value, list) else []
+    count = form.count(",") + 1 if "[" in form else len(items)
+    require(items and len(items) == count, where, form, shown(value))
     return value
 
 

@@ -31,13 +31,13 @@ from jblast.scene import (
     value_of,
     with_values,
 )
-from jblast.scene.keys import VEHICLE_MODELS, keys_of
+from jblast.scene.keys import RECORDS, VEHICLE_MODELS, keys_of
 from jblast.scene.reader import (
     read_scene_or_world,
     scene_from_document,
     world_from_document,
 )
-from jblast.scene.values import Records, share_text
+from jblast.scene.values import Share, share_text
 from jblast.vehicle import hold_of
 from jblast.vehicle.control.position_hold import NAMED_GAINS
 from jblast.vehicle.quadrotor import PARAMETERS as MODELS
@@ -331,15 +331,14 @@ def test_with_random_blasts_a_missing_charge_never_detonates():
 def test_what_is_written_for_a_sigma_is_read_again(quantity, sigma):
     """To the three digits that are written, half of the last: 0.5 %."""
     text = share_text(sigma).strip('"')
-    ((_, again),) = Records().read(
-        {quantity: sigma if quantity in ADDITIVE else text}, "s"
-    )
+    (key,) = (one for one in RECORDS if one.name == quantity)
+    again = key.value.read(sigma if quantity in ADDITIVE else text, "s")
     assert again == pytest.approx(sigma, rel=5e-3)
 
 
 @pytest.mark.parametrize("text", ["5%", " 5 % ", "5.0%", "0.5e1%", "5.%"])
 def test_a_share_is_a_hundredth_of_its_percentage(text):
-    assert Records().read({"shock_radius_m": text}, "s") == (("shock_radius_m", 0.05),)
+    assert Share("m").read(text, "s") == 0.05
 
 
 LINES = (Path(__file__).parent / "refused.txt").read_text().splitlines()

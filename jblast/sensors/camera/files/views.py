@@ -119,7 +119,7 @@ SIMULATED: Keys = {
     "columns": (Whole(1, 1 << 14), None),
     "reference_temperature_k": (LENGTH, None),
     "air_temperature_k": (LENGTH, None),
-    "made": (Table("made", "a table"), None),
+    "made": (Table("a table"), None),
 }
 SIMULATED_VIEW: Keys = {
     "file": (Text("a WebP file"), ...),
