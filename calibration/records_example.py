@@ -17,8 +17,8 @@ import numpy as np
 from jblast.cli.jax_start import start_jax
 from jblast.files import table_text, write_text
 from jblast.observations.places import Frame
-from jblast.scene import read_scene
-from jblast.sensors.listening import Listening, instrument_of, packets, plan
+from jblast.scene import Instrument, read_scene
+from jblast.sensors.listening import Listening, packets, plan
 from jblast.sensors.record_writer import CLOCK, record_comments
 
 DATA = Path(__file__).parent / "data"
@@ -34,7 +34,7 @@ def record_csv(listening: Listening, number: int) -> str:
     """Return one gauge's record about its front, as CSV with its provenance."""
     sensor = listening.sensors[number]
     (samples,) = packets(listening, sensor)
-    rate_hz = instrument_of(sensor).rate
+    rate_hz = (sensor.instrument or Instrument()).rate
     arrival = float(listening.truth.values["air_arrival_s"][number, 0])
     first = int((arrival - BEFORE_S) * rate_hz)
     stretch = samples[first : first + round((BEFORE_S + AFTER_S) * rate_hz), 0]

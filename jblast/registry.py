@@ -171,12 +171,13 @@ def law_for(quantity: str, name: str) -> Law:
     """Return a law.
 
     Raises:
-        ValueError: The law is unknown; the message lists the laws of the quantity.
+        InputError: The law is unknown; the message lists the laws of the quantity.
     """
     if not is_law(quantity, name):
-        raise ValueError(
-            f"no law named {name!r} gives {quantity}; "
-            f"expected one of {', '.join(names_for(quantity)) or '(none yet)'}"
+        known = names_for(quantity)
+        raise InputError(
+            f"law of {quantity}: expected one of {', '.join(known) or '(none yet)'}, "
+            f"got {shown(name)}{nearest(name, known)}"
         )
     return LAWS[quantity, name]
 

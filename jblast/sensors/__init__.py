@@ -16,13 +16,7 @@ if TYPE_CHECKING:
         Recording as Recording,
         record as record,
     )
-    from jblast.sensors.jolt import (
-        jolt_bearing as jolt_bearing,
-        jolt_elevation as jolt_elevation,
-        jolt_speed as jolt_speed,
-    )
     from jblast.sensors.law_choice import (
-        choose_laws as choose_laws,
         resolve_laws as resolve_laws,
     )
     from jblast.sensors.layout import (
@@ -56,10 +50,6 @@ HOMES = {
     "Track": "jblast.sensors.waves_met",
     "Wave": "jblast.sensors.waves_met",
     "calculate": "jblast.sensors.calculator",
-    "choose_laws": "jblast.sensors.law_choice",
-    "jolt_bearing": "jblast.sensors.jolt",
-    "jolt_elevation": "jblast.sensors.jolt",
-    "jolt_speed": "jblast.sensors.jolt",
     "layout_of": "jblast.sensors.layout",
     "observe": "jblast.sensors.simulated_readings",
     "overpressure": "jblast.sensors.waves_met",

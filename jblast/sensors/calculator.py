@@ -217,14 +217,15 @@ def calculate(
         expected = f"a number or a row of {rows} numbers"
         # a single number is broadcast against the rows of the other
         require(one.shape in ((1,), (rows,)), name, expected, f"shape {one.shape}")
-    return calculated(Rows(scene, *np.broadcast_arrays(*given)))
+    ranges, masses = np.broadcast_arrays(*given)
+    return calculated(Rows(scene, ranges, masses))
 
 
 def calculated(rows: Rows) -> dict[str, dict[str, Calculated]]:
     """Return every quantity by every law at given rows."""
     quantities = dict.fromkeys(law.quantity for law in calculated_laws())
     found = {quantity: by_law(rows, quantity) for quantity in quantities}
-    found |= _combined(found)
+    found |= {name: _combined(found, of) for name, of in COMBINATIONS.items()}
     # the table of quantities defines the order of all reports
     order = {name: i for i, name in enumerate((*QUANTITIES, *DERIVED_QUANTITIES))}
     ordered = sorted(found, key=lambda name: order.get(name, len(order)))
@@ -280,24 +281,17 @@ COMBINATIONS = {
 }
 
 
-def _combined(found: Calculation) -> dict[str, dict[str, Calculated]]:
-    """Return the combinations of known parts, each under the law name of its parts."""
-    answer: dict[str, dict[str, Calculated]] = {}
-    for quantity, combination in COMBINATIONS.items():
-        parts = [found.get(part, {}) for part in combination.parts]
-        for name in parts[0]:
-            if not all(name in by_name for by_name in parts):
-                continue
-            of_parts = [by_name[name] for by_name in parts]
-            value = np.asarray(combination.function(*(one.value for one in of_parts)))
-            # a combination holds only where all of its parts do
-            valid = np.all([one.valid for one in of_parts], axis=0)
-            answer.setdefault(quantity, {})[name] = Calculated(
-                value=value,
-                valid=valid & combination.holds(value),
-                range=combination.range,
-                scatter=np.full(value.shape, np.nan),
-            )
+def _combined(found: Calculation, combination: Combination) -> dict[str, Calculated]:
+    """Return a combination by each law that predicts all of its parts."""
+    parts = [found[part] for part in combination.parts]
+    answer = {}
+    for name in [name for name in parts[0] if all(name in one for one in parts)]:
+        of_parts = [by_name[name] for by_name in parts]
+        value = np.asarray(combination.function(*(one.value for one in of_parts)))
+        # a combination holds only where all of its parts do
+        valid = np.all([one.valid for one in of_parts], axis=0)
+        holds, unknown = valid & combination.holds(value), np.full(value.shape, np.nan)
+        answer[name] = Calculated(value, holds, combination.range, unknown)
     return answer
 
 
@@ -454,18 +448,18 @@ def recommended_by_row(
 
 
 def _recommended_law(
-    rows: Rows, quantity: str, names: tuple[str, ...], row: int
+    rows: Rows, quantity: str, names: Sequence[str], row: int
 ) -> tuple[str, Choice | None]:
     """Return the law of those named at a row, and the basis of its choice.
 
     The law of a combination is that of its first part whose law is one of them.
     """
-    combination = COMBINATIONS.get(quantity)
-    parts = combination.parts if combination else (quantity,)
-    for part in parts if len(names) > 1 else ():
-        choice = rows.compared(part).choose(at=slice(row, row + 1))
-        if choice.method in names:
-            return choice.method, choice
+    is_combined = quantity in COMBINATIONS
+    if len(names) > 1:
+        for part in COMBINATIONS[quantity].parts if is_combined else [quantity]:
+            choice = rows.compared(part).choose(at=slice(row, row + 1))
+            if choice.method in names:
+                return choice.method, choice
     return names[0], None
 
 

@@ -26,6 +26,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu, quaternion_matrix
 from jblast.scene.camera import quaternion_product
+from jblast.sensors.instrument import quantised
 from jblast.vehicle import State, Trajectory
 
 
@@ -184,31 +185,21 @@ def sampled(
         true.force + bias.force + force_noise * noise[..., :3],
         true.rate + bias.rate + rate_noise * noise[..., 3:],
     )
-    ranges = imu.accelerometer_range, imu.gyroscope_range
-    if imu.bits is not None:
-        steps = [full_scale / 2.0 ** (imu.bits - 1) for full_scale in ranges]
-        read = [jnp.round(x / q) * q for x, q in zip(read, steps, strict=True)]
-    bounds = zip(read, ranges, largest(imu), strict=True)
-    return Inertial(*(jnp.clip(x, -full_scale, top) for x, full_scale, top in bounds))
-
-
-def largest(imu: Imu) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return the largest samples of accelerometer and gyroscope.
-
-    Full scale for floating-point samples. The largest code of an n-bit converter is one
-    step below full scale.
-    """
-    share = 1.0 if imu.bits is None else 1.0 - 2.0 ** (1 - imu.bits)
-    return share * imu.accelerometer_range, share * imu.gyroscope_range
+    return Inertial(
+        quantised(read[0], imu.accelerometer_range, imu.bits),
+        quantised(read[1], imu.gyroscope_range, imu.bits),
+    )
 
 
 def clipped(samples: Inertial, imu: Imu) -> Bool[Array, "sample 2"]:
     """Return where accelerometer and gyroscope are at a limit of their range."""
+    ranges = imu.accelerometer_range, imu.gyroscope_range
+    sizes = [jnp.max(jnp.abs(column), axis=-1) for column in samples]
     # 1e-6: rounding of float32
-    sizes = (jnp.max(jnp.abs(column), axis=-1) for column in samples)
-    tops = largest(imu)
-    parts = [size >= top * (1 - 1e-6) for size, top in zip(sizes, tops, strict=True)]
-    return jnp.stack(parts, axis=-1)
+    tops = [quantised(most, most, imu.bits) * (1 - 1e-6) for most in ranges]
+    return jnp.stack(
+        [size >= top for size, top in zip(sizes, tops, strict=True)], axis=-1
+    )
 
 
 def _biases(keys: Iterable[PRNGKeyArray], imu: Imu) -> Inertial:

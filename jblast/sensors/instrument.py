@@ -189,18 +189,29 @@ def limited(
     full_scale = instrument.full_scale
     if full_scale is None:
         return samples
-    if instrument.saturation == "clip":
-        samples = jnp.clip(samples, -full_scale, full_scale)
-    else:
+    if instrument.saturation == "compress":
         share = jnp.clip(samples / full_scale, -FAR_BEYOND, FAR_BEYOND)
         # scaled by the larger of both, so that all powers stay within single precision
         large = lax.stop_gradient(jnp.maximum(jnp.abs(share), 1.0))
         small = share / large
         power = small**SHARPNESS + large**-SHARPNESS
         samples = full_scale * small * power ** (-1 / SHARPNESS)
-    if instrument.bits is None:
-        return samples
-    step = full_scale / 2.0 ** (instrument.bits - 1)
+    return quantised(samples, full_scale, instrument.bits)
+
+
+def quantised(
+    samples: Float[Array, "..."], full_scale: Float[Array, ""], bits: int | None
+) -> Float[Array, "..."]:
+    """Return clipped samples, as multiples of the step of a converter if it has bits.
+
+    Args:
+        samples: The samples.
+        full_scale: Largest magnitude.
+        bits: Bits of the converter, or None.
+    """
+    if bits is None:
+        return jnp.clip(samples, -full_scale, full_scale)
+    step = full_scale / 2.0 ** (bits - 1)
     samples = jnp.clip(samples, -full_scale, full_scale - step)
     # Straight-through derivative: the true one would hide the signal from a fit.
     return samples + lax.stop_gradient(step * jnp.round(samples / step) - samples)
@@ -213,11 +224,4 @@ def clipping_level(instrument: Instrument) -> float:
     """
     if instrument.full_scale is None:
         return math.inf
-    full_scale = float(instrument.full_scale)
-    level = full_scale
-    if instrument.saturation == "compress":
-        # the output for an input of exactly the full scale
-        level *= 2.0 ** (-1 / SHARPNESS)
-    if instrument.bits is not None:
-        level -= full_scale / 2.0 ** (instrument.bits - 1)
-    return level
+    return float(limited(jnp.asarray(instrument.full_scale), instrument))

@@ -5,13 +5,13 @@ within a third of their smallest sigma. It is chosen before a search, and again 
 result, and is constant during a search, so that it has derivatives.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float
 
-from jblast.errors import nearest, require
-from jblast.registry import is_law, names_for
+from jblast.errors import require
+from jblast.registry import law_for, names_for
 from jblast.scene import Scene
 from jblast.sensors.layout import Layout
 from jblast.types import in_numpy, unconverted
@@ -35,41 +35,17 @@ def resolve_laws(
         InputError: The scene names a law that does not predict a quantity, or a
             quantity has no law yet.
     """
-    chosen = dict(scene.law)
-    for quantity, name in chosen.items():
-        known = names_for(quantity)
-        require(
-            name == "auto" or is_law(quantity, name),
-            f"[law] {quantity}",
-            f"auto or one of {', '.join(known) or '(none yet)'}",
-            f"{name!r}{nearest(name, known)}",
-        )
+    named = {quantity: name for quantity, name in scene.law if name != "auto"}
+    for quantity, name in named.items():
+        law_for(quantity, name)
+    known, sigma = in_numpy(scene), np.asarray(np.nan if sigma is None else sigma)
+    sigma = np.broadcast_to(sigma, len(layout.quantity))
     # an explicit law is never replaced
-    left = [q for q in layout.quantities() if chosen.get(q, "auto") == "auto"]
-    automatic = choose_laws(scene, layout, left, sigma)
     return {
-        quantity: automatic.get(quantity, TakenLaw(chosen.get(quantity, "")))
+        quantity: TakenLaw(named[quantity])
+        if quantity in named
+        else _choose(quantity, known, layout, sigma)
         for quantity in layout.quantities()
-    }
-
-
-def choose_laws(
-    scene: Scene,
-    layout: Layout,
-    quantities: Sequence[str],
-    sigma: Float[np.ndarray, " row"] | None = None,
-) -> dict[str, TakenLaw]:
-    """Return the automatic law of some quantities of a layout.
-
-    Raises:
-        InputError: A quantity has no law yet.
-    """
-    for quantity in quantities:
-        require(names_for(quantity), quantity, "a quantity that a law predicts")
-    sigma = np.full(len(layout.quantity), np.nan) if sigma is None else sigma
-    return {
-        quantity: _choose(quantity, in_numpy(scene), layout, np.asarray(sigma))
-        for quantity in quantities
     }
 
 
@@ -77,6 +53,7 @@ def _choose(
     quantity: str, scene: Scene, layout: Layout, sigma: Float[np.ndarray, " row"]
 ) -> TakenLaw:
     """Return the chosen law of one quantity."""
+    require(names_for(quantity), quantity, "a quantity that a law predicts")
     offsets = scene.clock_offsets()
     offset = np.array([float(offsets.get(clock, 0.0)) for clock in layout.clock])
     paths, tolerances = [], []

@@ -102,11 +102,6 @@ class Listening(NamedTuple):
     tracks: Mapping[str, Track]
 
 
-def instrument_of(sensor: Sensor) -> Instrument:
-    """Return a sensor's instrument; an ideal one if it has none."""
-    return Instrument() if sensor.instrument is None else sensor.instrument
-
-
 def plan(
     uncertain: UncertainScene,
     seed: int = 0,
@@ -180,7 +175,7 @@ def _sampling_sensors(
 def _check_rates(sensors: tuple[Sensor, ...], seconds: float, source: str) -> None:
     """Reject rates with fractions of a hertz and sizes beyond a sound file's limits."""
     for sensor in sensors:
-        rate = instrument_of(sensor).rate
+        rate = (sensor.instrument or Instrument()).rate
         where = f"{source}: [[sensor]] {sensor.name!r} rate_hz"
         # a WAV header has an integer rate
         fits = SENSOR_KINDS[sensor.kind].file != ".wav" or rate == round(rate)

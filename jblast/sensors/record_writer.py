@@ -16,10 +16,10 @@ import jblast
 from jblast.files import replacing, table_text, write_text
 from jblast.observations.records.sound import Bits, write_sound
 from jblast.progress import each
-from jblast.scene import Sensor
+from jblast.scene import Instrument, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import clipping_level
-from jblast.sensors.listening import Listening, instrument_of, packets
+from jblast.sensors.listening import Listening, packets
 
 TRUTH = "truth.csv"
 CLOCK = "times are on each sensor's own clock; its file begins at 0 of that clock"
@@ -60,7 +60,7 @@ class RecordWriter:
         """
         self.sensor, self.kind, self.file = sensor, sensor.kind, path.name
         self._path = path
-        instrument = instrument_of(sensor)
+        instrument = sensor.instrument or Instrument()
         self.rate_hz, self.samples, self._bits = instrument.rate, 0, instrument.bits
         self.full_scale_pa: float | None = None
         if SENSOR_KINDS[sensor.kind].file == ".wav":

@@ -230,13 +230,10 @@ def error_model(
             jnp.where(group == g, of_path, 0.0) for g in dict.fromkeys(layout.group)
         ]
     common = jnp.stack(columns, axis=1) if columns else jnp.zeros((n, 0))
-    some = variance > 0
+    some = ~(variance <= 0)  # negated: NaN stays NaN
     sd = jnp.where(some, jnp.sqrt(jnp.where(some, variance, 1.0)), 0.0)
     loading = jnp.concatenate([common, *of_neighbours], axis=1)
-    # without neighbours the root of the square would lose a NaN
-    return ErrorModel(
-        sd if of_neighbours else recording.record_sd, loading, len(columns)
-    )
+    return ErrorModel(sd, loading, len(columns))
 
 
 def _placed(rows: Int[np.ndarray, " row"], columns: Array, count: int) -> Array:

@@ -23,7 +23,7 @@ sensor's velocity over its length is neglected (a wave 30 m long passes in 0.1 s
 sensor must be slower than sound, so that it meets each wave once.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, NamedTuple
 
@@ -35,9 +35,9 @@ from jax import lax
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jblast.errors import nearest, require
+from jblast.errors import require
 from jblast.kept_programs import kept
-from jblast.registry import call, is_law, law_for, names_for
+from jblast.registry import call, law_for
 from jblast.scene import Charge, Scene
 from jblast.types import as_numbers
 from jblast.waves.height_of_burst import grounded
@@ -45,7 +45,6 @@ from jblast.waves.laws.shock_kinematics import shock_kinematics_pressure
 from jblast.waves.paths import Path, path_between
 from jblast.waves.propagation import sound_speed_of
 from jblast.waves.pulse import (
-    Pulse,
     counted_from,
     ground_pulse_of,
     pulse_of,
@@ -105,12 +104,10 @@ class Track(eqx.Module):
             return
         time, position = np.asarray(self.time), np.asarray(self.position)
         for name, values in (("times", time), ("positions", position)):
-            infinite = np.argwhere(~np.isfinite(values))
-            where = tuple(infinite[0]) if len(infinite) else ()
-            got = f"{values[where]:g} at knot {where[0] + 1}" if where else ""
-            require(not where, "track", f"finite {name}", got)
-        rising = (np.diff(time) > 0).all()
-        require(rising, "track", "rising times", f"{time.tolist()}")
+            require(
+                np.isfinite(values).all(), "track", f"finite {name}", values.tolist()
+            )
+        require((np.diff(time) > 0).all(), "track", "rising times", time.tolist())
 
     def at(self, time: Float[Array, "..."]) -> Float[Array, "... 3"]:
         """Return the position, shape (..., 3) [m].
@@ -220,11 +217,8 @@ def _waves_of(
         return tuple(_wave_at(scene, place, laws, way) for way in ways)
     found = []
     for way in ways:
-        arrival = _arrival_along(scene, place, laws, way)
-        time = meeting_time(arrival, arrival(place.time[0]))
+        time, pace = _meeting(scene, place, laws, way)
         wave = _wave_at(scene, place.at(time), laws, way)
-        # the Doppler factor: rate of the phase t - a(x(t)) by the clock
-        pace = 1.0 - jax.jvp(arrival, (time,), (jnp.ones_like(time),))[1]
         found.append(wave._replace(pulse=wave.pulse.stretched(pace), pace=pace))
     return tuple(found)
 
@@ -295,16 +289,28 @@ def _arrival_of(way: Way) -> str:
     return "ground_arrival_s" if way == "ground" else "air_arrival_s"
 
 
-def _arrival_along(
+def _meeting(
     scene: Scene, track: Track, laws: Mapping[str, str], way: Way
-) -> Callable[[Float[Array, ""]], Float[Array, ""]]:
-    """Return the arrival time at the sensor's position, as a function of time."""
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return the time at which a sensor meets a wave, and the Doppler factor.
+
+    The time is the root of arrival(t) = t, differentiable as an implicit function. The
+    factor is the rate of the phase t - arrival(t) by the clock.
+    """
 
     def arrival(time: Float[Array, ""]) -> Float[Array, ""]:
         charge, path = _path(scene, track.at(time), way)
         return charge.time_s + _value(_arrival_of(way), laws, charge, path)
 
-    return arrival
+    first = arrival(track.time[0])
+    # The iterations carry no gradient; the Newton step below supplies it.
+    near = lax.stop_gradient(
+        lax.fori_loop(0, STEPS, lambda _, t: lax.stop_gradient(arrival(t)), first)
+    )
+    late, rate = jax.jvp(arrival, (near,), (jnp.ones_like(near),))
+    # Newton's step: the derivative of its value is that of the root
+    time = near + (late - near) / lax.stop_gradient(1.0 - rate)
+    return time, 1.0 - jax.jvp(arrival, (time,), (jnp.ones_like(time),))[1]
 
 
 def _suction(
@@ -329,12 +335,8 @@ def _is_reflected(charge: Charge) -> bool:
 
     That is without a position, with curves that contain it, and on the ground.
     """
-    return not (charge.range_m is not None or charge.burst == "surface" or _low(charge))
-
-
-def _low(charge: Charge) -> bool:
-    up = charge.up
-    return not isinstance(up, Tracer) and bool(np.all(np.asarray(up) <= 0))
+    low = not isinstance(charge.up, Tracer) and bool(np.asarray(charge.up) <= 0)
+    return not (charge.range_m is not None or charge.burst == "surface" or low)
 
 
 def alone(scene: Scene, charge: Charge) -> Scene:
@@ -373,38 +375,17 @@ def _check(wave: Wave, label: str) -> None:
     # traced values are unknown; callers inside jit accept NaN instead of an error
     if any(isinstance(x, Tracer) for x in (wave.distance, *wave.pulse)):
         return
-    distance, pulse = float(np.asarray(wave.distance)), wave.pulse
+    distance, pulse = float(wave.distance), wave.pulse
     away = np.isfinite(distance) and distance > 0.0
     expected = "a position away from it"
     require(away, label, expected, f"a distance of {distance:g} m")
     # infinity is legal: a charge that never detonates arrives at infinite time
-    if not isinstance(pulse, Pulse) or not any(bool(jnp.isnan(x)) for x in pulse):
-        return
-    require(
-        False,
-        label,
-        f"laws whose impulse is between 0 and peak times duration at {distance:g} m",
-        f"peak {float(pulse.peak):.4g} Pa and duration {float(pulse.duration):.4g} s "
-        "with a larger impulse",
+    known = not any(bool(jnp.isnan(x)) for x in pulse)
+    expected = (
+        f"laws with a pulse at {distance:g} m, its impulse between 0 and peak times "
+        "duration"
     )
-
-
-def meeting_time(
-    arrival: Callable[[Float[Array, ""]], Float[Array, ""]], first: Float[Array, ""]
-) -> Float[Array, ""]:
-    """Return the root of arrival(t) = t, differentiable as an implicit function.
-
-    Args:
-        arrival: Arrival time at the sensor's position at a time [s].
-        first: Initial guess [s].
-    """
-    # The iterations carry no gradient; the Newton step below supplies it.
-    near = lax.stop_gradient(
-        lax.fori_loop(0, STEPS, lambda _, t: lax.stop_gradient(arrival(t)), first)
-    )
-    late, rate = jax.jvp(arrival, (near,), (jnp.ones_like(near),))
-    # Newton's step: the derivative of its value is that of the root
-    return near + (late - near) / lax.stop_gradient(1.0 - rate)
+    require(known, label, expected, "none")
 
 
 def places_met(
@@ -441,12 +422,10 @@ def places_met(
 def _places_of(
     scene: Scene, track: Track, laws: dict[str, str]
 ) -> dict[str, Float[Array, "3"]]:
-    origin = jnp.asarray(scene.charge.as_if_at_zero().time_s)
-    places = {"flash_time_s": track.at(origin)}
+    times = {"flash_time_s": jnp.asarray(scene.charge.as_if_at_zero().time_s)}
     for way in ("air", "ground"):
-        arrival = _arrival_along(scene, track, laws, way)
-        places[_arrival_of(way)] = track.at(meeting_time(arrival, arrival(origin)))
-    return places
+        times[_arrival_of(way)], _ = _meeting(scene, track, laws, way)
+    return {name: track.at(time) for name, time in times.items()}
 
 
 def overpressure(
@@ -516,10 +495,5 @@ def record_laws(scene: Scene, laws: Mapping[str, str] | None = None) -> dict[str
     found = {}
     for quantity, default in DEFAULT_RECORD_LAWS.items():
         name = chosen.get(quantity, "auto")
-        name = default if name == "auto" else name
-        known = names_for(quantity)
-        expected = f"one of {', '.join(known)}"
-        got = f"{name!r}{nearest(name, known)}"
-        require(is_law(quantity, name), f"law of {quantity}", expected, got)
-        found[quantity] = name
+        found[quantity] = law_for(quantity, default if name == "auto" else name).name
     return found

@@ -3,7 +3,6 @@
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +11,6 @@ import jblast
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene, Sensor, UncertainScene
 from jblast.sensors import planned_layout
-from jblast.waves import kingery_bulmash_pressure
 
 ARRIVAL = {"air_arrival_s": "wu_hao"}
 SENSOR = Sensor("a", (20.0, 0.0, 0.0), records=(("air_arrival_s", 1e-3),))
@@ -91,14 +89,3 @@ def test_what_a_bound_is_asked_at_is_a_number():
 def test_the_calculator_names_the_rows_that_do_not_go_together(ranges, masses, said):
     with pytest.raises(InputError, match=said):
         jblast.calculate(Scene(), ranges, masses)
-
-
-def test_a_law_names_the_arguments_that_do_not_go_together():
-    said = (
-        r"kingery_bulmash_peak_overpressure_pa: expected one shape.*"
-        r"slant_range \(3,\), charge_mass"
-    )
-    with pytest.raises(ValueError, match=said):
-        kingery_bulmash_pressure(np.full(3, 9.0), np.ones(2))
-    with pytest.raises(ValueError, match=said):
-        jax.jit(kingery_bulmash_pressure)(np.full(3, 9.0), np.ones(2))

@@ -273,7 +273,7 @@ REJECTED = {
     "no law": (SCENE, PLACE, {"peak_overpressure_pa": "sadovski"}, "expected one of"),
     "at the charge": (SCENE, [0.0] * 3, None, "expected a position away from it"),
     "nowhere": (SCENE, [np.nan, 0.0, 0.0], None, "expected a position away from it"),
-    "no pulse": (NEAR, [0.3, 0.0, 0.0], FORD, "expected laws whose impulse"),
+    "no pulse": (NEAR, [0.3, 0.0, 0.0], FORD, "expected laws with a pulse"),
     "two numbers": (SCENE, [1.0, 2.0], None, "place: expected east, north and up"),
 }
 
