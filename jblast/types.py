@@ -9,7 +9,7 @@ JAX arrays from then on. A function of both kinds of arrays takes its operations
 
 import functools
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, field as dataclass_field, fields
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -95,7 +95,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     return call
 
 
-def as_numbers(value: ArrayLike) -> Float[Array, "..."]:
+def as_numbers(value: ArrayLike | Sequence[ArrayLike]) -> Float[Array, "..."]:
     """Convert numbers to a float array: of JAX, in its default precision, if loaded.
 
     A bare Python float in a PyTree recompiles at each new value under `eqx.filter_jit`

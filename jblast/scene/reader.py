@@ -179,7 +179,8 @@ class _File:
         require(first, f"{self.source}: schema", "1", shown(schema))
         law, tables = self.single("law"), document.keys()
         # The reader imports no laws: `sensors.resolve_laws` rejects unknown names.
-        names = {q: n for q, n in law.get("law", {}).items() if n != "auto"}
+        chosen = law.get("law", {}).items()
+        law["law"] = tuple((quantity, one) for quantity, one in chosen if one != "auto")
         sensors = tuple(self.sensor(*each) for each in self.each("sensor"))
         # A scene needs a charge: one that never detonates has no effect.
         charges: tuple[Charge, ...] = (Charge(time_s=math.inf),)
@@ -195,7 +196,7 @@ class _File:
             camera=self.camera() if "camera" in tables else None,
             vehicle=self.vehicle() if "vehicle" in tables else None,
             clocks=tuple(self.clock(*each) for each in self.each("clock")),
-            **law | {"law": tuple(names.items())},
+            **law,
         )
         place = Place(**self.single("place")) if "place" in tables else None
         # One table places the numbers, not this class.
@@ -232,7 +233,7 @@ class _File:
                 require(not key.needed or others, at, form, "nothing")
                 continue
             require(not others, at, f"either {name} or {' or '.join(others)}", "both")
-            read = key.value.read(value, at)
+            read: Any = key.value.read(value, at)
             for words in key.needs if read is not None else ():
                 require(words.split()[0] in given, at, f"{words} with it", "none")
             if key.rows:

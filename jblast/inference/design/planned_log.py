@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -41,7 +40,7 @@ from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import Noise, written
 
 
-class Centred(eqx.Module):
+class Centred(Belief):
     """A prior shifted so that its centre is the assumed value.
 
     A layout is judged by its average information. Prior and log then agree, and only

@@ -37,6 +37,7 @@ from jblast.scene import (
     value_of,
 )
 from jblast.scene.uncertain import Belief, names_in, with_values
+from jblast.types import field
 
 TIME_STEP = 1e-3
 """A large change of a time [s]: sound travels a third of a metre."""
@@ -44,29 +45,29 @@ SOUND, FRAMES, EVENTS = "sound", "frames", "events"
 SIGHT = (FRAMES, EVENTS)
 
 
-class Between(eqx.Module):
+class Between(Belief):
     """A number with bounds and no other prior, flat in a logistic coordinate.
 
     Attributes:
         low: Lower bound.
         high: Upper bound.
-        in_ln: Use the logistic coordinate of the logarithm.
+        logarithmic: Use the logistic coordinate of the logarithm.
     """
 
-    low: float = eqx.field(static=True)
-    high: float = eqx.field(static=True)
-    in_ln: bool = eqx.field(static=True, default=False)
+    low: float = field(static=True)
+    high: float = field(static=True)
+    logarithmic: bool = field(static=True, default=False)
 
     def constrain(self, z):
         """Return the number at a fitted coordinate."""
         low, high = self.limits
         part = low + (high - low) * jax.nn.sigmoid(jnp.asarray(z))
-        return jnp.exp(part) if self.in_ln else part
+        return jnp.exp(part) if self.logarithmic else part
 
     def unconstrain(self, value):
         """Return the fitted coordinate of a number."""
         low, high = self.limits
-        part = jnp.log(value) if self.in_ln else jnp.asarray(value)
+        part = jnp.log(value) if self.logarithmic else jnp.asarray(value)
         # a start at a bound would be at infinity, where the logistic has no slope
         part = jnp.clip((part - low) / (high - low), 1e-3, 1.0 - 1e-3)
         return jnp.log(part) - jnp.log1p(-part)
@@ -77,8 +78,8 @@ class Between(eqx.Module):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Bounds, of the logarithm with `in_ln`."""
-        if self.in_ln:
+        """Bounds, of the logarithm with `logarithmic`."""
+        if self.logarithmic:
             return math.log(self.low), math.log(self.high)
         return self.low, self.high
 
@@ -165,7 +166,7 @@ def _unknown(name: str, belief: Belief, rate: float) -> Unknown:
     ends = row.bounds.at_least, row.bounds.at_most
     if name in FILTER:
         # just below half the rate, where the bilinear transform is infinite
-        belief = Between(1e-5 * rate, 0.499 * rate, in_ln=True)
+        belief = Between(1e-5 * rate, 0.499 * rate, logarithmic=True)
     elif isinstance(belief, Free) and np.isfinite(ends).all():
         belief = Between(*ends)
     own = {"layout": 1.0, "travel": TIME_STEP, "factor": math.log(2.0)}
