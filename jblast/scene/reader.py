@@ -233,9 +233,10 @@ class _File:
                 require(not key.needed or others, at, form, "nothing")
                 continue
             require(not others, at, f"either {name} or {' or '.join(others)}", "both")
-            read: Any = key.value.read(value, at)
-            for words in key.needs if read is not None else ():
-                require(words.split()[0] in given, at, f"{words} with it", "none")
+            read = key.value.read(value, at)
+            for words in key.needs:
+                beside = read is None or words.split()[0] in given
+                require(beside, at, f"{words} with it", "none")
             if key.rows:
                 several = read if isinstance(read, list) else [read]
                 for row, one in zip(key.rows, several, strict=True):
