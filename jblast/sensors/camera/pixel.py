@@ -197,13 +197,13 @@ class Held(NamedTuple):
     """State of pixels between two frames.
 
     Attributes:
-        signal: Light after the low-pass.
+        lag: Light after the low-pass minus that before it; 0 at rest.
         level: Reference; undefined while the pixel is in reset.
         wait_s: Rest of the reset; 0 if the pixel is not in reset.
         parts: Number of parts of the stream so far.
     """
 
-    signal: Numbers
+    lag: Numbers
     level: Numbers
     wait_s: Numbers
     parts: Int[Array | np.ndarray, ""] | int = 0
@@ -225,7 +225,28 @@ class Runs(NamedTuple):
 
 def first_held(pixel: Pixel, log_light: Numbers) -> Held:
     """Return the state of pixels at their first frame."""
-    return Held(log_light, log_light - pixel.begun, 0.0 * log_light)
+    return Held(0.0 * log_light, log_light - pixel.begun, 0.0 * log_light)
+
+
+def low_pass_lag(
+    pixel: Pixel, lag: Numbers, before: Numbers, after: Numbers, length_s: float
+) -> Numbers:
+    """Return the lag of the low-pass at the end of an interval.
+
+    Args:
+        pixel: The pixels.
+        lag: Light after the low-pass minus that before it, at the start.
+        before: Logarithm of the light at the start.
+        after: Logarithm of the light at the end.
+        length_s: Length of the interval.
+    """
+    if pixel.bandwidth_hz is None:
+        return lag
+    # solution of signal' = rate * (light - signal) for light linear in time
+    rate = 2.0 * math.pi * pixel.bandwidth_hz
+    steady = (before - after) / (rate * length_s)
+    xp = before.__array_namespace__()
+    return steady + (lag - steady) * xp.exp(-rate * length_s)
 
 
 def interval(
@@ -236,21 +257,14 @@ def interval(
     Args:
         pixel: The pixels.
         held: Their state at the start.
-        before: Logarithm of the light at the start.
-        after: Logarithm of the light at the end.
+        before: Light after the low-pass at the start.
+        after: Light after the low-pass at the end.
         length_s: Length of the interval.
     """
     xp = before.__array_namespace__()
-    signal = after
-    if pixel.bandwidth_hz is not None:
-        # solution of signal' = rate * (light - signal) for light linear in time
-        rate = 2.0 * math.pi * pixel.bandwidth_hz
-        lag = (after - before) / (rate * length_s)
-        rest = (held.signal - before + lag) * xp.exp(-rate * length_s)
-        before, signal = held.signal, after - lag + rest
     # a sinking reference equals a rising signal
     sunk = pixel.drift * length_s
-    after = signal + sunk
+    after = after + sunk
     slope = (after - before) / length_s
     in_reset = held.wait_s > length_s  # throughout
     begin = xp.where(in_reset, 0.0, held.wait_s)
@@ -274,7 +288,7 @@ def interval(
     wait = xp.where(sends, last + pixel.period_s, held.wait_s) - length_s
     # each event shifts the reference by its threshold, and by the change in its reset
     level = level + count * (step + slope * pixel.period_s) - sunk
-    held = Held(signal, level, xp.maximum(wait, 0.0), held.parts)
+    held = held._replace(level=level, wait_s=xp.maximum(wait, 0.0))
     return held, Runs(sign * count.astype(sign.dtype), first, pace)
 
 
@@ -324,7 +338,10 @@ def pixel_events(
     held = first_held(pixel, log_frames[0]) if held is None else held
 
     def step(held: Held, frames) -> tuple[Held, Runs]:
-        return interval(pixel, held, *frames)
+        before, after, length = frames
+        lag = low_pass_lag(pixel, held.lag, before, after, length)
+        signals = before + held.lag, after + lag
+        return interval(pixel, held._replace(lag=lag), *signals, length)
 
     lengths = jnp.diff(times).astype(log_frames.dtype)
     held, runs = jax.lax.scan(step, held, (log_frames[:-1], log_frames[1:], lengths))

@@ -1,8 +1,9 @@
 """Events of long recordings on the host, block by block, in float64.
 
 Most pixels of a block of frames send no event. They are found by the extremes of the
-block, compared with the reference. Only the other pixels are followed frame by frame,
-by `pixel.interval`. An image is cut into strips of rows, which threads process.
+block, compared with the reference. The other pixels are followed in rounds: in each,
+`pixel.interval` advances them over the next frame that may cause an event. An image is
+cut into strips of rows, which threads process.
 """
 
 import math
@@ -10,7 +11,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -28,6 +29,7 @@ from jblast.sensors.camera.pixel import (
     first_held,
     grey_light,
     interval,
+    low_pass_lag,
     rounding,
     shot_events,
 )
@@ -35,9 +37,11 @@ from jblast.sensors.camera.pixel import (
 # each block has its own number of frames, so no axis has a name
 Frames = UInt8[np.ndarray, "_ _ _"] | Float[np.ndarray, "_ _ _"]
 Block = tuple[Float[np.ndarray, " _"], Frames]
-TOGETHER = 1 << 13
+TOGETHER = 1 << 14
 """Pixels that are followed together: arrays of 64 kB stay in the cache. With 32,768,
 noise in a film in which every pixel changes takes a third longer."""
+Log = Callable[[np.ndarray, type[np.floating]], Float[np.ndarray, "..."]]
+T = TypeVar("T")
 NUMBERS = ("up", "down", "period_s", "drift", "begun")
 """Fields of `Pixel` with a value for each pixel."""
 
@@ -126,20 +130,14 @@ class Strip:
     Attributes:
         rows: The rows.
         pixel: Their pixels, one after another.
-        log: Function from image values to the logarithm of their light.
+        log: Function from image values to the logarithm of their light, of a type.
         held: State of the pixels at the last frame.
     """
 
-    def __init__(
-        self,
-        rows: slice,
-        pixel: Pixel,
-        log: Callable[[np.ndarray], Float[np.ndarray, "..."]],
-        first: np.ndarray,
-    ):
+    def __init__(self, rows: slice, pixel: Pixel, log: Log, first: np.ndarray):
         """Begin at the first frame."""
         self.rows, self.pixel, self.log = rows, pixel, log
-        self.held = first_held(pixel, log(first[rows].ravel()))
+        self.held = first_held(pixel, log(first[rows].ravel(), np.float64))
 
     def advance(
         self, clock: Float[np.ndarray, " instant"], last: np.ndarray, frames: np.ndarray
@@ -154,15 +152,31 @@ class Strip:
         last = last[self.rows].ravel()
         block = frames[:, self.rows].reshape(len(frames), -1)
         at = np.flatnonzero(self.is_loud(clock[-1] - clock[0], last, block))
-        parts = np.array_split(at, 1 + len(at) // TOGETHER)
-        # logarithms of the few loud pixels only
-        logs = [self.log(np.vstack([last[part], block[:, part]])) for part in parts]
-        followed = [self.follow(*both, clock) for both in zip(parts, logs, strict=True)]
-        sunk = self.pixel.drift * (clock[-1] - clock[0])
-        sunk[at] = 0.0
-        self.held.level[:] -= sunk
+        followed = []
+        for part in np.array_split(at, 1 + len(at) // TOGETHER):
+            values = np.vstack([last[part], block.take(part, axis=1)])
+            # double precision of the few loud pixels only
+            followed.append(self.follow(part, self.log(values, np.float64), clock))
+        self.held.level[:] -= self.pixel.drift * (clock[-1] - clock[0])
         place, time, sign = map(np.concatenate, zip(*followed, strict=True))
         return Found(place + self.rows.start * frames.shape[2], time, sign)
+
+    def is_loud(
+        self, seconds: float, last: np.ndarray, block: np.ndarray
+    ) -> Bool[np.ndarray, " pixel"]:
+        """Return the mask of pixels that may send events, or whose state may change.
+
+        The reference of the others sinks by their drift, and is otherwise unchanged.
+        """
+        low, high = block.min(axis=0), block.max(axis=0)
+        below, above = quiet_bounds(self.pixel, self.held, np.float32)
+        loud = self.log(low, np.float32) <= below
+        loud |= self.log(high, np.float32) + self.pixel.drift * seconds >= above
+        if self.pixel.bandwidth_hz is not None:
+            # the low-pass of a pixel in constant light is at rest
+            loud |= (low != high) | (high != last)
+            loud |= np.abs(self.held.lag) > rounding(self.held.level)
+        return loud
 
     def follow(
         self,
@@ -173,19 +187,39 @@ class Strip:
         """Return the events of some pixels, and store their state."""
         if not len(at):
             return NOTHING
-        own = {name: getattr(self.pixel, name)[at] for name in NUMBERS}
-        pixel, lengths = replace(self.pixel, **own), np.diff(clock)
-        held = Held(*(values[at] for values in self.held[:3]))
-        runs = []
-        for before, after, length in zip(logs[:-1], logs[1:], lengths, strict=True):
-            held, run = interval(pixel, held, before, after, length)
-            runs.append(run)
+        pixel, held = some_of((self.pixel, self.held), at)
+        lengths, lag = np.diff(clock), held.lag
+        # a sinking reference equals a rising signal
+        signals = np.ascontiguousarray(logs.T)
+        signals += np.outer(pixel.drift, clock - clock[0])
+        signals[:, 0] += lag
+        for n, length in enumerate(lengths):
+            lag = low_pass_lag(pixel, lag, logs[n], logs[n + 1], length)
+            signals[:, n + 1] += lag
+        pixel = replace(pixel, drift=np.zeros(len(at)))
+        below, above = quiet_bounds(pixel, held, np.float64)
+        lane, begin, runs = np.arange(len(at)), np.zeros(len(at), int), []
+        while len(lane):
+            ahead = signals[lane, 1:]
+            loud = (ahead <= below[lane, None]) | (ahead >= above[lane, None])
+            loud &= np.arange(len(lengths)) >= begin[lane, None]
+            n = loud.argmax(axis=1)
+            there = loud[np.arange(len(lane)), n]
+            lane, n = lane[there], n[there]
+            own, now = some_of((pixel, held), lane)
+            here = signals[lane, n], signals[lane, n + 1], lengths[n]
+            now, run = interval(own, now, *here)
+            held.level[lane], held.wait_s[lane] = now.level, now.wait_s
+            below[lane], above[lane] = quiet_bounds(own, now, np.float64)
+            begin[lane] = n + 1
+            runs.append((lane, n, *run))
+        held = held._replace(lag=lag)
         for values, new in zip(self.held[:3], held[:3], strict=True):
             values[at] = new
         # pixel by pixel, so that a stable order by time has pixels in order, too
-        count, first, pace = (np.stack(v, axis=1) for v in zip(*runs, strict=True))
-        lane, number = np.nonzero(count)
-        count, first, pace = (v[lane, number] for v in (count, first, pace))
+        columns = [np.concatenate(column) for column in zip(*runs, strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        lane, number, count, first, pace = (column[order] for column in columns)
         each = np.abs(count)
         earlier = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
         offset = np.repeat(first, each) + earlier * np.repeat(pace, each)
@@ -196,25 +230,25 @@ class Strip:
             np.repeat(np.sign(count), each),
         )
 
-    def is_loud(
-        self, seconds: float, last: np.ndarray, block: np.ndarray
-    ) -> Bool[np.ndarray, " pixel"]:
-        """Return the mask of pixels that may send events, or whose state may change.
 
-        The reference of the others sinks by their drift, and is otherwise unchanged.
-        """
-        low, high = block.min(axis=0), block.max(axis=0)
-        darkest, brightest = self.log(low), self.log(high)
-        pixel, level = self.pixel, self.held.level
-        slack = rounding(darkest) + rounding(brightest)
-        rise = brightest + slack + pixel.drift * seconds - level
-        loud = (rise >= pixel.up) | (level - darkest + slack >= pixel.down)
-        loud |= self.held.wait_s > 0.0
-        if pixel.bandwidth_hz is not None:
-            # the low-pass of a pixel in constant light is at rest
-            loud |= (low != high) | (high != last)
-            loud |= np.abs(self.held.signal - brightest) > slack
-        return loud
+def some_of(values: T, at: Int[np.ndarray, " pixel"]) -> T:
+    """Return the values of some pixels."""
+    return jax.tree.map(lambda v: v[at] if np.ndim(v) else v, values)
+
+
+def quiet_bounds(
+    pixel: Pixel, held: Held, kind: type[np.floating]
+) -> tuple[Float[np.ndarray, " pixel"], Float[np.ndarray, " pixel"]]:
+    """Return bounds of the signal between which pixels certainly send no event.
+
+    There are none for pixels in reset.
+    """
+    below = np.asarray(held.level - pixel.down, kind)
+    above = np.asarray(held.level + pixel.up, kind)
+    # one rounding as in `interval`, another for a logarithm in single precision
+    below += 2.0 * np.asarray(rounding(below))
+    above -= 2.0 * np.asarray(rounding(above))
+    return below, np.where(held.wait_s > 0.0, -np.inf, above)
 
 
 def strips_of(
@@ -225,10 +259,10 @@ def strips_of(
     floor = darkest or (EIGHT_BITS if whole else DARKEST)
     table = np.log(np.maximum(grey_light(srgb=srgb), floor))
 
-    def log(values: np.ndarray) -> np.ndarray:
+    def log(values: np.ndarray, kind: type[np.floating]) -> np.ndarray:
         if whole:
-            return table[values]
-        return np.log(np.maximum(values.astype(float), floor))
+            return table.astype(kind)[values]
+        return np.log(np.maximum(values.astype(kind), kind(floor)))
 
     numbers = {
         name: np.broadcast_to(np.asarray(getattr(pixel, name), float), first.shape)
@@ -238,7 +272,7 @@ def strips_of(
     strips = []
     for rows in map(slice, edges[:-1], edges[1:]):
         own = {name: value[rows].ravel() for name, value in numbers.items()}
-        strips.append(Strip(rows, replace(pixel, **own), log, first))
+        strips.append(Strip(rows, replace(pixel, shot=None, **own), log, first))
     return strips
 
 
