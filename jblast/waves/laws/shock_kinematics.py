@@ -61,6 +61,7 @@ import math
 from functools import partial
 
 from jblast.constants import STANDARD_SOUND_SPEED
+from jblast.types import namespace
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.scaling import scaled_law
 from jblast.waves.shock import (
@@ -124,6 +125,10 @@ def _continued(quantity: str, burst: str) -> Curve:
     # numbers of Python take the precision of the argument
     at_end = float(curve.form(log_end))
 
+    def near(log_z: Numbers) -> Numbers:
+        inside = namespace(log_z).minimum(log_z, log_end)
+        return curve.form(inside) + curve.end_slopes[1] * (log_z - inside)
+
     def far(log_z: Numbers) -> Numbers:
         if quantity == "positive_phase_duration":
             return at_end + TAILS[burst].log_growth(log_z, log_end)
@@ -131,7 +136,7 @@ def _continued(quantity: str, burst: str) -> Curve:
 
     # the blend begins at the end of the table
     blend = END_OF_TABLE * math.sqrt(1.0 + BLEND_WIDTH)
-    form, joins = joined([curve.exact, far], [blend]), (*curve.joins, blend)
+    form, joins = joined([near, far], [blend]), (*curve.joins, blend)
     return Curve(form, curve.z_min, END, joins, cheap=True)
 
 
