@@ -96,8 +96,6 @@ class Law:
             the last is the scale of a Student-t. A function with such arguments.
         scatter_source: Source of the scatter: the script that measured it, or
             "declared".
-        joins: Scaled distances [m/kg^(1/3)] where slope or curvature is not continuous
-            (scaled times [s/kg^(1/3)] for timed quantities).
         far_scatter: Additional scatter at large distances, in ln: standard deviations
             of an effect common to the far rows of a shot, independent of the shot's
             own, and of each record. None: no addition.
@@ -112,7 +110,6 @@ class Law:
     valid: Callable[..., Any]
     scatter: Callable[..., tuple[Any, Any, Any]]
     scatter_source: str
-    joins: tuple[float, ...] = ()
     far_scatter: Callable[..., tuple[Any, Any]] | None = None
     title: str = ""
 

@@ -185,7 +185,6 @@ def scaled_law(
     if sd is None:
         sd = (0.01, 0.01) if quantity in ("air_arrival_s", "shock_speed_m_s") else SD
     factor = factor or unit_suffix(quantity)
-    forms = [curves] if isinstance(curves, Curve) else list(curves.values())
 
     def law(
         slant_range: Number,
@@ -201,7 +200,7 @@ def scaled_law(
         others = slant_range, ambient_pressure, sound_speed
         return scaled_value(factor, log_value, log_length, *others)
 
-    absent = ["sound_speed"] * (factor == "_pa") + ["burst"] * (len(forms) == 1)
+    absent = ["sound_speed"] * (factor == "_pa") + ["burst"] * isinstance(curves, Curve)
     function = checked(law, absent)
     function.__name__ = function.__qualname__ = f"{name}_{quantity}"
     register(
@@ -215,7 +214,6 @@ def scaled_law(
             valid=valid_within(spans),
             scatter=declared_scatter(*sd),
             scatter_source="declared",
-            joins=tuple(z for c in forms for z in (c.z_min, *c.joins, c.z_max)),
             far_scatter=far_scatter,
         )
     )

@@ -198,7 +198,7 @@ def with_tail(pressure: Curve, tail: WeakShockTail, last: float) -> Curve:
         far = tail.log_pressure(xp.maximum(log_z, log_join))
         return xp.where(log_z < log_join, near, far)
 
-    return Curve(form, pressure.z_min, last, (*pressure.joins, tail.join))
+    return Curve(form, pressure.z_min, last)
 
 
 class FarScatter(NamedTuple):

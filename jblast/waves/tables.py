@@ -131,14 +131,12 @@ class Curve:
         form: ln y of ln z.
         z_min: First z of the form.
         z_max: Last z of the form.
-        joins: Where segments are blended, or the curvature jumps.
         cheap: True if JAX evaluates the form itself.
     """
 
     form: Form
     z_min: float
     z_max: float
-    joins: tuple[float, ...] = ()
     cheap: bool = False
 
     def __call__(self, log_z: Numbers) -> Numbers:
@@ -161,9 +159,7 @@ class Curve:
 
     def then(self, relation: Form) -> "Curve":
         """Return the curve of a quantity that follows from this one, in ln of both."""
-        return Curve(
-            lambda x: relation(self.form(x)), self.z_min, self.z_max, self.joins
-        )
+        return Curve(lambda x: relation(self.form(x)), self.z_min, self.z_max)
 
     @cached_property
     def end_slopes(self) -> tuple[float, float]:
@@ -274,7 +270,7 @@ def segmented(segments: Sequence[Form], ends: Sequence[float]) -> Curve:
     first, *joins, last = ends
     form = joined(segments, joins) if joins else segments[0]
     # A blend takes a table of 10,000 nodes, and three polynomials not much longer.
-    return Curve(form, first, last, tuple(joins), cheap=True)
+    return Curve(form, first, last, cheap=True)
 
 
 def spline_slopes(

@@ -11,6 +11,14 @@ import pytest
 import jblast.waves  # noqa: F401  registers the laws
 from jblast.constants import STANDARD_PRESSURE, TNT_SPECIFIC_ENERGY
 from jblast.registry import LAWS, Law
+from jblast.waves.laws.kinney_graham import EVERYWHERE, FIRST_ARRIVAL
+from jblast.waves.laws.negative_phase_rigby import DURATION, IMPULSE, PRESSURE
+from jblast.waves.laws.negative_phase_ufc import FIRST, LAST
+from jblast.waves.laws.point_source import ENDS, LENGTH, SPAN
+from jblast.waves.laws.sadovsky import RANGE
+from jblast.waves.laws.sedov_taylor import EARLIEST_TIME
+from jblast.waves.laws.shock_kinematics import END_OF_TABLE, JOIN
+from jblast.waves.tables import BLEND_WIDTH, data_rows
 
 WORDS = {"burst": ("surface", "free-air"), "ground_path": ("head", "thesis")}
 """Arguments that are words, and their values; a law has at most one."""
@@ -77,13 +85,36 @@ def grid(count: int, seed: int = 0) -> dict[str, np.ndarray]:
     return points(z, rng.permutation(np.geomspace(1e-4, 1e9, count)), seed)
 
 
+JOINS = sorted(
+    {
+        float(row[end])
+        for table in ("kingery_bulmash", "swisdak_1994")
+        for row in data_rows(table)
+        for end in ("z_min", "z_max")
+    }
+    | {
+        first
+        for printed in (PRESSURE, IMPULSE, DURATION)
+        for segments in printed.values()
+        for first, _ in segments
+    }
+    | {LENGTH * end for end in ENDS}
+    | {JOIN, END_OF_TABLE * np.sqrt(1 + BLEND_WIDTH), FIRST, LAST, *RANGE}
+    | {FIRST_ARRIVAL, 0.5, 300.0, *SPAN, *EVERYWHERE}
+)
+"""Scaled distances where a curve has a segment or an end, or where its curvature
+jumps."""
+
+
 @cache
-def sweep(law: Law) -> dict[str, np.ndarray]:
-    """Return the grid, its corners and both sides of each join of a law."""
+def sweep() -> dict[str, np.ndarray]:
+    """Return the grid, its corners and both sides of the joins of all curves."""
     corners = points(np.repeat([0.01, 1e5], 2), np.tile([1e-4, 1e9], 2))
-    sides = np.resize(np.outer(law.joins or (1.0,), [1 - 1e-9, 1.0, 1 + 1e-9]), 60)
-    at_joins = points(sides, np.full(60, 3.0), seed=2)
-    at_joins["time_since_detonation"] = sides * np.cbrt(3.0)
+    beside = np.array([1 - 1e-9, 1.0, 1 + 1e-9])
+    sides = np.outer(JOINS, beside).ravel()
+    at_joins = points(sides, np.full(sides.size, 3.0), seed=2)
+    times = np.resize(EARLIEST_TIME * np.cbrt(3.0) * beside, sides.size)
+    at_joins["time_since_detonation"] = times
     parts = grid(400), corners, at_joins
     return {name: np.concatenate([p[name] for p in parts]) for name in corners}
 

@@ -25,7 +25,7 @@ STEP = 1e-4
 
 @every_law
 def test_tables_and_forms_agree_and_slopes_are_finite(law, word):
-    values = sweep(law)
+    values = sweep()
     value, slopes, curvatures = compiled(law, word)(values)
     np.testing.assert_allclose(value, np.log(evaluated(law, word, values)), atol=1e-6)
     # a branch not taken makes NaN of nothing times an infinite second derivative
@@ -35,8 +35,8 @@ def test_tables_and_forms_agree_and_slopes_are_finite(law, word):
 
 @every_law
 def test_slopes_are_those_of_differences_of_the_forms(law, word):
-    values = {name: value[:400] for name, value in sweep(law).items()}
-    _, slopes, _ = compiled(law, word)(sweep(law))
+    values = {name: value[:400] for name, value in sweep().items()}
+    _, slopes, _ = compiled(law, word)(sweep())
 
     def log_law(name, step):
         moved = shifted(values, {name: np.float64(step)}, exp=np.exp)
@@ -54,7 +54,7 @@ def test_slopes_are_those_of_differences_of_the_forms(law, word):
 @every_law
 def test_forms_agree_in_numpy_and_jax(law, word, monkeypatch):
     monkeypatch.setattr(Curve, "__call__", Curve.exact)
-    values = sweep(law)
+    values = sweep()
     # ln y is up to 40; fused multiply-adds move the last bits of polynomials
     in_jax = jax.jit(lambda v: jnp.log(evaluated(law, word, v)))(values)
     apart = np.abs(in_jax - np.log(evaluated(law, word, values)))
@@ -64,7 +64,7 @@ def test_forms_agree_in_numpy_and_jax(law, word, monkeypatch):
 @pytest.mark.slow
 @every_law
 def test_single_precision_stays_close_to_double(law, word):
-    single = {name: v.astype(np.float32) for name, v in sweep(law).items()}
+    single = {name: v.astype(np.float32) for name, v in sweep().items()}
     got = jax.jit(lambda v: evaluated(law, word, v))(single)
     assert got.dtype == np.float32
     # the same rounded numbers in double, so that rounding the input does not count

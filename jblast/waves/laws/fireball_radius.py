@@ -142,6 +142,5 @@ for _quantity, _function, _valid, _range in (
             valid=_valid,
             scatter=_SCATTER,
             scatter_source="declared",
-            joins=(EARLIEST_TIME,),
         )
     )

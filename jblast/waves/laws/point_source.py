@@ -114,8 +114,7 @@ def _front() -> tuple[Form, WeakShockTail]:
 
 def _of_z(form: Form, summand: float = 0.0) -> Curve:
     """Return a form of ln lambda as a curve of the scaled distance."""
-    joins = tuple(LENGTH * end for end in ENDS)
-    return Curve(lambda x: form(x - math.log(LENGTH)) + summand, *SPAN, joins)
+    return Curve(lambda x: form(x - math.log(LENGTH)) + summand, *SPAN)
 
 
 def _law(quantity: str, curve: Curve, last: float, factor: str = ""):

@@ -234,6 +234,5 @@ register(
         # no shock is a perfect sphere: 1 % shared by the shot, 1 % each photograph.
         scatter=declared_scatter(shot=0.01, record=0.01),
         scatter_source="declared (luminous front for shock front)",
-        joins=(EARLIEST_TIME,),
     )
 )

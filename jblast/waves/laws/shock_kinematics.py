@@ -115,7 +115,7 @@ def _arrival(burst: str) -> Curve:
         STANDARD_SOUND_SPEED * start,
         END,
     )
-    return Curve(form, front.z_min, END, front.joins)
+    return Curve(form, front.z_min, END)
 
 
 def _continued(quantity: str, burst: str) -> Curve:
@@ -136,8 +136,7 @@ def _continued(quantity: str, burst: str) -> Curve:
 
     # the blend begins at the end of the table
     blend = END_OF_TABLE * math.sqrt(1.0 + BLEND_WIDTH)
-    form, joins = joined([near, far], [blend]), (*curve.joins, blend)
-    return Curve(form, curve.z_min, END, joins, cheap=True)
+    return Curve(joined([near, far], [blend]), curve.z_min, END, cheap=True)
 
 
 def _law(

@@ -59,7 +59,6 @@ from jblast.waves.arguments import Number, checked
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.laws.shock_kinematics import (
     END,
-    FRONTS,
     JOIN,
     TAILS,
     shock_kinematics_pressure,
@@ -154,7 +153,6 @@ register(
         valid=weak_shock_iso_valid,
         scatter=declared_scatter(*SD),
         scatter_source="declared",
-        joins=FRONTS["surface"].joins,
         far_scatter=measured_far_scatter("peak_overpressure_pa"),
     )
 )
