@@ -3,8 +3,6 @@
 import math
 from typing import Literal, NamedTuple
 
-import numpy as np
-
 from jblast.scene.uncertain import Prior, Uniform
 from jblast.types import (
     Array,
@@ -22,6 +20,8 @@ ABOUT: tuple[About, ...] = ("world", "vehicle")
 """Centres of a region: the origin, or the target position of the vehicle."""
 COUNT, GAP_S = 5, 0.5
 """Defaults of the number of blasts and the minimum time between two [s]; declared."""
+AROUND = (-50.0, -50.0, 0.0), (50.0, 50.0, 0.0)
+"""Default corners of the region of blasts [m]; declared."""
 Number = Scalar | Prior
 """A number of a world: fixed, or the prior that it is sampled from."""
 
@@ -102,11 +102,7 @@ class WorldSpec(Module):
     occurrence: ByCount | ByRate | ByTick = field(
         default_factory=lambda: ByCount(COUNT)
     )
-    region: Box | Ring = field(
-        default_factory=lambda: Box(
-            np.array([-50.0, -50.0, 0.0]), np.array([50.0, 50.0, 0.0])
-        )
-    )
+    region: Box | Ring = field(default_factory=lambda: Box(*AROUND))
     about: About = field(static=True, default="world")
     mass: Number = field(converter=_number, default_factory=lambda: Uniform(5.0, 15.0))
     time: Number = field(converter=_number, default_factory=lambda: Uniform(1.0, 20.0))

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from jblast.lazy import resolved
 from jblast.parameters import NOT_NEGATIVE, POSITIVE, Bounds
 from jblast.registry import Registry
 from jblast.scene.values import Number, Numbers, SceneKey, Whole, Word
@@ -76,24 +75,14 @@ class SensorKind:
     hears_ambient: bool = False
 
     @property
-    def has_samples(self) -> bool:
-        """True if it writes samples over time, computed from the scene alone."""
-        return self.sources is not None
-
-    @property
     def column(self) -> str:
         """Column to print and draw."""
         return self.magnitude or self.columns[0]
 
-    def samples(self) -> Callable[..., tuple[Any, ...]]:
-        """Import and return the function of its sources."""
-        # At the first use: sources import the physics of waves.
-        return resolved(self.sources)
-
 
 def sampling_kinds() -> tuple[str, ...]:
     """Return the names of the kinds that write samples."""
-    return tuple(name for name, kind in SENSOR_KINDS.items() if kind.has_samples)
+    return tuple(name for name, kind in SENSOR_KINDS.items() if kind.sources)
 
 
 def kind_keys(kind: str) -> tuple[SceneKey, ...]:
@@ -101,7 +90,7 @@ def kind_keys(kind: str) -> tuple[SceneKey, ...]:
     # A sensor without a kind records pressure.
     known = SENSOR_KINDS[kind or "pressure"]
     own = [k if k.field else replace(k, field=f"settings.{k.name}") for k in known.keys]
-    return (*own, *(instrument_keys(known.unit) if known.has_samples else ()))
+    return (*own, *(instrument_keys(known.unit) if known.sources else ()))
 
 
 def hears_ambient(kind: str) -> bool:
@@ -187,4 +176,3 @@ SENSOR_KINDS = Registry[SensorKind](
     ),
 )
 """Kinds by name; `register` adds one from any module."""
-register = SENSOR_KINDS.register

@@ -35,7 +35,6 @@ class Value(Protocol):
     @property
     def form(self) -> str:
         """Form of a value, for messages and the manual."""
-        ...
 
     def read(self, value: Any, where: str) -> Any:
         """Return a checked value.
@@ -43,7 +42,6 @@ class Value(Protocol):
         Raises:
             InputError: The value has another form, or is out of bounds.
         """
-        ...
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int, Key
 
 from jblast.errors import InputError, argument, require, shown
+from jblast.lazy import resolved
 from jblast.scene import Instrument, Scene, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.instrument import Chain, instrument_chain
@@ -273,7 +274,7 @@ def recording(
         `recording(scene, scene.sensors[0], jax.random.key(0)).samples(1.0)`
     """
     kind, where = SENSOR_KINDS.named(sensor.kind), f"sensor {shown(sensor.name)}"
-    require(kind.has_samples, where, "a kind that samples", shown(kind.name))
+    require(kind.sources, where, "a kind that samples", shown(kind.name))
     place = sensor.position_m if track is None else track
     got = f"one on a vehicle; a {kind.name} has one position only"
     require(track is None or not kind.unmounted, where, "a fixed sensor", got)
@@ -286,7 +287,7 @@ def recording(
     instrument, several = sensor.instrument or Instrument(), len(kind.columns)
     own = [last] if several == 1 else [*jax.random.split(last, several)]
     try:
-        sources = kind.samples()(scene, sensor, place, laws, keys)
+        sources = resolved(kind.sources)(scene, sensor, place, laws, keys)
         chains = tuple(instrument_chain(instrument, one) for one in own)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
