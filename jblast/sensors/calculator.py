@@ -36,7 +36,7 @@ from jblast.waves.friedlander import friedlander_decay
 from jblast.waves.paths import Evaluated, Path, evaluate
 from jblast.waves.scaling import sachs_distance_factor
 
-NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt"}
+NEEDS_MORE = {"time_since_detonation", "toward_east", "jolt_east"}
 """Arguments that a question does not state: laws with one of them are left out."""
 SCALED_DISTANCES = np.geomspace(1e-2, 1e5, 4096)
 """Scaled distances of the search for roots [m/kg^(1/3)]: from inside the charge (its

@@ -174,9 +174,10 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
         there, known = embedded(jnp.stack(toward, axis=1), path.slant_range)
         place = jnp.where(here[:, None], there, place)
         placed = jnp.where(here, known, placed)
-        jolt = jnp.zeros((n, 3))
         if (rows := np.flatnonzero(jolted & of_shot)).size:
-            jolt = jolt.at[rows].set(jolts(scene, charge, _rows_of(path, rows)))
+            jolt = jolts(scene, charge, _rows_of(path, rows))
+            east, north, up = jnp.zeros((n, 3)).at[rows].set(jolt).T
+            path = replace(path, jolt_east=east, jolt_north=north, jolt_up=up)
         for quantity in layout.quantities():
             rows, sign = layout.rows(quantity, shot)
             if not rows.size:
@@ -187,11 +188,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             )
             mass = charge.tnt_mass(quantity)
             row_path = replace(_rows_of(path, rows), charge_mass=mass)
-            given = (
-                law.function(picked(jolt, rows))
-                if quantity in BY_VEHICLE
-                else jnp.broadcast_to(call(law.function, row_path), rows.shape)
-            )
+            given = jnp.broadcast_to(call(law.function, row_path), rows.shape)
             # light within a site takes microseconds, below the clocks of most logs
             if quantity == "flash_time_s" and scene.instant_light:
                 given = jnp.zeros_like(given)

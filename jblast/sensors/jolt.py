@@ -3,20 +3,20 @@ r"""The jolt of the scene's vehicle: its change of velocity by a blast.
 $\Delta v = \tfrac1m \int F\,dt$ over the whole wave. The load $F$ is that of simulated
 flights (`vehicle.loads.blast`), on a vehicle that hovers at the sensor's position in
 the scene's wind, tilted against it, with the scene's heading. If a row states only a
-range, the charge is level with the vehicle. A law of a jolt has the jolt as its only
-argument.
+range, the charge is level with the vehicle. Laws of a jolt have its components as
+arguments, which the forward model puts into their path.
 """
 
 import math
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
 
 from jblast.errors import require
 from jblast.registry import Law, declared_scatter, mark_packaged, register
 from jblast.scene import Charge, Scene
 from jblast.scene.charge import BURSTS, Burst
+from jblast.types import Array, Bool, Float, namespace
 from jblast.waves.paths import Path
 from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.waves.scaling import scaled_distance
@@ -79,46 +79,61 @@ def _jolt(
     return jolt_velocity(blast, around, vehicle, state)
 
 
-def jolt_speed(jolt: Float[Array, "*row 3"]) -> Float[Array, "*row"]:
+def jolt_speed(
+    jolt_east: Float[Array, "..."],
+    jolt_north: Float[Array, "..."],
+    jolt_up: Float[Array, "..."],
+) -> Float[Array, "..."]:
     """Return the magnitude of a jolt [m/s].
 
     Args:
-        jolt: Change of velocity: east, north, up [m/s].
+        jolt_east: Change of velocity to the east [m/s].
+        jolt_north: Change of velocity to the north [m/s].
+        jolt_up: Change of velocity upwards [m/s].
     """
-    return _length(jolt)
+    return _length(jolt_east, jolt_north, jolt_up)
 
 
-def jolt_bearing(jolt: Float[Array, "*row 3"]) -> Float[Array, "*row"]:
+def jolt_bearing(
+    jolt_east: Float[Array, "..."], jolt_north: Float[Array, "..."]
+) -> Float[Array, "..."]:
     r"""Return the direction of a jolt, clockwise from north [rad], 0 to $2\pi$.
 
     A vertical jolt has no bearing: zero is returned, with zero slope.
 
     Args:
-        jolt: Change of velocity: east, north, up [m/s].
+        jolt_east: Change of velocity to the east [m/s].
+        jolt_north: Change of velocity to the north [m/s].
     """
-    east, north = jolt[..., 0], jolt[..., 1]
+    xp = namespace(jolt_east)
     # atan2(0, 0) has a NaN gradient
-    aside = (east != 0) | (north != 0)
-    angle = jnp.arctan2(jnp.where(aside, east, 0.0), jnp.where(aside, north, 1.0))
-    return jnp.mod(angle, 2 * math.pi)
+    aside = (jolt_east != 0) | (jolt_north != 0)
+    angle = xp.atan2(xp.where(aside, jolt_east, 0.0), xp.where(aside, jolt_north, 1.0))
+    return angle % (2 * math.pi)
 
 
-def jolt_elevation(jolt: Float[Array, "*row 3"]) -> Float[Array, "*row"]:
+def jolt_elevation(
+    jolt_east: Float[Array, "..."],
+    jolt_north: Float[Array, "..."],
+    jolt_up: Float[Array, "..."],
+) -> Float[Array, "..."]:
     """Return the elevation of a jolt [rad]: rotors lift in a blast wind.
 
     Args:
-        jolt: Change of velocity: east, north, up [m/s].
+        jolt_east: Change of velocity to the east [m/s].
+        jolt_north: Change of velocity to the north [m/s].
+        jolt_up: Change of velocity upwards [m/s].
     """
-    level, up = _length(jolt[..., :2]), jolt[..., 2]
-    moved = (level > 0) | (up != 0)
-    return jnp.arctan2(jnp.where(moved, up, 0.0), jnp.where(moved, level, 1.0))
+    xp, level = namespace(jolt_up), _length(jolt_east, jolt_north)
+    moved = (level > 0) | (jolt_up != 0)
+    return xp.atan2(xp.where(moved, jolt_up, 0.0), xp.where(moved, level, 1.0))
 
 
-def _length(vector: Float[Array, "*row axis"]) -> Float[Array, "*row"]:
+def _length(*parts: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return the length of a vector, with zero slope (not NaN) at zero length."""
-    square = jnp.sum(jnp.square(vector), axis=-1)
+    xp, square = namespace(*parts), sum(part * part for part in parts)
     some = ~(square <= 0)  # negated: NaN stays NaN
-    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+    return xp.where(some, xp.sqrt(xp.where(some, square, 1.0)), 0.0)
 
 
 def jolt_valid(

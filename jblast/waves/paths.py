@@ -73,6 +73,9 @@ class Path(Module):
         fireball_growth: Time constant of the expansion of the fireball [s]; NaN for
             that of the law.
         camera_focal: Focal length of the camera of the scene [px]; NaN without one.
+        jolt_east: Change of velocity of the vehicle to the east [m/s]; NaN: none known.
+        jolt_north: Change of velocity of the vehicle to the north [m/s].
+        jolt_up: Change of velocity of the vehicle upwards [m/s].
         burst: "surface" or "free-air"; None for the mean with the weight `free_air`.
         free_air: Weight of the free-air curves: 1 where the reflection from the ground
             follows the positive phase, 0 where it is far inside it.
@@ -97,6 +100,9 @@ class Path(Module):
     toward_up: Float[Array, "..."] = _optional()
     fireball_growth: Float[Array, "..."] = _optional()
     camera_focal: Float[Array, "..."] = _optional()
+    jolt_east: Float[Array, "..."] = _optional()
+    jolt_north: Float[Array, "..."] = _optional()
+    jolt_up: Float[Array, "..."] = _optional()
     free_air: Float[Array, "..."] = field(converter=as_numbers, default=0.0)
     burst: Burst | None = field(static=True, default="surface")
     ground_path: GroundPath = field(static=True, default="head")

@@ -11,6 +11,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Scene, Sensor, VehicleSpec
 from jblast.sensors import planned_layout, record
+from jblast.sensors.law_choice import resolve_laws
 from jblast.vehicle import State, blast_load, named, start_of
 from jblast.vehicle.loads.blast import jolt_velocity
 from jblast.vehicle.loads.blast_wave import (
@@ -120,6 +121,11 @@ def test_a_charge_that_never_happens_jolts_nobody():
     value = record(never, LAYOUT, LAWS).value
     assert float(value[0]) == 0.0
     assert bool(jnp.isnan(value[1:]).all())
+
+
+def test_the_law_of_a_jolt_is_chosen_without_its_vehicle():
+    chosen = resolve_laws(scene_of(), LAYOUT)
+    assert {quantity: law.name for quantity, law in chosen.items()} == LAWS
 
 
 def test_a_scene_without_a_vehicle_has_nothing_to_jolt():

@@ -56,6 +56,9 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         toward_up=along,
         fireball_growth=jnp.asarray(3e-3),
         camera_focal=jnp.asarray(1e3),
+        jolt_east=along,
+        jolt_north=along,
+        jolt_up=along,
     )
 
     @eqx.filter_jit
@@ -63,7 +66,6 @@ def laws() -> dict[str, list[tuple[str, bool]]]:
         return {
             f"{quantity} {name}": call(law.function, path)
             for (quantity, name), law in LAWS.items()
-            if "jolt" not in law.arguments()
         }
 
     return {name: summary_of(told) for name, told in all_of_them(path).items()}
