@@ -193,7 +193,7 @@ def record(scene: Scene, layout: Layout, laws: Mapping[str, str]) -> Recording:
             if quantity == "flash_time_s" and scene.instant_light:
                 given = jnp.zeros_like(given)
             if not (sign == 1).all():  # only differences of arrivals have sign -1
-                given = opaque_constant(sign) * given
+                given = given * opaque_constant(sign)
             holds = jnp.broadcast_to(call(law.valid, row_path), rows.shape)
             scatter, far = (0.0, 0.0, 0.0), (0.0, 0.0)
             if scene.scatter:
