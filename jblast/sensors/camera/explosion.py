@@ -361,7 +361,9 @@ def picture_seen(
         box = wider(views.box[view, frame], 2.0 * jnp.maximum(pitch, 1.0))
         cells |= box_tiles(met, box)
         picture = texel_light(views.frames[view, frame], glow, day).astype(dtype)
-        pictures.append((laid, part * low_passed(picture, pitch)))
+        # a border of a texel, in which the light falls to zero
+        edged = jnp.pad(part * low_passed(picture, pitch), ((1, 1), (1, 1), (0, 0)))
+        pictures.append((laid, edged))
     cells = jnp.any(parts > 0.0) & (cells | without_direction(corners))
 
     def seen(rays: Rays) -> Float[Array, "4 row column"]:
@@ -448,8 +450,7 @@ def _interpolated(
     x: Float[Array, "row column"],
     y: Float[Array, "row column"],
 ) -> Float[Array, "row column 4"]:
-    """Return a picture's light between texels; outside it falls to zero."""
-    picture = jnp.pad(picture, ((1, 1), (1, 1), (0, 0)))
+    """Return the light between texels of a picture with a border of one texel."""
     height, width, channels = picture.shape
     x, y = jnp.clip(x + 1.0, 0.0, width - 1.0), jnp.clip(y + 1.0, 0.0, height - 1.0)
     left = jnp.clip(jnp.floor(x), 0, width - 2)

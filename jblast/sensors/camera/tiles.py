@@ -7,7 +7,6 @@ Nothing is missed: the result is that of the layer over the whole image.
 """
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, TypeVar
 
 import jax
@@ -118,15 +117,15 @@ def on_tiles(
         image: The image, in whole tiles or small.
         reverse: As in `turns`.
     """
-    order = jnp.argsort(~touched.ravel())
+    order, count = jnp.argsort(~touched.ravel()), jnp.sum(touched)
     channels = len(image)
 
-    def laid(part: Rays, beneath: Image) -> Image:
-        over = layer(part)
+    def laid(over: Image, beneath: Image) -> Image:
         return over[:channels] + (1.0 - over[3:]) * beneath
 
     if is_small(image):
-        return laid(rays, image)
+        return laid(layer(rays), image)
+    nothing = jnp.zeros_like(jax.eval_shape(layer, rays), shape=(4, TILE, TILE))
 
     def turn(i: Any, whole: Image) -> Image:
         row, column = (TILE * k for k in jnp.divmod(order[i], touched.shape[1]))
@@ -137,11 +136,17 @@ def on_tiles(
         )
         at = 0, row, column
         beneath = jax.lax.dynamic_slice(whole, at, (channels, TILE, TILE))
-        return jax.lax.dynamic_update_slice(whole, laid(part, beneath), at)
+        # a condition about the layer, not about the image, which it would copy; XLA
+        # does not merge the two, and calculates no part of the layer twice
+        over = jax.lax.cond(i < count, layer, lambda part: nothing, part)
+        return jax.lax.dynamic_update_slice(whole, laid(over, beneath), at)
 
     def by_tile(image: Image) -> Image:
-        count, most = jnp.sum(touched), touched.size
-        return turns(count, most, turn, image, reverse=reverse)
+        # derivatives in reverse mode need a fixed number of turns
+        return jax.lax.fori_loop(0, touched.size if reverse else count, turn, image)
+
+    def as_whole(image: Image) -> Image:
+        return laid(layer(rays), image)
 
     # a GPU calculates all rays of a batch of images simultaneously
-    return jax.lax.platform_dependent(image, cpu=by_tile, default=partial(laid, rays))
+    return jax.lax.platform_dependent(image, cpu=by_tile, default=as_whole)
