@@ -262,22 +262,24 @@ def picked(x: Array, rows: Int[np.ndarray, " some"]) -> Array:
 
 def joined(
     parts: Sequence[tuple[Int[np.ndarray, " _"], Array]], count: int
-) -> Float[Array, " row"]:
+) -> Float[Array, "row ..."]:
     """Return the sums of parts over all rows, 0 for rows that no part has.
 
     Args:
-        parts: Rows (each once per part) and their values.
+        parts: Rows (each once per part) and their values, or columns of them.
         count: Number of all rows.
     """
     rows = np.concatenate([np.zeros(0, int), *(own for own, _ in parts)])
     if not np.array_equal(np.sort(rows), np.arange(count)):
-        whole = jnp.zeros(count)
+        columns = parts[0][1].shape[1:] if parts else ()
+        whole = jnp.zeros((count, *columns))
         for own, x in parts:
             whole = whole.at[opaque_constant(own)].add(x)
         return whole
     # parts interleaved row by row, the usual order of a log: a stack, not a gather
     turns = [np.arange(n, count, len(parts)) for n in range(len(parts))]
     if count % len(parts) == 0 and np.array_equal(rows, np.concatenate(turns)):
-        return jnp.stack([x for _, x in parts], axis=1).reshape(count)
+        whole = jnp.stack([x for _, x in parts], axis=1)
+        return whole.reshape(count, *whole.shape[2:])
     # every row in exactly one part: a permutation of the concatenated parts
     return picked(jnp.concatenate([x for _, x in parts]), np.argsort(rows))

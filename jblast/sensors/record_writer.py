@@ -102,22 +102,19 @@ class RecordWriter:
 
     def _seen(self, packets: Packets) -> Iterator[Float[np.ndarray, "sample part"]]:
         """Yield the packets, and count their samples."""
+        # charges may be in any order; a sample belongs to the last arrival before it
+        order = np.argsort(self._first)
         for packet in packets:
             magnitude = np.linalg.norm(packet, axis=1)
             self.largest = max(self.largest, float(magnitude.max(initial=0.0)))
             at = np.flatnonzero((np.abs(packet) >= self._limit).any(axis=1))
-            self._clip((self.samples + at) / self.rate_hz)
+            self.clipped_samples += at.size
+            # a sample is the mean over its interval, so its front may lie inside it
+            ends = (self.samples + at + 1) / self.rate_hz
+            came = np.searchsorted(self._first[order], ends)
+            self.clipped[order[np.unique(came[came > 0]) - 1]] = True
             self.samples += len(packet)
             yield packet
-
-    def _clip(self, times: Float[np.ndarray, " n"]) -> None:
-        """Count clipped samples, and assign them to the last blast that arrived."""
-        self.clipped_samples += times.size
-        # charges may be in any order; a sample belongs to the last arrival before it
-        order = np.argsort(self._first)
-        # a sample is the mean over its interval, so its front may lie inside it
-        came = np.searchsorted(self._first[order], times + 1.0 / self.rate_hz)
-        self.clipped[order[np.unique(came[came > 0]) - 1]] = True
 
 
 def write_records(

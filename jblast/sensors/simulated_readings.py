@@ -218,11 +218,11 @@ def error_model(
             sd = picked(recording.arrival_sd[name], rows)
             # the shared part of the variance moves from the row to the columns
             variance += joined([(rows, jnp.square(sd) * (own - 1))], n)
-            of_neighbours.append(_placed(rows, sd[:, None] * shared, n))
+            of_neighbours.append(joined([(rows, sd[:, None] * shared)], n))
         if name in of_paths:
             sd = picked(of_paths[name], rows)
             of_paths[name] = joined([(rows, sd * jnp.sqrt(own))], n)
-            of_neighbours.append(_placed(rows, sd[:, None] * shared, n))
+            of_neighbours.append(joined([(rows, sd[:, None] * shared)], n))
     group = opaque_constant(np.array(layout.group))
     columns = list(recording.shot_loading.values())
     for of_path in of_paths.values():
@@ -234,14 +234,6 @@ def error_model(
     sd = jnp.where(some, jnp.sqrt(jnp.where(some, variance, 1.0)), 0.0)
     loading = jnp.concatenate([common, *of_neighbours], axis=1)
     return ErrorModel(sd, loading, len(columns))
-
-
-def _placed(rows: Int[np.ndarray, " row"], columns: Array, count: int) -> Array:
-    """Return columns of some rows as columns of all rows."""
-    if rows.size == count:
-        return columns
-    blank = jnp.zeros((count, columns.shape[1]), columns.dtype)
-    return blank.at[opaque_constant(rows)].set(columns)
 
 
 def paths_of(

@@ -122,13 +122,6 @@ class Track(eqx.Module):
             [jnp.interp(time, self.time, x) for x in self.position.T], axis=-1
         )
 
-    def fastest(self) -> float:
-        """Return the greatest speed between knots [m/s]."""
-        steps = np.diff(np.asarray(self.position), axis=0)
-        if not len(steps):
-            return 0.0
-        return float((np.linalg.norm(steps, axis=1) / np.diff(self.time)).max())
-
 
 Standpoint = Float[ArrayLike, "3"] | Sequence[float] | Track
 """East, north, up [m], or a track of positions over time."""
@@ -365,7 +358,9 @@ def check_speed(scene: Scene, track: Track) -> None:
     speed = sound_speed_of(scene.air)
     if any(isinstance(x, Tracer) for x in (track.time, track.position, speed)):
         return
-    fastest = track.fastest()
+    steps = np.diff(np.asarray(track.position), axis=0)
+    speeds = np.linalg.norm(steps, axis=1) / np.diff(np.asarray(track.time))
+    fastest = speeds.max(initial=0.0)
     expected = f"less than the {float(speed):.4g} m/s of sound"
     require(fastest < float(speed), "track", expected, f"{fastest:.4g}")
 
