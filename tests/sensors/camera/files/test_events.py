@@ -17,6 +17,7 @@ from jblast.sensors.camera.files.event_files import (
     write_events,
 )
 from jblast.sensors.camera.files.evt3 import BLOCK
+from jblast.sensors.camera.film import film_to_events
 from jblast.sensors.camera.pixel import Events
 
 HERE = Path(__file__).parent
@@ -67,6 +68,43 @@ def test_any_events_come_back_as_they_were(tmp_path, suffix):
             np.testing.assert_array_equal(getattr(found, name), expected)
 
     check()
+
+
+OWN_FORMAT = """
+import json
+from jblast.sensors.camera.files.event_files import EventFormat, register
+from jblast.sensors.camera.files.recorded_events import Content, joined
+
+def read(path):
+    return Content(**json.loads(path.read_text()))
+
+def write(file, blocks):
+    columns = {name: values.tolist() for name, values in joined(blocks).items()}
+    size = file.width, file.height
+    file.path.write_text(json.dumps({"columns": columns, "size": size}))
+
+register(EventFormat(".toy", read, write, largest=100))
+"""
+
+
+def test_one_module_from_outside_adds_a_format(tmp_path, monkeypatch):
+    monkeypatch.setattr(EVENT_FORMATS, "_records", {**EVENT_FORMATS})
+    exec(OWN_FORMAT, {})
+    for k in range(4):
+        np.save(tmp_path / f"{k}.npy", np.full((3, 5), 1.5**k))
+    for suffix in (".toy", ".npz"):
+        film_to_events(tmp_path, tmp_path / f"a{suffix}", fps=100.0, noise=False)
+    found, known = (read_events(tmp_path / f"a{suffix}") for suffix in (".toy", ".npz"))
+    assert len(found.t) > 15
+    assert (found.width, found.height) == (5, 3)
+    for ours, theirs in zip(found[:4], known[:4], strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    with pytest.raises(InputError, match="at most 100 pixels per side"):
+        write_events(tmp_path / "a.toy", [], 101, 3)
+    broken = (tmp_path / "a.toy").read_bytes()[:-9]
+    (tmp_path / "b.toy").write_bytes(broken)
+    with pytest.raises(InputError, match=r"b\.toy: expected a complete \.toy file"):
+        read_events(tmp_path / "b.toy")
 
 
 @pytest.mark.parametrize("suffix", [".raw", ".aedat4", ".h5"])
