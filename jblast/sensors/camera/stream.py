@@ -169,7 +169,7 @@ class Strip:
         The reference of the others sinks by their drift, and is otherwise unchanged.
         """
         low, high = block.min(axis=0), block.max(axis=0)
-        below, above = quiet_bounds(self.pixel, self.held, np.float32)
+        below, above = quiet_bounds(self.pixel, self.held)
         loud = self.log(low, np.float32) <= below
         loud |= self.log(high, np.float32) + self.pixel.drift * seconds >= above
         if self.pixel.bandwidth_hz is not None:
@@ -190,27 +190,26 @@ class Strip:
         pixel, held = some_of((self.pixel, self.held), at)
         lengths, lag = np.diff(clock), held.lag
         # a sinking reference equals a rising signal
-        signals = np.ascontiguousarray(logs.T)
-        signals += np.outer(pixel.drift, clock - clock[0])
+        signals = logs.T + np.outer(pixel.drift, clock - clock[0])
         signals[:, 0] += lag
         for n, length in enumerate(lengths):
             lag = low_pass_lag(pixel, lag, logs[n], logs[n + 1], length)
             signals[:, n + 1] += lag
-        pixel = replace(pixel, drift=np.zeros(len(at)))
-        below, above = quiet_bounds(pixel, held, np.float64)
+        pixel, held = replace(pixel, drift=0.0, begun=0.0), held._replace(lag=0.0)
+        below, above = quiet_bounds(pixel, held)
         lane, begin, runs = np.arange(len(at)), np.zeros(len(at), int), []
+        later, numbers = signals[:, 1:].astype(np.float32, "C"), np.arange(len(lengths))
         while len(lane):
-            ahead = signals[lane, 1:]
-            loud = (ahead <= below[lane, None]) | (ahead >= above[lane, None])
-            loud &= np.arange(len(lengths)) >= begin[lane, None]
+            loud = (later <= below[lane, None]) | (later >= above[lane, None])
+            loud &= numbers >= begin[lane, None]
             n = loud.argmax(axis=1)
             there = loud[np.arange(len(lane)), n]
-            lane, n = lane[there], n[there]
+            lane, n, later = lane[there], n[there], later[there]
             own, now = some_of((pixel, held), lane)
             here = signals[lane, n], signals[lane, n + 1], lengths[n]
             now, run = interval(own, now, *here)
             held.level[lane], held.wait_s[lane] = now.level, now.wait_s
-            below[lane], above[lane] = quiet_bounds(own, now, np.float64)
+            below[lane], above[lane] = quiet_bounds(own, now)
             begin[lane] = n + 1
             runs.append((lane, n, *run))
         held = held._replace(lag=lag)
@@ -237,15 +236,15 @@ def some_of(values: T, at: Int[np.ndarray, " pixel"]) -> T:
 
 
 def quiet_bounds(
-    pixel: Pixel, held: Held, kind: type[np.floating]
+    pixel: Pixel, held: Held
 ) -> tuple[Float[np.ndarray, " pixel"], Float[np.ndarray, " pixel"]]:
     """Return bounds of the signal between which pixels certainly send no event.
 
-    There are none for pixels in reset.
+    They are of single precision, which is faster. There are none for pixels in reset.
     """
-    below = np.asarray(held.level - pixel.down, kind)
-    above = np.asarray(held.level + pixel.up, kind)
-    # one rounding as in `interval`, another for a logarithm in single precision
+    below = np.asarray(held.level - pixel.down, np.float32)
+    above = np.asarray(held.level + pixel.up, np.float32)
+    # one rounding as in `interval`, another for the logarithm of the signal
     below += 2.0 * np.asarray(rounding(below))
     above -= 2.0 * np.asarray(rounding(above))
     return below, np.where(held.wait_s > 0.0, -np.inf, above)
@@ -261,17 +260,14 @@ def strips_of(
 
     def log(values: np.ndarray, kind: type[np.floating]) -> np.ndarray:
         if whole:
-            return table.astype(kind)[values]
+            return table.astype(kind).take(values)
         return np.log(np.maximum(values.astype(kind), kind(floor)))
 
-    numbers = {
-        name: np.broadcast_to(np.asarray(getattr(pixel, name), float), first.shape)
-        for name in NUMBERS
-    }
+    numbers = {name: np.asarray(getattr(pixel, name), float) for name in NUMBERS}
     edges = np.linspace(0, len(first), min(count, len(first)) + 1).astype(int)
     strips = []
     for rows in map(slice, edges[:-1], edges[1:]):
-        own = {name: value[rows].ravel() for name, value in numbers.items()}
+        own = {name: v[rows].ravel() if v.ndim else v for name, v in numbers.items()}
         strips.append(Strip(rows, replace(pixel, shot=None, **own), log, first))
     return strips
 
