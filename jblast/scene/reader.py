@@ -234,8 +234,9 @@ class _File:
                 continue
             require(not others, at, f"either {name} or {' or '.join(others)}", "both")
             read = key.value.read(value, at)
+            is_word = read is None  # "none" or "float", which need nothing
             for words in key.needs:
-                beside = read is None or words.split()[0] in given
+                beside = is_word or words.split()[0] in given
                 require(beside, at, f"{words} with it", "none")
             if key.rows:
                 several = read if isinstance(read, list) else [read]

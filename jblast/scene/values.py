@@ -35,6 +35,7 @@ class Value(Protocol):
     @property
     def form(self) -> str:
         """Form of a value, for messages and the manual."""
+        ...
 
     def read(self, value: Any, where: str) -> Any:
         """Return a checked value.
@@ -309,7 +310,8 @@ def read_prior(
     both = f"two finite numbers in {form}"
     numbers = [finite(one, where, both) for one in listed(pair, form, where)]
     first, second = numbers
-    limits = [(0, bounds), (1, Bounds(above=first if make.of_interval else make.in_ln))]
+    least = first if make.of_interval else float(make.in_ln)
+    limits = [(0, bounds), (1, Bounds(above=least))]
     if make.of_interval:
         # With bounds of the prior within those of the number every sample is.
         limits.append((1, bounds))
