@@ -2,6 +2,7 @@
 
 import math
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -92,7 +93,8 @@ def test_the_friedlander_decay_gives_the_impulse_back():
             "friedlander_decay",
         )
     )
-    np.testing.assert_allclose(p * t * impulse_fraction(np.asarray(b)), i, rtol=1e-9)
+    fraction = np.asarray(impulse_fraction(jnp.asarray(b)))
+    np.testing.assert_allclose(p * t * fraction, i, rtol=1e-9)
 
 
 def test_the_height_of_burst_reaches_the_law_that_takes_it():
