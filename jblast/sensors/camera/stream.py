@@ -38,12 +38,12 @@ from jblast.sensors.camera.pixel import (
 Frames = UInt8[np.ndarray, "_ _ _"] | Float[np.ndarray, "_ _ _"]
 Block = tuple[Float[np.ndarray, " _"], Frames]
 TOGETHER = 1 << 14
-"""Pixels that are followed together: arrays of 64 kB stay in the cache. With 32,768,
-noise in a film in which every pixel changes takes a third longer."""
+"""Pixels that are followed together: 32 frames of them, 1 MB in single precision,
+stay in the cache."""
 Log = Callable[[np.ndarray, type[np.floating]], Float[np.ndarray, "..."]]
 T = TypeVar("T")
 NUMBERS = ("up", "down", "period_s", "drift", "begun")
-"""Fields of `Pixel` with a value for each pixel."""
+"""Fields of `Pixel` with one number for all pixels, or one each."""
 
 
 def event_stream(
