@@ -9,6 +9,7 @@ inverse is found by Newton's method, for arrays of NumPy and JAX alike.
 """
 
 import math
+from typing import Any
 
 from jblast.types import Array, ArrayLike, Float, namespace, numpy_or_jax
 
@@ -39,7 +40,7 @@ def friedlander_decay(
     return decay_of_fraction(impulse / (peak * duration))
 
 
-def impulse_fraction(decay: Float[Array, "..."]) -> Float[Array, "..."]:
+def impulse_fraction(decay: Float[Any, "..."]) -> Float[Any, "..."]:
     """Return $k(b)$: impulse over peak times duration."""
     return _fraction_and_slope(decay)[0]
 
