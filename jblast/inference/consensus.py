@@ -31,11 +31,10 @@ from jblast.observations import Observations
 from jblast.observations.check import doubt
 from jblast.parameters import CHARGE_POSITION, CLOCK_OFFSET
 from jblast.quantities import QUANTITIES
-from jblast.registry import law_for
 from jblast.results import Note
 from jblast.scene import Charge, Scene, UncertainScene
 from jblast.scene.uncertain import NO_SCENE
-from jblast.sensors.calculator import Rows
+from jblast.sensors.calculator import Rows, by_law
 
 MAX_MASS = 50e6 * 1e3 * 4.184e6 / TNT_SPECIFIC_ENERGY
 """Mass of TNT of the largest explosion made so far [kg]: 50 Mt, 30 October 1961
@@ -159,10 +158,10 @@ def scaled_laws(scene: Scene) -> ScaledLaws:
     charge = replace(scene.charge, burst=scene.charge.burst or "surface")
     scene = replace(scene, charges=(charge,))
     rows = Rows(scene, SCALED_DISTANCES, np.ones_like(SCALED_DISTANCES))
-    found = {q: rows.by(law_for(q, name)) for q, name in LAWS.items()}
+    found = {quantity: by_law(rows, quantity)[name] for quantity, name in LAWS.items()}
     return ScaledLaws(
-        log_value={quantity: np.log(value) for quantity, (value, _) in found.items()},
-        valid={quantity: valid for quantity, (_, valid) in found.items()},
+        log_value={quantity: np.log(one.value) for quantity, one in found.items()},
+        valid={quantity: one.valid for quantity, one in found.items()},
     )
 
 
