@@ -546,20 +546,17 @@ def low_passed(
         picture: Premultiplied linear light.
         pitch: Width of a pixel in texels; up to one the picture is unchanged.
     """
-    return jax.lax.cond(pitch > 1.0, _smoothed, lambda p, _: p, picture, pitch)
+    square = jnp.square(pitch)
+    for n in range(LEVELS):
+        # both variances mixed: (4^n - 1) / 6 and that after the next convolution
+        part = jnp.clip((square - 4.0**n) / (3.0 * 4.0**n), 0.0, 1.0)
 
+        def coarser(fine: Array, n: int = n, part: Array = part) -> Array:
+            coarse = _convolved(_convolved(fine, 2**n, 0), 2**n, 1)
+            return (1.0 - part) * fine + part * coarse
 
-def _smoothed(picture, pitch):
-    square = jnp.clip(jnp.square(pitch), 1.0, 4.0**LEVELS)
-    found, level = jnp.zeros_like(picture), picture
-    for n in range(LEVELS + 1):
-        # tent weights in the variance: `above` falls and `below` rises between levels
-        above = jnp.clip((4.0 ** (n + 1) - square) / (3.0 * 4.0**n), 0.0, 1.0)
-        below = jnp.clip((square - 4.0 ** (n - 1)) / (3.0 * 4.0 ** (n - 1)), 0.0, 1.0)
-        found = found + jnp.minimum(above, below) * level
-        if n < LEVELS:
-            level = _convolved(_convolved(level, 2**n, 0), 2**n, 1)
-    return found
+        picture = jax.lax.cond(part > 0.0, coarser, lambda fine: fine, picture)
+    return picture
 
 
 def _convolved(image, step: int, axis: int):

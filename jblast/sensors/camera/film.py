@@ -69,7 +69,8 @@ STAMP_ERROR = 1e-4
 """Bound of the time error of an event [s]: a fifth of the response time of the noisy
 camera's photoreceptor, and of its refractory period."""
 EXACT_ERROR = 1e-6
-"""Bound of that of an ideal camera [s]: event files have whole microseconds."""
+"""Bound of that of an ideal camera that sees the law's fireball [s]: event files have
+whole microseconds."""
 RUN_ERROR = 1e-3
 """Bound of that of runs, which last for minutes [s]: a quarter of the work that
 `STAMP_ERROR` takes."""
@@ -160,6 +161,17 @@ class Film:
         A moving background is linear between its frames.
         """
         return luminance(self.instants(times))
+
+    def stamp_error_s(self, *, noise: bool) -> float:
+        """Return the bound of the time error of all but `LEFT` of the events [s].
+
+        Pictures are interpolated between times that are milliseconds apart, so that
+        their light is not known to a microsecond.
+
+        Args:
+            noise: True for a camera with its imperfections.
+        """
+        return EXACT_ERROR if self.views is None and not noise else STAMP_ERROR
 
     @property
     def _block(self) -> int:

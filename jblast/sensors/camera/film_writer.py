@@ -24,11 +24,7 @@ from jblast.results import ABSENT, AMONG
 from jblast.sensors.camera.files.event_files import Written, write_events
 from jblast.sensors.camera.files.images import srgb_bytes, write_values
 from jblast.sensors.camera.files.video import check_video, video_writer
-from jblast.sensors.camera.film import (
-    EXACT_ERROR,
-    STAMP_ERROR,
-    Film,
-)
+from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.pixel import NoiseModel
 from jblast.sensors.camera.scene_events import film_events
 
@@ -286,7 +282,7 @@ def _write_events(film: Film, path: str, noise: bool, seed: int) -> FilmEvents:
         noise="on" if noise else "off",
         written=write_events(path, events, *size, duration_s=stop - start),
         stamps="interpolated",
-        stamp_error_s=STAMP_ERROR if noise else EXACT_ERROR,
+        stamp_error_s=film.stamp_error_s(noise=noise),
     )
 
 

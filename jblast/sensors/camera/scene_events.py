@@ -11,9 +11,7 @@ from jaxtyping import ArrayLike, Float, PRNGKeyArray
 from jblast.errors import argument, require
 from jblast.scene import Camera, Scene
 from jblast.sensors.camera.film import (
-    EXACT_ERROR,
     LIGHT_ERROR,
-    STAMP_ERROR,
     Block,
     Film,
     subdivided,
@@ -103,7 +101,7 @@ def film_events(
         noise: Imperfections; None for an ideal camera.
         key: Random key of the noise.
         bound_s: Bound of the time error of all but `film.LEFT` of the events [s];
-            default: `film.STAMP_ERROR` with noise, `film.EXACT_ERROR` without.
+            default: `Film.stamp_error_s`.
         seen: Called with the last time of each block, before its events.
     """
     pixel = camera_pixel(film.camera, noise, key)
@@ -111,7 +109,7 @@ def film_events(
     # the reference of a pixel with a reset is the light itself
     light_error = math.inf if noise is None else LIGHT_ERROR * least
     if bound_s is None:
-        bound_s = EXACT_ERROR if noise is None else STAMP_ERROR
+        bound_s = film.stamp_error_s(noise=noise is not None)
 
     def blocks() -> Iterator[Block]:
         for times, light in subdivided(film, least, bound_s, light_error):

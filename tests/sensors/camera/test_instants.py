@@ -122,7 +122,12 @@ def test_pictures_and_moving_backgrounds_are_looked_at_when_they_change(tmp_path
         anchor=np.full((1, 2), 4.0),
         hot=False,
     )
-    instants = first_instants(filmed(views=views))
+    shown = filmed(views=views)
+    # milliseconds apart: not exact to the microsecond of an ideal camera
+    assert shown.stamp_error_s(noise=False) == STAMP_ERROR
+    assert filmed().stamp_error_s(noise=True) == STAMP_ERROR
+    assert filmed().stamp_error_s(noise=False) == 1e-6
+    instants = first_instants(shown)
     for k in range(4):
         assert np.abs(instants - 2.0 - 0.1 * k).min() < 1e-9
     files = []
