@@ -49,7 +49,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray
+from jaxtyping import Array, ArrayLike, Float, Int, PRNGKeyArray, UInt8
 
 from jblast.errors import require
 from jblast.sensors.camera.image import srgb_to_linear
@@ -229,7 +229,11 @@ def first_held(pixel: Pixel, log_light: Numbers) -> Held:
 
 
 def low_pass_lag(
-    pixel: Pixel, lag: Numbers, before: Numbers, after: Numbers, length_s: float
+    pixel: Pixel,
+    lag: Numbers,
+    before: Numbers,
+    after: Numbers,
+    length_s: float | Numbers,
 ) -> Numbers:
     """Return the lag of the low-pass at the end of an interval.
 
@@ -425,7 +429,7 @@ def check_times(
     require(rises.all(), "frames", "times that rise from frame to frame", got)
 
 
-def check_light(light: Numbers, frame: int = 0) -> None:
+def check_light(light: Numbers | UInt8[np.ndarray, "..."], frame: int = 0) -> None:
     """Reject light that is not finite: it never crosses a threshold.
 
     Inside jit it is not checked.

@@ -37,7 +37,7 @@ from jblast.sensors.camera.pixel import (
 # each block has its own number of frames, so no axis has a name
 Frames = UInt8[np.ndarray, "_ _ _"] | Float[np.ndarray, "_ _ _"]
 Block = tuple[Float[np.ndarray, " _"], Frames]
-TOGETHER = 1 << 14
+TOGETHER = 1 << 13
 """Pixels that are followed together: 32 frames of them, 1 MB in single precision,
 stay in the cache."""
 Log = Callable[[np.ndarray, type[np.floating]], Float[np.ndarray, "..."]]
