@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, dataclass_transform
 
 import numpy as np
 
-from jblast.errors import nearest, shown
+from jblast.errors import nearest, require, shown
 
 # The import of jaxtyping takes a tenth of that of JAX. Annotations are checked only by
 # its import hook, for which it has been imported before this module.
@@ -148,6 +148,7 @@ def field(
     *,
     converter: Callable[[Any], Any] | None = None,
     static: bool = False,
+    bounds: Any = None,
     default: Any = MISSING,
     default_factory: Any = MISSING,
 ) -> Any:
@@ -156,28 +157,30 @@ def field(
     Args:
         converter: Function that is applied to the value of the constructor.
         static: Whether it is part of the structure of the PyTree, not a leaf.
+        bounds: `jblast.parameters.Bounds` of its numbers; None: not checked.
         default: Value if none is given.
         default_factory: Function that returns that value.
     """
     return dataclass_field(
         default=default,
         default_factory=default_factory,
-        metadata={"static": static, "converter": converter},
+        metadata={"static": static, "converter": converter, "bounds": bounds},
     )
 
 
-def number(*, default: Any = MISSING) -> Any:
+def number(*, bounds: Any = None, default: Any = MISSING) -> Any:
     """Return a field of one number: a float array, or None if that is the default."""
     convert = as_optional_number if default is None else as_numbers
-    return field(converter=convert, default=default)
+    return field(converter=convert, bounds=bounds, default=default)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field, number))
 class Module:
     """Base of values: a subclass is a frozen dataclass, and a PyTree in JAX.
 
-    Fields are leaves or PyTrees, unless they are `field(static=True)`. A method
-    `__check_init__` checks the converted values.
+    Fields are leaves or PyTrees, unless they are `field(static=True)`. Numbers that are
+    not traced are within the bounds of their field. A method `__check_init__` checks
+    more.
     """
 
     def __init_subclass__(cls) -> None:
@@ -193,6 +196,15 @@ class Module:
             if (converter := one.metadata.get("converter")) is not None:
                 converted = converter(getattr(self, one.name))
                 object.__setattr__(self, one.name, converted)
+            value, bounds = getattr(self, one.name), one.metadata.get("bounds")
+            if bounds is None or value is None or is_traced(value):
+                continue
+            values = np.asarray(value)  # operations of JAX inside jit would be traced
+            where = f"{type(self).__name__.lower()} {one.name}"
+            expected = f"a number{bounds.that_is()}"
+            require(
+                bounds.allows(values).all(), where, expected, shown(values.tolist())
+            )
         self.__check_init__()
 
     def __check_init__(self) -> None:

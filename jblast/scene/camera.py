@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 
+from jblast.parameters import NOT_NEGATIVE, POSITIVE
 from jblast.types import (
     Array,
     ArrayLike,
@@ -61,19 +62,19 @@ class Camera(Module):
 
     position: Float[Array, "3"] = field(converter=as_numbers)
     quaternion: Float[Array, "4"] = field(converter=as_numbers)
-    focal: Float[Array, "2"] = field(converter=as_numbers)
+    focal: Float[Array, "2"] = field(converter=as_numbers, bounds=POSITIVE)
     center: Float[Array, "2"] = field(converter=as_numbers)
-    width: int = field(static=True)
-    height: int = field(static=True)
+    width: int = field(static=True, bounds=POSITIVE)
+    height: int = field(static=True, bounds=POSITIVE)
     distortion: Float[Array, "5"] = field(
         converter=as_numbers, default_factory=lambda: np.zeros(5)
     )
-    frames_hz: Scalar = number(default=FRAMES_HZ)
-    exposure_s: Scalar = number(default=0.0)
+    frames_hz: Scalar = number(bounds=POSITIVE, default=FRAMES_HZ)
+    exposure_s: Scalar = number(bounds=NOT_NEGATIVE, default=0.0)
     threshold: Float[Array, "2"] = field(
-        converter=as_numbers, default_factory=lambda: np.full(2, 0.2)
+        converter=as_numbers, bounds=POSITIVE, default_factory=lambda: np.full(2, 0.2)
     )
-    daylight: Scalar | None = number(default=None)
+    daylight: Scalar | None = number(bounds=POSITIVE, default=None)
     mount: str = field(static=True, default="")
 
 

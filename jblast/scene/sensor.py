@@ -12,6 +12,7 @@ import numpy as np
 
 from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import require
+from jblast.parameters import NOT_NEGATIVE, POSITIVE
 from jblast.types import (
     Array,
     ArrayLike,
@@ -112,12 +113,12 @@ class Instrument(Module):
             square of its speed [-]; None: no pressure.
     """
 
-    rate: float = field(static=True, converter=float, default=RATE_HZ)
-    full_scale: Scalar | None = number(default=None)
-    noise: Scalar | None = number(default=None)
-    bits: int | None = field(static=True, default=None)
-    high_pass: Scalar | None = number(default=None)
-    low_pass: Scalar | None = number(default=None)
+    rate: float = field(static=True, converter=float, bounds=POSITIVE, default=RATE_HZ)
+    full_scale: Scalar | None = number(bounds=POSITIVE, default=None)
+    noise: Scalar | None = number(bounds=NOT_NEGATIVE, default=None)
+    bits: int | None = field(static=True, bounds=POSITIVE, default=None)
+    high_pass: Scalar | None = number(bounds=POSITIVE, default=None)
+    low_pass: Scalar | None = number(bounds=POSITIVE, default=None)
     saturation: Saturation = field(static=True, default="clip")
     noise_slope: Scalar | None = number(default=None)
     wind_noise: Scalar | None = number(default=None)

@@ -1,9 +1,15 @@
+import math
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
 
+from jblast.errors import InputError
 from jblast.scene import (
     PARAMETERS,
+    Camera,
+    Instrument,
     LogNormal,
     Normal,
     Scene,
@@ -14,6 +20,7 @@ from jblast.scene import (
 )
 from jblast.scene.uncertain import value_of
 
+CAMERA = Camera(np.zeros(3), np.eye(4)[3], [90.0, 90.0], [32.0, 24.0], 64, 48)
 DERIVED = ("charge_range_m", "air_altitude_m", "air_sound_speed_m_s")
 
 
@@ -57,3 +64,25 @@ def test_every_uncertain_number_is_drawn_on_its_own():
 def test_a_free_number_cannot_be_drawn_and_says_so():
     with pytest.raises(ValueError, match="free and cannot be drawn"):
         draw_scene(jax.random.key(0), default_scene())
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: replace(CAMERA, width=0),
+            "camera width: expected a number that is po",
+        ),
+        (lambda: replace(CAMERA, focal=[100.0, -1.0]), r"focal: .*got \[100.0, -1.0\]"),
+        (lambda: replace(CAMERA, exposure_s=-1e-3), "exposure_s: .* that is not nega"),
+        (
+            lambda: replace(CAMERA, frames_hz=math.nan),
+            "frames_hz: .* positive, got nan",
+        ),
+        (lambda: Instrument(rate=0.0), "instrument rate: expected a number that is po"),
+        (lambda: Instrument(bits=0), "instrument bits: .* positive, got 0"),
+    ],
+)
+def test_numbers_of_cameras_and_instruments_are_within_their_bounds(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
