@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 
 from jblast.observations import Observations
-from jblast.registry import law_for
 from jblast.scene import default_scene
-from jblast.sensors.calculator import Rows
+from jblast.sensors.calculator import Rows, by_law
 
 MASS = 60.0
 PLACES = np.array(
@@ -29,12 +28,12 @@ PEAK, ARRIVAL, IMPULSE = (
 
 @cache
 def _told() -> dict[str, np.ndarray]:
-    laws = tuple(law_for(q, "kinney_graham") for q in (PEAK, ARRIVAL, IMPULSE))
     scene = default_scene().scene
     scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
     distance = np.linalg.norm(PLACES, axis=1)
     rows = Rows(scene, distance, np.full(len(distance), MASS))
-    return {law.quantity: rows.by(law)[0] for law in laws}
+    names = (PEAK, ARRIVAL, IMPULSE)
+    return {name: by_law(rows, name)["kinney_graham"].value for name in names}
 
 
 def log_of(
