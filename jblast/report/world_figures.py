@@ -29,8 +29,6 @@ MAX_WAVEFORMS = 6
 """Largest number of sensors in the timeline; the page draws more by themselves."""
 BINS = 400
 """Bins of the event rate over the whole run: about two pixels each."""
-LOAD_PERCENTILE = 99.5
-"""Percentile of loads that fills half of their plot: blasts would hide all else."""
 
 
 def run_pictures(
@@ -112,12 +110,8 @@ def _flight_plots(document: WorldAnswer, table: pd.DataFrame) -> Iterator[Plot]:
 
     def curves(columns: Float[np.ndarray, "row 3"], names: Sequence[str]):
         def draw(axes: Axes) -> None:
-
             for part, name, colour in zip(columns.T, names, COLOURS, strict=False):
                 axes.plot(time, part, color=colour, linewidth=1.0, label=name)
-            most = 2.0 * float(np.percentile(np.abs(columns), LOAD_PERCENTILE))
-            if 0.0 < most < float(np.abs(columns).max()):
-                axes.set_ylim(-most, most)
             style = {"frameon": False, "fontsize": 8.5, "labelcolor": MUTED}
             axes.legend(ncols=3, loc="upper right", **style)
 
@@ -128,9 +122,8 @@ def _flight_plots(document: WorldAnswer, table: pd.DataFrame) -> Iterator[Plot]:
     label = f"[{unit.symbol}]"
     yield Plot("Path relative to the set point", label, curves(away / unit.size, world))
     yield Plot("Path error", label, curves(error[:, None] / unit.size, ["error"]))
-    yield Plot("All forces; blasts are cut off", "[N]", curves(forces, world))
-    title = "All moments, body axes; blasts are cut off"
-    yield Plot(title, "[N m]", curves(moments, body))
+    yield Plot("All forces", "[N]", curves(forces, world))
+    yield Plot("All moments, body axes", "[N m]", curves(moments, body))
 
 
 def _event_rate(times_s: np.ndarray, seconds: float, axes: Axes) -> None:

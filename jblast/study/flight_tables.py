@@ -8,6 +8,8 @@ by thrust is linear in this direction, and not in the quaternion.
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial.transform import Rotation
 
 from jblast.files import table_text
@@ -34,6 +36,8 @@ COLUMNS = {
     "moment_n_m": [f"moment_{axis}_n_m" for axis in "xyz"],
 }
 """Columns of the table of a flight, by part of the trajectory."""
+LOADS = ("force_n", "moment_n_m")
+"""Parts of which a blast of some milliseconds must not fall between two rows."""
 MET = ("arrival_s", "distance_m", "scaled_distance", "in_range")
 """Numbers of an `Encounter` in a row of several vehicles."""
 ROW_S = 0.02
@@ -44,6 +48,7 @@ def flight_csv(flown: Flights | MissionFlight) -> str:
     """Return the rows of one flight as CSV, up to its divergence if it diverged.
 
     Of several controllers it has the first; of a mission rows at least `ROW_S` apart.
+    Force and moment of a row are the largest ones since the row before.
     """
     every, more = 1, {}
     if isinstance(flown, MissionFlight):
@@ -59,7 +64,10 @@ def flight_csv(flown: Flights | MissionFlight) -> str:
         error = np.asarray(path_error(trajectory, target_of(flown.vehicle)))
     columns = {"time_s": np.asarray(trajectory.time_s)}
     for part, names in COLUMNS.items():
-        columns |= zip(names, np.asarray(getattr(trajectory, part)).T, strict=True)
+        values = np.asarray(getattr(trajectory, part))
+        if part in LOADS:
+            values = largest(values, every)
+        columns |= zip(names, values.T, strict=True)
     columns["path_error_m"] = error
     rows = np.stack([*columns.values()])[:, ::every]
     # the rows of a flight are not finite after its divergence
@@ -73,6 +81,16 @@ def flight_csv(flown: Flights | MissionFlight) -> str:
     numbers = ([f"{value:.12g}" for value in row] for row in np.stack(whole).T)
     head = f"{flown.vehicle.model}, {comment}, clock of the scene"
     return table_text([[*columns, *pull, *more], *numbers], [head])
+
+
+def largest(
+    loads: Float[np.ndarray, "row 3"], every: int
+) -> Float[np.ndarray, "row 3"]:
+    """Return the longest vector of the last `every` rows, at each row."""
+    before = np.repeat(loads[:1], every - 1, axis=0)
+    recent = sliding_window_view(np.concatenate([before, loads]), every, axis=0)
+    longest = np.argmax(np.linalg.norm(recent, axis=1), axis=1)
+    return np.take_along_axis(recent, longest[:, None, None], axis=2)[..., 0]
 
 
 def flights_csv(flights: Flights) -> str:
