@@ -80,6 +80,8 @@ METRES_PER_PASCAL = 0.083
 TURN, PLACE, MOVES, RATE_BIAS, FORCE_BIAS = (slice(3 * n, 3 * n + 3) for n in range(5))
 """Slices of the error vector: attitude about the body's axes [rad], position [m],
 velocity [m/s], biases of gyroscope [rad/s] and accelerometer [m/s2]."""
+FIX = slice(6)
+"""Numbers of a fix among those of a sample: position and velocity."""
 SIZE = 15
 """Length of the error vector: five vectors of three."""
 
@@ -460,10 +462,43 @@ def corrected(estimate: Estimate, numbers: Numbers) -> Estimate:
 
     start = (jnp.zeros(SIZE), estimate.covariance)
     (error, spread), _ = jax.lax.scan(take, start, numbers)
-    then, past = past_rows(estimate) @ error, estimate.past
+    then, past = numbers.rows[FIX] @ error, estimate.past
     return moved_on(estimate, error)._replace(
         covariance=spread,
         past=Past(past.position_m + then[:3], past.velocity_m_s + then[3:], past.age_s),
+    )
+
+
+def expected(
+    estimate: Estimate, suite: Suite, error: Float[Array, "15"]
+) -> Float[Array, "10"]:
+    """Return the expected numbers of a sample if an estimate has an error.
+
+    Args:
+        estimate: Estimate at the time of the sample.
+        suite: The instruments.
+        error: Error vector.
+
+    Returns:
+        Position and velocity of a delayed fix, magnetic field about the body's axes,
+        height.
+    """
+    true, past = moved_on(estimate, error), estimate.past
+    age, since = past.age_s, past.age_s > 0
+    attitude = quaternion_matrix(estimate.quaternion)
+    # The mean acceleration since the fix replaces its history, so the past needs no
+    # buffer of states.
+    gained = (estimate.velocity_m_s - past.velocity_m_s) / jnp.where(since, age, 1.0)
+    pull = jnp.where(since, gained, 0.0) + jnp.array([0.0, 0.0, FLIGHT_GRAVITY])
+    turned = quaternion_matrix(true.quaternion)
+    gain = turned @ (attitude.T @ pull - error[FORCE_BIAS]) - pull
+    return jnp.concatenate(
+        [
+            past.position_m + error[PLACE] - age * error[MOVES] + age**2 / 2 * gain,
+            past.velocity_m_s + error[MOVES] - age * gain,
+            turned.T @ suite.magnetometer.field_gauss,
+            (true.position_m - suite.barometer.lag * true.velocity_m_s)[2:],
+        ]
     )
 
 
@@ -475,28 +510,25 @@ def numbers_read(estimate: Estimate, suite: Suite, sample: Sample) -> Numbers:
         suite: The instruments.
         sample: Their readings.
     """
-    fix, past, magnetometer = sample.fix, estimate.past, suite.magnetometer
-    field, lag = magnetometer.field_gauss, suite.barometer.lag
     height = height_of(
         sample.pressure_pa, suite.ground_pressure_pa, suite.ground_temperature_k
     )
-    off = [
-        fix.position_m - past.position_m,
-        fix.velocity_m_s - past.velocity_m_s,
-        sample.field_gauss - field_expected(estimate, field),
-        (height - height_expected(estimate, lag))[None],
-    ]
-    rows = [past_rows(estimate), field_rows(estimate, field), height_row(lag)]
-    one = jnp.ones(3)
+    fix, field, none = sample.fix, sample.field_gauss, jnp.zeros(SIZE)
+    measured = [fix.position_m, fix.velocity_m_s, field, height[None]]
     # Linearized near the ground: 5 % too small at 500 m.
     height_noise = METRES_PER_PASCAL * suite.barometer.noise
-    deviation = [suite.gps.noise(), magnetometer.noise * one, height_noise[None]]
-    comes = [
-        jnp.repeat(sample.has_fix, 6),
-        jnp.repeat(sample.has_field, 3),
-        sample.has_pressure[None],
-    ]
-    return Numbers(*map(jnp.concatenate, (off, rows, deviation, comes)))
+    field_noise = suite.magnetometer.noise * jnp.ones(3)
+    comes = [sample.has_fix] * 6 + [sample.has_field] * 3 + [sample.has_pressure]
+
+    def expect(error: Float[Array, "15"]) -> Float[Array, "10"]:
+        return expected(estimate, suite, error)
+
+    return Numbers(
+        jnp.concatenate(measured) - expect(none),
+        jax.jacfwd(expect)(none),
+        jnp.concatenate([suite.gps.noise(), field_noise, height_noise[None]]),
+        jnp.stack(comes),
+    )
 
 
 def fix_taken(estimate: Estimate, takes: Bool[Array, ""]) -> Estimate:
@@ -504,50 +536,6 @@ def fix_taken(estimate: Estimate, takes: Bool[Array, ""]) -> Estimate:
     now = Past(estimate.position_m, estimate.velocity_m_s, jnp.zeros(()))
     past = jax.tree.map(lambda a, b: jnp.where(takes, a, b), now, estimate.past)
     return estimate._replace(past=past)
-
-
-def height_expected(estimate: Estimate, lag_s: Float[Array, ""]) -> Float[Array, ""]:
-    """Return the height expected from a barometer with lag [m]."""
-    return estimate.position_m[2] - lag_s * estimate.velocity_m_s[2]
-
-
-def height_row(lag_s: Float[Array, ""]) -> Float[Array, "1 15"]:
-    """Return the derivative of that height with respect to the error vector."""
-    row = jnp.zeros((1, SIZE)).at[0, PLACE.start + 2].set(1.0)
-    return row.at[0, MOVES.start + 2].set(-lag_s)
-
-
-def field_expected(
-    estimate: Estimate, field_gauss: Float[Array, "3"]
-) -> Float[Array, "3"]:
-    """Return the expected magnetic field, body axes [gauss]."""
-    return quaternion_matrix(estimate.quaternion).T @ field_gauss
-
-
-def field_rows(
-    estimate: Estimate, field_gauss: Float[Array, "3"]
-) -> Float[Array, "3 15"]:
-    """Return the derivative of that field with respect to the error vector."""
-    turned = cross_matrix(field_expected(estimate, field_gauss))
-    return jnp.zeros((3, SIZE)).at[:, TURN].set(turned)
-
-
-def past_rows(estimate: Estimate) -> Float[Array, "6 15"]:
-    """Return the derivative of past position and velocity by the error vector."""
-    past = estimate.past
-    age, known = past.age_s, past.age_s > 0
-    attitude = quaternion_matrix(estimate.quaternion)
-    # The mean acceleration since the fix replaces its history, so the past needs no
-    # buffer of states.
-    gained = (estimate.velocity_m_s - past.velocity_m_s) / jnp.where(known, age, 1.0)
-    pull = jnp.where(known, gained, 0.0) + jnp.array([0.0, 0.0, FLIGHT_GRAVITY])
-    one = jnp.eye(3)
-    rows = jnp.zeros((6, SIZE))
-    rows = rows.at[:3, PLACE].set(one).at[:3, MOVES].set(-age * one)
-    rows = rows.at[3:, MOVES].set(one)
-    gain = jnp.zeros((3, SIZE)).at[:, TURN].set(cross_matrix(pull) @ attitude)
-    gain = gain.at[:, FORCE_BIAS].set(attitude)
-    return rows.at[3:].add(age * gain).at[:3].add(-jnp.square(age) / 2 * gain)
 
 
 def predicted(
