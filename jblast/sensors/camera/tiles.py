@@ -120,7 +120,7 @@ def on_tiles(
     order, count = jnp.argsort(~touched.ravel()), jnp.sum(touched)
     channels = len(image)
 
-    def laid(over: Image, beneath: Image) -> Image:
+    def laid(over: Float[Array, "4 row column"], beneath: Image) -> Image:
         return over[:channels] + (1.0 - over[3:]) * beneath
 
     if is_small(image):
