@@ -8,8 +8,6 @@ by thrust is linear in this direction, and not in the quaternion.
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.spatial.transform import Rotation
 
 from jblast.files import table_text
@@ -23,6 +21,7 @@ from jblast.study.flight_results import (
     trajectory_of,
 )
 from jblast.study.missions import MissionFlight, above_ground
+from jblast.study.thinning import largest_since
 from jblast.vehicle import path_error
 
 AXES = ("east", "north", "up")
@@ -62,14 +61,15 @@ def flight_csv(flown: Flights | MissionFlight) -> str:
         comment = f"position hold {hold_words(name)}"
         trajectory = trajectory_of(flown, name)
         error = np.asarray(path_error(trajectory, target_of(flown.vehicle)))
-    columns = {"time_s": np.asarray(trajectory.time_s)}
+    columns = {"time_s": np.asarray(trajectory.time_s)[::every]}
     for part, names in COLUMNS.items():
         values = np.asarray(getattr(trajectory, part))
+        kept = slice(None, None, every)
         if part in LOADS:
-            values = largest(values, every)
-        columns |= zip(names, values.T, strict=True)
-    columns["path_error_m"] = error
-    rows = np.stack([*columns.values()])[:, ::every]
+            kept = largest_since(np.linalg.norm(values, axis=1), every)
+        columns |= zip(names, values[kept].T, strict=True)
+    columns["path_error_m"] = error[::every]
+    rows = np.stack([*columns.values()])
     # the rows of a flight are not finite after its divergence
     known = np.isfinite(rows).all(axis=0)
     first = [*columns].index("quaternion_i")
@@ -81,16 +81,6 @@ def flight_csv(flown: Flights | MissionFlight) -> str:
     numbers = ([f"{value:.12g}" for value in row] for row in np.stack(whole).T)
     head = f"{flown.vehicle.model}, {comment}, clock of the scene"
     return table_text([[*columns, *pull, *more], *numbers], [head])
-
-
-def largest(
-    loads: Float[np.ndarray, "row 3"], every: int
-) -> Float[np.ndarray, "row 3"]:
-    """Return the longest vector of the last `every` rows, at each row."""
-    before = np.repeat(loads[:1], every - 1, axis=0)
-    recent = sliding_window_view(np.concatenate([before, loads]), every, axis=0)
-    longest = np.argmax(np.linalg.norm(recent, axis=1), axis=1)
-    return np.take_along_axis(recent, longest[:, None, None], axis=2)[..., 0]
 
 
 def flights_csv(flights: Flights) -> str:

@@ -21,9 +21,9 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.errors import InputError, needed
-from jblast.report.exports.thinning import extremes, first_of_each
 from jblast.scene import SENSOR_KINDS, Camera, Charge, Scene
 from jblast.study.running import CameraEvents, Motion, Packet, RunDetection
+from jblast.study.thinning import extremes, first_of_each
 from jblast.waves.fireball import LARGEST_RADIUS
 
 CLOCK = "time"

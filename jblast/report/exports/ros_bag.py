@@ -16,7 +16,7 @@ import io
 import json
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from operator import itemgetter
 from pathlib import Path
@@ -24,48 +24,45 @@ from typing import Any
 
 import numpy as np
 
-from jblast import __version__
 from jblast.errors import InputError, needed
 from jblast.files import replacing
 from jblast.observations.places import Frame
-from jblast.report.exports.thinning import first_of_each, largest
 from jblast.scene import Camera, Charge, Place, Scene, Sensor
 from jblast.sensors.camera.files.evt3 import MAX_SIDE, Encoder
 from jblast.sensors.camera.files.images import COMPRESSION
 from jblast.study.running import CameraEvents, Frames, Motion, Packet, Samples
+from jblast.study.thinning import first_of_each, largest
 from jblast.waves.propagation import ambient
 
 Message = dict[str, Any]
 DEFINITIONS = Path(__file__).with_name("ros_messages.msg")
 WORLD, BODY, LENS = "map", "base_link", "camera_optical_frame"
-TAKEN = {"camera", "vehicle", "jblast", "tf", "tf_static", "clock", WORLD, BODY, LENS}
+TAKEN = {"camera", "vehicle", "jblast", "tf", "clock", WORLD, BODY, LENS}
 SAMPLES_HZ, MOTION_HZ = 1000, 100.0
-"""Largest rates of messages of sensors and of the vehicle; declared. ROS has a message
-for each sample: 48 kHz would be 300 MB a minute."""
+"""Largest rates of messages of sensors, and of the vehicle and the clock; declared. ROS
+has a message for each sample: 48 kHz would be 300 MB a minute."""
 PATH_POSES, PATH_STEP_S = 200, 0.2
 """Number of poses in the path of a run, which is written whole each second, and their
 smallest interval; declared."""
 FULL_SCALE_PA = 1000.0
-"""Pressure of the largest sample of audio, for a microphone without a full scale: 154
-dB, as of microphones for loud sounds; 16 bits then resolve 0.03 Pa."""
+"""Pressure of the largest sample of audio without a blast, for a microphone without a
+full scale: 154 dB, as of microphones for loud sounds; 16 bits then resolve 0.03 Pa."""
 MARKER_S, SPHERE, INFO = 2.0, 2, 20
 """Duration for which a blast is shown (declared); numbers of the messages."""
 LEVEL = np.eye(4)[3]
-FOREVER = "{sec: 9223372036, nsec: 854775807}"
-LATCHED = (
-    "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, "
-    f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}, "
-    "avoid_ros_namespace_conventions: false}\n"
-)
-"""Quality of service of fixed transforms: late subscribers receive them. Numbers as in
-bags up to ROS 2 Iron, which later ones read too."""
 
 
 class RosBag:
     """Writer of a run's packets as a bag of ROS 2. `finish` completes the file."""
 
     def __init__(
-        self, *, path: Path, scene: Scene, seconds: float, place: Place | None = None
+        self,
+        *,
+        path: Path,
+        scene: Scene,
+        seconds: float,
+        place: Place | None = None,
+        peaks_pa: Mapping[str, float] = {},
     ):
         """Open the file and write what does not change.
 
@@ -74,13 +71,12 @@ class RosBag:
             scene: Sensors, camera and air.
             seconds: Duration of the run.
             place: Position of the scene's origin; None: no latitudes are written.
+            peaks_pa: Sum of the peaks of all blasts at each microphone, by name.
 
         Raises:
             InputError: The extra `ros` is missing, or the camera too large for evt3.
         """
-        what = "a ROS 2 bag is written"
-        self._encoder = needed("mcap_ros2._dynamic", "ros", path, what)
-        library = needed("mcap.writer", "ros", path, what)
+        library = needed("mcap_ros2.writer", "ros", path, "a ROS 2 bag is written")
         camera = scene.camera
         if camera is not None and max(camera.width, camera.height) > MAX_SIDE:
             raise InputError(
@@ -94,8 +90,7 @@ class RosBag:
         self._ambient_pa = float(ambient(scene.air)[1])
         self._names = _frame_names(sensor.name for sensor in scene.sensors)
         self._sensors = {sensor.name: sensor for sensor in scene.sensors}
-        self._channels: dict[str, tuple[int, Callable[[Message], bytes]]] = {}
-        self._schemas: dict[str, int] = {}
+        self._schemas: dict[str, Any] = {}
         self._rows: list[tuple[float, str, Message]] = []
         self._blasts, self._packets, self._event_steps = 0, 0, -1
         self._path: list[Message] = []
@@ -104,12 +99,24 @@ class RosBag:
         self._open = ExitStack()
         temporary = self._open.enter_context(replacing(path, durable=False))
         self._writer = library.Writer(str(temporary))
-        self._writer.start(profile="ros2", library=f"jblast {__version__}")
+        self._full_scale_pa = {
+            sensor.name: _full_scale(sensor, peaks_pa.get(sensor.name, 0.0))
+            for sensor in scene.sensors
+            if sensor.kind == "microphone"
+        }
+        self._fixed = self._fixed_transforms()
         self._first(seconds)
 
     def take(self, packet: Packet) -> None:
         """Write a packet, its messages in order of time."""
-        self._add(packet.start_s, "/clock", clock=_stamp(packet.start_s))
+        ticks = (round(t * MOTION_HZ) for t in (packet.start_s, packet.end_s))
+        for tick in range(*ticks):
+            self._add(tick / MOTION_HZ, "/clock", clock=_stamp(tick / MOTION_HZ))
+        self._add(
+            packet.start_s,
+            "/tf",
+            transforms=[_transform(packet.start_s, *one) for one in self._fixed],
+        )
         for charge in packet.blasts:
             self._blast(charge)
         for seen in packet.perceived:
@@ -138,24 +145,24 @@ class RosBag:
             self._flush()
             self._writer.finish()
 
-    def _first(self, seconds: float) -> None:
-        """Write fixed transforms, origin and scales of audio, at 0 s."""
+    def _fixed_transforms(self) -> list[tuple[str, str, Any, Any]]:
+        """Return carrier, frame, position and attitude of sensors and camera."""
         fixed: list[tuple[str, Any, Any]] = [
             (self._names[s.name], s.offset_m if s.mount else s.position_m, s)
             for s in self._sensors.values()
         ]
         if self._camera is not None:
             fixed.append((LENS, self._camera.position, self._camera))
-        transforms = [
-            _transform(0.0, BODY if at.mount else WORLD, name, place, at.quaternion)
+        return [
+            (BODY if at.mount else WORLD, name, place, at.quaternion)
             for name, place, at in fixed
             if np.isfinite(np.asarray(place)).all()  # others were given no position
         ]
-        self._add(0.0, "/tf_static", transforms=transforms)
+
+    def _first(self, seconds: float) -> None:
+        """Write origin and scales of audio, at 0 s."""
         self._fix(0.0, "/jblast/origin", WORLD, np.zeros(3))
-        mics = [s for s in self._sensors.values() if s.kind == "microphone"]
-        scales = {sensor.name: _full_scale(sensor) for sensor in mics}
-        row = {"seconds": seconds, "audio_full_scale_pa": scales}
+        row = {"seconds": seconds, "audio_full_scale_pa": self._full_scale_pa}
         self._report(0.0, f"run of {seconds:g} s", "run", row)
 
     def _blast(self, charge: Charge) -> None:
@@ -228,7 +235,12 @@ class RosBag:
 
     def _samples(self, sensor: Sensor, samples: Samples) -> None:
         """Write samples of a sensor; of more than 1,000 a second the largest ones."""
-        values, name, fixed = samples.values, self._names[sensor.name], {}
+        # with a clock that is ahead the first samples are before the run's beginning
+        early = max(math.ceil(-samples.start_s * samples.rate_hz - 1e-6), 0)
+        start_s = samples.start_s + early / samples.rate_hz
+        values, name, fixed = samples.values[early:], self._names[sensor.name], {}
+        if not len(values):
+            return
         frame = name
         if sensor.kind in ("microphone", "pressure"):
             topic = "pressure"
@@ -246,16 +258,17 @@ class RosBag:
             return
         group = np.arange(len(values)) // math.ceil(samples.rate_hz / SAMPLES_HZ - 1e-9)
         for n in largest(np.linalg.norm(values[:, :3], axis=1), group):
-            time = samples.start_s + float(n) / samples.rate_hz
+            time = start_s + float(n) / samples.rate_hz
             row = {field: column[n] for field, column in columns.items()}
             self._add(time, f"/{name}/{topic}", frame, **row, **fixed)
         if sensor.kind == "microphone":
             # as a recorder is overloaded; pressure is not limited
-            level = np.clip(values[:, 0] / _full_scale(sensor), -1.0, 1.0)
+            level = values[:, 0] / self._full_scale_pa[sensor.name]
+            level = np.clip(level, -1.0, 1.0)
             sound: Message = {"data": np.round(32767 * level).astype("<i2").tobytes()}
             sound |= {"format": "pcm-s16", "sample_rate": round(samples.rate_hz)}
-            sound |= {"timestamp": _stamp(samples.start_s), "number_of_channels": 1}
-            self._add(samples.start_s, f"/{name}/audio", **sound)
+            sound |= {"timestamp": _stamp(start_s), "number_of_channels": 1}
+            self._add(start_s, f"/{name}/audio", **sound)
 
     def _images(self, frames: Frames, camera: Camera) -> None:
         """Write all frames as PNG, which is lossless, each with the calibration."""
@@ -297,30 +310,23 @@ class RosBag:
     def _flush(self) -> None:
         """Write the messages of this packet, in order of time."""
         for time, topic, message in sorted(self._rows, key=itemgetter(0)):
-            if topic not in self._channels:
-                self._channels[topic] = self._channel(topic)
-            channel, encode = self._channels[topic]
-            # the first samples may begin before 0, but a log time cannot
-            at, data = max(round(time * 1e9), 0), encode(_plain(message))
-            self._writer.add_message(channel, log_time=at, publish_time=at, data=data)
+            kind = self._kinds[topic.rpartition("/")[2]]
+            if kind not in self._schemas:
+                self._schemas[kind] = self._schema(kind)
+            self._writer.write_message(
+                topic, self._schemas[kind], _plain(message), round(time * 1e9)
+            )
         self._rows.clear()
 
-    def _channel(self, topic: str) -> tuple[int, Callable[[Message], bytes]]:
-        """Return number and encoder of a new topic."""
-        used = [kind := self._kinds[topic.rpartition("/")[2]]]
+    def _schema(self, kind: str) -> Any:
+        """Register a type with the definitions of all types in it."""
+        used = [kind]
         for one in used:  # grows on the way
             fields = re.findall(r"^(\w+/\w+)", self._texts[one], flags=re.M)
             used += [field for field in dict.fromkeys(fields) if field not in used]
         rest = (f"{'=' * 80}\nMSG: {one}\n{self._texts[one]}" for one in used[1:])
-        name, text = kind.replace("/", "/msg/"), self._texts[kind] + "".join(rest)
-        if name not in self._schemas:
-            schema = self._writer.register_schema(name, "ros2msg", text.encode())
-            self._schemas[name] = schema
-        quality = {"offered_qos_profiles": LATCHED} if topic == "/tf_static" else {}
-        number = self._writer.register_channel(
-            topic, "cdr", self._schemas[name], quality
-        )
-        return number, self._encoder.serialize_dynamic(name, text)[name]
+        text = self._texts[kind] + "".join(rest)
+        return self._writer.register_msgdef(kind.replace("/", "/msg/"), text)
 
 
 def _frame_names(names: Iterable[str]) -> dict[str, str]:
@@ -336,10 +342,10 @@ def _frame_names(names: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def _full_scale(sensor: Sensor) -> float:
+def _full_scale(sensor: Sensor, peaks_pa: float) -> float:
     """Return the pressure of the largest sample of audio [Pa]."""
     own = None if sensor.instrument is None else sensor.instrument.full_scale
-    return FULL_SCALE_PA if own is None else float(own)
+    return FULL_SCALE_PA + peaks_pa if own is None else float(own)
 
 
 def _plain(value: Any) -> Any:

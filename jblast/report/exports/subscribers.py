@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from jblast.errors import InputError, argument, needed
 from jblast.files import refuse_existing
 from jblast.study.running import Paced, Run, Subscriber
@@ -61,9 +63,14 @@ def watchers(
     if mcap:
         from jblast.report.exports.ros_bag import RosBag
 
-        path = Path(mcap)
         found.append(
-            RosBag(path=path, scene=scene, seconds=run.seconds, place=run.place)
+            RosBag(
+                path=Path(mcap),
+                scene=scene,
+                seconds=run.seconds,
+                place=run.place,
+                peaks_pa=_peaks(run),
+            )
         )
     if serves or save:
         from jblast.report.exports.rerun import Viewer
@@ -79,3 +86,13 @@ def watchers(
             )
         )
     return [*found, Paced(speed)] if speed is not None else found
+
+
+def _peaks(run: Run) -> dict[str, float]:
+    """Return the sum of the peaks of all blasts at each sampling sensor [Pa]."""
+    if run.listening is None:
+        return {}
+    peaks = np.nansum(run.listening.truth.values["peak_overpressure_pa"], axis=1)
+    return dict(
+        zip((s.name for s in run.listening.sensors), peaks.tolist(), strict=True)
+    )

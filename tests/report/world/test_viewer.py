@@ -9,7 +9,6 @@ from PIL import Image
 
 from jblast.errors import InputError
 from jblast.report.exports.rerun import Viewer
-from jblast.report.exports.thinning import extremes
 from jblast.scene import Camera, Charge, Scene, Sensor, VehicleSpec, look_at
 from jblast.study.running import (
     CameraEvents,
@@ -19,6 +18,7 @@ from jblast.study.running import (
     RunDetection,
     Samples,
 )
+from jblast.study.thinning import extremes
 from jblast.world import Perceived
 
 rerun = pytest.importorskip("rerun")

@@ -1,4 +1,4 @@
-"""Fewer rows for viewers, without the loss of peaks."""
+"""Fewer rows for tables and viewers, without the loss of peaks."""
 
 import numpy as np
 from jaxtyping import Float, Int, Num
@@ -10,6 +10,12 @@ def largest(score: Float[np.ndarray, " row"], group: Num[np.ndarray, " row"]) ->
     """Return the row of the largest score in each group, in order of the groups."""
     order = np.lexsort((-score, group))
     return order[np.unique(group[order], return_index=True)[1]]
+
+
+def largest_since(score: Float[np.ndarray, " row"], every: int) -> Rows:
+    """Return for each row of a stride the row of the largest score since the last."""
+    kept = 1 + (score.size - 1) // every * every
+    return largest(score[:kept], np.arange(every - 1, every - 1 + kept) // every)
 
 
 def first_of_each(time_s: Float[np.ndarray, " row"], rate_hz: float) -> Rows:
