@@ -138,6 +138,7 @@ def run_world(
     estimator: str = "",
     controllers: Sequence[str] | None = None,
     detect: bool = False,
+    every_frame: bool = False,
     watched: Callable[[Run], Sequence[Subscriber]] = lambda run: (),
     force: bool = False,
     command: Sequence[str] = (),
@@ -153,6 +154,7 @@ def run_world(
         estimator: "ekf" for control by a state estimate; "" for the true state.
         controllers: Names of controllers; the first one flies the recorded flight.
         detect: Whether detectors search sound and frames while they are recorded.
+        every_frame: Whether frames without a fireball in view are stored, too.
         watched: Returns further subscribers of the packets, such as a viewer.
         force: Whether an earlier run in the directory may be overwritten.
         command: Words for the provenance.
@@ -184,7 +186,13 @@ def run_world(
     begin("recording")
     for name in (RUN, FITS, PAGE):  # of an earlier run they would mislead
         (directory / name).unlink(missing_ok=True)
-    recorded = record_files(run, directory, detect=detect, watched=watched(run))
+    recorded = record_files(
+        run,
+        directory,
+        detect=detect,
+        every_frame=every_frame,
+        watched=watched(run),
+    )
     sound, flown, options = None, run.flown, {"scene": source, "seed": seed}
     if run.listening is not None:
         sound = recordings_answer(run.listening, recorded.records)
@@ -289,6 +297,8 @@ def run_view(
     ]
     if document.detections is not None:
         blocks.append(Lines("Detectors", [_detected(document.detections)]))
+    if document.camera is not None:
+        blocks.append(Lines("Film", [_filmed(document.camera)]))
     if document.flight is not None:
         blocks += _flight_blocks(flights_view(document.flight))
     if document.mission is not None:
@@ -389,6 +399,13 @@ def _fits_table(fits: Sequence[ShotFit]) -> Table:
         marked=lambda row: row.contains is False,
         caption=caption if known else "",
     )
+
+
+def _filmed(film: FilmMade) -> str:
+    words = f"{film.frames:,} of {film.filmed:,} frames stored"
+    if film.frames < film.filmed:
+        words += f", those with a fireball in view; all by {argument('frames')} all"
+    return words
 
 
 def _detected(found: Detections) -> str:

@@ -6,7 +6,6 @@ Sensors with sampling options have their readings picked from their finished fil
 """
 
 import contextlib
-import math
 import os
 import queue
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
+from jaxtyping import Int
 
 from jblast.files import save, table_text, write_text, writing
 from jblast.observations import Observations, write
@@ -103,7 +103,8 @@ class FilmMade:
     """Film of a world's camera.
 
     Attributes:
-        frames: Number of frames.
+        frames: Number of stored frames: those with a fireball in view, or all.
+        filmed: Number of frames of the film.
         width: Width of a frame [px].
         height: Height of a frame [px].
         written: Numbers of events.
@@ -112,6 +113,7 @@ class FilmMade:
     """
 
     frames: int
+    filmed: int
     width: int
     height: int
     written: Written = field(metadata=AMONG)
@@ -173,6 +175,7 @@ def record_files(
     directory: Path,
     *,
     detect: bool = False,
+    every_frame: bool = False,
     watched: Sequence[Subscriber] = (),
 ) -> RecordedRun:
     """Record a run, and write its files; on an error the written ones stay.
@@ -181,6 +184,7 @@ def record_files(
         run: The run.
         directory: Folder of the files; tables of an earlier run are removed.
         detect: Whether detectors search sound and frames while they are recorded.
+        every_frame: Whether frames without a fireball in view are stored, too.
         watched: Further subscribers of the packets.
 
     Raises:
@@ -188,7 +192,7 @@ def record_files(
     """
     world, head = run.world, run_comments(run.world)
     with writing(directory):
-        writer = RunWriter(run, directory)
+        writer = RunWriter(run, directory, every_frame=every_frame)
         detectors = None
         if detect:
             names = [charge.name for charge in world.scene.charges]
@@ -303,7 +307,7 @@ class RunWriter:
         detections: Detections so far.
     """
 
-    def __init__(self, run: Run, directory: Path):
+    def __init__(self, run: Run, directory: Path, *, every_frame: bool = False):
         """Write all tables that are known before the first packet."""
         self.directory, self._run, head = directory, run, run_comments(run.world)
         self.detections: list[RunDetection] = []
@@ -328,7 +332,10 @@ class RunWriter:
         self._fed = {one.sensor.name: Fed(one.write) for one in self.records}
         self._film = None
         if run.film is not None:
-            self._film = _FilmOfRun(run.world, run.film, directory / FILM)
+            stored = np.arange(len(run.film.times))
+            if not every_frame:
+                stored = frames_in_view(run, run.film)
+            self._film = _FilmOfRun(run.film, stored, directory / FILM)
         self.film: FilmMade | None = None
 
     def take(self, packet: Packet) -> None:
@@ -357,19 +364,22 @@ class RunWriter:
 
 
 class _FilmOfRun:
-    """Writer of the frames and camera events of a run.
+    """Writer of the frames and camera events of a run."""
 
-    Of the frames only those with a fireball, and the two before, are stored.
-    """
+    def __init__(self, film: Film, stored: Int[np.ndarray, " frame"], directory: Path):
+        """Create the folder, and remove files of an earlier run.
 
-    def __init__(self, world: DrawnWorld, film: Film, directory: Path):
-        """Create the folder, and remove files of an earlier run."""
+        Args:
+            film: The film.
+            stored: Numbers of the frames that are stored, counted from 0 at 0 s.
+            directory: Folder of the film.
+        """
         self._camera, self._hz = film.camera, float(film.camera.frames_hz)
         self._files = film_files(directory)
         clear_film(self._files, force=True)
-        numbers = _frames(world, len(film.times), self._hz).tolist()
-        self._places = {number: place for place, number in enumerate(numbers)}
-        self._times = film.times[numbers]
+        self._filmed = len(film.times)
+        self._places = {number: n for n, number in enumerate(stored.tolist())}
+        self._times = film.times[stored]
         bursts = [float(charge.time_s) for charge in film.scene.charges]
         self._first = min(bursts)
         self._wanted = {*sheet_frames(self._times, bursts)}
@@ -413,6 +423,7 @@ class _FilmOfRun:
         write_text(table, table_text(rows))
         return FilmMade(
             frames=len(self._times),
+            filmed=self._filmed,
             width=self._camera.width,
             height=self._camera.height,
             written=written,
@@ -421,15 +432,19 @@ class _FilmOfRun:
         )
 
 
-def _frames(world: DrawnWorld, count: int, hz: float) -> np.ndarray:
-    """Return the numbers of the stored frames, counted from 0 at 0 s."""
-    kept = {0, 1}
-    for charge in world.charges:
-        begin = float(charge.time_s)
-        life = float(fireball_duration(charge.tnt_mass("fireball_radius_m")))
-        first = max(math.floor(begin * hz) - BEFORE, 0)
-        kept |= set(range(first, math.ceil((begin + life) * hz) + 1))
-    return np.array(sorted(number for number in kept if number < count))
+def frames_in_view(run: Run, film: Film) -> Int[np.ndarray, " frame"]:
+    """Return the numbers of the frames with a fireball in view, and some before.
+
+    The first two are stored in any case, so that each film has a frame.
+    """
+    hz, numbers = float(film.camera.frames_hz), np.arange(len(film.times))
+    kept = numbers < BEFORE
+    for charge in run.world.charges:
+        if charge.name not in run.unseen:
+            life = float(fireball_duration(charge.tnt_mass("fireball_radius_m")))
+            since = numbers - float(charge.time_s) * hz
+            kept |= (since > -1 - BEFORE) & (since < life * hz + 1)
+    return np.flatnonzero(kept)
 
 
 def _write_imus(

@@ -24,6 +24,8 @@ model:
                           with_integral,without_integral)
   --detect                search of microphones and camera for blasts while they are
                           recorded; detections.csv has each detection with its latency
+  --frames all            choice; storage of every frame (default: of those with a
+                          fireball in view)
   --fit                   fit of each blast's readings with [world] as the prior,
                           fits.json and report.html
 output:
@@ -77,6 +79,7 @@ def run(options: argparse.Namespace) -> int:
         estimator=options.estimator or "",
         controllers=options.controllers or None,
         detect=options.detect,
+        every_frame=options.frames == "all",
         watched=watched,
         force=options.force,
         # run.json has the command, so that the run can be repeated.

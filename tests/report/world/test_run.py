@@ -1,6 +1,7 @@
 """A run in packets: what is written does not depend on who watches."""
 
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from jblast.report.exports.ros_bag import RosBag
 from jblast.report.world import run_world
 from jblast.scene import Place
 from jblast.sensors.listening import packets
+from jblast.study.run_files import frames_in_view
 from jblast.study.running import (
     packets_of,
     prepare_run,
@@ -99,6 +101,13 @@ def run(scene):
 @pytest.fixture(scope="module")
 def parts(run):
     return [*packets_of(run)]
+
+
+def test_frames_are_stored_while_a_fireball_is_in_view(run):
+    stored = frames_in_view(run, run.film)
+    assert 2 < stored.size < run.film.times.size
+    behind = replace(run, unseen=run.world.shots)
+    np.testing.assert_array_equal(frames_in_view(behind, run.film), [0, 1])
 
 
 def files_of(path: Path) -> dict[str, bytes]:

@@ -303,6 +303,7 @@ def test_every_stamp_of_a_run_is_within_a_sample_of_the_forward_model(jblast):
     assert 0 <= stamps.min() - begins < 2e-3
     frames = rows(jblast.text("run/camera/frames.csv"))
     assert float(frames[0]["time_s"]) == 0.0
+    assert told["camera"]["frames"] == len(frames) < told["camera"]["filmed"]
     for one in frames:
         assert (jblast.directory / "run" / "camera" / "frames" / one["file"]).exists()
         assert float(one["time_s"]) * 50 == pytest.approx(
