@@ -5,7 +5,7 @@ There are two uses. A package with lazy names (`jblast`, `jblast.sensors`,
 `__getattr__, __dir__ = lazy_face(__name__, HOMES)`, so that a command imports only the
 modules that it uses. An entry of a registry (`registry.Registry`) may name a function
 or module by its import path, as "jblast.sensors.geophone" or
-"jblast.vehicle.warp.position_hold:hold_functions", and `resolved` imports it at its
+"jblast.sensors.geophone:recorded", and `resolved` imports it at its
 use. The reader of scene files thus has all kinds of sensors without their physics.
 """
 

@@ -15,7 +15,6 @@ from jblast.vehicle.control.position_hold import (
 from jblast.vehicle.control.stability import step_limit as step_limit
 from jblast.vehicle.controllers import (
     CONTROLLERS as CONTROLLERS,
-    ControllerKernel as ControllerKernel,
     ControllerKind as ControllerKind,
     controller_of as controller_of,
     hold_of as hold_of,

@@ -1,7 +1,7 @@
 """Registry of the controllers of a vehicle, one record each.
 
-A record is used by `jblast fly` (`controllers`), the tuning of gains, environments for
-learners and the choice between JAX and Warp. State and command of a controller are
+A record is used by `jblast fly` (`controllers`), the tuning of gains and environments
+for learners. State and command of a controller are
 those of the class that `make` returns (`control.position_hold.Controller`): `start()`
 returns the initial state, a call returns rotor speeds and the next state, and the
 fields are gains. `register` adds a controller from any module.
@@ -9,13 +9,9 @@ fields are gains. `register` adds a controller from any module.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any, NamedTuple
-
-from jaxtyping import Array, Float
+from typing import Any
 
 from jblast.errors import InputError
-from jblast.lazy import resolved
 from jblast.registry import Registry
 from jblast.scene import VehicleSpec
 from jblast.vehicle.control.cascade import Cascade
@@ -25,25 +21,6 @@ from jblast.vehicle.control.position_hold import (
     PositionHold,
     gains_from_parameters,
 )
-
-
-class ControllerKernel(NamedTuple):
-    """A controller as Warp functions.
-
-    Attributes:
-        functions: From `wp.float32` or `wp.float64` to `order_of(rows, lane)` and
-            `hold(vehicle, order, motion, state, period)`, as in
-            `warp.position_hold.hold_functions`. The state is three numbers, zero at
-            the start.
-        orders: Function from a controller to the rows that `order_of` reads, shape
-            (..., row).
-        refused: Function from a controller to the description of an unsupported
-            option; "" if all are supported.
-    """
-
-    functions: Callable[[Any], SimpleNamespace]
-    orders: Callable[[Any], Float[Array, "*batch row"]]
-    refused: Callable[[Any], str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +38,6 @@ class ControllerKind:
             environments can move. Its `ready` returns a module whose field `hold` is
             the controller with `target_m`, `gains` and `yaw_rad`, and its state is
             three numbers. None: the controller has other loops.
-        kernel: Warp functions (`ControllerKernel`) or their import path; None: JAX
-            simulates the controller on every device.
     """
 
     name: str
@@ -70,7 +45,6 @@ class ControllerKind:
     make: Callable[[VehicleSpec], Any]
     type: type
     with_gains: Callable[[Any, Gains, Any], Any] | None = None
-    kernel: ControllerKernel | str | None = None
 
 
 def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
@@ -137,15 +111,6 @@ def gains_controller(name: str) -> Callable[[Any, Gains, Any], Any]:
     return made
 
 
-def kernel_of(controller: Any) -> ControllerKernel | None:
-    """Return the Warp functions of a controller; None if it has none."""
-    for kind in CONTROLLERS.values():
-        # A subclass may override methods that the Warp functions do not have.
-        if kind.kernel is not None and type(controller) is kind.type:
-            return resolved(kind.kernel)
-    return None
-
-
 CONTROLLERS = Registry[ControllerKind](
     "controller",
     ControllerKind(
@@ -154,7 +119,6 @@ CONTROLLERS = Registry[ControllerKind](
         make=lambda spec: hold_of(spec, integral=True),
         type=PositionHold,
         with_gains=PositionHold,
-        kernel="jblast.vehicle.warp.position_hold:KERNEL",
     ),
     ControllerKind(
         name="without_integral",
@@ -162,7 +126,6 @@ CONTROLLERS = Registry[ControllerKind](
         make=lambda spec: hold_of(spec, integral=False),
         type=PositionHold,
         with_gains=PositionHold,
-        kernel="jblast.vehicle.warp.position_hold:KERNEL",
     ),
     ControllerKind(
         name="cascade",

@@ -1,9 +1,8 @@
 """Simulate the flight of a vehicle, or of a batch.
 
-The arguments are checked before anything is compiled. The backend is a JAX program or a
-Warp kernel: on a CPU JAX is faster, on a GPU the kernel, which keeps a whole flight in
-registers. Only JAX has derivatives and supports winds, loads and controllers written in
-Python.
+The arguments are checked before anything is compiled. The backend is a JAX program, or
+the same step as a Warp kernel, which keeps a whole flight in registers: on a CPU JAX is
+faster, on a GPU the kernel. Only JAX has derivatives.
 """
 
 import dataclasses
@@ -21,9 +20,9 @@ from jaxtyping import Array, Float
 
 from jblast.errors import InputError, shown
 from jblast.kept_programs import WIDE, kept
+from jblast.vehicle.c_code import Untranslatable
 from jblast.vehicle.control.position_hold import Controller, Gains, PositionHold
 from jblast.vehicle.control.stability import step_limit
-from jblast.vehicle.controllers import kernel_of
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.load import FriedlanderGust, Load, NWaveGust, Pulse, StepGust
 from jblast.vehicle.quadrotor import Vehicle, floats, in_precision
@@ -35,7 +34,6 @@ from jblast.vehicle.rollout import (
     Ticks,
     fly,
     over_lanes,
-    own,
     parted,
     stored_times,
     timetable,
@@ -57,11 +55,6 @@ VECTORS = {
     BlastLoad: "wind_m_s",
 }
 """Name of the field of shape (3,) without a batch, by type."""
-BUILT_IN = {
-    "wind": (StepGust, NWaveGust, FriedlanderGust),
-    "loads": (BlastLoad,),
-}
-"""Types that the kernel supports; controllers declare theirs in their record."""
 
 
 def simulate(
@@ -105,8 +98,8 @@ def simulate(
             rotors lift it; None: no ground.
         store_every: Steps between two stored rows; start and end are always stored.
         backend: "jax"; "warp", a kernel on the first GPU or else the CPU;
-            "warp:DEVICE", as "warp:cuda:1"; "auto": Warp in float32 on a GPU, else
-            JAX. Derivatives, and winds, loads and controllers in Python, are JAX's.
+            "warp:DEVICE", as "warp:cuda:1"; "auto": Warp in float32 on a GPU outside of
+            jit, vmap and grad, else JAX.
 
     Raises:
         InputError: A number, a shape or an option is invalid; the start is below
@@ -114,7 +107,7 @@ def simulate(
             unsupported.
 
     Warns:
-        UserWarning: JAX is used instead of Warp.
+        UserWarning: JAX is used instead of Warp, because an operation has no C code.
     """
     duration_s, step_s = float(duration_s), float(step_s)
     command_step_s = None if command_step_s is None else float(command_step_s)
@@ -146,20 +139,24 @@ def simulate(
     ticks = timetable(duration_s, step_s, period, dtype)
     times = stored_times(duration_s, step_s, store_every, dtype)
     flight = in_precision(flight, dtype)
+    held = period > 1.5 * step_s
     if flies_on_warp(backend, flight, dtype):
-        from jblast.vehicle.warp.flight import KernelFlight
+        # Warp is imported only for a kernel.
+        from jblast.vehicle import kernel
 
-        flown = KernelFlight(
-            flight,
-            ticks,
-            times,
-            period,
-            batch=batch,
-            store_every=store_every,
-            device=backend.partition(":")[2] or None,
-        )
-        flown.fly()
-        return flown.trajectory()
+        try:
+            return kernel.fly_on(
+                kernel.device_named(backend.partition(":")[2] or None),
+                flight,
+                ticks,
+                times,
+                jnp.asarray(period, dtype),
+                batch=batch,
+                store_every=store_every,
+                control_held=held,
+            )
+        except Untranslatable as missing:
+            warnings.warn(f"{missing}: JAX is used instead of Warp", stacklevel=2)
     traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((flight, ticks)))
     program = _FLY_WITHIN if traced else _FLY_EACH if batch else _FLY_ONE
     rows = program(
@@ -168,7 +165,7 @@ def simulate(
         jnp.asarray(period, dtype),
         batch=batch,
         store_every=store_every,
-        control_held=period > 1.5 * step_s,
+        control_held=held,
         devices=1 if traced else jax.local_device_count(),
     )
     return _trajectory(times, rows)
@@ -391,7 +388,7 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
 
 
 def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:
-    """Return whether the flight uses the Warp kernel.
+    """Return whether the flight uses a Warp kernel.
 
     Args:
         backend: "auto" (the kernel in float32 on a GPU), "jax", "warp" or
@@ -401,39 +398,13 @@ def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:
 
     Raises:
         InputError: Warp is requested inside jit, vmap or grad.
-
-    Warns:
-        UserWarning: The kernel does not support the flight, so JAX is used.
     """
-    if backend == "jax" or (backend == "auto" and jax.default_backend() != "gpu"):
-        return False
     traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(flight))
-    if traced and backend == "auto":
-        return False
-    if traced:
+    if backend == "auto":
+        return jax.default_backend() == "gpu" and dtype == np.float32 and not traced
+    if traced and backend != "jax":
         raise InputError(
             f"backend: expected auto or jax inside jit, vmap or grad, got {backend!r} "
             "(Warp flights have no derivatives)"
         )
-    unsupported = _unsupported(flight)
-    if backend == "auto" and dtype != np.float32:
-        unsupported = f"precision {dtype.name}"
-    if unsupported:
-        warnings.warn(f"{unsupported}: JAX is used instead of Warp", stacklevel=3)
-    return not unsupported
-
-
-def _unsupported(flight: Flight) -> str:
-    """Return a description of the first unsupported part of a flight; "" if none."""
-    given = {"wind": [flight.wind], "loads": flight.loads}
-    for name, values in given.items():
-        for value in map(own, values):
-            if value is not None and not isinstance(value, BUILT_IN[name]):
-                return f"{name} of the type {type(value).__name__}"
-    control = own(flight.control)
-    if control is None:
-        return ""
-    kernel = kernel_of(control)
-    if kernel is None:
-        return f"control of the type {type(control).__name__}"
-    return kernel.refused(control)
+    return backend != "jax"

@@ -43,6 +43,5 @@ CONTROLLERS.register(
         words="by a brake",
         make=lambda spec: Brake(hold_of(spec, integral=False)),
         type=Brake,
-        kernel="tests.extensions.brake_kernel:KERNEL",  # None: JAX alone flies it
     )
 )

@@ -27,12 +27,11 @@ from jblast.report.view import terminal
 from jblast.scene import SENSOR_KINDS, Charge, Normal, Scene, Sensor, read_scene
 from jblast.sensors import recording
 from jblast.sensors.listening import packets, plan
-from jblast.study.flight_results import trajectory_of
-from jblast.study.flights import Options, fly
+from jblast.study.flights import fly
 from jblast.study.gains import TuningSettings, tune_gains
-from jblast.vehicle import CONTROLLERS, controller_of, simulate, start_of, vehicle_of
+from jblast.vehicle import CONTROLLERS
 from jblast.waves.propagation import ambient
-from tests.study.flights.scenes import SHORT, SPEC, scene
+from tests.study.flights.scenes import SHORT, scene
 
 HERE = Path(__file__).parent
 SCENE = """
@@ -215,28 +214,3 @@ def test_gains_and_environments_take_controllers_with_the_loops_of_the_hold(exte
     CONTROLLERS.register(own)
     made = environment_params(controller="own")
     assert np.all(made.gains.position == environment_params().gains.position)
-
-
-@pytest.mark.slow  # compiles the Warp kernel for a CPU
-def test_a_users_warp_functions_fly_as_jax_does(extension):
-    extension("brake")
-    options = Options(seconds=0.3, step_s=2e-3)
-    by_jax, by_warp = (
-        fly(scene(), replace(options, backend=backend), controllers=("brake",))
-        for backend in ("jax", "warp:cpu")
-    )
-    here, there = (trajectory_of(one, "brake").position_m for one in (by_jax, by_warp))
-    # float32 of the kernel
-    np.testing.assert_allclose(here, there, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_controller_without_warp_functions_is_flown_by_jax_with_a_warning(extension):
-    extension("brake")
-    CONTROLLERS.register(replace(CONTROLLERS["brake"], kernel=None))
-    with pytest.warns(UserWarning, match="type Brake: JAX is used"):
-        simulate(
-            vehicle_of(SPEC), start_of(SPEC), duration_s=0.01, step_s=2e-3,
-            control=controller_of(SPEC, "brake"),
-            backend="warp:cpu",
-        )  # fmt: skip

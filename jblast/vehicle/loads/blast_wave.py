@@ -113,7 +113,8 @@ def wave_curves(burst: str) -> WaveCurves:
         ]
     logs = [np.log(column) for column in columns]
     tables = (
-        hermite_table(log_z[0], float(step), y, spline_slopes(log_z, y)) for y in logs
+        hermite_table(float(log_z[0]), float(step), y, spline_slopes(log_z, y))
+        for y in logs
     )
     return WaveCurves(*tables)
 

@@ -95,12 +95,7 @@ def test_what_is_no_number_loses_the_vehicle_and_is_not_never(field):
     second = dataclasses.replace(broken.blasts[1], **{field: jnp.nan})
     broken = dataclasses.replace(broken, blasts=(broken.blasts[0], second))
     assert bool(flown(broken, backend="jax", store_every=100).lost)
-    kernel = {"backend": "warp:cpu", "store_every": 100}
-    if field == "time_s":
-        assert bool(flown(broken, **kernel).lost)
-    else:  # the kernel's numbers are calculated outside jit, where a mass is looked at
-        with pytest.raises(ValueError, match="charge_mass must be a number"):
-            flown(broken, **kernel)
+    assert bool(flown(broken, backend="warp:cpu", store_every=100).lost)
 
 
 def test_a_profile_of_a_charge_that_never_happens_gives_nothing():

@@ -21,7 +21,7 @@ from jblast.vehicle import (
     simulate,
 )
 
-TABLE = Path(__file__).parents[3] / "calibration/data/rotorpy_flights.csv"
+TABLE = Path(__file__).parents[2] / "calibration/data/rotorpy_flights.csv"
 GUSTS = {
     "calm": lambda gust: None,
     "step": lambda gust: StepGust(gust.velocity, gust.start),

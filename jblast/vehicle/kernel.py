@@ -1,0 +1,306 @@
+"""Flights as a Warp kernel: a whole flight in the registers of one thread.
+
+The kernel is the JAX step, translated to C (`c_code`): vehicle, controller, wind and
+loads are those of JAX, a user's too. It is compiled for shapes, not for numbers: every
+array of a flight is read from memory at the start, at a stride per vehicle that is zero
+for an array that all share. The kernel has no derivatives.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple, no_type_check
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import warp as wp
+from jaxtyping import Array, Float, PyTree
+
+from jblast.errors import InputError
+from jblast.vehicle.c_code import Code, Element, Untranslatable, ctype, filled, texts
+from jblast.vehicle.dynamics import net_wrench
+from jblast.vehicle.rollout import (
+    MAX_SPLIT_SIZE,
+    Flight,
+    FlightState,
+    OneStep,
+    Ticks,
+    parted,
+)
+from jblast.vehicle.state import Trajectory
+
+wp.config.log_level = wp.LOG_ERROR
+"""Warp prints a banner on stdout, which is for results, and warns without a GPU."""
+THREADS = 128
+"""Threads per block: four warps, so that several blocks share a multiprocessor."""
+OPTIONS = {"enable_backward": False, "fast_math": True}
+"""Compiler options; fast division and roots in float32 on a GPU are twice as fast, with
+relative errors near 1e-7."""
+FIELDS = (3, 3, 4, 3, 4, 3, 3)
+"""Lengths of the vectors of a stored row: those of `Trajectory`."""
+TICK = {
+    "stages": ((3,), None),
+    "start": ((), None),
+    "step": ((), None),
+    "command": ((3,), jnp.int32),
+    "sample": ((), jnp.bool_),
+}
+"""Shape and type of the fields of a step; None: the precision of the flight."""
+Numbers = jax.Array | np.ndarray
+IN_REGISTERS = 64
+"""Largest array of a flight that is read at the start; larger ones stay in memory."""
+
+
+class Program(NamedTuple):
+    """A kernel and the tables of constants that it reads after the flight's arrays."""
+
+    kernel: Any
+    tables: list[np.ndarray]
+
+
+def fly_on(
+    device: Any,
+    flight: Flight,
+    ticks: Ticks,
+    time_s: Float[Array, " time"],
+    period_s: Float[Array, ""],
+    *,
+    batch: tuple[int, ...],
+    store_every: int,
+    control_held: bool,
+) -> Trajectory:
+    """Return the flights of a batch, or of one vehicle, on a device.
+
+    Args:
+        device: Warp device.
+        flight: As for `rollout.fly`, with floats of one precision.
+        ticks: The steps.
+        time_s: Times of the stored rows.
+        period_s: Period of the controller.
+        batch: Axes of the batch.
+        store_every: Steps between rows.
+        control_held: True if the controller's period is longer than a step.
+
+    Raises:
+        InputError: The memory of the device is too small for the rows.
+        Untranslatable: The step has an operation that has no C code.
+    """
+    own, shared = _prepared(*parted(flight, batch))
+    numbers, rest = eqx.partition(shared, lambda x: isinstance(x, Numbers))
+    arrays, tree = jax.tree.flatten((own, numbers, period_s))
+    values, form = jax.tree.flatten(rest)
+    # Those of `own` come first, with an axis of the vehicles.
+    owned = [n < len(jax.tree.leaves(own)) for n in range(len(arrays))]
+    shapes = [
+        x.shape[1:] if mine else x.shape for x, mine in zip(arrays, owned, strict=True)
+    ]
+    kinds = tuple((shape, x.dtype) for shape, x in zip(shapes, arrays, strict=True))
+    program = program_of(kinds, tree, tuple(values), form, control_held)
+    lanes, size, real = int(np.prod(batch)), time_s.size, np.dtype(time_s.dtype)
+    kind = wp.dtype_from_numpy(real)
+    try:
+        rows = [wp.empty((lanes, size, n), dtype=kind, device=device) for n in FIELDS]
+    except RuntimeError:
+        needed = lanes * size * sum(FIELDS) * real.itemsize / 1e9
+        raise InputError(
+            f"store_every: {size} rows of {lanes} vehicles take {needed:.3g} GB, more "
+            f"than {device} has; increase store_every"
+        ) from None
+    lost = wp.empty(lanes, dtype=wp.bool, device=device)
+    # Shared without a copy, so they must be complete: Warp does not wait for JAX.
+    sent = [
+        wp.from_jax(jax.block_until_ready(jnp.ravel(x))).to(device)
+        for x in (*ticks, *arrays, *program.tables)
+    ]
+    strides = [
+        mine * int(np.prod(shape)) for shape, mine in zip(shapes, owned, strict=True)
+    ]
+    pointers = [x.ptr for x in (*rows, lost, *sent)]
+    given = [
+        wp.array(pointers, dtype=wp.uint64, device=device),
+        wp.array(strides, dtype=wp.int64, device=device),
+        *(ticks.step.size, size, store_every),
+    ]
+    run(program.kernel, lanes, given, device)
+    parts = [wp.to_jax(x).reshape(*batch, *x.shape[1:]) for x in rows]
+    return Trajectory(time_s, *parts, wp.to_jax(lost).reshape(batch))
+
+
+def run(kernel: Any, lanes: int, given: list[Any], device: Any) -> None:
+    """Run a kernel to its end."""
+    wp.launch(kernel, dim=lanes, inputs=given, device=device, block_dim=THREADS)
+    # A launch returns before the kernel ends, and JAX does not wait for Warp.
+    wp.synchronize_device(device)
+
+
+def device_named(name: str | None) -> Any:
+    """Return a Warp device by name; None: the first GPU, or the CPU.
+
+    Raises:
+        InputError: The name is unknown.
+    """
+    try:
+        return wp.get_device(name)
+    except (RuntimeError, ValueError):
+        known = ", ".join(str(device) for device in wp.get_devices())
+        raise InputError(
+            f"backend: expected a device of warp:DEVICE among {known}, got {name}"
+        ) from None
+
+
+def _prepared(own: Any, shared: Any) -> tuple[Any, Any]:
+    """Return the flight with a prepared controller."""
+
+    def ready(own: Any) -> Any:
+        flight = eqx.combine(own, shared)
+        return flight.control.ready(flight.vehicle)
+
+    if not hasattr(eqx.combine(own, shared).control, "ready"):
+        return own, shared
+    if jax.tree.leaves((own.control, own.vehicle)):
+        control = eqx.filter_vmap(ready)(own)
+        arrays, rest = eqx.partition(control, eqx.is_array)
+        return own._replace(control=arrays), shared._replace(control=rest)
+    control = ready(own)
+    nothing = jax.tree.map(lambda x: None, control)
+    return own._replace(control=nothing), shared._replace(control=control)
+
+
+@lru_cache(maxsize=64)
+def program_of(
+    kinds: tuple[tuple[tuple[int, ...], Any], ...],
+    tree: Any,
+    values: tuple[Any, ...],
+    form: Any,
+    control_held: bool,
+) -> Program:
+    """Return the kernel of flights with arrays of some shapes.
+
+    Args:
+        kinds: Shape and type of each array of one vehicle; the period of the controller
+            is the last, in the precision of the flight.
+        tree: Structure of (own arrays, shared arrays, period).
+        values: What is no array in the flight.
+        form: Structure of `values`.
+        control_held: True if the controller's period is longer than a step.
+
+    Raises:
+        Untranslatable: An operation has no C code.
+    """
+    rest = jax.tree.unflatten(form, values)
+
+    def one(arrays: Any) -> OneStep:
+        own, numbers, period = jax.tree.unflatten(tree, arrays)
+        return OneStep(eqx.combine(own, numbers, rest), period, control_held, None)
+
+    def start(arrays: Any) -> FlightState:
+        return one(arrays).start()
+
+    def step(arrays: Any, now: FlightState, tick: Ticks) -> FlightState:
+        taken = one(arrays)
+        advance = taken.advance_pushed if now.inactive_until_s else taken.advance
+        return advance(now, tick)
+
+    def row(arrays: Any, now: FlightState, time: Any) -> PyTree[Array]:
+        taken, motion = one(arrays), now.motion
+        rate = taken.rates(now.impulse_wrench, time, motion.rotor_speed, motion)
+        return motion, net_wrench(taken.flight.vehicle, motion, rate)
+
+    arrays = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
+    real = kinds[-1][1]
+    begun, now = jax.make_jaxpr(start, return_shape=True)(arrays)
+    leaves = jax.tree.leaves(now)
+    for leaf in leaves:
+        if leaf.size > MAX_SPLIT_SIZE:
+            raise Untranslatable(f"a controller with a state of {leaf.size} numbers")
+    tick = Ticks(
+        *(jax.ShapeDtypeStruct(shape, dtype or real) for shape, dtype in TICK.values())
+    )
+    code = Code()
+    heads, given = _inputs(kinds)
+    state = code.variables(leaves)
+    code.assign(state, code.run(begun, given))
+    with code.block("for(int i=0,r=0;;i++)"):
+        with code.block("if(i%every==0||i==steps)"):
+            at = code.let(ctype(real), "i==0?stages[0]:stages[3*i-1]")
+            stored = jax.make_jaxpr(row)(arrays, now, tick.start)
+            made = code.run(stored, [*given, *state, filled((), [at])])
+            _store(code, ctype(real), made)
+        code.lines.append("if(i==steps) break;")
+        taken = jax.make_jaxpr(step)(arrays, now, tick)
+        code.assign(state, code.run(taken, [*given, *state, *_elements(code, tick)]))
+    code.lines.append(f"((bool*)data.data[{len(FIELDS)}])[lane]=!alive;")
+    pointers = {
+        **{name: x.dtype for name, x in tick._asdict().items()},
+        **{f"array{n}": dtype for n, (_, dtype) in enumerate(kinds)},
+        **{f"table{n}": table.dtype for n, table in enumerate(code.tables)},
+    }
+    lines = [
+        f"const {ctype(dtype)}* {name}=(const {ctype(dtype)}*)data.data[{place}];"
+        for place, (name, dtype) in enumerate(pointers.items(), len(FIELDS) + 1)
+    ]
+    return Program(kernel_of("\n".join([*lines, *heads, *code.lines])), code.tables)
+
+
+def _inputs(kinds: Any) -> tuple[list[str], list[np.ndarray]]:
+    """Return lines that read the arrays of a vehicle, and their elements."""
+    lines, given = ["bool alive=true;"], []
+    for n, (shape, _) in enumerate(kinds):
+        name, size = f"array{n}", int(np.prod(shape))
+        lines.append(f"{name}+=strides.data[{n}]*lane;")
+        elements = [Element.of(name, j) for j in range(size)]
+        if size <= IN_REGISTERS:
+            elements = [Element.of(name, j, f"{name}_{j}") for j in range(size)]
+            lines += [f"const auto {x}={x.array}[{x.offset}];" for x in elements]
+        given.append(filled(shape, elements))
+    return lines, given
+
+
+def _elements(code: Code, tick: Ticks) -> list[np.ndarray]:
+    """Return the elements of the step `i`, read from memory."""
+    made = []
+    for name, x in tick._asdict().items():
+        places = (f"{name}[i*{x.size}+{j}]" for j in range(x.size))
+        made.append(filled(x.shape, (code.let(ctype(x.dtype), at) for at in places)))
+    return made
+
+
+def _store(code: Code, real: str, values: list[np.ndarray]) -> None:
+    """Write the row `r`: NaN from the first row with a number that is not finite."""
+    numbers = [text for value in values for text in texts(value).flat]
+    # One test for 23 numbers: a NaN or an infinity in any makes the sum not finite.
+    code.lines.append(f"alive=alive&&wp::isfinite({'+'.join(numbers)});")
+    for n, length in enumerate(FIELDS):
+        code.lines.append(
+            f"{real}* row{n}=({real}*)data.data[{n}]+(lane*rows+r)*{length};"
+        )
+        for j in range(length):
+            code.lines.append(f"row{n}[{j}]=alive?{numbers.pop(0)}:({real})NAN;")
+    code.lines.append("r++;")
+
+
+@no_type_check
+def kernel_of(snippet: str) -> Any:
+    """Return a kernel of which each thread runs C code for its vehicle."""
+
+    @wp.func_native(snippet)
+    def fly(
+        lane: wp.int64,
+        data: wp.array(dtype=wp.uint64),
+        strides: wp.array(dtype=wp.int64),
+        steps: int,
+        rows: int,
+        every: int,
+    ): ...
+
+    @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
+    def kernel(
+        data: wp.array(dtype=wp.uint64),
+        strides: wp.array(dtype=wp.int64),
+        steps: int,
+        rows: int,
+        every: int,
+    ):
+        fly(wp.int64(wp.tid()), data, strides, steps, rows, every)
+
+    return kernel
