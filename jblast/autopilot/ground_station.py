@@ -1,32 +1,39 @@
 """Vehicle for a ground station: commands, modes and telemetry.
 
 The vehicle behaves as PX4 in its automatic modes: it is armed, takes off, flies its
-mission, pauses, returns and lands by command. Each flight is computed as a whole, in a
-thread of its own, and sent row by row at the pace of the wall clock. Its clock stops
-while a flight is computed. A command in flight computes the flight again, from the
-take-off, with another end from the present position on (`Course`).
+mission, pauses, returns and lands by command. It is simulated step by step at the pace
+of the wall clock. A command in flight replaces the path of its controller by one that
+begins at the present set point, with a stop at the stopping distance.
 """
 
 import math
 import time
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
 
-from jblast.autopilot.course import INSERTED, Course, course_of, inserted
-from jblast.autopilot.flight_record import FlightRecord
-from jblast.autopilot.mavlink import Link, LinkLost, Message, Sender, message_name
-from jblast.autopilot.protocols import Missions, Parameters
-from jblast.autopilot.telemetry import (
+from jblast.autopilot.lockstep import PERIOD_S, begin, step
+from jblast.autopilot.mavlink import (
+    HEARTBEAT_S,
+    Link,
+    LinkLost,
+    answer,
+    dialect,
+    message,
+)
+from jblast.autopilot.protocols import (
     AUTO,
     CAPABILITIES,
     COMPLETE,
     COMPONENT,
     FLOWN,
-    HEARTBEAT_S,
+    LANDED_UP_M,
     MODE_HOLD,
     MODE_LAND,
     MODE_MISSION,
@@ -38,26 +45,36 @@ from jblast.autopilot.telemetry import (
     STREAMS,
     SYSTEM,
     TELEMETRY_STEP_S,
-    Telemetry,
-    VehicleStatus,
+    Missions,
+    Parameters,
+    Status,
     heartbeat,
+    telemetry,
 )
 from jblast.errors import InputError
-from jblast.missions.mission import Limits
+from jblast.missions import Item, Mission, MissionControl, Plan, Progress, mission_of
+from jblast.missions.guidance import ENDED, FLYING, point_on
+from jblast.missions.mission import Limits, geodetic
 from jblast.missions.plan import (
-    DELAY,
     GLOBAL,
+    HEADING,
     JUMP,
     LAND,
     LOITER,
     LOITER_TIME,
+    MISSION,
+    RELATIVE,
     RETURN,
+    SPEED,
     TAKEOFF,
     WAYPOINT,
-    Item,
-    Plan,
     checked_item,
 )
+from jblast.observations.places import Frame
+from jblast.scene import Place
+from jblast.vehicle import PositionHold, State
+from jblast.vehicle.rollout import Flight, FlightState
+from jblast.vehicle.state import joined
 
 # MAV_CMD, besides those of missions.
 SET_MODE, REPOSITION, PAUSE_CONTINUE, SET_ITEM = 176, 192, 193, 224
@@ -71,16 +88,156 @@ MODES = {
     START: MODE_MISSION,
 }
 """Mode of each command that sets one."""
-ACCEPTED, REFUSED, DENIED, UNSUPPORTED, IN_PROGRESS = 0, 1, 2, 3, 5
+ACCEPTED, REFUSED, DENIED, UNSUPPORTED = 0, 1, 2, 3
 """MAV_RESULT; REFUSED is TEMPORARILY_REJECTED."""
 WARNING = 4
 """MAV_SEVERITY."""
-REPLAY_S = 5.0
-"""Largest shift of time between two computations of a flight, declared: their paths are
-equal up to the command, but for the speed at the last corner before it."""
-CLIMB_M_S = 0.1
-"""Horizontal speed of the set point below which a take-off climbs vertically, declared:
-there it is 0 but for rounding, and on the way to the take-off's position m/s."""
+BLOCK, BLOCK_S = 25, 25 * PERIOD_S
+"""Steps of a program, and their duration: one interval of the telemetry."""
+LEAST_LEGS = 64
+"""Least length of a table of legs; a longer table is padded to a power of 2, because
+each length compiles a program of its own."""
+INSERTED = -1
+"""Number of an item that is not part of the mission."""
+
+
+@eqx.filter_jit
+def _advanced(
+    flight: Flight,
+    control: MissionControl,
+    now: FlightState,
+    memory: PyTree[Array],
+    first: Int[Array, ""],
+) -> tuple[FlightState, PyTree[Array], State]:
+    """Return flight, controller and vehicle after `BLOCK` steps."""
+    ready, period = control.ready(flight.vehicle), jnp.asarray(PERIOD_S, float)
+
+    def turn(carried: tuple[FlightState, PyTree[Array]], n: Int[Array, ""]) -> Any:
+        now, memory = carried
+        state, time_s = joined(now.motion), n * period
+        speeds, memory = ready(time_s, state, flight.vehicle, memory, period)
+        return (step(flight, now, n, speeds), memory), None
+
+    (now, memory), _ = jax.lax.scan(turn, (now, memory), first + jnp.arange(BLOCK))
+    return now, memory, joined(now.motion)
+
+
+class Craft:
+    """A vehicle that follows a path, step by step.
+
+    Attributes:
+        state: State of the vehicle.
+        time_s: Time of flight.
+        mission: Path; None before the take-off.
+
+    Args:
+        flight: Vehicle, start, wind and loads.
+        hold: Controller that follows the set point.
+    """
+
+    def __init__(self, flight: Flight, hold: PositionHold):
+        self._flight, self._hold = flight, hold
+        self.stand()
+
+    def stand(self) -> None:
+        """Return to the start."""
+        self.state, self.mission, self._steps = self._flight.state, None, 0
+        self.mission: Mission | None
+        self._now = begin(self._flight)
+        self._memory: Any = None
+
+    @property
+    def time_s(self) -> float:
+        """Time of flight."""
+        return self._steps * PERIOD_S
+
+    @property
+    def progress(self) -> Progress:
+        """State of the guidance."""
+        return self._memory[1]
+
+    @property
+    def flies(self) -> bool:
+        """True from the take-off's command on, until the vehicle is disarmed."""
+        return self.mission is not None and int(self.progress.phase) < ENDED
+
+    @property
+    def over(self) -> bool:
+        """True if the path is over, or there is none."""
+        return self.mission is None or self.where()[1]
+
+    @property
+    def yaw_rad(self) -> float:
+        """Heading of the set point, or of the start."""
+        if self.mission is not None:
+            return float(self.progress.yaw_rad)
+        _, _, z, w = np.asarray(self.state.quaternion).tolist()
+        return 2 * math.atan2(z, w)
+
+    @property
+    def in_air(self) -> bool:
+        """True above the ground."""
+        return float(self.state.position_m[2]) > LANDED_UP_M
+
+    @property
+    def throttle(self) -> float:
+        """Mean rotor speed as a share of the maximum."""
+        speeds = np.asarray(self.state.rotor_speed_rad_s)
+        share = speeds.mean() / float(self._flight.vehicle.rotor_speed_max_rad_s)
+        return float(share) if self.flies else 0.0
+
+    def set_point(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Return position and velocity of the set point."""
+        legs, now = self._control.guidance.legs, self.progress
+        place, way, _ = point_on(legs, now.leg, now.along_m)
+        return np.asarray(place), np.asarray(now.speed_m_s * way)
+
+    def follow(self, mission: Mission, *, in_air: bool) -> None:
+        """Follow a path from the ground, or from the present set point."""
+        guidance, legs = mission.guidance, mission.guidance.legs
+        size = max(LEAST_LEGS, 1 << (legs.count - 1).bit_length())
+        guidance = eqx.tree_at(lambda own: own.legs, guidance, legs.padded(size))
+        self._control = MissionControl(guidance, self._hold)
+        integral, fresh = self._control.start()
+        if in_air:
+            fresh = fresh._replace(phase=jnp.full_like(fresh.phase, FLYING))
+        if self.flies:
+            integral, now = self._memory
+            fresh = fresh._replace(speed_m_s=now.speed_m_s)
+        self.mission, self._memory = mission, (integral, fresh)
+
+    def advance(self) -> None:
+        """Take `BLOCK` steps.
+
+        Raises:
+            InputError: The vehicle's state diverges; it is at the start again.
+        """
+        # NumPy's arrays have one type, where JAX's may be weak: one program for all.
+        arrays, rest = eqx.partition(
+            (self._control, self._now, self._memory), eqx.is_array
+        )
+        given = eqx.combine(jax.tree.map(np.asarray, arrays), rest)
+        self._now, self._memory, self.state = _advanced(
+            self._flight, *given, jnp.asarray(self._steps)
+        )
+        self._steps += BLOCK
+        if not np.isfinite(np.asarray(self.state.position_m)).all():
+            self.stand()
+            raise InputError("the state of the vehicle diverged")
+
+    def where(self) -> tuple[int, bool]:
+        """Return the index of the current item of the path, and whether it is over.
+
+        A path is over on the ground with the rotors at rest, or in its last hover.
+        """
+        mission, now = self.mission, self.progress
+        assert mission is not None
+        legs, leg = self._control.guidance.legs, int(now.leg)
+        visit = int(legs.visit[leg])
+        item = next(stop.item for stop in mission.stops if stop.visit == visit)
+        hovers = not mission.stops[-1].lands and math.isinf(float(legs.hold_s[leg]))
+        over = int(now.phase) == ENDED or (hovers and float(now.since_s) > 0)
+        return item, over
 
 
 @dataclass
@@ -96,111 +253,60 @@ class ServiceResult:
     ended: str = ""
 
 
-class NotNow(InputError):
-    """A command that may be accepted later."""
-
-
-class Request(NamedTuple):
-    """A command that waits for its answer.
+class Path(NamedTuple):
+    """Relation of a path to the mission of the vehicle.
 
     Attributes:
-        command: MAV_CMD.
-        who: System and component of its sender.
+        plan: Mission in use at its command; None: none.
+        added: Number of items ahead of those of the mission.
+        first: Number of the first item in the mission; None: another path.
     """
 
-    command: int
-    who: tuple[int, int]
-
-    @property
-    def sets_mode(self) -> bool:
-        """True if it is accepted before its flight is computed, as by PX4."""
-        return self.command == SET_MODE
-
-    def acks(self, sender: Sender, result: int) -> list[bytes]:
-        """Return the acknowledgement."""
-        fields = {"command": self.command, "result": result}
-        return [sender.pack_to(self.who, "COMMAND_ACK", **fields)]
-
-
-class Job(NamedTuple):
-    """Computation of a flight.
-
-    Attributes:
-        request: Command that started it.
-        course: Course of the flight.
-        mission: Mission of the vehicle; None: no mission.
-        mode: Mode in the flight.
-        begin_s: Wall-clock time at its begin.
-        record: The flight, once it is computed.
-    """
-
-    request: Request
-    course: Course
-    mission: Plan | None
-    mode: int
-    begin_s: float
-    record: Future[FlightRecord]
-
-
-class Flight(NamedTuple):
-    """A computed flight.
-
-    Attributes:
-        course: Its course.
-        mission: Mission of the vehicle at its command; None: no mission.
-        telemetry: Its telemetry.
-    """
-
-    course: Course
-    mission: Plan | None
-    telemetry: Telemetry
+    plan: Plan | None
+    added: int = 0
+    first: int | None = None
 
 
 class GroundStation:
     """Service of a vehicle for a ground station over a link.
 
     Attributes:
-        missions: Mission of the vehicle.
+        missions: Mission of the vehicle, and its home.
         watched: Result of the service.
 
     Args:
         link: Link to the ground station.
-        standing: Record of the vehicle at rest.
+        craft: The vehicle.
         missions: As above.
-        fly: Simulates a plan; None: position control at the target.
+        place: Geodetic position of the scene's origin.
+        target_m: Target in the air that the vehicle flies to, once armed without a
+            mission; None: arming does not start a flight.
         speed: Flight time per wall-clock time [-].
-        hovers: True if arming without a mission starts the position control.
-        report: Called with a line when the computation of a flight begins and ends.
     """
 
     def __init__(
         self,
         link: Link,
-        standing: FlightRecord,
+        craft: Craft,
         missions: Missions,
-        fly: Callable[[Plan | None], FlightRecord],
+        place: Place,
+        target_m: Float[np.ndarray, "3"] | None = None,
         speed: float = 1.0,
-        *,
-        hovers: bool = True,
-        report: Callable[[str], object] = lambda line: None,
     ):
-        self._report = report
-        self.missions, self._link, self._fly, self._speed = missions, link, fly, speed
-        self._sender, self._parameters = Sender(SYSTEM, COMPONENT), Parameters()
-        self._standing, self._hovers = Telemetry(standing), hovers
+        self.missions, self._link, self._craft = missions, link, craft
+        self._place, self._frame = place, Frame(*place)
+        self._target_m, self._speed = target_m, speed
+        self._home_m = np.asarray(craft.state.position_m) * [1.0, 1.0, 0.0]
+        self._parameters, self.watched = Parameters(), ServiceResult()
         self._intervals, self._sent = dict(STREAMS), dict.fromkeys(STREAMS, -1e9)
         self._has_first_mission = missions.plan is not None
         # The mode set by the client or by a flight; None: the initial mode.
         self._chosen: int | None = None
-        # None: the vehicle stands on the ground, before its take-off.
-        self._flight: Flight | None = None
         self._armed = False  # before the take-off
-        # Flight time at the wall-clock time `_since_s`; None: the clock is stopped.
-        self._time_s, self._since_s = 0.0, None
-        # Current item, last reached one, and last row with reported progress.
-        self._item, self._reached, self._followed = 0, -1, -1
-        self._job: Job | None = None
-        self.watched = ServiceResult()
+        self._path = Path(None)
+        # Current item, and last reached one.
+        self._item, self._reached = 0, -1
+        self._next_s = 0.0  # wall-clock time of the next steps
 
     def serve(self, seconds: float | None = None) -> ServiceResult:
         """Serve until the ground station disconnects or the time is over.
@@ -208,38 +314,30 @@ class GroundStation:
         Args:
             seconds: Wall-clock time; None: no end.
         """
-        begin = time.monotonic()
-        beat = -1e9
+        start, beat = time.monotonic(), -1e9
         try:
-            while seconds is None or time.monotonic() - begin < seconds:
-                now = time.monotonic()
-                if self._link.address.kind == "tcp" and not self._link.accept(
-                    TELEMETRY_STEP_S
-                ):
-                    continue
+            while seconds is None or time.monotonic() - start < seconds:
                 # A fifth of the telemetry step: the loop stays responsive without busy
                 # waiting.
-                message = self._link.receive(TELEMETRY_STEP_S / 5)
-                # Before new commands: "in progress" is sent ahead of the result.
-                frames = self._finish_job()
+                wait = TELEMETRY_STEP_S / 5
+                if self._craft.flies:
+                    wait = min(wait, max(self._next_s - time.monotonic(), 0.0))
+                received = self._link.receive(wait)
+                now, sent = time.monotonic(), []
                 try:
-                    frames += self.missions.remind(self._sender, now)
-                    if message is not None:
-                        frames += self.answer(message, now)
+                    sent += self.missions.remind(now)
+                    if received is not None:
+                        sent += self.answer(received, now)
+                    sent += self._advance(now)
                 except InputError as error:
-                    # A rejected SET_MODE, or a number that does not fit the answer.
+                    # A rejected SET_MODE, or a vehicle that diverges.
                     self.report_text(str(error))
                 if now - beat >= HEARTBEAT_S:
                     beat = now
-                    frames.append(self._beat())
-                    if self._job is not None and not self._job.request.sets_mode:
-                        # Clients extend their timeout with each of these.
-                        frames += self._job.request.acks(self._sender, IN_PROGRESS)
-                frames += self._follow() + self._due(now)
-                if frames and self._link.connected:
-                    self._link.send(*frames)
+                    sent.append(self.beat())
+                self._link.send(*sent, *self._due(now))
             self.watched.ended = "the time is over"
-        except (LinkLost, InputError) as end:
+        except LinkLost as end:
             self.watched.ended = str(end)
         except KeyboardInterrupt:
             self.watched.ended = "interrupted"
@@ -247,15 +345,15 @@ class GroundStation:
 
     def report_text(self, text: str) -> None:
         """Send a text for the operator, cut to the 50 characters of STATUSTEXT."""
-        if self._link.connected:
-            frame = self._sender.pack("STATUSTEXT", severity=WARNING, text=text[:50])
-            self._link.send(frame)
+        self._link.send(message("STATUSTEXT", severity=WARNING, text=text[:50]))
+
+    def beat(self) -> Any:
+        """Return the heartbeat."""
+        return heartbeat(armed=self.armed, mode=self.mode)
 
     @property
     def mode(self) -> int:
         """PX4's sub-mode of AUTO."""
-        if self._job is not None and self._job.request.sets_mode:
-            return self._job.mode
         if self._chosen is not None:
             return self._chosen
         starts = self._has_first_mission and self.missions.plan is not None
@@ -264,413 +362,392 @@ class GroundStation:
     @property
     def armed(self) -> bool:
         """True if the vehicle is armed, from the accepted command on."""
-        if self._flight is None:
-            return self._armed
-        return bool(self._telemetry.record.armed[self._row() :].any())
+        return self._craft.flies or self._armed
 
-    def answer(self, message: Message, now: float) -> list[bytes]:
+    def answer(self, received: Any, now: float) -> list[Any]:
         """Return the answers to a message.
 
         Args:
-            message: Received message.
+            received: Received message.
             now: Time on the wall clock [s].
 
         Raises:
-            InputError: SET_MODE is rejected, or a number does not fit its answer.
+            InputError: SET_MODE is rejected.
         """
-        name, values = message.name, message.values
+        name = received.get_type()
         # Messages for other vehicles or components, such as cameras, have no answer.
-        if values.get("target_system", 0) not in (0, SYSTEM):
+        if getattr(received, "target_system", 0) not in (0, SYSTEM):
             return []
-        if values.get("target_component", 0) not in (0, COMPONENT):
+        if getattr(received, "target_component", 0) not in (0, COMPONENT):
             return []
         if name == "MISSION_SET_CURRENT":
-            self._set_item(values["seq"])
+            self._set_item(received.seq)
             return [self._stream("MISSION_CURRENT")]
         if name.startswith("MISSION_"):
             plan = self.missions.plan
-            frames = self.missions.answer(self._sender, message, now)
+            sent = self.missions.answer(received, now)
             if self.missions.plan is not plan:
                 self._item, self._reached = 0, -1
-            return frames
+            return sent
         if name.startswith("PARAM_"):
-            return self._parameters.answer(self._sender, message)
-        if name == "TIMESYNC" and values["tc1"] == 0:
-            times = {"tc1": time.monotonic_ns(), "ts1": values["ts1"]}
-            return [self._sender.pack("TIMESYNC", **times)]
+            return self._parameters.answer(received)
+        if name == "TIMESYNC" and received.tc1 == 0:
+            return [message("TIMESYNC", tc1=time.monotonic_ns(), ts1=received.ts1)]
         # Requests have no target; an answer to this vehicle has one.
-        if name == "PING" and values["target_system"] == 0:
-            fields = {"time_usec": values["time_usec"], "seq": values["seq"]}
-            return [self._sender.pack_to(message.sender, "PING", **fields)]
+        if name == "PING" and received.target_system == 0:
+            return [
+                answer(received, "PING", time_usec=received.time_usec, seq=received.seq)
+            ]
         if name == "SET_MODE":
-            custom = values["custom_mode"]
-            request = Request(SET_MODE, message.sender)
-            self._change_mode(request, custom >> 16 & 255, custom >> 24)
+            custom = received.custom_mode
+            self._change_mode(custom >> 16 & 255, custom >> 24)
             return []
         if name not in ("COMMAND_LONG", "COMMAND_INT"):
             return []
-        params = [values[f"param{n}"] for n in range(1, 5)]
+        params = [getattr(received, f"param{n}") for n in range(1, 5)]
         if name == "COMMAND_LONG":
-            params += [values[f"param{n}"] for n in range(5, 8)]
+            params += [received.param5, received.param6, received.param7]
         else:
-            params += [values["x"] / 1e7, values["y"] / 1e7, values["z"]]
-        request = Request(values["command"], message.sender)
-        running = None if self._job is None else self._job.request
-        if running and running.command == request.command != SET_MODE:
-            return running.acks(self._sender, IN_PROGRESS)
+            params += [received.x / 1e7, received.y / 1e7, received.z]
         try:
-            result, frames = self._command(request, params, values.get("frame", GLOBAL))
+            frame = getattr(received, "frame", GLOBAL)
+            result, sent = self._command(received.command, params, frame)
         except InputError as error:
             self.report_text(str(error))
-            result, frames = REFUSED if isinstance(error, NotNow) else DENIED, []
-        return [*request.acks(self._sender, result), *frames]
+            result, sent = DENIED, []
+        ack = answer(received, "COMMAND_ACK", command=received.command, result=result)
+        return [ack, *sent]
 
     def _command(
-        self, request: Request, params: list[float], frame: int
-    ) -> tuple[int, list[bytes]]:
-        """Return the result of a command, and further frames.
+        self, command: int, params: list[float], frame: int
+    ) -> tuple[int, list[Any]]:
+        """Return the result of a command, and further messages.
 
         Raises:
             InputError: The command is rejected.
         """
-        command = request.command
         first, second, third = (x if math.isfinite(x) else 0.0 for x in params[:3])
         if command in (GET_INTERVAL, SET_INTERVAL, REQUEST):
-            return self._message(command, message_name(int(first)), first, second)
+            return self._message(command, int(first), second)
         if command == CAPABILITIES_REQUEST:
-            return self._message(REQUEST, "AUTOPILOT_VERSION")
+            return self._message(REQUEST, dialect().MAVLINK_MSG_ID_AUTOPILOT_VERSION)
         if command == GET_HOME:
-            return self._message(REQUEST, "HOME_POSITION")
+            return self._message(REQUEST, dialect().MAVLINK_MSG_ID_HOME_POSITION)
         if command == SET_ITEM:
             return (ACCEPTED if self._set_item(int(first)) else DENIED), []
         if command == ARM:
-            return (self._arm(request) if first == 1 else self._disarm()), []
+            return (self._arm() if first == 1 else self._disarm()), []
         if command == SET_MODE:
-            return self._change_mode(request, int(second), int(third)), []
+            return self._change_mode(int(second), int(third)), []
         if command == REPOSITION:
-            return self._go(request, params[4:], frame), []
+            return self._go(params[4:], frame), []
         if command == PAUSE_CONTINUE:
             command = START if first == 1 else LOITER
         if command not in MODES:
             return UNSUPPORTED, []
         if command == START and not self.armed:
             # Without a mission this starts the position control, as arming does.
-            if self.missions.plan is not None or not self._hovers:
+            if self.missions.plan is not None or self._target_m is None:
                 self._chosen = MODE_MISSION
-            return self._arm(request), []
+            return self._arm(), []
         up = None if math.isnan(params[6]) or params[6] == 0 else params[6]
-        return self._change_mode(request, AUTO, MODES[command], up), []
+        return self._change_mode(AUTO, MODES[command], up), []
 
     def _message(
-        self, command: int, name: str, number: float = 0.0, interval_us: float = 0.0
-    ) -> tuple[int, list[bytes]]:
-        """Return the result of a command about a message, and further frames."""
-        if command == GET_INTERVAL:
+        self, command: int, number: int, interval_us: float = 0.0
+    ) -> tuple[int, list[Any]]:
+        """Return the result of a command about a message, and further messages."""
+        kind = dialect().mavlink_map.get(number)
+        name = "" if kind is None else kind.msgname
+        once = {
+            "AUTOPILOT_VERSION": lambda: message(
+                name, capabilities=CAPABILITIES, uid=SYSTEM
+            ),
+            "HEARTBEAT": self.beat,
+            **{one: lambda: self._stream(name) for one in STREAMS},
+        }
+        if command == REQUEST and name in once:
+            return ACCEPTED, [once[name]()]
+        if command == GET_INTERVAL and name:
             interval = self._intervals.get(name, 0.0)
             micro = -1 if interval == math.inf else round(1e6 * interval)
-            fields = {"message_id": int(number), "interval_us": micro}
-            return ACCEPTED, [self._sender.pack("MESSAGE_INTERVAL", **fields)]
-        if command == REQUEST and name == "AUTOPILOT_VERSION":
-            fields = {"capabilities": CAPABILITIES, "uid": SYSTEM}
-            return ACCEPTED, [self._sender.pack(name, **fields)]
-        if command == REQUEST and name == "HEARTBEAT":
-            return ACCEPTED, [self._beat()]
-        if name not in STREAMS:
-            return UNSUPPORTED, []
-        if command == REQUEST:
-            return ACCEPTED, [self._stream(name)]
-        # MAVLink: 0 is the default rate, -1 disables the message.
-        interval = math.inf if interval_us < 0 else interval_us / 1e6
-        self._intervals[name] = interval or STREAMS[name]
-        return ACCEPTED, []
+            fields = {"message_id": number, "interval_us": micro}
+            return ACCEPTED, [message("MESSAGE_INTERVAL", **fields)]
+        if command == SET_INTERVAL and name in STREAMS:
+            # MAVLink: 0 is the default rate, -1 disables the message.
+            interval = math.inf if interval_us < 0 else interval_us / 1e6
+            self._intervals[name] = interval or STREAMS[name]
+            return ACCEPTED, []
+        return UNSUPPORTED, []
 
     def _set_item(self, item: int) -> bool:
         """Set the mission item to fly next; return whether this is possible."""
-        busy = self._flies() or self._job is not None
-        if busy or not 0 <= item < len(self.missions.items):
+        if not self._craft.over or not 0 <= item < len(self.missions.items):
             return False
         self._item, self._reached = item, item - 1
         return True
 
-    def _arm(self, request: Request) -> int:
+    def _arm(self) -> int:
         """Arm, and start what arming starts; return the result."""
-        if self._job is not None:
-            return REFUSED
         if self.armed:
-            return REFUSED if self._flies() else ACCEPTED
-        self._stand()
+            return ACCEPTED
+        # After a landing the vehicle stays where it is until it is armed again.
+        self._craft.stand()
         if self.mode == MODE_MISSION:
-            return self._start(request)
-        if self.missions.plan is None and self._hovers and self._chosen is None:
-            return self._compute(request, Course(), None, MODE_HOLD)
+            return self._start()
+        hovers = self.missions.plan is None and self._chosen is None
+        if hovers and self._target_m is not None:
+            return self._follow([self._at(TAKEOFF, self._target_m)], Path(None))
         self._armed = True
         return ACCEPTED
 
     def _disarm(self) -> int:
         """Disarm on the ground; return the result."""
-        if self._job is not None:
-            return REFUSED
-        # Disarming in flight would stop the rotors. A position controller has no other
-        # end.
-        if self.armed and self._in_air() and (self._flies() or self._course.items):
+        # Disarming in flight would stop the rotors.
+        if self._craft.flies and self._craft.in_air:
             return DENIED
-        # After a landing the vehicle stays where it is until it is armed again.
         if self.armed:
-            self._stand()
+            self._craft.stand()
+        self._armed = False
         return ACCEPTED
 
-    def _change_mode(
-        self, request: Request, main: int, mode: int, up_m: float | None = None
-    ) -> int:
+    def _change_mode(self, main: int, mode: int, up_m: float | None = None) -> int:
         """Change the mode; return the result.
 
         Args:
-            request: Command that changes it.
             main: PX4's main mode.
             mode: PX4's sub-mode of AUTO.
             up_m: Height of a take-off above the sea; None: the parameter's height above
                 home.
         """
-        if self._job is not None:
-            return ACCEPTED if mode == self.mode else REFUSED
         if main != AUTO or mode not in MODES.values():
             return UNSUPPORTED
-        if not self.armed:
-            if mode not in (MODE_HOLD, MODE_MISSION):
-                raise InputError("expected an armed vehicle, got a disarmed one")
+        if not self.armed and mode not in (MODE_HOLD, MODE_MISSION):
+            raise InputError("expected an armed vehicle, got a disarmed one")
+        craft = self._craft
+        if not self.armed or (mode == MODE_HOLD and not craft.flies):
             self._chosen = mode
             return ACCEPTED
-        flight, flies = self._flight, self._flies()
-        current = flight is not None and flight.mission is self.missions.plan
-        if mode == self.mode and flies and current:
+        same = self._path.plan is self.missions.plan
+        if mode == self.mode != MODE_HOLD and same and not craft.over:
             return ACCEPTED
         if mode == MODE_MISSION:
-            return self._start(request)
+            return self._start()
         if mode == MODE_TAKEOFF:
-            return self._take_off(request, up_m)
-        if mode == MODE_HOLD and (not flight or (flight.course.hovers and not flies)):
-            self._chosen = mode
-            return ACCEPTED
-        added = {MODE_LAND: [inserted(LAND)], MODE_RETURN: [inserted(RETURN)]}
-        return self._divert(request, added.get(mode, []), mode)
+            return self._take_off(up_m)
+        added = {MODE_LAND: [_item(LAND)], MODE_RETURN: [_item(RETURN)]}
+        return self._divert(added.get(mode, []), mode)
 
-    def _start(self, request: Request) -> int:
+    def _start(self) -> int:
         """Start or continue the mission; return the result."""
         plan = self.missions.plan
         if plan is None:
             raise InputError("mission: expected an uploaded one, got none")
         first = self._item if self._item < len(plan.items) else 0
-        if self._flight is None:
-            course = course_of(plan, None, first, self._parameters.takeoff_up_m)
-        else:
-            # A vehicle in the air flies past a take-off.
-            passed = plan.items[first].command == TAKEOFF
-            course = course_of(plan, self._interrupted(), first + passed)
-        self._reached = first - 1
-        return self._compute(request, course, plan, MODE_MISSION)
+        # A vehicle in the air flies past a take-off.
+        first += self._craft.flies and plan.items[first].command == TAKEOFF
+        grounded = not self._craft.flies
+        result = self._follow(*self._course(plan, first, grounded=grounded))
+        self._chosen, self._reached = MODE_MISSION, first - 1
+        return result
 
-    def _take_off(self, request: Request, up_m: float | None) -> int:
+    def _course(
+        self, plan: Plan, first: int = 0, *, grounded: bool = True
+    ) -> tuple[list[Item], Path]:
+        """Return the items to fly of a mission, with a take-off if it has none.
+
+        Args:
+            plan: The mission.
+            first: Number of the first item to fly.
+            grounded: True for a vehicle on the ground.
+
+        Raises:
+            InputError: The mission has jumps and does not start from its first item.
+        """
+        items = list(plan.items)
+        if first > 0 and any(item.command == JUMP for item in items):
+            raise InputError(
+                "expected item 0 first, as the mission has jumps, got item "
+                f"{first}: start it from the ground"
+            )
+        moving = [
+            item.command
+            for item in items[first:]
+            if not (item.ignored or item.command in (SPEED, HEADING))
+        ]
+        # Changes of speed hold for all following items.
+        added = [item for item in items[:first] if item.command == SPEED]
+        if grounded and moving and moving[0] != TAKEOFF:
+            added.append(_item(TAKEOFF, self._parameters.takeoff_up_m))
+        return [*added, *items[first:]], Path(plan, len(added), first)
+
+    def _take_off(self, up_m: float | None) -> int:
         """Take off to a height above the sea, or by default; return the result."""
-        if self._flight is not None:
+        if self._craft.flies:
             raise InputError("take-off: expected a vehicle on the ground")
         home_m, up = self.missions.home.alt_m, self._parameters.takeoff_up_m
         up = up if up_m is None else up_m - home_m
         if up <= 0:
             raise InputError(f"take-off: expected more than {home_m:g} m")
-        course = Course().then([inserted(TAKEOFF, up_m=up)])
-        return self._compute(request, course, self.missions.plan, MODE_TAKEOFF)
+        result = self._follow([_item(TAKEOFF, up)], Path(self.missions.plan))
+        self._chosen = MODE_TAKEOFF
+        return result
 
-    def _go(self, request: Request, place: list[float], frame: int) -> int:
+    def _go(self, place: list[float], frame: int) -> int:
         """Fly to a latitude, longitude and height; return the result."""
-        if self._job is not None:
-            return REFUSED
         # NaN is MAVLink's code for the present value, as 0, 0 is in an item.
         lat, lon = (0.0 if math.isnan(value) else value for value in place[:2])
         alt = place[2]
         if math.isnan(alt):
-            record = self._telemetry.record
             frame = GLOBAL
-            alt = float(record.geodetic(record.position_m[self._row()])[2])
+            alt = float(self._frame.alt_m + self._craft.state.position_m[2])
         params = [0.0, 0.0, 0.0, None, lat, lon, alt]
         goal = checked_item("position", INSERTED, WAYPOINT, frame, params)
-        return self._divert(request, [goal], MODE_HOLD)
+        return self._divert([goal], MODE_HOLD)
 
-    def _divert(self, request: Request, items: list[Item], mode: int) -> int:
+    def _divert(self, items: list[Item], mode: int) -> int:
         """Fly other items from the present position; return the result."""
-        if not self._in_air():
+        if not (self._craft.flies and self._craft.in_air):
             raise InputError("expected a vehicle in the air, got one on the ground")
-        course = self._interrupted().then(items)
-        return self._compute(request, course, self.missions.plan, mode)
+        result = self._follow(items, Path(self.missions.plan))
+        self._chosen = mode
+        return result
 
-    def _interrupted(self) -> Course:
-        """Return the course flown up to the present position, and a stop there.
+    def _follow(self, items: Sequence[Item], path: Path) -> int:
+        """Follow a path from the start, or from the present set point.
 
-        Its items are inserted ones, as their progress has been reported.
+        Args:
+            items: Items of the path.
+            path: Relation of the items to the mission.
+        """
+        craft, start_m = self._craft, np.asarray(self._craft.state.position_m)
+        if craft.flies:
+            if int(craft.progress.phase) < FLYING:
+                return REFUSED
+            start_m, velocity = craft.set_point()
+            ahead = self._stop(start_m, velocity, path.plan)
+            items, path = [*ahead, *items], path._replace(added=path.added + len(ahead))
+        in_air = craft.flies or start_m[2] > 0
+        mission = self._mission(items, path.plan, start_m if in_air else None)
+        self.watched.flights += not craft.flies
+        # A longer table of legs compiles a program.
+        with self._link.beating(self.beat()):
+            craft.follow(mission, in_air=in_air)
+            craft.advance()
+        self._path, self._armed = path, False
+        self._next_s = time.monotonic() + BLOCK_S / self._speed
+        return ACCEPTED
+
+    def _stop(
+        self,
+        place_m: Float[np.ndarray, "3"],
+        velocity_m_s: Float[np.ndarray, "3"],
+        plan: Plan | None,
+    ) -> list[Item]:
+        """Return the items by which a set point stops, at a mission's acceleration."""
+        speed, cruise = float(np.linalg.norm(velocity_m_s)), Limits().speed_m_s
+        if plan is not None:
+            cruise = plan.hover_speed_m_s or cruise
+        way = velocity_m_s * speed / (2 * Limits().acceleration_m_s2)
+        # It may brake from a speed above that of the following items.
+        first, then = (
+            Item(INSERTED, SPEED, MISSION, (1.0, one, -1.0, None, None, None, None))
+            for one in (max(speed, cruise), cruise)
+        )
+        return [first, self._at(LOITER_TIME, place_m + way), then]
+
+    def _at(self, command: int, place_m: Float[np.ndarray, "3"]) -> Item:
+        """Return an item at a position: east, north, up."""
+        place = geodetic(self._frame, place_m).tolist()
+        return Item(INSERTED, command, GLOBAL, (0.0, 0.0, 0.0, None, *place))
+
+    def check(self, plan: Plan) -> Mission:
+        """Return the path of a mission from the ground.
 
         Raises:
-            NotNow: The vehicle is not on a straight segment in the air.
+            InputError: The mission cannot be flown.
         """
-        row, record, course = self._row(), self._telemetry.record, self._course
-        n = self._telemetry.item(row)
-        # After the last item it hovers, although its record goes on.
-        complete = not self._flies() or n >= len(course.items)
-        if complete and course.hovers:
-            return Course().then(course.hovering().items)
-        kind = course.items[n].command if n < len(course.items) else None
-        if any(item.command == JUMP for item in course.items):
-            raise NotNow("expected a mission without jumps to interrupt")
-        straight = (WAYPOINT, TAKEOFF, LOITER, LOITER_TIME, DELAY)
-        if kind not in straight or not self._in_air():
-            raise NotNow("expected straight flight; repeat the command later")
-        aim = record.position_m if record.set_point_m is None else record.set_point_m
-        # The set point stops with the acceleration of missions.
-        near = slice(max(row - 1, 0), row + 1)
-        times = np.diff(record.time_s[near])
-        speed = np.diff(aim[near], axis=0)[0] / times[0] if times.size else np.zeros(3)
-        stop_s = np.linalg.norm(speed) / (2 * Limits().acceleration_m_s2)
-        lat, lon, alt = record.geodetic(aim[row] + stop_s * speed).tolist()
-        command = WAYPOINT
-        if kind == TAKEOFF and np.hypot(*speed[:2]) < CLIMB_M_S:
-            command, lat, lon = TAKEOFF, None, None
-        elif kind == TAKEOFF:
-            n += 1
-        params = (0.0, 0.0, 0.0, None, lat, lon, alt)
-        stop = Item(INSERTED, command, GLOBAL, params)
-        return Course().then([*course.items[:n], stop])
+        return self._mission(self._course(plan)[0], plan)
 
-    def _compute(
-        self, request: Request, course: Course, mission: Plan | None, mode: int
-    ) -> int:
-        """Compute a flight in a thread, with the clock stopped; return the result."""
-        self._time_s, self._since_s = self._now_s(), None
-        plan = course.plan(mission) if course.items else None
-        pool = ThreadPoolExecutor(1)
-        self._report("computing the flight")
-        begin_s = time.monotonic()
-        record = pool.submit(self._fly, plan)
-        pool.shutdown(wait=False)  # the thread ends with the flight
-        self._job = Job(request, course, mission, mode, begin_s, record)
-        return ACCEPTED if request.sets_mode else IN_PROGRESS
+    def compile(self) -> None:
+        """Compile the steps of a flight."""
+        takeoff = [_item(TAKEOFF, self._parameters.takeoff_up_m)]
+        self._craft.follow(self._mission(takeoff, None), in_air=False)
+        self._craft.advance()
+        self._craft.stand()
 
-    def _finish_job(self) -> list[bytes]:
-        """Begin to send a computed flight, and return the answer to its command."""
-        job, result = self._job, ACCEPTED
-        if job is None or not job.record.done():
+    def _mission(
+        self,
+        items: Sequence[Item],
+        plan: Plan | None,
+        start_m: Float[np.ndarray, "3"] | None = None,
+    ) -> Mission:
+        return mission_of(
+            replace(plan or Plan(()), items=tuple(items)),
+            place=self._place,
+            position_m=self._home_m,
+            start_m=start_m,
+            yaw_rad=self._craft.yaw_rad,
+            may_hover_on=True,
+        )
+
+    def _advance(self, now: float) -> list[Any]:
+        """Simulate up to the present, and return messages about reached mission items.
+
+        Raises:
+            InputError: The vehicle's state diverges.
+        """
+        craft, path = self._craft, self._path
+        if not craft.flies or now < self._next_s:
             return []
-        self._job = None
-        after = f"after {time.monotonic() - job.begin_s:.0f} s"
-        try:
-            self._begin(job, job.record.result())
-            self._report(f"computing the flight: done {after}")
-        except InputError as error:
-            self._report(f"computing the flight: refused {after}: {error}")
-            self.report_text(str(error))
-            result = DENIED
-        if self._flight is not None:
-            self._since_s = time.monotonic()
-        return [] if job.request.sets_mode else job.request.acks(self._sender, result)
-
-    def _begin(self, job: Job, record: FlightRecord) -> None:
-        """Begin a flight, or continue the present one on its new course."""
-        last = None
-        if job.course.hovers:
-            # The flight is shown until the landing that `Course.plan` adds.
-            rows = np.flatnonzero(record.item == len(job.course.hovering().items))
-            last = int(rows[0]) if rows.size else None
-        if self._flight is None:
-            self.watched.flights += 1
-        else:
-            present = self._telemetry.record.position_m[self._row()]
-            shift = np.abs(record.time_s - self._time_s)
-            away = np.linalg.norm(record.position_m - present, axis=1)
-            # Of equally near rows the one of the same time: a hover has many.
-            cost = np.where(shift <= REPLAY_S, away + 0.01 * shift, np.inf)
-            self._time_s = float(record.time_s[np.argmin(cost)])
-        self._flight = Flight(job.course, job.mission, Telemetry(record, last))
-        self._followed = -1
-        # Position control without a mission has no command of its own.
-        if job.course.items:
-            self._chosen = job.mode
-
-    def _stand(self) -> None:
-        """Return to the state before take-off, at the scene's position and time."""
-        self._flight, self._armed = None, False
-        self._time_s, self._since_s = 0.0, None
-
-    @property
-    def _telemetry(self) -> Telemetry:
-        return self._standing if self._flight is None else self._flight.telemetry
-
-    @property
-    def _course(self) -> Course:
-        return Course() if self._flight is None else self._flight.course
-
-    def _now_s(self) -> float:
-        """Return the flight time; it stands still at the end of the flight."""
-        if self._since_s is None:
-            return self._time_s
-        now_s = self._time_s + self._speed * (time.monotonic() - self._since_s)
-        return min(now_s, self._telemetry.end_s)
-
-    def _row(self) -> int:
-        return self._telemetry.row_at(self._now_s())
-
-    def _flies(self) -> bool:
-        return self._flight is not None and self._row() < self._telemetry.last
-
-    def _in_air(self) -> bool:
-        return self._flight is not None and self._telemetry.in_air(self._row())
-
-    def _follow(self) -> list[bytes]:
-        """Follow the flight: its end, and messages about reached mission items."""
-        flight, row = self._flight, self._row()
-        if flight is None or not flight.course.items or row == self._followed:
+        self._next_s += BLOCK_S / self._speed
+        craft.advance()
+        index, over = craft.where()
+        landed, count = not craft.flies, len(self.missions.items)
+        if over:
+            self._path = Path(path.plan)
+            if self.mode == MODE_TAKEOFF or (landed and self.mode != MODE_MISSION):
+                self._chosen = MODE_HOLD
+        if path.first is None or path.plan is not self.missions.plan:
             return []
-        self._followed, ended = row, row == flight.telemetry.last
-        landed = ended and not flight.telemetry.armed(row)
-        if (landed and self.mode != MODE_MISSION) or (
-            ended and self.mode == MODE_TAKEOFF
-        ):
-            self._chosen = MODE_HOLD
-        if flight.mission is not self.missions.plan:
-            return []
-        numbers, frames = flight.course.numbers, []
-        n = len(numbers) if landed else min(flight.telemetry.item(row), len(numbers))
-        reached = max([self._reached, *numbers[:n]])
-        for number in range(self._reached + 1, reached + 1):
-            frames.append(self._sender.pack("MISSION_ITEM_REACHED", seq=number))
-        self._reached = reached
-        item = next((one for one in numbers[n:] if one >= 0), self._item)
-        if ended and self.mode == MODE_MISSION:
-            item = self._reached + 1
+        item = count if over else path.first + max(index - path.added, 0)
+        sent = [
+            message("MISSION_ITEM_REACHED", seq=n)
+            for n in range(self._reached + 1, item)
+        ]
+        self._reached = max(self._reached, item - 1)
         # The end of a mission on the ground: the next start is its first item.
-        if landed and item >= len(self.missions.items):
-            item = 0
+        item = 0 if landed else item
         if item != self._item:
             self._item = item
-            frames.append(self._stream("MISSION_CURRENT"))
-        return frames
+            sent.append(self._stream("MISSION_CURRENT"))
+        return sent
 
-    def _due(self, now: float) -> list[bytes]:
+    def _due(self, now: float) -> list[Any]:
         """Return the periodic messages that are due."""
-        frames = []
+        sent, shown = [], {}
         for name, interval in self._intervals.items():
             if now - self._sent[name] >= interval / max(self._speed, 1.0):
                 self._sent[name] = now
-                frames.append(self._stream(name))
-        return frames
+                shown = shown or telemetry(self._status())
+                sent.append(message(name, **shown[name]))
+        return sent
 
-    def _beat(self) -> bytes:
-        return heartbeat(self._sender, armed=self.armed, mode=self.mode)
+    def _stream(self, name: str) -> Any:
+        return message(name, **telemetry(self._status())[name])
 
-    def _stream(self, name: str) -> bytes:
-        count = len(self.missions.items)
+    def _status(self) -> Status:
+        craft, count = self._craft, len(self.missions.items)
         state = PAUSED if self._reached >= 0 or self._item else NOT_STARTED
         if self._reached == count - 1:
             state = COMPLETE
-        if self._flies() and self.mode == MODE_MISSION:
+        if self.mode == MODE_MISSION and not craft.over:
             state = FLOWN
-        status = VehicleStatus(
+        return Status(
+            time_s=craft.time_s,
+            state=craft.state,
+            throttle=craft.throttle,
+            frame=self._frame,
             armed=self.armed,
             mode=self.mode,
             item=min(self._item, max(count - 1, 0)),
@@ -678,4 +755,14 @@ class GroundStation:
             mission_state=state if count else NO_MISSION,
             home=self.missions.home,
         )
-        return self._telemetry.frame(self._sender, name, self._row(), status)
+
+
+def _item(command: int, up_m: float | None = None) -> Item:
+    """Return an item at the present position, outside of the mission.
+
+    Args:
+        command: MAV_CMD.
+        up_m: Height above home; None: the present height.
+    """
+    params = (0.0, 0.0, 0.0, None, None, None, up_m)
+    return Item(INSERTED, command, RELATIVE, params)

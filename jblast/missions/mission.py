@@ -275,9 +275,10 @@ def mission_of(
     position_m: Float[np.ndarray, "3"] | None = None,
     yaw_rad: float = 0.0,
     limits: Limits | None = None,
+    start_m: Vector | None = None,
     may_hover_on: bool = False,
 ) -> Mission:
-    """Return the mission of a plan, from the ground at height 0.
+    """Return the mission of a plan, from the ground at height 0 or in flight.
 
     Args:
         plan: The plan.
@@ -285,6 +286,7 @@ def mission_of(
         position_m: Initial position of the vehicle; None: the plan's home.
         yaw_rad: Initial heading.
         limits: Default limits; None: PX4's.
+        start_m: Start of a vehicle in flight: east, north, up; None: on the ground.
         may_hover_on: Accept a plan that ends in the air.
 
     Raises:
@@ -316,9 +318,15 @@ def mission_of(
                 f"{home[2]:g} m: a mission that starts in the air"
             )
     stops = stops_of(
-        plan, frame, home, limits, yaw_rad=yaw_rad, may_hover_on=may_hover_on
+        plan,
+        frame,
+        home,
+        limits,
+        start_m=start_m,
+        yaw_rad=yaw_rad,
+        may_hover_on=may_hover_on,
     )
-    legs = legs_along(stops, home, limits)
+    legs = legs_along(stops, home if start_m is None else start_m, limits)
     guidance = Guidance(legs, limits.acceleration_m_s2, yaw_rad)
     return Mission(plan, frame, home, stops, guidance)
 
@@ -360,6 +368,7 @@ def stops_of(
     home_m: Float[np.ndarray, "3"],
     limits: Limits,
     *,
+    start_m: Vector | None = None,
     yaw_rad: float = 0.0,
     may_hover_on: bool = False,
 ) -> list[Stop]:
@@ -370,6 +379,7 @@ def stops_of(
         frame: Geodetic frame of the origin.
         home_m: Initial position of the vehicle, on the ground.
         limits: Default limits.
+        start_m: Start of a vehicle in flight; None: at home.
         yaw_rad: Initial heading.
         may_hover_on: Accept a plan that ends in the air.
 
@@ -384,7 +394,8 @@ def stops_of(
     first = next(
         (n for n in order if plan.items[n].command not in (SPEED, HEADING)), None
     )
-    if first is None or plan.items[first].command != TAKEOFF:
+    grounded = start_m is None
+    if first is None or (grounded and plan.items[first].command != TAKEOFF):
         got = "nothing to fly" if first is None else plan.items[first].words
         raise InputError(
             f"{where}: expected a take-off (22) first, from the ground, got {got}: a "
@@ -396,7 +407,7 @@ def stops_of(
         "descent_m_s": limits.descent_m_s,
     }
     stops: list[Stop] = []
-    at, ended, visit = np.array(home_m, float), False, 0
+    at, ended, visit = np.array(home_m if grounded else start_m, float), False, 0
     turned: dict[str, float] = {}
     for n in order:
         item = plan.items[n]

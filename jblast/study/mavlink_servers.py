@@ -6,31 +6,44 @@ Each runs until it is interrupted (SIGINT, SIGTERM) or its time is over.
 import contextlib
 import os
 import signal
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-from jblast.autopilot.ground_station import GroundStation
+import numpy as np
+
+from jblast.autopilot import protocols
+from jblast.autopilot.ground_station import Craft, GroundStation
 from jblast.autopilot.lockstep import (
+    COMPONENT,
+    HEARTBEAT,
     MOTOR_WORDS,
-    PERIOD_S,
     PLACE,
+    SYSTEM,
     Lockstep,
+    compiled,
+    flight_of,
     fly_lockstep,
-    programs,
+    messages_of,
     rotors_of,
     turns_of,
 )
-from jblast.autopilot.mavlink import Link, TelemetryLog, read_address
-from jblast.autopilot.protocols import Missions
+from jblast.autopilot.mavlink import Link, message, read_address
+from jblast.autopilot.protocols import MODE_HOLD, Missions, heartbeat
+from jblast.missions.mission import geodetic
+from jblast.missions.plan import read_plan
+from jblast.observations.places import Frame
 from jblast.results import Document, filled
 from jblast.scene import Place, UncertainScene, VehicleSpec
-from jblast.study.flights import checked_scene
-from jblast.study.missions import check_flown, flown_record, home_of, standing_record
+from jblast.study.flight_results import with_bursts_at_start
+from jblast.study.flights import checked_scene, drawn_scenes
 from jblast.study.running import scene_to_run
-from jblast.vehicle import vehicle_of
+from jblast.vehicle import blast_load, hold_of, vehicle_of
 
 AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
 """Default ports, by convention of PX4's simulators and of ground stations."""
+WAIT_S = 0.05
+"""Interval of the checks for a client."""
 
 
 @dataclass(frozen=True)
@@ -118,54 +131,46 @@ def serve_autopilot(
     flight = Lockstep()
     # the port is bound before programs compile: a client may connect meanwhile
     with contextlib.ExitStack() as stack:
+        who = SYSTEM, COMPONENT
         uncertain, spec, place, link, known = stack.enter_context(
-            _served(scene, address, "mavlink", AUTOPILOT_PORT, seconds, seed)
+            _served(scene, address, "mavlink", AUTOPILOT_PORT, who, seconds, seed)
         )
         turns = turns_of(uncertain.scene, spec, place, seed, str(scene))
-        # after the port is bound, so that a failure leaves no file
-        kept = stack.enter_context(TelemetryLog(log)) if log else None
-        if kept is not None:
-            link.keep = kept.keep
-        made = programs(turns)
-        listens = link.address.kind == "tcp"
+        if log:
+            # after the port is bound, so that a failure leaves no file
+            link.keep(log)
+        listens = link.address.startswith("tcp")
         waits = "waits for" if listens else "connects to"
         report(
             f"{spec.model} in {scene} {waits} an autopilot on {link.address}: 250 "
             f"samples a second in lockstep, motors {MOTOR_WORDS}"
         )
-
-        def each() -> None:
-            # Simulated time: stamps of the wall clock would depend on the speed of the
-            # machine and of the autopilot.
-            if kept is not None:
-                kept.now_s = flight.turns * PERIOD_S
-
         stack.enter_context(_stopped_by_signal())
         try:
-            # one second at a time, so that Ctrl-C is handled while waiting
-            while listens and not link.accept(1.0):
-                pass
+            with link.beating(message("HEARTBEAT", **HEARTBEAT)):
+                turn, carried = compiled(turns)
+                while not link.connected:
+                    time.sleep(WAIT_S)
         except KeyboardInterrupt:
-            # a flight of 0 s, so that log and summary are complete also in this case
-            seconds = 0.0
-        fly_lockstep(
-            made,
-            link,
-            rotors_of(vehicle_of(spec)),
-            flight=flight,
-            seconds=seconds,
-            patience_s=patience_s,
-            each=each,
-        )
-    east, north, up = (float(x) for x in flight.rows[-1].state[:3])
-    never = {"ended": "interrupted before an autopilot connected"}
+            flight.ended = "interrupted before an autopilot connected"
+        else:
+            frame = Frame(*place)
+            fly_lockstep(
+                turn,
+                carried,
+                link,
+                rotors_of(vehicle_of(spec)),
+                lambda read, stamp: messages_of(turns.suite, frame, read, stamp),
+                flight=flight,
+                seconds=seconds,
+                patience_s=patience_s,
+            )
     return filled(
         LockstepAnswer,
-        never if seconds == 0 else {},
         flight,
-        link.receiver,
+        link,
         known,
-        position_m=(east, north, up),
+        position_m=flight.position_m or tuple(map(float, spec.position)),
         files=(log,) if log else (),
     )
 
@@ -193,8 +198,9 @@ def serve_ground_station(
     Raises:
         InputError: The scene or the address cannot be used.
     """
+    who = protocols.SYSTEM, protocols.COMPONENT
     with _served(
-        scene, address, "ground_station", GROUND_PORT, seconds, seed
+        scene, address, "ground_station", GROUND_PORT, who, seconds, seed
     ) as served:
         uncertain, spec, place, link, known = served
 
@@ -202,28 +208,35 @@ def serve_ground_station(
             report(text)
             station.report_text(text)
 
-        missions = Missions(
-            None if spec.mission is None else check_flown(uncertain),
-            home_of(spec, place),
-            lambda plan: check_flown(uncertain, plan),
-            report_text,
-        )
-        station = GroundStation(
-            link,
-            standing_record(spec, place),
-            missions,
-            lambda plan: flown_record(uncertain, plan, seed),
-            speed,
-            hovers=float(spec.held[2]) > 0,
-            report=report,
-        )
+        with link.beating(heartbeat(armed=False, mode=MODE_HOLD)):
+            drawn, notes = with_bursts_at_start(drawn_scenes(uncertain, 1, seed), spec)
+            for note in notes:
+                report(note)
+            hold = hold_of(
+                replace(spec, mission=None), integral=spec.integral is not False
+            )
+            craft = Craft(flight_of(drawn, spec, blast_load(drawn), str(scene)), hold)
+            home = geodetic(Frame(*place), np.asarray(spec.position)).tolist()
+            missions = Missions(
+                None if spec.mission is None else read_plan(spec.mission),
+                Place(*home),
+                lambda plan: station.check(plan),
+                report_text,
+            )
+            target = np.asarray(spec.held)
+            station = GroundStation(
+                link, craft, missions, place, target if target[2] > 0 else None, speed
+            )
+            if missions.plan is not None:
+                station.check(missions.plan)
+            station.compile()
         report(
             f"{spec.model} in {scene} on {link.address}, for a ground station to arm"
         )
         with _stopped_by_signal():
             watched = station.serve(seconds)
     items = len(missions.items)
-    return filled(WatchedAnswer, watched, link.receiver, known, items=items)
+    return filled(WatchedAnswer, watched, link, known, items=items)
 
 
 @contextlib.contextmanager
@@ -232,18 +245,19 @@ def _served(
     address: str,
     name: str,
     ports: dict[str, int],
+    who: tuple[int, int],
     seconds: float | None,
     seed: int,
 ) -> Iterator[tuple[UncertainScene, VehicleSpec, Place, Link, dict[str, object]]]:
     """Yield a scene, its vehicle and place, a link, and entries of the document."""
-    read = read_address(address, name, ports.get(address.partition(":")[0], 0))
+    kind, where = read_address(address, name, ports)
     drawn = scene_to_run(scene, seconds=seconds, seed=seed)
     place = PLACE if drawn.place is None else drawn.place
     whole = replace(drawn, place=place)
     spec = checked_scene(whole, 1, False)
-    with contextlib.closing(Link(read, name)) as link:
+    with contextlib.closing(Link(kind, where, name, who)) as link:
         known = {"scene": str(scene), "seed": seed, "vehicle": spec.model}
-        known["address"] = str(link.address)
+        known["address"] = link.address
         yield whole, spec, place, link, known
 
 

@@ -21,7 +21,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.autopilot.estimator import Followed, Thrown
-from jblast.autopilot.flight_record import FlightRecord
 from jblast.errors import InputError
 from jblast.missions import (
     GuidanceHistory,
@@ -34,21 +33,16 @@ from jblast.missions import (
     read_plan,
     replay,
 )
-from jblast.missions.guidance import ARMED, ENDED, FLYING
-from jblast.missions.mission import geodetic
-from jblast.observations.places import Frame
+from jblast.missions.guidance import ENDED, FLYING
 from jblast.progress import counted
 from jblast.results import HIDDEN, Note, among, warning
-from jblast.scene import Place, Scene, UncertainScene, VehicleSpec
+from jblast.scene import Scene, UncertainScene, VehicleSpec
 from jblast.study.flight_results import (
     Encounter,
     Exposure,
     FlightLoad,
-    Flights,
     Options,
     load_of,
-    target_of,
-    trajectory_of,
     with_bursts_at_start,
 )
 from jblast.study.flights import (
@@ -61,7 +55,6 @@ from jblast.study.flights import (
     drawn_values,
     encounter_along,
     exposed_along,
-    fly,
     followed_along,
     instruments_of,
     steady_wind,
@@ -225,127 +218,6 @@ def mission_notes(flight: MissionFlight) -> list[Note]:
         ),
     ]
     return [note for holds, note in found if holds]
-
-
-def mission_record(flight: MissionFlight) -> FlightRecord:
-    """Return the flight record of a mission."""
-    phase = np.asarray(flight.guided.phase)
-    visit = np.asarray(flight.mission.guidance.legs.visit)
-    item_of_visit = {stop.visit: stop.item for stop in flight.mission.stops}
-    last = max(item_of_visit)
-    items = np.array([item_of_visit[min(n, last)] for n in range(int(visit.max()) + 1)])
-    record = _record(flight.trajectory, flight.vehicle, flight.mission.frame)
-    known = record.time_s.size
-    return replace(
-        record,
-        armed=((phase >= ARMED) & (phase <= FLYING))[:known],
-        item=items[visit[np.asarray(flight.guided.leg)]][:known],
-        set_point_m=np.asarray(flight.guided.set_point_m)[:known],
-    )
-
-
-def hold_record(flights: Flights, place: Place) -> FlightRecord:
-    """Return the flight record of a hovering vehicle, with its first controller.
-
-    Args:
-        flights: Flights of one vehicle.
-        place: Geographic position of the scene's origin.
-    """
-    trajectory = trajectory_of(flights, next(iter(flights.holds)))
-    record = _record(trajectory, flights.vehicle, Frame(*place))
-    aim = np.broadcast_to(target_of(flights.vehicle), record.position_m.shape)
-    return replace(record, set_point_m=aim)
-
-
-def standing_record(spec: VehicleSpec, place: Place) -> FlightRecord:
-    """Return the flight record of a vehicle before take-off, one row."""
-    start = start_of(replace(spec, mission=None))
-    return FlightRecord(
-        time_s=np.zeros(1),
-        position_m=np.asarray(start.position_m)[None],
-        velocity_m_s=np.zeros((1, 3)),
-        quaternion=np.asarray(start.quaternion)[None],
-        body_rate_rad_s=np.zeros((1, 3)),
-        controls=np.zeros((1, 4)),
-        armed=np.zeros(1, bool),
-        item=np.zeros(1, int),
-        frame=Frame(*place),
-    )
-
-
-def home_of(spec: VehicleSpec, place: Place) -> Place:
-    """Return the geographic position of a scene's vehicle."""
-    return Place(*map(float, geodetic(Frame(*place), np.asarray(spec.position))))
-
-
-def check_flown(uncertain: UncertainScene, plan: Plan | None = None) -> Plan:
-    """Return the plan of a scene's vehicle after a check that it can be flown.
-
-    Args:
-        uncertain: Scene.
-        plan: Plan in place of that of the scene.
-
-    Raises:
-        InputError: The plan cannot be flown.
-    """
-    spec = uncertain.scene.vehicle
-    assert spec is not None
-    if plan is None:
-        assert spec.mission is not None
-        plan = read_plan(spec.mission)
-    _mission(uncertain, spec, plan)
-    return plan
-
-
-def flown_record(
-    uncertain: UncertainScene, plan: Plan | None, seed: int
-) -> FlightRecord:
-    """Return the flight record of a scene's vehicle, on a plan or hovering.
-
-    Args:
-        uncertain: Scene with a geographic position.
-        plan: Plan; None to hover.
-        seed: Seed of the samples.
-
-    Raises:
-        InputError: The scene or the plan cannot be flown.
-    """
-    place = uncertain.place
-    assert place is not None
-    if plan is None:
-        return hold_record(fly(uncertain, Options(), seed=seed), place)
-    options = Options(step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M)
-    return mission_record(fly_mission(uncertain, options, plan=plan, seed=seed))
-
-
-def _mission(uncertain: UncertainScene, spec: VehicleSpec, plan: Plan) -> Mission:
-    return mission_of(
-        plan,
-        place=uncertain.place,
-        position_m=np.asarray(spec.position, float) if spec.placed else None,
-        yaw_rad=float(spec.yaw),
-    )
-
-
-def _record(trajectory: Trajectory, spec: VehicleSpec, frame: Frame) -> FlightRecord:
-    """Return the flight record of a trajectory, until it diverges."""
-    known = int(np.isfinite(np.asarray(trajectory.position_m)).all(axis=1).sum())
-    vehicle = vehicle_of(spec)
-
-    def rows(name: str) -> np.ndarray:
-        return np.asarray(getattr(trajectory, name))[:known]
-
-    return FlightRecord(
-        time_s=rows("time_s"),
-        position_m=rows("position_m"),
-        velocity_m_s=rows("velocity_m_s"),
-        quaternion=rows("quaternion"),
-        body_rate_rad_s=rows("body_rate_rad_s"),
-        controls=rows("rotor_speed_rad_s") / float(vehicle.rotor_speed_max_rad_s),
-        armed=np.ones(known, bool),
-        item=np.zeros(known, int),
-        frame=frame,
-    )
 
 
 def fly_mission(

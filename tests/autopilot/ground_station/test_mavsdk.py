@@ -1,63 +1,26 @@
 """A client nobody here wrote: MAVSDK finds, checks, loads and flies the vehicle."""
 
 import asyncio
-import threading
-import time
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from jblast.autopilot.ground_station import GroundStation
-from jblast.autopilot.mavlink import Address, Link
-from jblast.autopilot.protocols import Missions
-from jblast.scene import Place
-from tests.autopilot.ground_station.flights import HOME, eastward
+from tests.autopilot.ground_station.gliding import HOME, served
 
 pytest.importorskip("mavsdk")
 
 from tests.autopilot.ground_station.mavsdk_client import (
     connected,
     free_port,
-    gaps,
     plan_of,
     refused,
 )
 
-COMPUTING_S = 2.5
-"""Time for which the flight of the fast test is computed: three heartbeats."""
-
-
-def flight(plan):
-    """A flight of 2 s past the items of a plan, computed slowly."""
-    time.sleep(COMPUTING_S)
-    found, count = eastward(2.0), len(plan.items)
-    item = np.minimum((found.time_s / 2.0 * count).astype(int), count - 1)
-    return replace(found, item=item)
-
-
-@pytest.fixture
-def port():
-    """Serve a vehicle on the ground whose flights need no simulation."""
-    port = free_port()
-    rest = eastward(0.02)
-    ground = replace(rest, position_m=0 * rest.position_m, armed=np.zeros(3, bool))
-    missions = Missions(None, Place(*HOME), lambda plan: None, lambda text: None)
-    link = Link(Address("udp", "127.0.0.1", port), "ground_station")
-    station = GroundStation(link, ground, missions, flight, hovers=False)
-    served = threading.Thread(target=station.serve, args=(60.0,))
-    served.start()
-    yield port
-    # The end of the client ends the service, unless its time is over.
-    served.join()
-    link.close()
-
 
 async def exchange(port: int) -> dict:
     """Check, load, arm, start and disarm; return what MAVSDK received."""
-    got: dict = {"gaps": [], "progress": []}
+    got: dict = {"progress": []}
     async with connected(port) as client:
-        watched = asyncio.create_task(gaps(client, got["gaps"]))
         await client.until("health_all_ok", bool)
         got["battery"] = await client.until("battery", lambda x: True)
         got["home"] = await client.until("home", lambda x: True)
@@ -81,12 +44,13 @@ async def exchange(port: int) -> dict:
         got["in flight"] = (await client.until("flight_mode", lambda x: True)).name
         await client.until("armed", lambda armed: not armed)
         await client.action.disarm()
-        watched.cancel()
     return got
 
 
-def test_mavsdk_checks_loads_arms_starts_and_disarms_it(port):
-    got = asyncio.run(exchange(port))
+def test_mavsdk_checks_loads_arms_starts_and_disarms_it():
+    port = free_port()
+    with served("udp", f"127.0.0.1:{port}"):
+        got = asyncio.run(exchange(port))
     assert got["battery"].remaining_percent == 100
     assert (got["home"].latitude_deg, got["home"].longitude_deg) == HOME[:2]
     floats = {one.name: one.value for one in got["params"].float_params}
@@ -100,5 +64,3 @@ def test_mavsdk_checks_loads_arms_starts_and_disarms_it(port):
     )
     assert got["progress"][-1] == (2, 2)
     assert got["in flight"] == "MISSION"
-    # A heartbeat every second, also while the flight is computed.
-    assert len(got["gaps"]) >= 1 + int(COMPUTING_S)

@@ -3,47 +3,46 @@
 import threading
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.autopilot.lockstep import (
-    FIX,
     PERIOD_S,
-    SENSOR,
-    STATE,
+    PLACE,
     Lockstep,
-    Programs,
+    Readings,
     Rotors,
+    compiled,
     fly_lockstep,
-    programs,
+    messages_of,
     rotors_of,
     turns_of,
 )
-from jblast.autopilot.mavlink import Address, Link, LinkLost, Receiver, Sender
+from jblast.autopilot.mavlink import Link, LinkLost, message
 from jblast.errors import InputError
+from jblast.observations.places import Frame
 from jblast.scene import Charge, Place, Scene, VehicleSpec
-from jblast.vehicle import hold_of, simulate, vehicle_of
-from tests.tools.mock_autopilot import Mock, RoundedHold, fly_mock
+from jblast.vehicle import State, hold_of, simulate, vehicle_of
+from tests.tools.mock_autopilot import RoundedHold, fly_mock
 
 ROTORS = Rotors(np.arange(4), 100.0)
-TOLD = len(SENSOR) + len(FIX) + len(STATE) + 1
 
 
-def nothing_moves() -> Programs:
-    """Turns of a vehicle whose state counts them."""
+class Counted:
+    """Turns of a vehicle whose height counts them, with the speeds it received."""
 
-    def told(n: int) -> Any:
-        numbers = np.zeros(TOLD + 17)
-        numbers[len(SENSOR) + len(FIX)] = 1.0
-        numbers[-17:] = n
-        return n, numbers
+    def __init__(self):
+        self.speeds: list[float] = []
+        self.worlds: list[int] = []
 
-    def after(n: Any, turn: int, world: int, goes: bool, speeds: Any) -> Any:
-        return told(n + bool(goes))
-
-    return Programs(lambda: told(0), after)
+    def turn(self, n: Any, turn: int, world: int, goes: bool, speeds: Any) -> Any:
+        if goes:
+            self.speeds.append(speeds[0])
+            self.worlds.append(world)
+        zero, up = np.zeros(3), np.array([0.0, 0.0, n + goes])
+        state = State(*map(jnp.asarray, (up, zero, np.eye(4)[3], zero, np.zeros(4))))
+        return n + goes, Readings(None, state)  # type: ignore[arg-type]
 
 
 class Scripted(Link):
@@ -51,52 +50,55 @@ class Scripted(Link):
 
     def __init__(self, script):
         self.script, self.sent, self.waiting = list(script), 0, []
-        self.sender = Sender(1, 1)
 
-    def send(self, *frames):
-        stamp = [m for m in Receiver().feed(b"".join(frames))][-1].values["time_usec"]
+    def send(self, *sent):
+        stamp = sent[-1].time_usec
         self.sent += 1
         answer = self.script.pop(0) if self.script else None
         if answer == "gone":
             raise LinkLost("the connection was closed")
-        for said in answer if isinstance(answer, list) else [answer]:
-            if said is not None:
-                values = {"time_usec": stamp, "mode": 129, "flags": 1} | said
-                self.waiting.append(self.sender.pack("HIL_ACTUATOR_CONTROLS", **values))
+        for one in answer if isinstance(answer, list) else [answer]:
+            if one is not None:
+                values = {"time_usec": stamp, "mode": 129, "flags": 1} | one
+                self.waiting.append(message("HIL_ACTUATOR_CONTROLS", **values))
 
     def receive(self, timeout_s):
-        if not self.waiting:
-            return None
-        return next(Receiver().feed(self.waiting.pop(0)))
+        return self.waiting.pop(0) if self.waiting else None
 
 
-def flown(script, **options) -> tuple[Lockstep, Scripted]:
-    link = Scripted(script)
-    flight = Lockstep()
-    fly_lockstep(
-        nothing_moves(), link, ROTORS, flight=flight, patience_s=0.05, **options
+def flown(script, **options) -> tuple[Lockstep, Counted]:
+    counted = Counted()
+    flight = fly_lockstep(
+        counted.turn,
+        0,  # type: ignore[arg-type]
+        Scripted(script),
+        ROTORS,
+        lambda read, stamp: [message("HIL_SENSOR", time_usec=stamp)],
+        flight=Lockstep(),
+        patience_s=0.05,
+        **options,
     )
-    return flight, link
+    return flight, counted
 
 
 def test_each_turn_is_answered_and_flown():
-    flight, _ = flown([{}] * 5, seconds=5 * PERIOD_S)
+    flight, counted = flown([{}] * 5, seconds=5 * PERIOD_S)
     assert (flight.turns, flight.flown, flight.late) == (5, 5, 0)
     assert flight.ended == "the time is over"
-    assert [row.state[0] for row in flight.rows] == [0, 1, 2, 3, 4, 5]
+    assert flight.position_m[2] == 5
+    assert counted.worlds == [0, 1, 2, 3, 4]
 
 
 def test_before_it_is_armed_the_vehicle_and_its_clock_stand():
-    flight, _ = flown([None, None, {"mode": 1}, {}, {}, "gone"])
+    flight, counted = flown([None, None, {"mode": 1}, {}, {}, "gone"])
     assert (flight.turns, flight.flown) == (5, 2)
-    assert [row.time_s for row in flight.rows] == [0.0, PERIOD_S, 2 * PERIOD_S]
+    assert counted.worlds == [0, 1]
 
 
 def test_disarmed_in_flight_its_rotors_stand():
     half = {"controls": [0.5] * 16}
-    flight, _ = flown([half, half | {"mode": 1}, "gone"])
-    asked = [row.command_rad_s[0] for row in flight.rows]
-    assert asked == [50.0, 0.0, 0.0]
+    _, counted = flown([half, half | {"mode": 1}, "gone"])
+    assert counted.speeds == [50.0, 0.0]
 
 
 def test_an_answer_to_an_earlier_turn_is_passed_over_and_counted():
@@ -113,28 +115,40 @@ ENDS = {
 
 
 @pytest.mark.parametrize("name", ENDS)
-def test_what_ends_a_flight_is_said_and_its_rows_are_kept(name):
-    script, message = ENDS[name]
+def test_what_ends_a_flight_is_said(name):
+    script, words = ENDS[name]
     flight, _ = flown([{}, {}, *script], seconds=1.0)
-    assert message in flight.ended
-    assert len(flight.rows) == flight.flown + 1 == 3
+    assert words in flight.ended
+    assert flight.position_m[2] == flight.flown == 2
 
 
 def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
     """Fly a scene with the mock over loopback; and the same hold without a network."""
-    turns, vehicle = turns_of(scene, spec, Place(47.0, 8.0, 300.0), 3), vehicle_of(spec)
+    where = Place(47.0, 8.0, 300.0)
+    turns, vehicle = turns_of(scene, spec, where, 3), vehicle_of(spec)
     rotors, hold = rotors_of(vehicle), hold_of(spec, integral=True)
-    made = programs(turns)
-    rounded = RoundedHold(hold.ready(vehicle), turns.origin, rotors.of_motor)
-    mock = Mock(rounded, vehicle)
-    link = Link(Address("tcp", "127.0.0.1", 0), "mavlink")
-    where = (link.address.host, link.address.port)
-    other = threading.Thread(target=fly_mock, args=(where, mock, count))
+    turn, carried = compiled(turns)
+    frame, path = Frame(*where), []
+
+    def recorded(*given):
+        carried, read = turn(*given)
+        path.append(np.asarray(read.state.position_m))
+        return carried, read
+
+    link = Link("tcp", "127.0.0.1:0", "mavlink", (1, 51))
+    rounded = RoundedHold(hold.ready(vehicle), frame, rotors.of_motor)
+    other = threading.Thread(
+        target=fly_mock, args=(link.address, rounded, vehicle, count)
+    )
     other.start()
-    while not link.accept(1.0):
-        pass
     flight = fly_lockstep(
-        made, link, rotors, flight=Lockstep(), seconds=count * PERIOD_S
+        recorded,
+        carried,
+        link,
+        rotors,
+        lambda read, stamp: messages_of(turns.suite, frame, read, stamp),
+        flight=Lockstep(),
+        seconds=count * PERIOD_S,
     )
     link.close()
     other.join()
@@ -143,13 +157,13 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
         turns.flight.state,
         duration_s=count * PERIOD_S,
         step_s=PERIOD_S,
-        control=RoundedHold(hold, turns.origin, rotors.of_motor),
+        control=RoundedHold(hold, frame, rotors.of_motor),
         wind=turns.flight.wind,
         loads=turns.flight.loads,
         ground_up_m=0.0,
+        backend="jax",
     )
-    path = np.array([row.state[:3] for row in flight.rows])
-    return flight, link, path, np.asarray(alone.position_m)
+    return flight, link, np.array(path[-count - 1 :]), np.asarray(alone.position_m)
 
 
 @pytest.mark.slow
@@ -157,7 +171,7 @@ def test_through_a_blast_the_path_is_that_of_the_same_hold_without_a_network():
     spec = VehicleSpec("iris", position=jnp.array([8.0, 0.0, 10.0]))
     scene = Scene(Charge(10.0, time_s=0.2), vehicle=spec)
     flight, link, path, alone = in_lockstep(scene, spec, 500)
-    assert (flight.flown, flight.late, link.receiver.lost) == (500, 0, 0)
+    assert (flight.flown, flight.late, link.lost) == (500, 0, 0)
     assert np.linalg.norm(path - path[0], axis=1).max() > 0.03
     np.testing.assert_allclose(path, alone, rtol=0, atol=1e-6)
 
@@ -165,21 +179,19 @@ def test_through_a_blast_the_path_is_that_of_the_same_hold_without_a_network():
 def test_a_vehicle_below_ground_is_refused():
     spec = VehicleSpec("iris", position=jnp.array([0.0, 0.0, -1.0]))
     with pytest.raises(InputError, match="expected a vehicle that is not below ground"):
-        turns_of(Scene(Charge(1.0), vehicle=spec), spec, None, 0)
+        turns_of(Scene(Charge(1.0), vehicle=spec), spec, Place(0.0, 0.0), 0)
 
 
 @pytest.mark.slow
 def test_at_rest_on_the_ground_its_instruments_say_so():
     spec = VehicleSpec("iris", position=jnp.zeros(3))
-    turns = turns_of(Scene(Charge(1.0), vehicle=spec), spec, None, 0)
-    _, numbers = jax.jit(lambda: turns.reported(turns.start(), *[jnp.asarray(0)] * 2))()
-    said = dict(zip(SENSOR, np.asarray(numbers), strict=False))
+    turns = turns_of(Scene(Charge(1.0), vehicle=spec), spec, PLACE, 0)
+    turn, carried = compiled(turns)
+    _, read = turn(carried, -1, 0, False, np.zeros(4))
+    *_, state, sensor = messages_of(turns.suite, Frame(*PLACE), read, 4000)
     # one sample, calibrated: 0.1 m/s2 is four standard deviations
-    assert said["zacc"] == pytest.approx(-9.81, abs=0.12)
-    assert said["abs_pressure"] == pytest.approx(1013.25, abs=0.06)
-    assert said["pressure_alt"] == pytest.approx(0.0, abs=0.5)
-    assert said["fields_updated"] == 0b1101111111111
-    state = dict(
-        zip(STATE, np.asarray(numbers)[len(SENSOR) + len(FIX) :], strict=False)
-    )
-    assert (state["lat"], state["lon"], state["alt"]) == (473977420, 85455940, 0)
+    assert sensor.zacc == pytest.approx(-9.81, abs=0.12)
+    assert sensor.abs_pressure == pytest.approx(1013.25, abs=0.06)
+    assert sensor.pressure_alt == pytest.approx(0.0, abs=0.5)
+    assert sensor.fields_updated == 0b1101111111111
+    assert (state.lat, state.lon, state.alt) == (473977420, 85455940, 0)

@@ -7,51 +7,43 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jblast.autopilot import lockstep
-from jblast.autopilot.flight_record import euler, scalar_first
-from jblast.autopilot.lockstep import geodetic_of, origin_at, rotors_of
+from jblast.autopilot.lockstep import rotors_of, state_message
+from jblast.autopilot.mavlink import euler, scalar_first
 from jblast.errors import InputError
-from jblast.missions.mission import geodetic
 from jblast.observations.places import Frame
-from jblast.scene import Place
-from jblast.vehicle import named
-from tests.tools.mock_autopilot import attitude_in, level_of
+from jblast.vehicle import State, named
+from tests.tools.mock_autopilot import received, state_heard
 
 TO_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 TO_FRD = np.diag([1.0, -1, -1])
 ATTITUDES = Rotation.from_quat(np.random.default_rng(4).normal(size=(8, 4))).as_quat()
 
 
-@pytest.mark.parametrize("place", [(1500.0, -2200.0, 35.0), (0.0, 0.0, -3.0)])
-def test_degrees_are_those_of_missions_and_come_back(place):
-    where = Place(47.4, 8.5, 400.0)
-    origin = origin_at(where)
-    found = geodetic_of(origin, jnp.array(place))
-    # 1e-11 degrees are a thousandth of a millimetre
-    expected = geodetic(Frame(*where), np.array(place))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found[:2], expected[:2], rtol=0, atol=1e-11)
-    np.testing.assert_allclose(level_of(origin, found), place, atol=1e-6)
-
-
 @pytest.mark.parametrize("attitude", ATTITUDES)
-def test_attitudes_are_turned_as_matrices_say_and_come_back(attitude):
-    told = np.asarray(lockstep.attitude_out(jnp.asarray(attitude)))
+def test_attitudes_are_turned_as_matrices_say(attitude):
+    told = scalar_first(attitude)
     expected = TO_NED @ Rotation.from_quat(attitude).as_matrix() @ TO_FRD
     found = Rotation.from_quat(np.roll(told, -1)).as_matrix()
     np.testing.assert_allclose(found, expected, atol=1e-14)
-    back = Rotation.from_quat(np.asarray(attitude_in(jnp.asarray(told))))
-    np.testing.assert_allclose(
-        back.as_matrix(), Rotation.from_quat(attitude).as_matrix(), atol=1e-14
-    )
-    np.testing.assert_allclose(scalar_first(attitude), told, atol=1e-14)
     yaw, pitch, roll = Rotation.from_matrix(expected).as_euler("ZYX")
     np.testing.assert_allclose(euler(told), [roll, pitch, yaw], atol=1e-12)
 
 
-def test_east_north_up_becomes_north_east_down_and_left_right():
-    np.testing.assert_array_equal(lockstep.world(jnp.array([1.0, 2, 3])), [2, 1, -3])
-    np.testing.assert_array_equal(lockstep.body(jnp.array([1.0, 2, 3])), [1, -2, -3])
+def test_a_state_comes_back_from_its_message():
+    place, attitude = np.array([1500.0, -2200.0, 35.0]), ATTITUDES[0]
+    vectors = place, np.array([1.0, 2.0, -3.0]), attitude, np.array([0.1, 0.2, 0.3])
+    state = State(*map(jnp.asarray, (*vectors, np.zeros(4))))
+    frame, still = Frame(47.4, 8.5, 400.0), np.zeros(3)
+    sent = received(state_message(frame, state, 0, still, still))
+    heard = state_heard(frame, sent)
+    # 1e-7 degrees are 11 mm
+    np.testing.assert_allclose(heard.position_m, place, atol=6e-3)
+    np.testing.assert_allclose(heard.velocity_m_s, vectors[1], atol=1e-12)
+    np.testing.assert_allclose(heard.body_rate_rad_s, vectors[3], atol=1e-7)
+    turned = Rotation.from_quat(np.asarray(heard.quaternion)).inv()
+    assert (turned * Rotation.from_quat(attitude)).magnitude() < 1e-6
+    # a body that moves east and falls, seen by the autopilot: north, east, down
+    assert (sent.vx, sent.vy, sent.vz) == (200, 100, 300)
 
 
 @pytest.mark.parametrize("model", ["crazyflie", "hummingbird", "iris"])

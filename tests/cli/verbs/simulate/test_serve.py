@@ -3,11 +3,9 @@
 import json
 import socket
 import threading
-import time
 
 import pytest
 
-from jblast.autopilot.mavlink import Receiver, Sender
 from tests.cli.cli_files import says, table
 
 WORLD = "[world]\ncount = 2\n"
@@ -60,35 +58,28 @@ def test_a_port_that_is_taken_is_one_message(jblast):
     assert f"--listen: expected a free port of this machine, got {address}" in err
 
 
-def connected(port: int) -> socket.socket:
-    """Connect as soon as somebody listens, within a minute."""
-    for _ in range(300):
-        try:
-            return socket.create_connection(("127.0.0.1", port), timeout=60.0)
-        except ConnectionRefusedError:
-            time.sleep(0.2)
-    raise TimeoutError
-
-
-def answering(port: int, turns: int) -> None:
+def answering(port: int, turns: int, kinds: list[str]) -> None:
     """Arm, let the rotors turn, answer so many turns and hang up."""
-    receiver, sender = Receiver(), Sender(1, 1)
-    with connected(port) as link:
-        while turns and (data := link.recv(65536)):
-            for message in receiver.feed(data):
-                if message.name == "HIL_SENSOR" and turns:
-                    turns -= 1
-                    stamp = message.values["time_usec"]
-                    answer = {"time_usec": stamp, "mode": 129, "flags": 1}
-                    answer["controls"] = [0.9] * 4 + [0.0] * 12
-                    link.sendall(sender.pack("HIL_ACTUATOR_CONTROLS", **answer))
+    tools = pytest.importorskip("pymavlink.mavutil")
+    address = f"tcp:127.0.0.1:{port}"
+    with tools.mavlink_connection(
+        address, source_system=1, dialect="common", retries=60
+    ) as link:
+        while turns:
+            came = link.recv_match(blocking=True, timeout=60)
+            kinds.append(came.get_type())
+            if kinds[-1] == "HIL_SENSOR":
+                turns -= 1
+                controls = [0.9] * 4 + [0.0] * 12
+                link.mav.hil_actuator_controls_send(came.time_usec, controls, 129, 1)
 
 
 @pytest.mark.slow
 def test_a_flight_that_is_cut_off_keeps_its_log(jblast, tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    other = threading.Thread(target=answering, args=(port, 250))
+    kinds: list[str] = []
+    other = threading.Thread(target=answering, args=(port, 250, kinds))
     other.start()
     logs = ["--tlog", str(tmp_path / "a.tlog")]
     scene = jblast.file("scene.toml", SCENE)
@@ -97,6 +88,8 @@ def test_a_flight_that_is_cut_off_keeps_its_log(jblast, tmp_path):
     other.join()
     told = json.loads(out)
     assert code == 4
+    # while the step of the vehicle compiles
+    assert kinds[0] == "HEARTBEAT"
     assert (told["turns"], told["flown"]) == (250, 250)
     assert told["ended"] == "the autopilot has disconnected"
     # four rotors at 0.9 of their speed carry 2.2 times the weight of an Iris
