@@ -7,7 +7,7 @@ checks that packet k comes once, after k - 1 and at k/100 s; that each blast is 
 before it happens, by the lead; that what is perceived stands in its own packet. Two of
 them are held against the same packets in this process, to the last bit. Meanwhile one
 client asks once and never again, one dies half-way, one sends garbage. Before, 1,000
-entities register and leave. The server's memory is read all along.
+entities take a packet each and leave. The server's memory is read all along.
 
     python -m calibration.server_soak            # an hour or less, two cores
     python -m calibration.server_soak --seconds 20 --clients 10
@@ -32,16 +32,17 @@ import grpc
 from jblast.files import write_text
 from jblast.scene import read_world
 from jblast.world import draw_world
-from jblast.world.remote import connect
-from jblast.world.remote.messages import PROTOCOL, SERVICE, messages, packet_message
-from jblast.world.server import (
+from jblast.world.serve import (
     BlastSchedule,
+    Entity,
+    Knot,
     Playback,
     Stager,
-    checked_entity,
+    connect,
     packet_times,
     packets_of,
 )
+from jblast.world.serve.messages import SERVICE, Request, decoded, encoded
 
 RESULTS = Path(__file__).parent / "results" / "server_soak.txt"
 SEED, LEAD_S, RATE_HZ, AHEAD = 7, 5.0, 100.0, 25
@@ -54,7 +55,7 @@ time_s = { uniform = [1, 1e4] }
 """
 END: Any = vars(grpc.aio)["EOF"]
 """What is read where a stream is over; types do not know of it."""
-KINDS = (
+KINDS: tuple[tuple[int, list[str], dict[str, Any]], ...] = (
     (60, ["flash", "ground"], {}),
     (25, ["flash", "pressure"], {"samples_hz": 1000.0}),
     (10, ["flash", "force"], {"vehicle": "hummingbird"}),
@@ -64,34 +65,22 @@ KINDS = (
 REGISTRATIONS = 1000
 
 
-def senses_of(number: int) -> tuple[list[str], dict[str, Any]]:
-    """Return what client `number` senses, the kinds mixed, and its options."""
+def entity_of(number: int) -> Entity:
+    """Return the entity of a client, the kinds mixed."""
+    position = [float(number % 10) * 12.0, float(number // 10) * 12.0, 1.5]
     place = number * 37 % 100
     for count, senses, options in KINDS:
         if place < count:
-            return senses, options
+            return Entity(f"client-{number}", senses, [Knot(position)], **options)
         place -= count
     raise AssertionError
 
 
-def place_of(number: int) -> list[float]:
-    """Return where a client stands [m]."""
-    return [float(number % 10) * 12.0, float(number // 10) * 12.0, 1.5]
-
-
-async def client(channel: Any, address: str, number: int, seconds: float) -> dict:
+async def client(channel: Any, number: int, seconds: float) -> dict:
     """Take all packets of one entity; return what was wrong, and what came."""
-    to = messages()
-    senses, options = senses_of(number)
-    with connect(address) as registrar:
-        ticket = registrar.register(
-            f"client-{number}", senses, position_m=place_of(number), **options
-        )
-    call = channel.stream_stream(
-        f"/{SERVICE}/Stream", request_serializer=to.Ask.SerializeToString
-    )()
-    await call.write(to.Ask(name=ticket.name, ticket=ticket.word))
-    more = to.Ask(packets=AHEAD)
+    call = channel.stream_stream(f"/{SERVICE}/Stream")()
+    await call.write(encoded("Request", Request(entity_of(number))))
+    more = encoded("Request", Request(packets=AHEAD))
     came, perceived, told, wrong = 0, 0, {}, []
     digest = hashlib.sha256()
     await call.write(more)
@@ -103,7 +92,7 @@ async def client(channel: Any, address: str, number: int, seconds: float) -> dic
         if data is END:
             break
         digest.update(data)
-        packet = to.Packet.FromString(data)
+        packet = decoded("Packet", data)
         if packet.number != came or packet.time_s != came / RATE_HZ:
             wrong.append(f"packet {packet.number} at {packet.time_s} in place {came}")
         end = (came + 1) / RATE_HZ
@@ -139,7 +128,7 @@ async def clients(address: str, numbers: range, seconds: float) -> list[dict]:
     options = [("grpc.use_local_subchannel_pool", 1)]
     channels = [grpc.aio.insecure_channel(address, options) for _ in range(10)]
     found = await asyncio.gather(
-        *(client(channels[n % 10], address, n, seconds) for n in numbers)
+        *(client(channels[n % 10], n, seconds) for n in numbers)
     )
     for channel in channels:
         await channel.close()
@@ -151,29 +140,27 @@ def run_clients(address: str, count: int, seconds: float, out: Any) -> None:
     out.put(asyncio.run(clients(address, range(count), seconds)))
 
 
+def observer(name: str) -> Entity:
+    """Return an entity that sees only."""
+    return Entity(name, ["flash"], [Knot([20.0, 0.0, 1.0])])
+
+
 def misbehave(address: str, out: Any) -> None:
     """Be slow, die half-way, send garbage."""
-    to = messages()
     said = {}
     dies = connect(address)
-    ticket = dies.register("dies", ["flash"], position_m=[0.0, 0.0, 1.0])
-    stream = dies.stream(ticket)
+    stream = dies.stream(observer("dies"))
     stream.ask(50)
     stream.next()
     dies.close()
     with grpc.insecure_channel(address) as channel:
-        asked = to.Registration(protocol=PROTOCOL, name="garbage", senses=[1])
-        asked.position_m.SetInParent()
-        ticket = to.Registered.FromString(
-            channel.unary_unary(f"/{SERVICE}/Register")(asked.SerializeToString())
-        ).ticket
-        hello = to.Ask(name="garbage", ticket=ticket).SerializeToString()
+        hello = encoded("Request", Request(observer("garbage")))
         try:
             list(channel.stream_stream(f"/{SERVICE}/Stream")(iter([hello, b"\xff"])))
         except grpc.RpcError as error:
             said["garbage"] = error.code().name
     slow = connect(address)
-    stream = slow.stream(slow.register("slow", ["flash"], position_m=[20.0, 0.0, 1.0]))
+    stream = slow.stream(observer("slow"))
     stream.ask(1)
     time.sleep(PATIENCE_S + 10.0)
     try:
@@ -186,15 +173,14 @@ def misbehave(address: str, out: Any) -> None:
 
 
 def register(address: str) -> float:
-    """Register a thousand, and let them leave; return how long it took [s]."""
+    """Let a thousand take a packet each and leave; return the duration [s]."""
     begun = time.perf_counter()
     with connect(address) as one:
-        tickets = [
-            one.register(f"r{number}", ["flash"], position_m=[1.0, 2.0, 3.0])
-            for number in range(REGISTRATIONS)
-        ]
-        for ticket in tickets:
-            one.leave(ticket)
+        for number in range(REGISTRATIONS):
+            stream = one.stream(observer(f"r{number}"))
+            stream.ask()
+            stream.next()
+            stream.close()
     return time.perf_counter() - begun
 
 
@@ -208,15 +194,11 @@ def held_mib(pid: int) -> float:
 def in_process(scene: Path, number: int, seconds: float) -> str:
     """Return the digest of a client's packets, made in this process."""
     world = draw_world(*read_world(scene), SEED, until_s=seconds)
-    senses, options = senses_of(number)
-    entity = checked_entity(
-        f"client-{number}", senses, position_m=place_of(number), **options
-    )
     stager, digest = Stager(world), hashlib.sha256()
     schedule, times = BlastSchedule(world, LEAD_S), packet_times(RATE_HZ)
-    played = Playback(entity, schedule, times, stager, until_s=seconds)
+    played = Playback(entity_of(number), schedule, times, stager, until_s=seconds)
     for packet in packets_of(played, stager):
-        digest.update(packet_message(packet).SerializeToString())
+        digest.update(encoded("Packet", packet))
     return digest.hexdigest()
 
 
@@ -264,8 +246,8 @@ def soak(count: int, seconds: float) -> list[str]:
         memory.append((seconds, held_mib(server.pid)))
         server.send_signal(signal.SIGINT)
         told = json.loads(server.communicate(timeout=60.0)[0])
-        compared = [n for n in range(count) if "force" in senses_of(n)[0]][:1]
-        compared += [n for n in range(count) if "sound" in senses_of(n)[0]][:1]
+        compared = [n for n in range(count) if "force" in entity_of(n).senses][:1]
+        compared += [n for n in range(count) if "sound" in entity_of(n).senses][:1]
         alike = [in_process(scene, n, seconds) == found[n]["digest"] for n in compared]
     lines = report(
         count, seconds, found, memory, told, said, alike, wall, registering, unit
@@ -289,7 +271,7 @@ def report(
     wrong = [line for one in found for line in one["wrong"]]
     missing = sum(one["missing"] for one in found)
     came = sum(one["came"] for one in found)
-    each = registering / (2 * REGISTRATIONS)
+    each = registering / REGISTRATIONS
     lines = [
         "A hundred clients of one server: `python -m calibration.server_soak`",
         f"grpcio {grpc.__version__}; two cores, shared by server and clients",
@@ -305,7 +287,7 @@ def report(
         f"perceptions                      {sum(o['perceived'] for o in found):,}",
         f"streams equal to one process     {sum(alike)} of {len(alike)}, bit by bit",
         f"registrations                    {REGISTRATIONS:,}",
-        f"a registration, or a leave       {each / unit:.1e} J",
+        f"a registration, packet and leave {each / unit:.1e} J",
         f"a packet                         {wall / came / unit:.1e} J",
         f"the world's time over real time  {seconds / wall:.2f}",
         "",

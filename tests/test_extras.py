@@ -62,7 +62,7 @@ def environment(folder):
 
 
 def serve(folder):
-    from jblast.world.remote.messages import grpc
+    from jblast.world.serve.messages import grpc
 
     grpc()
 

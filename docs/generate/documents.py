@@ -25,7 +25,7 @@ from jblast.report.world import WorldAnswer
 from jblast.results import DIALECT, schema_of
 from jblast.study.mavlink_servers import LockstepAnswer, WatchedAnswer
 from jblast.waves.choice import Choice
-from jblast.world.remote.serving import ServedAnswer
+from jblast.world.serve.service import ServedAnswer
 
 DOCUMENTS: dict[str, type] = {
     "fit": FitAnswer,

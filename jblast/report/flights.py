@@ -53,7 +53,7 @@ from jblast.study.missions import (
     mission_notes,
 )
 from jblast.vehicle.metrics import THRESHOLDS, Threshold
-from jblast.world.remote.serving import serve_world
+from jblast.world.serve.service import serve_world
 
 T = TypeVar("T")
 ESTIMATED = {

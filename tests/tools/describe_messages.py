@@ -9,7 +9,7 @@ from pathlib import Path
 from grpc_tools import protoc
 
 from jblast.files import write_bytes
-from jblast.world.remote.messages import DESCRIPTION, PROTO
+from jblast.world.serve.messages import DESCRIPTION, PROTO
 
 
 def described() -> bytes:

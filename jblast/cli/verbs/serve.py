@@ -1,10 +1,10 @@
 """Serve a world of random blasts to other simulators over gRPC, or to an autopilot.
 
-A client that registers receives a forecast of each blast with its arrivals, pulse,
-force and sound, and the simulated signals packet by packet; docs/howto/serve.md
-describes the protocol. Time advances as each client requests packets (lockstep), or
-with --speed by the wall clock. The server runs until it is interrupted, and then prints
-what it sent and which clients it disconnected.
+A client that opens a stream receives a forecast of each blast with its arrivals and
+pulse, and force and sound packet by packet; docs/howto/serve.md describes the protocol.
+Time advances as each client requests packets (lockstep), or with --speed by the wall
+clock. The server runs until it is interrupted, and then prints what it sent and which
+clients it disconnected.
 
 With --mavlink an autopilot such as PX4 flies the scene's vehicle through the blasts.
 With --ground-station a ground station displays the vehicle, loads a mission and starts

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from jblast.world.remote import Options, serving
-from jblast.world.server import checked_entity, checked_motion
-from tests.world.server.served import ENDS_S, LEAD_S, playback, step, world
+from jblast.world.serve import Entity, Knot, Motion, Options, serving
+from tests.world.serve.served import ENDS_S, LEAD_S, playback, step, world
 
 PAGE = Path(__file__).parents[3] / "docs" / "howto" / "ros.md"
 PLACE = [5.0, 0.0, 3.0]
@@ -29,13 +28,13 @@ def link():
 @pytest.fixture(scope="module")
 def alone():
     """Impulse and angular impulse of each packet of one process; the latter, body."""
-    entity = checked_entity("e", ["force"], position_m=PLACE, vehicle="iris")
+    entity = Entity("e", ["force"], [Knot(PLACE)], vehicle="iris")
     played, found = playback(entity), []
     for number in range(round(ENDS_S * 100)):
-        played.report(checked_motion((number // 2 + 1) / 50, PLACE, STILL, ACROSS))
+        played.motion = Motion((number // 2 + 1) / 50, PLACE, STILL, ACROSS)
         packet = step(played)
         assert packet.force is not None
-        found.append(packet.force.samples.reshape(-1, 6).sum(0) / packet.force.rate_hz)
+        found.append(packet.force.values.sum(0) / packet.force.rate_hz)
         assert packet.last == (number + 1 == round(ENDS_S * 100))
     return np.array(found)
 

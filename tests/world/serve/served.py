@@ -5,7 +5,7 @@ from typing import Any
 
 from jblast.scene.reader import world_from_document
 from jblast.world import DrawnWorld, draw_world
-from jblast.world.server import BlastSchedule, Packet, Playback, Stager, packet_times
+from jblast.world.serve import BlastSchedule, Packet, Playback, Stager, packet_times
 
 LEAD_S = 0.5
 ENDS_S = 2.0
@@ -35,4 +35,4 @@ def playback(entity: Any, **options: Any) -> Playback:
 
 def step(played: Playback) -> Packet:
     """Return the next packet, staged in this process."""
-    return played.next([stager().stage(*wanted) for wanted in played.wanted()])
+    return played.next([stager().stage(wanted) for wanted in played.wanted()])
