@@ -146,6 +146,11 @@ class Entity(Module):
             named(self.vehicle)
 
     @property
+    def start_m(self) -> Float[np.ndarray, "3"]:
+        """First position [m]."""
+        return self.path[0].position_m
+
+    @property
     def times_s(self) -> Float[np.ndarray, " knot"]:
         """Times of its path [s]."""
         return np.array([knot.time_s for knot in self.path])

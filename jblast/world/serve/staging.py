@@ -482,7 +482,7 @@ class Playback:
         was = live.request.motion
         if self.motion is None or len(self.entity.path) > 1 or was is self.motion:
             return False
-        then = self.entity.path[0].position_m
+        then = self.entity.start_m
         if was is not None:
             then = was.position_m + (self.motion.time_s - was.time_s) * was.velocity_m_s
         # Distance from the extrapolated position: the wave may arrive earlier by at
@@ -553,7 +553,7 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
     if len(entity.path) > 1:
         return _padded(entity.times_s, entity.places_m)
     if motion is None:
-        return entity.path[0].position_m
+        return entity.start_m
     place = np.maximum(motion.position_m, [-np.inf, -np.inf, 0.0])
     lasts = EXTRAPOLATION_S
     if (sinks := -motion.velocity_m_s[2]) * lasts > place[2]:  # it lands before
