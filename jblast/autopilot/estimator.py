@@ -295,13 +295,6 @@ class EstimatedControl(eqx.Module):
         held = self.suite.start(key, self.initial)
         return Known(estimate, held, self.initial, jnp.zeros(3))
 
-    def ready(self, vehicle: Vehicle) -> "EstimatedControl":
-        """Return the same with a prepared controller."""
-        control = self.control
-        if hasattr(control, "ready"):
-            control = control.ready(vehicle)
-        return eqx.tree_at(lambda own: own.control, self, control)
-
     def __call__(
         self,
         time_s: Float[Array, ""],

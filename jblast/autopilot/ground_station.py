@@ -110,12 +110,12 @@ def _advanced(
     first: Int[Array, ""],
 ) -> tuple[FlightState, PyTree[Array], State]:
     """Return flight, controller and vehicle after `BLOCK` steps."""
-    ready, period = control.ready(flight.vehicle), jnp.asarray(PERIOD_S, float)
+    period = jnp.asarray(PERIOD_S, float)
 
     def turn(carried: tuple[FlightState, PyTree[Array]], n: Int[Array, ""]) -> Any:
         now, memory = carried
         state, time_s = joined(now.motion), n * period
-        speeds, memory = ready(time_s, state, flight.vehicle, memory, period)
+        speeds, memory = control(time_s, state, flight.vehicle, memory, period)
         return (step(flight, now, n, speeds), memory), None
 
     (now, memory), _ = jax.lax.scan(turn, (now, memory), first + jnp.arange(BLOCK))

@@ -35,7 +35,7 @@ from jblast.errors import InputError, nearest
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec
 from jblast.scene.uncertain import Prior
-from jblast.vehicle import allocation, named, named_gains, step_limit
+from jblast.vehicle import named, named_gains, step_limit
 from jblast.vehicle.controllers import gains_controller
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
@@ -137,8 +137,7 @@ def environment_params(
     target = jnp.asarray(kind.target_m if target_m is None else target_m, float)
     found = EnvironmentParams(
         vehicle=flies,
-        hold=gains_controller(controller)(target, gains, 0.0).ready(flies),
-        inverse=jnp.linalg.inv(allocation(flies)),
+        hold=gains_controller(controller)(target, gains, 0.0),
         world=world,
         air=Air() if air is None else air,
         randomisation=randomisation,

@@ -115,8 +115,7 @@ class EnvironmentParams(eqx.Module):
 
     Attributes:
         vehicle: Nominal vehicle.
-        hold: Position controller, prepared for that vehicle.
-        inverse: Inverse of the vehicle's allocation matrix.
+        hold: Position controller.
         world: Distribution of an episode's blasts, with a fixed number.
         air: Ambient air.
         randomisation: Other random parameters of episodes.
@@ -137,7 +136,6 @@ class EnvironmentParams(eqx.Module):
 
     vehicle: Vehicle
     hold: Controller
-    inverse: Float[Array, "4 4"]
     world: WorldSpec
     air: Air
     randomisation: Randomisation
@@ -160,7 +158,7 @@ class EnvironmentParams(eqx.Module):
     @property
     def gains(self) -> Gains:
         """Gains of the position controller."""
-        return self.hold.hold.gains  # pyright: ignore[reportAttributeAccessIssue] (of a prepared controller)
+        return self.hold.gains  # pyright: ignore[reportAttributeAccessIssue] (of `with_gains`)
 
 
 class Episode(NamedTuple):
@@ -265,7 +263,7 @@ def _by_rates(
     )
     moment = add(times(inertia, (x, y, z)), cross(w, times(inertia, w)))
     thrust = vehicle.mass_kg * FLIGHT_GRAVITY * (1 + action[0])
-    return four(speeds_within(vehicle, params.inverse, (thrust, *moment)))
+    return four(speeds_within(vehicle, (thrust, *moment)))
 
 
 def _by_hold(
@@ -296,7 +294,7 @@ def _by_hold(
         place = with_action(three(aim.point.position_m), params.reach_m)
         shown = as_if_at_rest(params.vehicle, gains, flown, aim.point)
     hold = eqx.tree_at(
-        lambda ready: (ready.hold.target_m, ready.hold.yaw_rad, ready.hold.gains),
+        lambda hold: (hold.target_m, hold.yaw_rad, hold.gains),
         params.hold,
         (place, aim.yaw_rad, gains),
     )

@@ -32,7 +32,7 @@ which are the stored rows (or their estimates) if each sample is stored.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -43,8 +43,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.types import as_numbers
-from jblast.vehicle import Controller, Gains, PositionHold, State, Vehicle
-from jblast.vehicle.control.position_hold import PreparedController
+from jblast.vehicle import Gains, PositionHold, State, Vehicle
 from jblast.vehicle.state import three
 
 IDLE_SHARE = 0.2
@@ -316,7 +315,7 @@ def replay(
 Memory = tuple[Float[Array, "3"], Progress]
 
 
-class MissionControl(PreparedController):
+class MissionControl(eqx.Module):
     """Controller of a vehicle on a mission.
 
     Attributes:
@@ -339,20 +338,6 @@ class MissionControl(PreparedController):
         """Return the initial integral of the controller and state of the guidance."""
         return self.hold.start(), self.guidance.start()
 
-    def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the controller with its allocation inverted, once per flight."""
-        return _PreparedMission(self, self.hold.ready(vehicle))
-
-
-class _PreparedMission(eqx.Module):
-    """A mission controller with its allocation inverted in advance."""
-
-    control: MissionControl
-    hold: Any
-
-    def start(self) -> Memory:
-        return self.control.start()
-
     def __call__(
         self,
         time_s: Float[Array, ""],
@@ -361,11 +346,12 @@ class _PreparedMission(eqx.Module):
         memory: Memory,
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Memory]:
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         integral, now = memory
-        aim, after = self.control.guidance(state, now, period_s)
-        moved = as_if_at_rest(vehicle, self.control.gains, state, aim)
+        aim, after = self.guidance(state, now, period_s)
+        moved = as_if_at_rest(vehicle, self.gains, state, aim)
         hold = eqx.tree_at(
-            lambda ready: (ready.hold.target_m, ready.hold.yaw_rad),
+            lambda hold: (hold.target_m, hold.yaw_rad),
             self.hold,
             (aim.position_m, now.yaw_rad),
         )

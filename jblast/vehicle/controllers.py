@@ -35,9 +35,9 @@ class ControllerKind:
         type: Class of the controllers that `make` returns.
         with_gains: Function from target, gains and yaw to a controller with the loops
             of the SE(3) controller, whose gains can be tuned and whose target
-            environments can move. Its `ready` returns a module whose field `hold` is
-            the controller with `target_m`, `gains` and `yaw_rad`, and its state is
-            three numbers. None: the controller has other loops.
+            environments can move. It has the fields `target_m`, `gains` and
+            `yaw_rad`, and its state is three numbers. None: the controller has other
+            loops.
     """
 
     name: str

@@ -85,7 +85,7 @@ def fly_on(
         InputError: The memory of the device is too small for the rows.
         Untranslatable: The step has an operation that has no C code.
     """
-    own, shared = _prepared(*parted(flight, batch))
+    own, shared = parted(flight, batch)
     numbers, rest = eqx.partition(shared, lambda x: isinstance(x, Numbers))
     arrays, tree = jax.tree.flatten((own, numbers, period_s))
     values, form = jax.tree.flatten(rest)
@@ -146,24 +146,6 @@ def device_named(name: str | None) -> Any:
         raise InputError(
             f"backend: expected a device of warp:DEVICE among {known}, got {name}"
         ) from None
-
-
-def _prepared(own: Any, shared: Any) -> tuple[Any, Any]:
-    """Return the flight with a prepared controller."""
-
-    def ready(own: Any) -> Any:
-        flight = eqx.combine(own, shared)
-        return flight.control.ready(flight.vehicle)
-
-    if not hasattr(eqx.combine(own, shared).control, "ready"):
-        return own, shared
-    if jax.tree.leaves((own.control, own.vehicle)):
-        control = eqx.filter_vmap(ready)(own)
-        arrays, rest = eqx.partition(control, eqx.is_array)
-        return own._replace(control=arrays), shared._replace(control=rest)
-    control = ready(own)
-    nothing = jax.tree.map(lambda x: None, control)
-    return own._replace(control=nothing), shared._replace(control=control)
 
 
 @lru_cache(maxsize=64)

@@ -179,9 +179,6 @@ def fly(
         control_held: True if the controller's period is longer than a step.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
-    # Once, outside the loop over steps: it depends on the vehicle only.
-    if hasattr(flight.control, "ready"):
-        flight = flight._replace(control=flight.control.ready(flight.vehicle))
     one = OneStep(flight, period_s, control_held, axis)
     now = one.start()
     first = (now.motion, now.impulse_wrench)
@@ -231,7 +228,7 @@ class OneStep:
     """Steps of one vehicle.
 
     Attributes:
-        flight: Vehicle, initial state, commands and loads, with a prepared controller.
+        flight: Vehicle, initial state, commands and loads.
         period_s: Period of the controller [s].
         control_held: True if the controller's period is longer than a step.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.

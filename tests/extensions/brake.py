@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from jblast.vehicle import CONTROLLERS, ControllerKind, hold_of
-from jblast.vehicle.control.position_hold import PositionHold, PreparedController
+from jblast.vehicle.control.position_hold import PositionHold
 
 
-class Brake(PreparedController):
+class Brake(eqx.Module):
     """The SE(3) hold without its gains of the position.
 
     Attributes:
@@ -26,15 +27,10 @@ class Brake(PreparedController):
         """Return the state at the start."""
         return self.hold.start()
 
-    def ready(self, vehicle):
-        """Return the same with its allocation inverted, once for a flight."""
-        return self.damped().ready(vehicle)
-
-    def damped(self):
-        """Return the hold with the gains that are left."""
-        gains = self.hold.gains
-        none = eqx.tree_at(lambda g: g.position, gains, 0.0 * gains.position)
-        return replace(self.hold, gains=none)
+    def __call__(self, time_s, state, vehicle, memory, period_s):
+        """Return rotor speeds [rad/s] and the next state."""
+        none = replace(self.hold.gains, position=jnp.zeros(3))
+        return replace(self.hold, gains=none)(time_s, state, vehicle, memory, period_s)
 
 
 CONTROLLERS.register(

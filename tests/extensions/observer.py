@@ -24,7 +24,6 @@ from jaxtyping import Array, Float
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle import (
     CONTROLLERS,
-    Controller,
     ControllerKind,
     Gains,
     PositionHold,
@@ -32,7 +31,6 @@ from jblast.vehicle import (
     Vehicle,
     hold_of,
 )
-from jblast.vehicle.control.position_hold import PreparedController
 from jblast.vehicle.quadrotor import floats
 from jblast.vehicle.state import four, turned
 
@@ -58,7 +56,7 @@ class ObserverState(eqx.Module):
     begun: Float[Array, ""]
 
 
-class ObservedHold(PreparedController):
+class ObservedHold(eqx.Module):
     """Position controller that compensates an estimated disturbance.
 
     Attributes:
@@ -84,25 +82,6 @@ class ObservedHold(PreparedController):
         none = jnp.zeros_like(self.hold.target_m)
         return ObserverState(none, none, jnp.zeros_like(none[0]))
 
-    def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the controller with its allocation inverted, once per flight."""
-        hold = self.hold
-        # The observer replaces the integral: with both, a steady wind would be
-        # compensated twice.
-        without = dataclasses.replace(hold.gains, integral=0 * hold.gains.integral)
-        hold = dataclasses.replace(hold, gains=without)
-        return _PreparedObservedHold(self, hold.ready(vehicle))
-
-
-class _PreparedObservedHold(eqx.Module):
-    """An observed position controller with its allocation inverted in advance."""
-
-    whole: ObservedHold
-    hold: Controller
-
-    def start(self) -> ObserverState:
-        return self.whole.start()
-
     def __call__(
         self,
         time_s: Float[Array, ""],
@@ -111,15 +90,18 @@ class _PreparedObservedHold(eqx.Module):
         memory: ObserverState,
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], ObserverState]:
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         gained = (state.velocity_m_s - memory.velocity_m_s) / period_s
         rest = gained - pull_of_rotors(state, vehicle) - memory.push_m_s2
         # Exact for a constant disturbance at any period; `begun` masks the first
         # sample, which has no velocity before it.
-        share = -jnp.expm1(-self.whole.observer_rate * period_s) * memory.begun
+        share = -jnp.expm1(-self.observer_rate * period_s) * memory.begun
         push = memory.push_m_s2 + share * rest
         # The estimate takes the place of the integral, so that its limits apply to
-        # both.
-        speeds, _ = self.hold(time_s, state, vehicle, -push, period_s)
+        # both; with both, a steady wind would be compensated twice.
+        without = dataclasses.replace(self.gains, integral=0 * self.gains.integral)
+        hold = dataclasses.replace(self.hold, gains=without)
+        speeds, _ = hold(time_s, state, vehicle, -push, period_s)
         return speeds, ObserverState(
             push, state.velocity_m_s, jnp.ones_like(memory.begun)
         )

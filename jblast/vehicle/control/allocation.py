@@ -33,7 +33,16 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.vehicle.dynamics import air_wrench
 from jblast.vehicle.quadrotor import Vehicle
-from jblast.vehicle.state import Four, Number, State, components, three, turned
+from jblast.vehicle.state import (
+    Four,
+    Number,
+    State,
+    components,
+    cross,
+    dot,
+    three,
+    turned,
+)
 
 STANDSTILL_SHARE = 1e-6
 """Rotor speed below which a rotor stands still, as a share of the maximum speed.
@@ -60,6 +69,33 @@ def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
     return jnp.stack([jnp.ones_like(x), y, -x, reach * vehicle.rotor_direction])
 
 
+def mixer(vehicle: Vehicle) -> tuple[Four, Four, Four, Four]:
+    """Inverse of `allocation`: one row per rotor, its thrust per newton and moment.
+
+    The first rotor has what the others leave of the thrust; what is left are three
+    equations of the moments, which are cheap enough for every sample of a controller.
+    """
+    reach = vehicle.moment_coefficient / vehicle.thrust_coefficient
+    arms = [
+        (y, -x, reach * direction)
+        for (x, y, _), direction in zip(
+            map(three, vehicle.rotor_position_m), vehicle.rotor_direction, strict=True
+        )
+    ]
+    (i, j, k), *others = arms
+    a, b, c = ((x - i, y - j, z - k) for x, y, z in others)
+    across = cross(b, c), cross(c, a), cross(a, b)
+    whole = dot(a, across[0])
+    second, third, fourth = (
+        (-(x * i + y * j + z * k) / whole, x / whole, y / whole, z / whole)
+        for x, y, z in across
+    )
+    share, roll, pitch, yaw = (
+        x + y + z for x, y, z in zip(second, third, fourth, strict=True)
+    )
+    return (1 - share, -roll, -pitch, -yaw), second, third, fourth
+
+
 @kept
 def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
     """Rotor speeds for a thrust [N] and a moment [N m], without the rotors' limits.
@@ -71,7 +107,7 @@ def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
     Returns:
         Speeds [rad/s]; negative for a downward thrust.
     """
-    thrusts = jnp.linalg.inv(allocation(vehicle)) @ jnp.stack(wanted)
+    thrusts = jnp.stack([jnp.stack(row) for row in mixer(vehicle)]) @ jnp.stack(wanted)
     square = jnp.abs(thrusts) / vehicle.thrust_coefficient
     # The square root has an infinite gradient at zero thrust, so its input is replaced
     # there.
@@ -80,14 +116,11 @@ def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
     return jnp.where(turns, speeds, 0)
 
 
-def speeds_within(
-    vehicle: Vehicle, inverse: Float[Array, "4 4"], wanted: Four
-) -> Float[Array, "4"]:
+def speeds_within(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
     """Rotor speeds within their limits, closest to a thrust and a moment.
 
     Args:
         vehicle: The vehicle; each rotor contributes to the thrust at hover.
-        inverse: Inverse of its allocation matrix.
         wanted: Thrust [N] and moments about body x, y and z [N m].
     """
     thrust, roll, pitch, yaw = wanted
@@ -96,7 +129,7 @@ def speeds_within(
     # Divided by the rotor's share of the thrust, so that a change of the total thrust
     # shifts all rotors by the same number.
     shares, lows, highs, tilts, turns = [], [], [], [], []
-    for share, by_roll, by_pitch, by_yaw in inverse:
+    for share, by_roll, by_pitch, by_yaw in mixer(vehicle):
         shares.append(share)
         lows.append(least / share)
         highs.append(most / share)

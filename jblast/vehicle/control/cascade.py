@@ -34,12 +34,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.vehicle.control.allocation import allocation, speeds_within
+from jblast.vehicle.control.allocation import speeds_within
 from jblast.vehicle.control.position_hold import (
     DESCENT_M_S,
     THRUST_FLOOR,
-    Controller,
-    PreparedController,
     limited_pull,
 )
 from jblast.vehicle.quadrotor import Vehicle, floats
@@ -100,7 +98,7 @@ class CascadeState(eqx.Module):
     begun: Float[Array, ""]
 
 
-class Cascade(PreparedController):
+class Cascade(eqx.Module):
     r"""Cascaded controller of a position and a heading.
 
     Attributes:
@@ -134,20 +132,6 @@ class Cascade(PreparedController):
         none = jnp.zeros_like(self.target_m)
         return CascadeState(none, none, none, none, jnp.zeros_like(none[0]))
 
-    def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the cascade with its allocation inverted, once per flight."""
-        return _PreparedCascade(self, jnp.linalg.inv(allocation(vehicle)))
-
-
-class _PreparedCascade(eqx.Module):
-    """A cascade with its allocation inverted in advance."""
-
-    loops: Cascade
-    inverse: Float[Array, "4 4"]
-
-    def start(self) -> CascadeState:
-        return self.loops.start()
-
     def __call__(
         self,
         time_s: Float[Array, ""],
@@ -156,34 +140,35 @@ class _PreparedCascade(eqx.Module):
         memory: CascadeState,
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], CascadeState]:
-        loops, quaternion = self.loops, four(state.quaternion)
+        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
+        quaternion = four(state.quaternion)
         pull, sums, gained = _commanded_acceleration(
-            loops, state, vehicle, memory, period_s
+            self, state, vehicle, memory, period_s
         )
         attitude = rotation(quaternion)
         upward = (attitude[0][2], attitude[1][2], attitude[2][2])
         # Rotors at rest exert no moment, so the thrust never falls below its floor.
         along = jnp.maximum(dot(pull, upward), THRUST_FLOOR * FLIGHT_GRAVITY)
-        error = attitude_error(quaternion, pull, loops.yaw_rad)
+        error = attitude_error(quaternion, pull, self.yaw_rad)
         wanted = jnp.clip(
-            loops.attitude * jnp.stack(error),
+            self.attitude * jnp.stack(error),
             -jnp.asarray(MAX_BODY_RATE),
             jnp.asarray(MAX_BODY_RATE),
         )
         missed = wanted - state.body_rate_rad_s
         # The clip is PX4's protection against integrator windup.
-        most = loops.body_rate * jnp.asarray(MAX_RATE_INTEGRAL)
+        most = self.body_rate * jnp.asarray(MAX_RATE_INTEGRAL)
         turned = memory.rate_rad_s2 + (
-            loops.body_rate * loops.rate_integral * period_s * missed
+            self.body_rate * self.rate_integral * period_s * missed
         )
         turned = jnp.clip(turned, -most, most)
-        turn = three(loops.body_rate * missed + turned)
+        turn = three(self.body_rate * missed + turned)
         inertia, w = rows(vehicle.inertia_kg_m2), three(state.body_rate_rad_s)
         # The gyroscopic term is cancelled, so that the gains act on angular
         # acceleration.
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
         wrench: Four = (vehicle.mass_kg * along, *moment)
-        speeds = speeds_within(vehicle, self.inverse, wrench)
+        speeds = speeds_within(vehicle, wrench)
         after = CascadeState(
             sums, state.velocity_m_s, gained, turned, jnp.ones_like(memory.begun)
         )

@@ -30,7 +30,6 @@ right itself nor brake. Without the integral a steady wind leaves a permanent of
 each axis of the integral is limited.
 """
 
-import abc
 import math
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
@@ -41,11 +40,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError, nearest
-from jblast.vehicle.control.allocation import (
-    allocation,
-    lead_compensated,
-    speeds_within,
-)
+from jblast.vehicle.control.allocation import lead_compensated, speeds_within
 from jblast.vehicle.quadrotor import Vehicle, floats, number, numbers
 from jblast.vehicle.state import (
     MatrixRows,
@@ -98,8 +93,6 @@ class Controller(Protocol):
     """A controller of the rotors, sampled at fixed times.
 
     Its command is constant between two samples.
-    It may also have a method `ready(vehicle)` that returns a controller for flights of
-    that vehicle, with everything precomputed that does not change in flight.
     """
 
     def start(self) -> PyTree[Array]:
@@ -116,42 +109,6 @@ class Controller(Protocol):
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
         """Return rotor speed commands [rad/s], shape (4,), and the next state."""
         ...
-
-
-class PreparedController(eqx.Module):
-    """Base of controllers that flights call as prepared by `ready`.
-
-    A direct call prepares the controller for this one sample.
-
-    Raises:
-        TypeError: A subclass overrides `__call__`, which flights never call.
-    """
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Reject a `__call__` that no flight would use."""
-        super().__init_subclass__(**options)
-        if "__call__" in vars(cls):
-            message = (
-                f"{cls.__name__}: expected an overridden ready(), got an overridden "
-                "__call__, which flights never call; override ready(), or write a "
-                "controller with this one as a field"
-            )
-            raise TypeError(message)
-
-    @abc.abstractmethod
-    def ready(self, vehicle: Vehicle) -> Controller:
-        """Return a controller for a flight of a vehicle."""
-
-    def __call__(
-        self,
-        time_s: Float[Array, ""],
-        state: State,
-        vehicle: Vehicle,
-        memory: Any,
-        period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Any]:
-        """Return rotor speed commands [rad/s], shape (4,), and the next state."""
-        return self.ready(vehicle)(time_s, state, vehicle, memory, period_s)
 
 
 class Gains(eqx.Module):
@@ -188,7 +145,7 @@ class Gains(eqx.Module):
         return 1.0 if self.motor_lead is None else self.motor_lead
 
 
-class PositionHold(PreparedController):
+class PositionHold(eqx.Module):
     """SE(3) controller of a position and a heading.
 
     Attributes:
@@ -205,18 +162,15 @@ class PositionHold(PreparedController):
         """Return the integral at the start, an acceleration [m/s2], shape (3,)."""
         return jnp.zeros_like(self.target_m)
 
-    def ready(self, vehicle: Vehicle) -> Controller:
-        """Return the controller with its allocation inverted, once per flight."""
-        return _PreparedPositionHold(self, jnp.linalg.inv(allocation(vehicle)))
-
-    def _answer(
+    def __call__(
         self,
+        time_s: Float[Array, ""],
         state: State,
         vehicle: Vehicle,
-        inverse: Float[Array, "4 4"],
         memory: Float[Array, "3"],
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
+        """Return rotor speed commands [rad/s], shape (4,), and the next integral."""
         gains = self.gains
         here, there = three(state.position_m), three(self.target_m)
         away = (here[0] - there[0], here[1] - there[1], here[2] - there[2])
@@ -239,32 +193,12 @@ class PositionHold(PreparedController):
             -gains.attitude * error[2] - gains.body_rate * w[2],
         )
         moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        speeds = speeds_within(vehicle, inverse, (thrust, *moment))
+        speeds = speeds_within(vehicle, (thrust, *moment))
         if gains.motor_lead is not None:
             speeds = lead_compensated(
                 vehicle, gains.motor_lead, state.rotor_speed_rad_s, speeds
             )
         return speeds, jnp.stack(integral)
-
-
-class _PreparedPositionHold(eqx.Module):
-    """A position controller with its allocation inverted in advance."""
-
-    hold: PositionHold
-    inverse: Float[Array, "4 4"]
-
-    def start(self) -> Float[Array, "3"]:
-        return self.hold.start()
-
-    def __call__(
-        self,
-        time_s: Float[Array, ""],
-        state: State,
-        vehicle: Vehicle,
-        memory: Float[Array, "3"],
-        period_s: Float[Array, ""],
-    ) -> tuple[Float[Array, "4"], Float[Array, "3"]]:
-        return self.hold._answer(state, vehicle, self.inverse, memory, period_s)
 
 
 def _heading(aim: tuple[Array, Array], attitude: MatrixRows) -> tuple[Array, Array]:

@@ -136,7 +136,7 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
         return carried, read
 
     link = Link("tcp", "127.0.0.1:0", "mavlink", (1, 51))
-    rounded = RoundedHold(hold.ready(vehicle), frame, rotors.of_motor)
+    rounded = RoundedHold(hold, frame, rotors.of_motor)
     other = threading.Thread(
         target=fly_mock, args=(link.address, rounded, vehicle, count)
     )

@@ -8,18 +8,24 @@ from scipy.optimize import linprog
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle import allocation, named, rotor_speeds
-from jblast.vehicle.control.allocation import hover_in_wind, speeds_within
+from jblast.vehicle.control.allocation import hover_in_wind, mixer, speeds_within
 from jblast.vehicle.dynamics import air_wrench
 from jblast.vehicle.state import components, three, turned
 
 IRIS = named("iris")
 MATRIX = np.asarray(allocation(IRIS))
-INVERSE = jnp.linalg.inv(allocation(IRIS))
 COEFFICIENT = float(IRIS.thrust_coefficient)
 MOST = COEFFICIENT * float(IRIS.rotor_speed_max_rad_s) ** 2
 WEIGHT = float(IRIS.mass_kg) * 9.81
 
-speeds = jax.jit(lambda wanted: speeds_within(IRIS, INVERSE, tuple(wanted)))
+speeds = jax.jit(lambda wanted: speeds_within(IRIS, tuple(wanted)))
+
+
+@pytest.mark.parametrize("name", ["crazyflie", "hummingbird", "iris"])
+def test_the_mixer_is_the_inverse_of_the_allocation(name):
+    vehicle = named(name)
+    found = np.array(mixer(vehicle)) @ np.asarray(allocation(vehicle))
+    np.testing.assert_allclose(found, np.eye(4), atol=1e-12)
 
 
 def made(wanted) -> np.ndarray:

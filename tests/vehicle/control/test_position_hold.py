@@ -105,11 +105,3 @@ def test_the_hold_is_stable_just_below_its_limit_and_not_above(name, held):
     assert spins[0.93][1] < spins[0.93][0]
     # 7 % above, a turn lengthens the slowest part by a part in a thousand or so
     assert spins[1.07][1] > 1.3 * spins[1.07][0]
-
-
-def test_a_call_that_no_flight_would_hear_is_refused():
-    with pytest.raises(TypeError, match=r"Louder.*expected an overridden ready\(\)"):
-
-        class Louder(PositionHold):
-            def __call__(self, time_s, state, vehicle, memory, period_s):
-                return 2 * jnp.ones(4), memory
