@@ -289,6 +289,23 @@ def _charge(fit: Fit, shot: int, accepted: Accepted | None) -> list[Feature]:
     return features
 
 
+def likely_places(fit: Fit) -> list[Feature]:
+    """Return the 90 % area of a charge's position, and its other optima.
+
+    The area is a region of highest density where an ellipse would mislead. It is empty
+    for a position that is not identified.
+    """
+    return [
+        feature
+        for feature in _charge(fit, 0, None)
+        if feature.kind == "other optimum"
+        or (
+            feature.properties.get("share") == 0.9
+            and not feature.properties.get("misleads")
+        )
+    ]
+
+
 def _areas(pair: tuple[np.ndarray, np.ndarray], of: str) -> list[Feature]:
     """Return ellipses, and where they would mislead regions of the position."""
     regions = credible_regions(*pair, SHARES)

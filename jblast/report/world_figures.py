@@ -1,6 +1,7 @@
 """Figures of a world: all records on one time axis, a map, and frames of the film."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jblast.inference import Fit
-from jblast.inference.fitting.place import charge_ellipse
 from jblast.report.colours import COLOURS, INK, MUTED
 from jblast.report.figures import envelope, new_figure, quiet, titled
+from jblast.report.fit_map import likely_places
 from jblast.report.listen import pictures, read_samples, read_table
 from jblast.report.map_figures import map_figure
 from jblast.report.maps import Feature, Map, point
@@ -51,7 +52,7 @@ def run_pictures(
             "map.png",
             lambda: map_figure(Map(features)),
             "Map",
-            "Dashed: 90 % ellipse of a fit." if fits else "",
+            "Dashed: 90 % area of a fit." if fits else "",
             "Map of blasts, sensors and the vehicle's path.",
         )
     if document.sound is not None:
@@ -152,7 +153,7 @@ def timeline_figure(document: WorldAnswer, rows: Sequence[Plot]) -> Figure:
 def _features(
     document: WorldAnswer, directory: Path, scene: Scene, fits: Sequence[ShotFit]
 ) -> Iterator[Feature]:
-    """Yield sensors, blasts, the vehicle's path and 90 % ellipses of fits."""
+    """Yield sensors, blasts, the vehicle's path and likely places of fits."""
     for sensor in scene.sensors:
         if not sensor.mount and np.isfinite(sensor.position_m).all():
             yield point("sensor", sensor.name, sensor.position_m, label=sensor.name)
@@ -166,10 +167,9 @@ def _features(
         words = f"{blast.shot}: {blast.mass_kg:.3g} kg, {blast.time_s:.2f} s"
         yield point("blast", blast.shot, blast.position_m, label=words)
     for one in fits:
-        ellipse = charge_ellipse(one.found) if isinstance(one.found, Fit) else None
-        if ellipse is not None:
-            rim = [[ellipse.outline()]]
-            yield Feature("ellipse", f"fit of {one.blast.shot}", rim, dashed=True)
+        if isinstance(one.found, Fit):
+            for feature in likely_places(one.found):
+                yield replace(feature, name=f"fit of {one.blast.shot}", dashed=True)
 
 
 def _sheet_figure(sheet: Path) -> Figure:

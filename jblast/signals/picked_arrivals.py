@@ -7,9 +7,9 @@ half of its own duration. The search therefore decides that there is a blast, an
 pick of the samples about it (`picks`) when it arrived. Its error contains that of the
 form.
 
-Where no pulse and no onset can be picked, the time of the search remains. The templates
-of a bank agree on it if the sound has their form, so the range of their times is the
-error by the form.
+Where no pulse and no onset can be picked, the time of the search remains. Its error by
+the form is that of a beginning anywhere within half of the template, to either side,
+and the range of the times of the bank's templates.
 """
 
 import math
@@ -78,4 +78,6 @@ def _timed(arrival: Detection, record: PressureRecord) -> Detection:
             unknown_s = OTHER_FRONT / record.rate_hz
             sigma_s = math.hypot(picked.pick.sd("air_arrival_s"), unknown_s)
             return arrival._replace(time_s=time_s, sigma_s=sigma_s)
-    return arrival._replace(sigma_s=math.hypot(arrival.sigma_s, arrival.spread_s))
+    form_s = arrival.template_s / math.sqrt(12.0)
+    sigma_s = math.hypot(arrival.sigma_s, arrival.spread_s, form_s)
+    return arrival._replace(sigma_s=sigma_s)

@@ -12,12 +12,21 @@ false alarm.
 import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 
+import jax.numpy as jnp
 import numpy as np
 
-from jblast.scene import Instrument, Scene
+from jblast.scene import Camera, Instrument, Scene
+from jblast.sensors.camera.geometry import (
+    CameraPath,
+    carried_camera,
+    project,
+    unproject,
+)
 from jblast.signals.flash import Flash, FlashWatch
+from jblast.signals.flash.fireball import Direction, direction_of, growth
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
 from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
 from jblast.signals.picked_arrivals import picked_arrivals
@@ -60,6 +69,7 @@ class RunDetectors:
         arrivals: Arrivals,
         shots: Sequence[str],
         *,
+        path: CameraPath | None = None,
         false_alarms_per_hour: float = FALSE_ALARMS_PER_HOUR,
     ):
         """Create the detectors.
@@ -68,6 +78,8 @@ class RunDetectors:
             scene: Sensors and camera.
             arrivals: True arrivals.
             shots: Names of the blasts, in order of the arrivals.
+            path: Path of the vehicle that carries the camera; None: flashes of a
+                carried camera have no direction.
             false_alarms_per_hour: Mean rate of false alarms of each microphone [1/h].
         """
         self.arrivals, self._shots, self._rate = arrivals, shots, false_alarms_per_hour
@@ -76,9 +88,9 @@ class RunDetectors:
             for one in scene.sensors
             if one.kind == "microphone"
         }
-        self._camera = scene.camera
+        self._camera, self._path = scene.camera, path
         self._bank = cache(bank_of_pulses)
-        # searches with the times of their first samples
+        # searches with the middles of their first samples
         self._ears: dict[str, tuple[SoundWatch, float]] = {}
         # a broken microphone has no more samples
         self._ended: set[str] = set()
@@ -104,7 +116,8 @@ class RunDetectors:
                     false_alarms_per_hour=self._rate,
                     least_noise=_least_noise(self._instruments[name]),
                 )
-                self._ears[name] = watch, samples.start_s
+                # a sample is the mean over its interval
+                self._ears[name] = watch, samples.start_s + 0.5 / samples.rate_hz
         searches = [self._pool.submit(self._heard, *one) for one in heard]
         found = [] if packet.frames is None else self._looked(packet.frames)
         for search in searches:
@@ -169,11 +182,38 @@ class RunDetectors:
 
     def _seen(self, flashes: Iterable[Flash]) -> list[RunDetection]:
         return [
-            self._detection(
-                CAMERA, "flash", one.growth.time_s, one.growth.sigma_s, one.statistic
+            replace(
+                self._detection(
+                    CAMERA,
+                    "flash",
+                    one.growth.time_s,
+                    one.growth.sigma_s,
+                    one.statistic,
+                ),
+                direction=self.direction(one),
             )
             for one in flashes
         ]
+
+    def direction(self, flash: Flash) -> Direction | None:
+        """Return the direction of a burst from the camera at first light."""
+        camera, path = self._camera, self._path
+        if camera is None or not camera.mount:
+            return camera and direction_of(camera, flash.growth)
+        if path is None:
+            return None
+
+        def at(time_s: float) -> Camera:
+            return carried_camera(camera, path, jnp.asarray(time_s))
+
+        # all silhouettes as seen by the camera at first light, though it turns
+        first, turned = at(flash.growth.time_s), []
+        for one in flash.silhouettes:
+            ray = unproject(at(one.time_s), np.array([one.x_px, one.y_px]))
+            place = np.asarray(first.position) + np.asarray(ray)
+            x_px, y_px = np.asarray(project(first, place).pixel).tolist()
+            turned.append(one._replace(x_px=x_px, y_px=y_px))
+        return direction_of(first, growth(turned, flash.growth.time_s))
 
     def _detection(
         self, sensor: str, kind: str, time_s: float, sigma_s: float, statistic: float

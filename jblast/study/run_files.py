@@ -53,7 +53,8 @@ from jblast.study.running import (
 from jblast.waves.fireball import fireball_duration
 from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
 from jblast.world.drawn import CAMERA
-from jblast.world.picked import joined, picked_readings, sampled_sensors
+from jblast.world.perceived import camera_path
+from jblast.world.picked import joined, log_of, picked_readings, sampled_sensors
 
 Item = TypeVar("Item")
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
@@ -196,10 +197,11 @@ def record_files(
         detectors = None
         if detect:
             names = [charge.name for charge in world.scene.charges]
-            detectors = RunDetectors(world.scene, run.arrivals, names)
+            path = None if run.flight is None else camera_path(run.flight)
+            detectors = RunDetectors(world.scene, run.arrivals, names, path=path)
         record_run(run, [writer, *watched], detectors)
         imu, notes = _write_imus(run.imus, directory, head)
-        readings, more = _readings(run, writer.records, directory / SOUND)
+        readings, more = _readings(run, writer, directory / SOUND)
         if readings is not None:
             write(directory / READINGS, readings, comments=head)
     return RecordedRun(
@@ -226,16 +228,16 @@ def run_comments(world: DrawnWorld) -> list[str]:
 
 
 def _readings(
-    run: Run, records: Sequence[RecordWriter], directory: Path
+    run: Run, writer: "RunWriter", directory: Path
 ) -> tuple[Observations | None, list[str]]:
-    """Return the readings, picked ones among them, and warnings."""
-    world = run.world
+    """Return the readings, picked and detected ones among them, and warnings."""
+    world, records = run.world, writer.records
     sampled = sampled_sensors(world) if records else ()
     names = [sensor.name for sensor in sampled]
     names += [one.sensor.name for one in run.imus if one.sensor.imu is not None]
     readings, late = readings_of(world, run.arrivals, run.seconds, names)
     jolts, missed = picked_jolts(world, run.arrivals, run.imus)
-    readings = joined(readings, jolts)
+    readings = joined(joined(readings, jolts), _flashes(run, writer.detections))
     if run.listening is not None and sampled:
         of = {record.sensor.name: record for record in records}
         recordings = {}
@@ -246,6 +248,25 @@ def _readings(
         found = picked_readings(world, run.arrivals, recordings, seconds)
         readings, missed = joined(readings, found.readings), missed + found.missed
     return readings, [*_warnings(run, readings is None, late, missed)]
+
+
+def _flashes(run: Run, found: Sequence[RunDetection]) -> Observations | None:
+    """Return time and direction of each detected flash; None without one."""
+    rows: list[tuple[str, str, float, float, str, bool]] = []
+    places: list[np.ndarray] = []
+    names = [charge.name for charge in run.world.scene.charges]
+    for one in found:
+        if one.shot and one.direction is not None:
+            (bearing, bearing_sd, elevation, elevation_sd) = one.direction
+            values = {
+                "flash_time_s": (one.time_s, one.sigma_s),
+                "bearing_rad": (bearing, bearing_sd),
+                "elevation_rad": (elevation, elevation_sd),
+            }
+            rows += [(CAMERA, name, *x, one.shot, False) for name, x in values.items()]
+            row = run.arrivals.entities.index(CAMERA), names.index(one.shot)
+            places += [run.arrivals.places_m["flash_time_s"][row]] * len(values)
+    return log_of(rows, places, "flashes that the camera's detector found")
 
 
 def _warnings(run: Run, no_readings: bool, late: int, missed: int) -> Iterator[str]:

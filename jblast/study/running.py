@@ -41,6 +41,7 @@ from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.camera.run_film import filmed_packets
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
+from jblast.signals.flash.fireball import Direction
 from jblast.study.flight_results import (
     TOLERANCE_M,
     Encounter,
@@ -173,6 +174,8 @@ class RunDetection:
         statistic: Statistic of the detector.
         shot: Name of the blast whose true wave it agrees with; "" for a false alarm.
         true_s: Its true time; NaN for a false alarm.
+        direction: Direction of a flash from the camera at first light; None for sound,
+            and without the path of a carried camera.
     """
 
     sensor: str
@@ -183,6 +186,7 @@ class RunDetection:
     statistic: float
     shot: str
     true_s: float
+    direction: Direction | None = None
 
     @property
     def latency_s(self) -> float:

@@ -50,10 +50,6 @@ from jblast.world.perceived import Arrivals, interval_about
 
 MAX_DIRECTION_ERROR_RAD = 0.5
 """Standard error above which a direction is not reported; 29 degrees, declared."""
-MAX_SPEED_SHARE = 0.1
-"""Speed of the vehicle, over that of the blast wind, above which only the time of a
-jolt is reported. The law of jolts is for a hovering vehicle. Drag grows with the square
-of the relative wind, so it is then off by a fifth: the scatter that the law has."""
 
 
 class ImuRecord(NamedTuple):
@@ -124,20 +120,19 @@ def picked_jolts(
             place = arrivals.places_m[AIR][row, shot]
             charge = world.scene.charges[shot]
             name = charge.name
-            readings = _readings(record, pick, first, crossing_s)
-            if not _hovers(record.flight, charge, comes[shot], place):
-                readings = readings[:1]
+            share = _speed_share(record.flight, charge, comes[shot], place)
+            readings = _readings(record, pick, first, crossing_s, share)
             rows += [(sensor.name, *one[:3], name, one[3]) for one in readings]
             places += [place] * len(readings)
-    return _log(rows, places, "jolts of an imu with sampling options"), missed
+    return log_of(rows, places, "picked: jolts of an imu with sampling options"), missed
 
 
-def _log(
+def log_of(
     rows: Sequence[tuple[str, str, float, float, str, bool]],
     places: Sequence[Float[np.ndarray, "3"]],
     words: str,
 ) -> Observations | None:
-    """Return a log of picked readings; None without a row.
+    """Return a log of readings; None without a row.
 
     Args:
         rows: Sensor, quantity, value, sigma, blast, and a flag for lower bounds.
@@ -155,7 +150,7 @@ def _log(
         position=np.stack(places),
         shot=shots,
         lower_bound=np.array(bounds),
-        comments=(f"{words} are picked",),
+        comments=(words,),
     )
 
 
@@ -196,15 +191,20 @@ def _pick(
     return pick, int(some[0])
 
 
-def _hovers(
+def _speed_share(
     flight: Trajectory, charge: Charge, comes_s: float, place_m: np.ndarray
-) -> bool:
-    """Return whether a vehicle is slow, compared with the wind of a blast."""
+) -> float:
+    """Return the speed of a vehicle over that of the wind of a blast.
+
+    The law of jolts is for a hovering vehicle. Drag is along the relative wind and
+    grows with its square, so for a vehicle that flies the direction is off by up to
+    this share, and the size by twice that.
+    """
     state = states_at(flight, jnp.asarray([comes_s]))
     speed = float(jnp.linalg.norm(state.velocity_m_s))
     distance = np.linalg.norm(place_m - np.asarray(charge.position_m))
     mass = charge.tnt_mass("peak_overpressure_pa")
-    return speed < MAX_SPEED_SHARE * float(kingery_bulmash_blast_wind(distance, mass))
+    return speed / float(kingery_bulmash_blast_wind(distance, mass))
 
 
 def _crossing_s(world: DrawnWorld) -> float:
@@ -217,9 +217,17 @@ def _crossing_s(world: DrawnWorld) -> float:
 
 
 def _readings(
-    record: ImuRecord, pick: JoltPick, first: int, crossing_s: float
+    record: ImuRecord, pick: JoltPick, first: int, crossing_s: float, share: float
 ) -> list[tuple[str, float, float, bool]]:
-    """Return rows of quantity, value, sigma and a flag for lower bounds."""
+    """Return rows of quantity, value, sigma and a flag for lower bounds.
+
+    Args:
+        record: Record of the unit.
+        pick: Its jolt.
+        first: First sample of the search interval.
+        crossing_s: Crossing time of the front over the vehicle [s].
+        share: Speed of the vehicle over that of the wind of the blast.
+    """
     step, row = 1 / record.imu.rate, record.row_s
     onset = float(record.stamps_s[first + pick.onset])
     # The start of a force within its sample and within its row of the flight is
@@ -232,17 +240,22 @@ def _readings(
             float(np.hypot(step, row) / np.sqrt(12.0)),
             False,
         ),
-        ("jolt_velocity_m_s", *pick.speed_m_s, pick.clipped),
+        (
+            "jolt_velocity_m_s",
+            pick.speed_m_s[0],
+            math.hypot(pick.speed_m_s[1], 2 * share * pick.speed_m_s[0]),
+            pick.clipped,
+        ),
     ]
     # A clipped axis biases the direction, whereas the size remains a lower bound.
     if not pick.clipped:
         readings += [
-            (quantity, *value, False)
-            for quantity, value in (
+            (quantity, value, math.hypot(sd, share), False)
+            for quantity, (value, sd) in (
                 ("jolt_bearing_rad", pick.bearing_rad),
                 ("jolt_elevation_rad", pick.elevation_rad),
             )
-            if value[1] < MAX_DIRECTION_ERROR_RAD
+            if math.hypot(sd, share) < MAX_DIRECTION_ERROR_RAD
         ]
     return readings
 
@@ -353,8 +366,8 @@ def picked_readings(
             rows.append((sensor.name, quantity, value, sigma, name, bound))
             row = arrivals.entities.index(sensor.name)
             places.append(arrivals.places_m[AIR][row, shot])
-    words = "air shocks at sensors with sampling options"
-    return PickedReadings(_log(rows, places, words), missed)
+    words = "picked: air shocks at sensors with sampling options"
+    return PickedReadings(log_of(rows, places, words), missed)
 
 
 def sampled_sensors(world: DrawnWorld) -> tuple[Sensor, ...]:

@@ -54,9 +54,10 @@ def test_of_two_arrivals_each_has_its_own_pick(lengths):
 
 
 @pytest.mark.parametrize("peaks", [[], [(2.3, 5.0)]], ids=["no pick", "another sound"])
-def test_without_a_pick_the_range_of_the_bank_is_an_error(lengths, peaks):
-    found = heard(peaks, [arrival(2.0, spread_s=0.02)])
-    assert found == (arrival(2.0, 0.02)._replace(sigma_s=math.hypot(1e-5, 0.02)),)
+def test_without_a_pick_the_bank_and_its_template_are_an_error(lengths, peaks):
+    (found,) = heard(peaks, [arrival(2.0, spread_s=0.02)])
+    assert found == arrival(2.0, 0.02)._replace(sigma_s=found.sigma_s)
+    assert found.sigma_s == pytest.approx(math.hypot(0.1 / math.sqrt(12), 0.02))
     assert heard(peaks, []) == ()
 
 

@@ -1,14 +1,20 @@
 """Detectors of a run: sound and flashes, attributed to blasts."""
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import soundfile
 from scipy.signal import butter, lfilter
 
 from jblast.scene import Camera, Charge, Instrument, Scene, Sensor
+from jblast.sensors.camera.geometry import CameraPath, carried_camera, project
 from jblast.sensors.camera.image import linear_to_srgb
 from jblast.signals import bank_of_pulses
+from jblast.signals.flash import Flash
+from jblast.signals.flash.fireball import Silhouette, growth
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.running import Frames, Packet, Samples
 from jblast.world import Arrivals
@@ -16,6 +22,7 @@ from tests.signals.flash.films import growing
 
 RATE, FRAMES_HZ, PACKET_S, SECONDS, START_S = 8000.0, 100.0, 0.05, 6.0, 3.0
 SHOTS = ("shot 1", "shot 2")
+SOUNDS = Path(__file__).parents[2] / "calibration" / "data" / "sound"
 
 
 @pytest.fixture
@@ -148,6 +155,48 @@ def test_a_flash_is_seen_in_frames_of_8_bits(scene, radius_px):
     assert abs(found[0].time_s - 4.9004) < 3 * found[0].sigma_s < 0.02
     # 60 frames after the alarm
     assert 0.6 < found[0].latency_s < 0.75
+
+
+def test_a_flash_has_its_direction_though_the_camera_turns(scene):
+    time_s = np.linspace(0.0, 10.0, 201)
+    yaw = 0.5 * 0.8 * time_s
+    path = CameraPath(
+        time_s,
+        np.stack([2 * time_s, 0 * time_s, 3 + 0 * time_s], axis=1),
+        np.stack([0 * yaw, 0 * yaw, np.sin(yaw), np.cos(yaw)], axis=1),
+    )
+    forward = np.array([-0.5, 0.5, -0.5, 0.5])
+    camera = replace(
+        scene.camera, position=np.zeros(3), quaternion=forward, mount="vehicle"
+    )
+    first_s, seen = 1.0, []
+    # to the left of the vehicle, which has turned by 0.8 rad from east
+    at = carried_camera(camera, path, first_s)
+    place = np.asarray(at.position) + 30 * np.array([np.cos(0.9), np.sin(0.9), -0.1])
+    for since_s in 0.01 * np.arange(1, 6):
+        there = carried_camera(camera, path, first_s + since_s)
+        x_px, y_px = np.asarray(project(there, place).pixel).tolist()
+        seen.append(Silhouette(first_s + since_s, 3.0, x_px, y_px, 28.0, False))
+    flash = Flash(9.0, 1.06, 101, growth(seen, first_s), tuple(seen), None)
+    carried = replace(scene, camera=camera)
+    found = RunDetectors(carried, arrivals(), SHOTS, path=path).direction(flash)
+    # 0.04 rad of the turn are between first light and the last silhouette
+    assert found.bearing_rad == pytest.approx(np.pi / 2 - 0.9, abs=2e-3)
+    assert found.elevation_rad == pytest.approx(-np.arctan(0.1), abs=2e-3)
+    assert RunDetectors(carried, arrivals(), SHOTS).direction(flash) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["birds", "coffee_shop", "wind"])
+def test_in_recorded_ambient_sound_a_bang_has_the_time_of_its_pick(scene, name):
+    recorded, _ = soundfile.read(SOUNDS / f"ambient_{name}.ogg", always_2d=True)
+    ambient = recorded[::2, 0][: round(SECONDS * RATE)]
+    # as loud as the pulses of 1 before they are enlarged
+    sound = 30.0 * sound_of([5.0, 7.5], noise=0.0) + ambient / np.abs(ambient).max()
+    found = run(RunDetectors(scene, arrivals(), SHOTS), sound)
+    assert {one.shot for one in found} >= {"shot 1"}
+    for one in found:
+        assert abs(one.time_s - one.true_s - 0.5 / RATE) < 4 * one.sigma_s
 
 
 def test_the_edge_of_a_bright_sky_is_no_flash(scene):
