@@ -196,7 +196,10 @@ def test_in_recorded_ambient_sound_a_bang_has_the_time_of_its_pick(scene, name):
     found = run(RunDetectors(scene, arrivals(), SHOTS), sound)
     assert {one.shot for one in found} >= {"shot 1"}
     for one in found:
-        assert abs(one.time_s - one.true_s - 0.5 / RATE) < 4 * one.sigma_s
+        if one.shot:
+            assert abs(one.time_s - one.true_s - 0.5 / RATE) < 4 * one.sigma_s
+        else:  # a chirp of a bird, of which there is no pick
+            assert one.sigma_s > 1e-3
 
 
 def test_the_edge_of_a_bright_sky_is_no_flash(scene):
