@@ -54,8 +54,8 @@ from jblast.missions import (
     replay,
     write_plan,
 )
-from jblast.missions.mission import geodetic
 from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 from jblast.report.colours import COLOURS, INK, MUTED, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled
@@ -130,8 +130,7 @@ def flown(
     """Fly a mission in still air, from the ground at home."""
     hold = PositionHold(jnp.zeros(3), named_gains(model, integral=True))
     control = MissionControl(mission.guidance, hold)
-    rate = float(mission.guidance.acceleration_m_s2)
-    seconds = 20.0 * math.ceil(1.05 * planned_seconds(mission.guidance.legs, rate) / 20)
+    seconds = 20.0 * math.ceil(1.05 * planned_seconds(mission.guidance) / 20)
     flight = simulate(
         named(model),
         at_home(mission),
@@ -186,9 +185,7 @@ def ten_minutes() -> tuple[Mission, float]:
         CAMPUS, width_m=140.0, depth_m=120.0, spacing_m=10.0, up_m=UP_M, speed_m_s=4.0
     )
     mission = mission_of(plan)
-    rate = float(mission.guidance.acceleration_m_s2)
-    planned = planned_seconds(mission.guidance.legs, rate)
-    return mission, planned
+    return mission, planned_seconds(mission.guidance)
 
 
 def at_home(mission: Mission) -> State:

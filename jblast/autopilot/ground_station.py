@@ -53,8 +53,7 @@ from jblast.autopilot.protocols import (
 )
 from jblast.errors import InputError
 from jblast.missions import Item, Mission, MissionControl, Plan, Progress, mission_of
-from jblast.missions.guidance import ENDED, FLYING, point_on
-from jblast.missions.mission import Limits, geodetic
+from jblast.missions.guidance import ENDED, FLYING
 from jblast.missions.plan import (
     GLOBAL,
     HEADING,
@@ -70,6 +69,7 @@ from jblast.missions.plan import (
     WAYPOINT,
     checked_item,
 )
+from jblast.missions.route import Limits, geodetic
 from jblast.observations.places import Frame
 from jblast.scene import Place
 from jblast.vehicle import PositionHold, State
@@ -189,7 +189,7 @@ class Craft:
     def set_point(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Return position and velocity of the set point."""
         legs, now = self._control.guidance.legs, self.progress
-        place, way, _ = point_on(legs, now.leg, now.along_m)
+        place, way, _ = legs.at(now.leg, now.along_m)
         return np.asarray(place), np.asarray(now.speed_m_s * way)
 
     def follow(self, mission: Mission, *, in_air: bool) -> None:

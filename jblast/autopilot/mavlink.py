@@ -21,7 +21,7 @@ from jaxtyping import Float
 
 from jblast.addresses import host_and_port
 from jblast.errors import InputError, argument, needed, shown
-from jblast.missions.mission import geodetic
+from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 
 PEERS = {"mavlink": "autopilot", "ground_station": "ground station"}

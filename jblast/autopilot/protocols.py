@@ -30,8 +30,8 @@ from jblast.autopilot.mavlink import (
     scalar_first,
 )
 from jblast.errors import InputError
-from jblast.missions.mission import Limits
 from jblast.missions.plan import INTEGER_FRAMES, MISSION, Item, Plan, checked_item
+from jblast.missions.route import Limits
 from jblast.observations.places import Frame
 from jblast.scene import Place
 from jblast.vehicle import State

@@ -14,20 +14,20 @@ if TYPE_CHECKING:
         Progress as Progress,
         replay as replay,
     )
-    from jblast.missions.mission import (
-        Limits as Limits,
-        Mission as Mission,
-        grid_plan as grid_plan,
-        mission_of as mission_of,
-        orbit_plan as orbit_plan,
-        planned_seconds as planned_seconds,
-    )
     from jblast.missions.plan import (
         Item as Item,
         Plan as Plan,
         plan_text as plan_text,
         read_plan as read_plan,
         write_plan as write_plan,
+    )
+    from jblast.missions.route import (
+        Limits as Limits,
+        Mission as Mission,
+        grid_plan as grid_plan,
+        mission_of as mission_of,
+        orbit_plan as orbit_plan,
+        planned_seconds as planned_seconds,
     )
 
 HOMES = {
@@ -43,7 +43,7 @@ HOMES = {
             *("Limits", "Mission", "grid_plan", "mission_of", "orbit_plan"),
             "planned_seconds",
         ),
-        "jblast.missions.mission",
+        "jblast.missions.route",
     ),
     **dict.fromkeys(
         ("Item", "Plan", "plan_text", "read_plan", "write_plan"), "jblast.missions.plan"

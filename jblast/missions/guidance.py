@@ -1,10 +1,11 @@
 r"""Set point of a vehicle on a mission, and the controller that follows it.
 
 A plan is a table of legs: arrays, so that a batch of vehicles can have a batch of
-plans. A leg is a path of constant curvature, straight or circular: $p(s) = p_0 +
-t\,\sin(\kappa s)/\kappa + n\,(1 - \cos \kappa s)/\kappa$, with the velocity along
-$t\cos\kappa s + n\sin\kappa s$. The table is padded with legs that are never entered,
-because its last leg is a landing or a hold without end.
+plans. On a leg the tangent changes linearly: $p(s) = p_0 + t s + c s^2/2$ with the
+tangent $t + c s$. A line has $c = 0$; any other leg is the path of a constant
+acceleration (see `route`). A leg whose end speed is 0 ends with a stop. The last leg
+never ends: it is a landing or a hover without end. So a table may be padded with
+copies of it.
 
 The phases are calibration with rotors at rest, idling once armed, flight along the
 legs, and rotors at rest after the landing. The set point moves along a leg with an
@@ -32,13 +33,14 @@ which are the stored rows (or their estimates) if each sample is stored.
 """
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
@@ -57,6 +59,8 @@ NEAR_M, FAR_M = 0.5, 2.0
 """$e_0$ and $e_1$: distances at which the set point slows down and stops."""
 LOW_M, SLOW_M_S, LANDED_S = 0.05, 0.3, 0.5
 """Height and speed of a landed vehicle, and their minimum duration; declared."""
+PHASE_S = (CALIBRATE_S, IDLE_S, LANDED_S, math.inf)
+"""Duration of each phase; of flight the time at rest on the ground."""
 MAX_YAW_RATE_RAD_S = 0.7853981633974483
 """Maximum yaw rate of the set point [MPC_YAWRAUTO_MAX, 45 degrees per second]."""
 END_TOLERANCE_M = 1e-6
@@ -69,25 +73,22 @@ class Legs(eqx.Module):
 
     Attributes:
         start_m: $p_0$: east, north, up.
-        along: $t$: unit vector.
-        inward: $n$: unit vector to the centre of the circle; zero: straight.
-        curvature_per_m: $\kappa$.
-        length_m: Length.
-        speed_m_s: Maximum speed.
-        end_speed_m_s: Maximum speed at its end, for braking on following legs.
+        way: $t$: tangent at the start.
+        bend_per_m: $c$: change of the tangent.
+        length_m: Length, in $s$.
+        speed_m_s: Maximum speed, of $s$.
+        end_speed_m_s: Maximum speed at its end, for braking on following legs. 0: the
+            set point waits there for the vehicle.
         goal_m: The waypoint.
         acceptance_m: Acceptance radius of the waypoint.
-        hold_s: Waiting time; infinite: unlimited.
-        yaw_rad: Heading from east to north; NaN: unchanged.
-        waits: True if the set point waits at the end for the vehicle.
-        lands: True if it ends on the ground.
+        hold_s: Waiting time at the end; infinite on the last leg.
+        yaw_rad: Heading from east to north.
         visit: Index of its item in the order of execution, from 0.
     """
 
     start_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
-    along: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
-    inward: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
-    curvature_per_m: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
+    way: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
+    bend_per_m: Float[Array, "*batch leg 3"] = eqx.field(converter=as_numbers)
     length_m: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
     speed_m_s: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
     end_speed_m_s: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
@@ -95,8 +96,6 @@ class Legs(eqx.Module):
     acceptance_m: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
     hold_s: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
     yaw_rad: Float[Array, "*batch leg"] = eqx.field(converter=as_numbers)
-    waits: Bool[Array, "*batch leg"] = eqx.field(converter=jnp.asarray)
-    lands: Bool[Array, "*batch leg"] = eqx.field(converter=jnp.asarray)
     visit: Int[Array, "*batch leg"] = eqx.field(
         converter=lambda x: jnp.asarray(x, jnp.int32)
     )
@@ -107,40 +106,28 @@ class Legs(eqx.Module):
         return self.length_m.shape[-1]
 
     def padded(self, count: int) -> "Legs":
-        """Return the table padded with copies of its last leg.
-
-        The last leg never ends, so the padding is never entered.
-        """
+        """Return the table of one plan, padded with copies of its last leg."""
         missing = count - self.count
         if missing < 0:
             raise ValueError(f"expected at least {self.count} legs, got {count}")
         # NumPy, because padding with JAX would compile a program per number of legs.
-        widths = {1: [(0, missing)], 2: [(0, missing), (0, 0)]}
-        return Legs(
-            *(
-                np.pad(np.asarray(getattr(self, name)), widths[dims], mode="edge")
-                for name, dims in FIELDS.items()
-            )
+        return jax.tree.map(
+            lambda x: jnp.asarray(np.concatenate([x, np.repeat(x[-1:], missing, 0)])),
+            self,
         )
 
+    def at(
+        self, leg: Int[Array, ""], along_m: Float[Array, ""]
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
+        """Return point, tangent, and the change of the tangent per metre, of one plan.
 
-FIELDS = {
-    "start_m": 2,
-    "along": 2,
-    "inward": 2,
-    "curvature_per_m": 1,
-    "length_m": 1,
-    "speed_m_s": 1,
-    "end_speed_m_s": 1,
-    "goal_m": 2,
-    "acceptance_m": 1,
-    "hold_s": 1,
-    "yaw_rad": 1,
-    "waits": 1,
-    "lands": 1,
-    "visit": 1,
-}
-"""Fields of `Legs` with their number of axes without a batch."""
+        Args:
+            leg: Index of the leg.
+            along_m: Distance from its start [m].
+        """
+        way, bend = self.way[leg], self.bend_per_m[leg]
+        place = self.start_m[leg] + along_m * (way + along_m / 2 * bend)
+        return place, way + along_m * bend, bend
 
 
 class GuidanceHistory(NamedTuple):
@@ -192,13 +179,11 @@ class Guidance(eqx.Module):
         legs: Legs of the plan.
         acceleration_m_s2: Maximum acceleration of the set point.
         yaw_rad: Heading at the start.
-        ground_m: Height of the ground.
     """
 
     legs: Legs
     acceleration_m_s2: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
     yaw_rad: Float[Array, "*batch"] = eqx.field(converter=as_numbers, default=0.0)
-    ground_m: Float[Array, "*batch"] = eqx.field(converter=as_numbers, default=0.0)
 
     def start(self) -> Progress:
         """Return the state before the first sample."""
@@ -206,90 +191,56 @@ class Guidance(eqx.Module):
         count = jnp.zeros_like(none, jnp.int32)
         return Progress(count, count, none, none, none, self.yaw_rad)
 
-    def set_point(self, now: Progress) -> Float[Array, "3"]:
-        """Return the position set point [m], shape (3,)."""
-        return point_on(self.legs, now.leg, now.along_m)[0]
-
     def __call__(
         self, state: State, now: Progress, period_s: Float[Array, ""]
     ) -> tuple[SetPoint, Progress]:
         """Return the set point of this sample and the next state."""
         legs, leg, rate = self.legs, now.leg, self.acceleration_m_s2
-        place, way, inward = point_on(legs, leg, now.along_m)
+        place, way, bend = legs.at(leg, now.along_m)
         flies = now.phase == FLYING
-        left = legs.length_m[leg] - now.along_m
-        end = legs.end_speed_m_s[leg]
+        length, end = legs.length_m[leg], legs.end_speed_m_s[leg]
         # 1e-12 (1e-6 m/s) keeps the gradient of the root finite at zero.
-        brake = jnp.sqrt(end * end + 2 * rate * jnp.maximum(left, 0.0) + 1e-12)
+        left = jnp.maximum(length - now.along_m, 0.0)
+        brake = jnp.sqrt(end * end + 2 * rate * left + 1e-12)
+        most = jnp.minimum(legs.speed_m_s[leg], brake)
         away = _length(state.position_m - place)
         share = jnp.clip(1 - (away - NEAR_M) / (FAR_M - NEAR_M), 0.0, 1.0)
-        most = share * jnp.minimum(legs.speed_m_s[leg], brake)
         change = rate * period_s
-        speed = jnp.minimum(now.speed_m_s + change, most)
-        # After a displacement the set point brakes with at most `rate`; towards the
-        # leg's end the braking limit below always applies.
-        speed = jnp.maximum(
-            speed, jnp.minimum(now.speed_m_s - change, legs.speed_m_s[leg])
-        )
-        speed = jnp.where(flies, jnp.minimum(jnp.maximum(speed, 0.0), brake), 0.0)
+        speed = jnp.clip(share * most, now.speed_m_s - change, now.speed_m_s + change)
+        speed = jnp.where(flies, jnp.clip(speed, 0.0, most), 0.0)
         # The feed-forward is limited, because the set point may stop within one period.
         gain = jnp.clip((speed - now.speed_m_s) / period_s, -rate, rate)
-        curvature = legs.curvature_per_m[leg]
-        aim = SetPoint(
-            place, speed * way, gain * way + speed * speed * curvature * inward
-        )
-        along = now.along_m + speed * period_s
-        waits = legs.waits[leg]
-        at_end = along >= legs.length_m[leg] - END_TOLERANCE_M
-        along = jnp.where(waits, jnp.minimum(along, legs.length_m[leg]), along)
-        return aim, self._after(state, now, speed, along, at_end & flies, period_s)
+        aim = SetPoint(place, speed * way, gain * way + speed * speed * bend)
 
-    def _after(
-        self,
-        state: State,
-        now: Progress,
-        speed: Float[Array, ""],
-        along: Float[Array, ""],
-        at_end: Array,
-        period_s: Float[Array, ""],
-    ) -> Progress:
-        """Return the state after a sample."""
-        legs, leg, phase = self.legs, now.leg, now.phase
-        flies, lands = phase == FLYING, legs.lands[leg]
+        along, since = now.along_m + speed * period_s, now.since_s + period_s
+        waits, at_end = end == 0, along >= length - END_TOLERANCE_M
         near = _length(state.position_m - legs.goal_m[leg]) <= legs.acceptance_m[leg]
-        slow = _length(state.velocity_m_s) <= SLOW_M_S
-        low = state.position_m[2] <= self.ground_m + LOW_M
-        rests = lands & low & slow & flies
-        since = now.since_s + period_s
         # A waiting time continues once begun, even if a blast displaces the vehicle.
-        holds = legs.waits[leg] & at_end & (near | (now.since_s > 0)) & ~lands
-        since = jnp.where(flies & ~(holds | rests), 0.0, since)
-        comes_back = holds & (since >= legs.hold_s[leg]) & near
-        goes_on = jnp.where(legs.waits[leg], comes_back, at_end & ~lands)
-        landed = rests & (since >= LANDED_S)
-        timed_out = jnp.where(
-            phase == CALIBRATING, since >= CALIBRATE_S, since >= IDLE_S
+        holds = waits & at_end & (near | (now.since_s > 0))
+        follows = jnp.where(waits, holds & near & (since >= legs.hold_s[leg]), at_end)
+        follows = follows & flies
+        low = (state.position_m[2] <= LOW_M) & (_length(state.velocity_m_s) <= SLOW_M_S)
+        # Only the last leg has no end.
+        rests = low & jnp.isinf(legs.hold_s[leg])
+        steps_on = (rests | ~flies) & (
+            since >= jnp.asarray(PHASE_S, since.dtype)[now.phase]
         )
-        steps_on = jnp.where(flies, landed, timed_out & (phase < ENDED))
-        begins = steps_on | (goes_on & flies)
+        counts = ~(follows | steps_on) & (holds | rests | ~flies)
         # The overshoot beyond a leg's end is carried into the next one, so that no
         # distance is lost.
-        passed = jnp.where(legs.waits[leg], 0.0, along - legs.length_m[leg])
-        aim = legs.yaw_rad[leg]
-        off = jnp.where(jnp.isnan(aim), 0.0, aim - now.yaw_rad)
+        passed = jnp.where(waits, 0.0, along - length)
+        along = jnp.where(waits, jnp.minimum(along, length), along)
         # The shorter direction of rotation.
-        turn = jnp.remainder(off + jnp.pi, 2 * jnp.pi) - jnp.pi
-        most = MAX_YAW_RATE_RAD_S * period_s
-        turn = jnp.where(flies, jnp.clip(turn, -most, most), 0.0)
-        follows = goes_on & flies
-        last = jnp.minimum(leg + 1, legs.count - 1)
-        return Progress(
-            jnp.where(steps_on, phase + 1, phase),
-            jnp.where(follows, last, leg),
-            jnp.where(begins, 0.0, since),
+        turn = legs.yaw_rad[leg] - now.yaw_rad + jnp.pi
+        turn = jnp.remainder(turn, 2 * jnp.pi) - jnp.pi
+        turn_most = jnp.where(flies, MAX_YAW_RATE_RAD_S * period_s, 0.0)
+        return aim, Progress(
+            jnp.where(steps_on, now.phase + 1, now.phase),
+            jnp.where(follows, leg + 1, leg),
+            jnp.where(counts, since, 0.0),
             jnp.where(follows, passed, jnp.where(flies, along, now.along_m)),
             speed,
-            now.yaw_rad + turn,
+            now.yaw_rad + jnp.clip(turn, -turn_most, turn_most),
         )
 
 
@@ -413,27 +364,3 @@ def _length(vector: Float[Array, "3"]) -> Float[Array, ""]:
     square = jnp.sum(vector * vector)
     some = square > 0
     return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
-
-
-def point_on(
-    legs: Legs, leg: Int[Array, ""], along_m: Float[Array, ""]
-) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
-    """Return point, tangent and normal of a leg, each of shape (3,).
-
-    Args:
-        legs: Legs of one plan.
-        leg: Index of the leg.
-        along_m: Distance from its start [m].
-    """
-    curvature = legs.curvature_per_m[leg]
-    is_round = curvature > 0
-    # The input of the division is guarded: a `where` on the result has NaN gradients.
-    bend = jnp.where(is_round, curvature, 1.0)
-    angle = curvature * along_m
-    sine, cosine = jnp.sin(angle), jnp.cos(angle)
-    ahead = jnp.where(is_round, sine / bend, along_m)
-    aside = jnp.where(is_round, (1 - cosine) / bend, 0.0)
-    tangent, normal = legs.along[leg], legs.inward[leg]
-    place = legs.start_m[leg] + ahead * tangent + aside * normal
-    way = cosine * tangent + sine * normal
-    return place, way, cosine * normal - sine * tangent

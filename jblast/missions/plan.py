@@ -18,14 +18,14 @@ import json
 import math
 import os
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jblast.errors import InputError, nearest, read_text, shown
+from jblast.errors import InputError, nearest, read_text, require, shown
 from jblast.files import write_text
-from jblast.parameters import PLACE_LIMITS, Place
+from jblast.parameters import NOT_NEGATIVE, PLACE_LIMITS, POSITIVE, UNBOUNDED, Place
 
 EXPECTED = "a plan: QGroundControl's .plan, or QGC WPL 110"
 HEAD = "QGC WPL"
@@ -53,58 +53,19 @@ Parameters = tuple[
 WAYPOINT, LOITER, TURNS, LOITER_TIME = 16, 17, 18, 19
 RETURN, LAND, TAKEOFF, DELAY, HEADING = 20, 21, 22, 93, 115
 JUMP, SPEED = 177, 178
-IGNORED = {
-    112: "delay of the next command",
-    114: "next command after a distance",
-    181: "set relay",
-    182: "repeat relay",
-    183: "set servo",
-    184: "repeat servo",
-    187: "set actuator",
-    189: "start of a landing",
-    195: "region of interest",
-    196: "region of interest at the next waypoint",
-    197: "no region of interest",
-    200: "camera control",
-    201: "region of interest",
-    202: "camera settings",
-    203: "camera control",
-    204: "gimbal settings",
-    205: "gimbal",
-    206: "camera trigger by distance",
-    207: "switch the fence",
-    211: "gripper",
-    214: "camera trigger by time",
-    220: "gimbal",
-    530: "camera mode",
-    531: "camera zoom",
-    532: "camera focus",
-    1000: "gimbal",
-    1001: "gimbal settings",
-    2000: "take pictures",
-    2001: "stop pictures",
-    2003: "camera trigger",
-    2500: "start video",
-    2501: "stop video",
-}
-"""Commands without effect on the path of a multicopter, with their names.
+IGNORED = frozenset(
+    (
+        *(112, 114, 181, 182, 183, 184, 187, 189, 195, 196, 197, 200, 201, 202, 203),
+        *(204, 205, 206, 207, 211, 214, 220, 530, 531, 532, 1000, 1001, 2000, 2001),
+        *(2003, 2500, 2501),
+    )
+)
+"""Commands without effect on the path of a multicopter: cameras, gimbals, relays and
+servos.
 
 112 and 114 delay only other commands of this list, 189 marks an item, and a region of
 interest turns the camera, or the vehicle about its vertical axis.
 """
-NOT_FLOWN = {
-    31: "loiter to altitude",
-    82: "spline waypoint",
-    84: "VTOL take-off",
-    85: "VTOL landing",
-    92: "guided enable",
-    94: "payload place",
-    113: "change altitude",
-    176: "set mode",
-    179: "set home",
-    3000: "VTOL transition",
-}
-"""Names of some unsupported commands, for messages."""
 GLOBAL, MISSION, RELATIVE, TERRAIN = 0, 2, 3, 10
 """MAV_FRAME: height above the sea, no position, height above home, above terrain."""
 FRAMES = {
@@ -116,7 +77,6 @@ FRAMES = {
 """Supported frames of an item's position (MAV_FRAME)."""
 INTEGER_FRAMES = {5: GLOBAL, 6: RELATIVE, 11: TERRAIN}
 """Frames with integer coordinates in messages, and the equivalent frames."""
-FRAMES_NOT_FLOWN = {1: "local north, east, down", 4: "local east, north, up"}
 MAX_LISTED = 3
 """Maximum number of items of one ignored command in a warning."""
 
@@ -127,7 +87,7 @@ class Item:
 
     Attributes:
         number: Number in the plan, as shown by ground stations and used by jumps.
-        command: Key of `COMMANDS`.
+        command: Key of `COMMANDS`, or one of `IGNORED`.
         frame: Key of `FRAMES`: reference of its height; any for an ignored command.
         params: Seven values: 1 to 4 by the command, latitude and longitude [degree],
             height [m]; None: unspecified.
@@ -143,19 +103,18 @@ class Item:
     @property
     def words(self) -> str:
         """Number and name of the command, for messages and tables."""
-        return f"item {self.number}, {COMMANDS[self.command].name}"
+        return f"item {self.number}, {command_name(self.command)}"
 
     @property
     def ignored(self) -> bool:
         """True for a command without effect on the path."""
-        return COMMANDS[self.command].ignored
+        return self.command in IGNORED
 
     @property
     def place(self) -> tuple[float, float] | None:
         """Latitude and longitude [degree]; None: current position, or no position."""
         lat, lon = self.params[4], self.params[5]
-        placed = COMMANDS[self.command].placed
-        if placed == "never" or lat is None or lon is None:
+        if not COMMANDS[self.command].placed or lat is None or lon is None:
             return None
         # MAVLink has 0, 0 for the present position.
         return None if lat == lon == 0 else (lat, lon)
@@ -206,7 +165,7 @@ class Plan:
             last = [f"{more} more"] if more > 0 else []
             listed = ", ".join([*numbers[:MAX_LISTED], *last])
             word = "item" if len(numbers) == 1 else "items"
-            parts.append(f"{command_words(command)} in {word} {listed}")
+            parts.append(f"{command_name(command)} in {word} {listed}")
         return f"ignored in {self.where}: {'; '.join(parts)}" if parts else ""
 
 
@@ -219,16 +178,24 @@ def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
         InputError: The plan has no home, or the file has another suffix.
     """
     check_form(path)
-    if plan.home is None:
-        raise InputError(
-            f"{plan.where}: home: expected latitude, longitude and height, required in "
-            "a .plan, got nothing"
-        )
+    words = "latitude, longitude and height, required in a .plan"
+    require(plan.home is not None, f"{plan.where}: home", words, "nothing")
+    assert plan.home is not None
     mission = dict(plan.rest.get("mission", {})) | {
         "version": 2,
         "firmwareType": plan.firmware,
         "plannedHomePosition": list(plan.home),
-        "items": [_entry(item) for item in plan.items],
+        "items": [
+            {
+                "autoContinue": item.auto_continue,
+                "command": item.command,
+                "doJumpId": item.number,
+                "frame": item.frame,
+                "params": list(item.params),
+                "type": "SimpleItem",
+            }
+            for item in plan.items
+        ],
     }
     # MAV_TYPE 2: a quadrotor.
     mission.setdefault("vehicleType", 2)
@@ -299,11 +266,8 @@ def check_form(path: str | os.PathLike[str]) -> None:
         InputError: The suffix is another one.
     """
     ending = Path(path).suffix.lower()
-    if ending != ".plan":
-        raise InputError(
-            f"{path}: expected a name with the suffix .plan, got "
-            f"{ending or 'no suffix'}"
-        )
+    got = ending or "no suffix"
+    require(ending == ".plan", path, "a name with the suffix .plan", got)
 
 
 def write_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
@@ -327,10 +291,8 @@ def read_waypoint_list(text: str, source: str) -> Plan:
     """
     lines = text.split("\n")
     version = lines[0].strip().removeprefix(HEAD).strip()
-    if version != VERSION:
-        raise InputError(
-            f"{source}: line 1: expected {HEAD} {VERSION}, got {shown(lines[0])}"
-        )
+    where = f"{source}: line 1"
+    require(version == VERSION, where, f"{HEAD} {VERSION}", shown(lines[0]))
     items, home = [], None
     for n, line in enumerate(lines[1:], start=2):
         if not line.strip():
@@ -339,45 +301,31 @@ def read_waypoint_list(text: str, source: str) -> Plan:
         fields = line.strip().split("\t")
         if len(fields) == 1:  # an editor has replaced tabs by blanks
             fields = line.split()
-        if len(fields) != len(FIELDS):
-            raise InputError(
-                f"{at}: expected {len(FIELDS)} fields between tabs "
-                f"({', '.join(FIELDS)}), got {len(fields)}"
-            )
-        number, _, frame, command, goes_on = (
-            _whole(fields[i], f"{at}: {FIELDS[i]}") for i in (0, 1, 2, 3, 11)
-        )
-        params = [
-            _real(fields[i], f"{at}: {FIELDS[i]}") for i in range(4, len(FIELDS) - 1)
+        words = f"{len(FIELDS)} fields between tabs ({', '.join(FIELDS)})"
+        require(len(fields) == len(FIELDS), at, words, len(fields))
+        numbers = [
+            _read(text, f"{at}: {name}")
+            for text, name in zip(fields, FIELDS, strict=True)
         ]
+        number, _, frame, command, *params, goes_on = numbers
         item = checked_item(at, number, command, frame, params, goes_on != 0)
         # Home is the first line only, and only above the sea: a later one is a
         # waypoint.
         if not items and home is None and (command, frame) == (WAYPOINT, GLOBAL):
-            lat, lon, alt = (item.number_of(i) for i in (5, 6, 7))
-            home = Place(lat, lon, alt)
+            home = Place(*map(item.number_of, (5, 6, 7)))
             continue
         items.append(item)
     check_numbers(items, source)
     return Plan(items=tuple(items), home=home, source=source)
 
 
-def _whole(text: str, at: str) -> int:
-    value = _real(text, at)
-    if value is None or value != int(value):
-        raise InputError(f"{at}: expected a whole number, got {shown(text)}")
-    return int(value)
-
-
-def _real(text: str, at: str) -> float | None:
-    """Return a number; None for nan, which means unspecified."""
+def _read(text: str, at: str) -> int | float:
+    """Return the number of a field; a whole one as an integer."""
     try:
         value = float(text)
     except ValueError:
         raise InputError(f"{at}: expected a number, got {shown(text)}") from None
-    if math.isinf(value):
-        raise InputError(f"{at}: expected a finite number, got {shown(text)}")
-    return None if math.isnan(value) else value
+    return int(value) if value.is_integer() else value
 
 
 def read_ground_control(text: str, source: str) -> Plan:
@@ -395,36 +343,29 @@ def read_ground_control(text: str, source: str) -> Plan:
     # RecursionError: deeply nested lists, as [[[[[[.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{source}: broken JSON: {error}") from None
-    if not isinstance(document, dict):
-        raise InputError(f"{source}: expected a plan, {{...}}, got {shown(document)}")
-    kind = document.get("fileType")
-    if kind != "Plan":
-        raise InputError(f'{source}: fileType: expected "Plan", got {shown(kind)}')
+    require(isinstance(document, dict), source, "a plan, {...}", shown(document))
+    kind, mission = document.get("fileType"), document.get("mission")
+    require(kind == "Plan", f"{source}: fileType", '"Plan"', shown(kind))
     _version(document, 1, source, "")
-    mission = document.get("mission")
-    if not isinstance(mission, dict):
-        raise InputError(f"{source}: mission: expected a table, got {shown(mission)}")
+    where = f"{source}: mission"
+    require(isinstance(mission, dict), where, "a table", shown(mission))
     _version(mission, 2, source, "mission ")
     entries = mission.get("items")
-    if not isinstance(entries, list):
-        raise InputError(f"{source}: items: expected a list, got {shown(entries)}")
+    require(isinstance(entries, list), f"{source}: items", "a list", shown(entries))
     found: list[Item] = []
     for n, entry in enumerate(entries, start=1):
         for one in _simple_items(entry, n, source):
             found.append(_item(one, len(found) + 1, source))
     items = tuple(found)
     check_numbers(items, source)
-    speed = mission.get("hoverSpeed")
-    if speed is not None and not _is_number(speed, above=0.0):
-        raise InputError(
-            f"{source}: hoverSpeed: expected a positive number [m/s], "
-            f"got {shown(speed)}"
-        )
+    speed = _number(mission.get("hoverSpeed"), f"{source}: hoverSpeed")
+    if speed is not None:
+        POSITIVE.checked(speed, f"{source}: hoverSpeed", "a number [m/s]")
     firmware = mission.get("firmwareType", 12)
     return Plan(
         items=items,
         home=_home(mission.get("plannedHomePosition"), source),
-        hover_speed_m_s=None if speed is None else float(speed),
+        hover_speed_m_s=speed,
         firmware=firmware if type(firmware) is int else 12,
         source=source,
         not_flown=tuple(
@@ -457,85 +398,40 @@ def _simple_items(entry: Any, place: int, source: str) -> list[Any]:
 
 def _item(entry: Any, place: int, source: str) -> Item:
     """Return one item, the nth in the file."""
-    if not isinstance(entry, dict):
-        raise InputError(
-            f"{source}: item {place}: expected a table, got {shown(entry)}"
-        )
-    if entry.get("type") != "SimpleItem":
-        raise InputError(
-            f"{source}: item {place} type: expected SimpleItem, "
-            f"got {shown(entry.get('type'))}"
-        )
-    number = entry.get("doJumpId", place)
+    at = f"{source}: item {place}"
+    require(isinstance(entry, dict), at, "a table", shown(entry))
+    kind, params = entry.get("type"), entry.get("params")
+    require(kind == "SimpleItem", f"{at} type", "SimpleItem", shown(kind))
+    number, goes_on = entry.get("doJumpId", place), entry.get("autoContinue", True)
     # `type`, because True is an int for `isinstance`.
-    if type(number) is not int:
-        raise InputError(
-            f"{source}: item {place} doJumpId: expected a whole number, "
-            f"got {shown(number)}"
-        )
-    params = entry.get("params")
-    if not isinstance(params, list) or len(params) != 7:
-        close = nearest("params", set(entry) - set(ITEM_KEYS))
-        raise InputError(
-            f"{source}: item {number} params: expected a list of 7, "
-            f"got {shown(params)}{close}"
-        )
-    goes_on = entry.get("autoContinue", True)
-    if not isinstance(goes_on, bool):
-        raise InputError(
-            f"{source}: item {number} autoContinue: expected true or false, "
-            f"got {shown(goes_on)}"
-        )
+    whole = type(number) is int
+    require(whole, f"{at} doJumpId", "a whole number", shown(number))
+    at = f"{source}: item {number}"
+    close = nearest("params", set(entry) - set(ITEM_KEYS))
+    seven = isinstance(params, list) and len(params) == 7
+    require(seven, f"{at} params", "a list of 7", shown(params) + close)
+    known = isinstance(goes_on, bool)
+    require(known, f"{at} autoContinue", "true or false", shown(goes_on))
     return checked_item(
         source, number, entry.get("command"), entry.get("frame"), params, goes_on
     )
 
 
-def _entry(item: Item) -> dict[str, Any]:
-    return {
-        "autoContinue": item.auto_continue,
-        "command": item.command,
-        "doJumpId": item.number,
-        "frame": item.frame,
-        "params": list(item.params),
-        "type": "SimpleItem",
-    }
-
-
 def _version(table: dict[str, Any], known: int, source: str, of: str) -> None:
     """Reject other versions than the supported one."""
     version = table.get("version")
-    if type(version) is not int or version != known:
-        raise InputError(
-            f"{source}: {of}version: expected {known}, got {shown(version)}"
-        )
+    same = type(version) is int and version == known
+    require(same, f"{source}: {of}version", f"{known}", shown(version))
 
 
 def _home(value: Any, source: str) -> Place:
     """Return the home position."""
     at = f"{source}: plannedHomePosition"
-    if not (
-        isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
-    ):
-        raise InputError(
-            f"{at}: expected [latitude, longitude, height], got {shown(value)}"
-        )
-    lat, lon, alt = map(float, value)
-    if not (abs(lat) <= 90.0 and abs(lon) <= 180.0):
-        raise InputError(
-            f"{at}: expected a latitude of -90 to 90 and a longitude of -180 to 180 "
-            f"degrees, got {lat:g}, {lon:g}"
-        )
-    if not PLACE_LIMITS["alt_m"].allows(alt):
-        words = PLACE_LIMITS["alt_m"].words()
-        raise InputError(f"{at}: expected a height {words} m, got {alt:g}")
-    return Place(lat, lon, alt)
-
-
-def _is_number(value: Any, above: float = float("-inf")) -> bool:
-    """Return whether a value is a finite number of a plausible size."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return is_number and abs(value) < 1e9 and value > above
+    three = isinstance(value, list) and len(value) == 3 and None not in value
+    require(three, at, "[latitude, longitude, height]", shown(value))
+    home = Place(*(_number(each, at) or 0.0 for each in value))
+    check_place(home, at)
+    return home
 
 
 def checked_item(
@@ -561,33 +457,55 @@ def checked_item(
             missing or out of range, or a parameter is not supported.
     """
     at = f"{where}: item {number}"
-    if type(command) is not int or command not in COMMANDS:
-        given = command_words(command) if type(command) is int else shown(command)
-        flown = [one for one, kind in COMMANDS.items() if not kind.ignored]
-        known = ", ".join(map(command_words, flown))
-        raise InputError(f"{at} command: expected one of {known}; got {given}")
-    kind = COMMANDS[command]
-    at = f"{at}, {kind.name}"
-    # A command without effect may have any frame; messages with integer coordinates
-    # have been scaled by their reader.
+    whole = type(number) is int
+    require(whole, f"{where}: number", "a whole number", shown(number))
+    known = ", ".join(f"{one} ({kind.name})" for one, kind in COMMANDS.items())
+    # `type`, because True is an int for `isinstance`.
+    supported = type(command) is int and (command in COMMANDS or command in IGNORED)
+    require(supported, f"{at} command", f"one of {known}", shown(command))
+    # Messages with integer coordinates have been scaled by their reader.
     frame = INTEGER_FRAMES.get(frame, frame) if type(frame) is int else frame
-    if type(frame) is not int or not (frame in FRAMES or kind.ignored):
-        frames = ", ".join(f"{one} ({words})" for one, words in FRAMES.items())
-        other = FRAMES_NOT_FLOWN.get(frame) if type(frame) is int else None
-        got = shown(frame) + (f" ({other})" if other else "")
-        raise InputError(f"{at}, frame: expected one of {frames}; got {got}")
-    values = [_number(value, f"{at}, parameter {n}") for n, value in _counted(params)]
-    for n, value in _counted(values[:4]):
-        # Ignoring a parameter would fly another mission than the one displayed.
-        if value and n not in kind.used and not kind.ignored:
-            raise InputError(
-                f"{at}, parameter {n}: expected 0 or nothing (no other value is "
-                f"supported), got {value:g}"
-            )
+    # A command without effect may have any frame.
+    supported = type(frame) is int and (frame in FRAMES or command in IGNORED)
+    at = f"{at}, {command_name(command)}"
+    words = "one of " + ", ".join(f"{one} ({name})" for one, name in FRAMES.items())
+    require(supported, f"{at}, frame", words, shown(frame))
+    values = [
+        _number(value, f"{at}, parameter {n}") for n, value in enumerate(params, 1)
+    ]
     item = Item(number, command, frame, (*values,), auto_continue)  # type: ignore[arg-type]  seven, counted by the reader
-    if kind.placed != "never":
-        _check_place(item, at)
+    check_item(item, where)
+    if not item.ignored and COMMANDS[command].placed:
+        have = frame != MISSION
+        require(have, f"{at}, frame", "0, 3 or 10, with a position", "2")
+        needs = COMMANDS[command].needs
+        names = ("latitude", "longitude", "height")
+        for name, value, needed in zip(names, values[4:], needs, strict=True):
+            there = value is not None or not needed
+            require(there, f"{at}, {name}", "a number", "nothing")
     return item
+
+
+def check_item(item: Item, where: str) -> None:
+    """Check the parameters and the position of an item.
+
+    Args:
+        item: The item.
+        where: File, and line if it has lines, for messages.
+
+    Raises:
+        InputError: A parameter is not supported, or a position is out of range.
+    """
+    if item.ignored:
+        return
+    at, kind = f"{where}: {item.words}", COMMANDS[item.command]
+    for n, value in enumerate(item.params[:4], start=1):
+        allowed = kind.allowed.get(n, NOTHING)
+        if value is not None:
+            got = f"{value:g}"
+            require(allowed.holds(value), f"{at}, parameter {n}", allowed.words, got)
+    if kind.placed:
+        check_place(item.params[4:], at)
 
 
 def check_numbers(items: Sequence[Item], where: str) -> None:
@@ -606,40 +524,16 @@ def check_numbers(items: Sequence[Item], where: str) -> None:
         seen.add(item.number)
 
 
-def _check_place(item: Item, at: str) -> None:
-    """Reject an invalid position.
+def check_place(place: Sequence[float | None], at: str) -> None:
+    """Check a latitude, longitude and height; None is unspecified.
 
     Raises:
-        InputError: Latitude, longitude or height are missing or out of range.
+        InputError: One of them is out of range.
     """
-    if item.frame == MISSION:
-        raise InputError(f"{at}, frame: expected 0, 3 or 10, with a position, got 2")
-    lat, lon, alt = item.params[4:]
-    needs = COMMANDS[item.command].placed == "always"
-    for name, value in (("latitude", lat), ("longitude", lon)):
-        if value is None and needs:
-            raise InputError(f"{at}, {name}: expected a number [degree], got nothing")
-    if lat is not None and not -90.0 <= lat <= 90.0:
-        swapped = ""
-        # Plausible after an exchange: then it is proposed.
-        if lon is not None and abs(lon) <= 90.0 and abs(lat) <= 180.0:
-            swapped = "; are latitude and longitude swapped?"
-        raise InputError(
-            f"{at}, latitude: expected -90 to 90 degrees, got {lat:g}{swapped}"
-        )
-    if lon is not None and not -180.0 <= lon <= 180.0:
-        raise InputError(f"{at}, longitude: expected -180 to 180 degrees, got {lon:g}")
-    if alt is None:
-        if item.command == LAND:  # lands on the ground at any height parameter
-            return
-        raise InputError(f"{at}, height: expected a number [m], got nothing")
-    if not PLACE_LIMITS["alt_m"].allows(alt):
-        words = PLACE_LIMITS["alt_m"].words()
-        raise InputError(f"{at}, height: expected a number {words} m, got {alt:g}")
-
-
-def _counted(values: Sequence[Any]) -> list[tuple[int, Any]]:
-    return list(enumerate(values, start=1))
+    names = ("latitude", "longitude", "height")
+    for name, value, bounds in zip(names, place, PLACE_LIMITS.values(), strict=True):
+        if value is not None:
+            bounds.checked(value, f"{at}, {name}")
 
 
 def _number(value: Any, at: str) -> float | None:
@@ -659,58 +553,113 @@ def _number(value: Any, at: str) -> float | None:
     return None if math.isnan(number) else number
 
 
+class Allowed(NamedTuple):
+    """Supported values of a parameter.
+
+    Attributes:
+        words: The values in words.
+        holds: Function from a value to whether it is supported.
+    """
+
+    words: str
+    holds: Callable[[float], bool]
+
+
+# Ignoring a parameter would fly another mission than the one displayed.
+NOTHING = Allowed("0 or nothing (no other value is supported)", lambda x: x == 0)
+ANY = Allowed("a number", UNBOUNDED.allows)
+AT_LEAST_0 = Allowed("0 or more", NOT_NEGATIVE.allows)
+
+
 class Command(NamedTuple):
     """A supported command.
 
     Attributes:
-        number: MAV_CMD number.
         name: Short name.
-        placed: Presence of a position: "always" (0, 0 is the current position), "may"
-            (0, 0 or nothing), "never".
-        used: Supported parameters among 1 to 4; the others must be 0 or absent.
-        ignored: True for a command without effect on the path.
+        allowed: Supported values of parameters 1 to 4; the others must be 0 or absent.
+        placed: True if it has a position; 0, 0 is the current one.
+        needs: Whether latitude, longitude and height must be numbers.
     """
 
-    number: int
     name: str
-    placed: str
-    used: tuple[int, ...]
-    ignored: bool = False
+    allowed: dict[int, Allowed]
+    placed: bool = True
+    needs: tuple[bool, bool, bool] = (True, True, True)
 
 
 COMMANDS = {
-    command.number: command
-    for command in (
-        # hold [s], acceptance radius [m], -, yaw [degree, clockwise from north]
-        Command(WAYPOINT, "waypoint", "always", (1, 2, 4)),
-        # A multicopter loiters on the spot, at any radius.
-        Command(LOITER, "loiter", "always", (3, 4)),
-        # turns, exit heading, radius [m] (positive: clockwise), exit location: the
-        # vehicle leaves at its entry point
-        Command(TURNS, "loiter for turns", "always", (1, 2, 3, 4)),
-        # time [s], and the same three, which have no meaning on the spot
-        Command(LOITER_TIME, "loiter for a time", "always", (1, 2, 3, 4)),
-        Command(RETURN, "return to launch", "never", ()),
-        # -, -, -, yaw
-        Command(LAND, "land", "may", (4,)),
-        # pitch (fixed wing only), -, -, yaw
-        Command(TAKEOFF, "take-off", "may", (1, 4)),
-        # delay [s]; a time of day instead is refused
-        Command(DELAY, "delay", "never", (1, 2, 3, 4)),
-        # angle [degree], rate, sense (1: clockwise), 1: relative to the heading
-        Command(HEADING, "turn", "never", (1, 2, 3, 4)),
-        # number of the next item, number of repetitions
-        Command(JUMP, "jump", "never", (1, 2)),
-        # 0 or 1: over ground, 2: climb, 3: descent; [m/s], -1 no change; throttle
-        Command(SPEED, "change speed", "never", (1, 2, 3)),
-        *(Command(number, name, "never", (), True) for number, name in IGNORED.items()),
-    )
+    # hold [s], acceptance radius [m], -, yaw [degree, clockwise from north]
+    WAYPOINT: Command("waypoint", {1: AT_LEAST_0, 2: AT_LEAST_0, 4: ANY}),
+    # A multicopter loiters on the spot, at any radius.
+    LOITER: Command("loiter", {3: ANY, 4: ANY}),
+    # turns, exit heading, radius [m] (positive: clockwise), exit location: the vehicle
+    # leaves at its entry point
+    TURNS: Command(
+        "loiter for turns",
+        {
+            1: Allowed("0 to 1000 turns", lambda x: 0 <= x <= 1000),
+            **dict.fromkeys((2, 3, 4), ANY),
+        },
+    ),
+    # time [s], and the same three, which have no meaning on the spot
+    LOITER_TIME: Command(
+        "loiter for a time", {1: AT_LEAST_0, **dict.fromkeys((2, 3, 4), ANY)}
+    ),
+    RETURN: Command("return to launch", {}, placed=False),
+    # yaw; it lands on the ground at any height parameter
+    LAND: Command("land", {4: ANY}, needs=(False, False, False)),
+    # pitch (fixed wing only), -, -, yaw
+    TAKEOFF: Command("take-off", {1: ANY, 4: ANY}, needs=(False, False, True)),
+    # delay [s]
+    DELAY: Command(
+        "delay",
+        {
+            1: Allowed(
+                "a positive number of seconds (a time of day is not supported)",
+                POSITIVE.allows,
+            ),
+            **dict.fromkeys((2, 3, 4), ANY),
+        },
+        placed=False,
+    ),
+    # angle [degree], rate, sense (1: clockwise), 1: relative to the heading
+    HEADING: Command(
+        "turn",
+        {
+            **dict.fromkeys((1, 2), ANY),
+            3: Allowed("one of -1, 0, 1", (-1, 0, 1).__contains__),
+            4: Allowed("one of 0, 1", (0, 1).__contains__),
+        },
+        placed=False,
+    ),
+    # number of the next item, number of repetitions
+    JUMP: Command(
+        "jump",
+        {
+            1: ANY,
+            2: Allowed(
+                "a number of repetitions, 0 or more (-1, without end, is not possible "
+                "unattended)",
+                lambda x: x >= 0 and x.is_integer(),
+            ),
+        },
+        placed=False,
+    ),
+    # 0 or 1: over ground, 2: climb, 3: descent; [m/s], -1 no change; throttle
+    SPEED: Command(
+        "change speed",
+        {
+            1: Allowed("one of 0, 1, 2, 3", (0, 1, 2, 3).__contains__),
+            2: Allowed("0.05 to 60 m/s, or -1", lambda x: x == -1 or 0.05 <= x <= 60),
+            3: ANY,
+        },
+        placed=False,
+    ),
 }
+"""Supported commands by number."""
 
 
-def command_words(number: int) -> str:
-    """Return a command's number with its name, if it is known."""
-    if number in COMMANDS:
-        return f"{number} ({COMMANDS[number].name})"
-    name = NOT_FLOWN.get(number)
-    return f"{number} ({name})" if name else f"{number}"
+def command_name(number: int) -> str:
+    """Return the name of a supported command, or the number of another one."""
+    known = COMMANDS.get(number)
+    return f"command {number}" if known is None else known.name

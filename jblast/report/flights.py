@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from jblast.autopilot.estimator import Thrown
-from jblast.missions.mission import geodetic
 from jblast.missions.plan import COMMANDS
+from jblast.missions.route import geodetic
 from jblast.report.maps import Feature, Map, map_files, point
 from jblast.report.messages import sentence, sentences_of
 from jblast.report.numbers import capitalised, parameter_words, printed_number

@@ -30,8 +30,8 @@ from jblast.autopilot.lockstep import (
 )
 from jblast.autopilot.mavlink import Link, message, read_address
 from jblast.autopilot.protocols import MODE_HOLD, Missions, heartbeat
-from jblast.missions.mission import geodetic
 from jblast.missions.plan import read_plan
+from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 from jblast.results import Document, filled
 from jblast.scene import Place, UncertainScene, VehicleSpec

@@ -384,8 +384,7 @@ def flown(
     arguments = mission, spec, scene, load, options, instruments
     if options.seconds is not None:
         return _once(*arguments, options.seconds)
-    rate = float(mission.guidance.acceleration_m_s2)
-    planned = planned_seconds(mission.guidance.legs, rate)
+    planned = planned_seconds(mission.guidance)
     for_blasts = EXTRA_PER_BLAST_S * len(scene.charges)
     bound = planned * (1 + EXTRA_SHARE) + for_blasts + EXTRA_S
     seconds = DURATION_UNIT_S * math.ceil(bound / DURATION_UNIT_S)

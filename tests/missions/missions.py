@@ -3,7 +3,7 @@
 import numpy as np
 
 from jblast.missions import Item, Plan, mission_of
-from jblast.missions.mission import geodetic
+from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 from jblast.scene import Place
 

@@ -8,7 +8,8 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.missions import Item, Plan, grid_plan, mission_of, orbit_plan
-from jblast.missions.mission import frame_of, geodetic, level
+from jblast.missions.route import geodetic, level
+from jblast.observations.places import Frame
 from jblast.scene import Place
 from tests.missions.missions import HOME, LAND, UP, item, mission, plan
 
@@ -56,9 +57,8 @@ def test_jumps_within_jumps_begin_to_count_again():
 
 def test_headings_are_from_east_to_north():
     one = mission(UP, (16, (9, 0, 6), {"p4": 0}), (16, (0, 9, 6), {"p4": 90}), LAND)
-    yaws = [stop.yaw_rad for stop in one.stops[:3]]
-    assert math.isnan(yaws[0])
-    np.testing.assert_allclose(yaws[1:], [math.pi / 2, 0], atol=1e-12)
+    yaws = [stop.yaw_rad for stop in one.stops]
+    np.testing.assert_allclose(yaws, [0, math.pi / 2, 0, 0, 0, 0], atol=1e-12)
 
 
 def test_heights_above_the_sea_and_above_home_are_told_apart():
@@ -88,12 +88,14 @@ def test_zero_latitude_and_longitude_are_the_present_position():
         here(6, 21),
     )
     one = mission_of(Plan(items, HOME))
+    assert goals(one)[:4] == [(0, 0, 20), (40, 0, 25), (40, 0, 25), (40, 0, 30)]
     # half a turn begins at the northernmost point of its circle, ends at the opposite
     # one, and the vehicle lands there
-    assert goals(one) == [
-        *((0, 0, 20), (40, 0, 25), (40, 0, 25), (40, 0, 30), (40, 0, 30)),
-        *((40, -5, 5), (40, -5, 0)),
+    turn = [
+        goal for goal, stop in zip(goals(one), one.stops, strict=True) if stop.item == 4
     ]
+    assert (turn[0], turn[-1]) == ((40, 5, 30), (40, -5, 30))
+    assert goals(one)[-2:] == [(40, -5, 5), (40, -5, 0)]
 
 
 def test_heights_above_level_terrain_are_those_above_home():
@@ -123,7 +125,7 @@ def test_delays_and_turns_are_flown_and_ignored_commands_are_not():
 
 FAR = (16, (30e3, 0, 6), {})
 REFUSED = {
-    "empty": ([], "got an empty list"),
+    "empty": ([], "nothing to fly"),
     "in the air": ([(16, (9, 0, 6), {}), LAND], "item 1, waypoint.*starts in the air"),
     "no end": ([UP, (16, (9, 0, 6), {})], "landing .21. or a return .20."),
     "loiters on": ([UP, (17, (9, 0, 6), {})], "landing .21. or a return .20."),
@@ -163,9 +165,9 @@ def test_what_cannot_be_flown_says_why(rows, said):
 
 
 def test_a_home_or_a_start_above_the_ground_is_refused():
-    with pytest.raises(InputError, match=r"alt_m 150.*got 200 m.*in the air"):
+    with pytest.raises(InputError, match=r"alt_m 150, got one 50 m.*in the air"):
         mission(UP, LAND, place=Place(35.3075, -80.7353, 150.0))
-    with pytest.raises(InputError, match=r"one at 3 m.*in the air"):
+    with pytest.raises(InputError, match=r"one 3 m above.*in the air"):
         mission(UP, LAND, position_m=np.array([0, 0, 3.0]))
     items = plan(UP, LAND).items
     stays = type(items[0])(1, 22, 3, items[0].params, auto_continue=False)
@@ -180,7 +182,7 @@ def test_without_an_end_it_hovers_on_where_that_is_wanted():
 
 
 def places(plan):
-    frame = frame_of(plan)
+    frame = Frame(*plan.home)
     points = [one for one in plan.items if one.command in (16, 18)]
     return np.array(
         [
@@ -213,9 +215,7 @@ def test_an_orbit_is_about_its_middle():
 
 
 def test_places_on_earth_and_level_places_are_each_others_inverse():
-    frame = frame_of(
-        grid_plan(HOME, width_m=6.0, depth_m=0.0, spacing_m=1.0, up_m=15.0)
-    )
+    frame = Frame(*HOME)
     there = np.array([[0.0, 0, 0], [3000, -4000, 120], [-15000, 9000, 40]])
     earth = geodetic(frame, there)
     np.testing.assert_allclose(earth[:, 2], there[:, 2] + 200)

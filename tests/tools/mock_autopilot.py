@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jblast.autopilot.lockstep import ARMED, LOCKSTEP, PERIOD_S, state_message
 from jblast.autopilot.mavlink import dialect, down, message, right, scalar_first
-from jblast.missions.mission import level
+from jblast.missions.route import level
 from jblast.observations.places import Frame
 from jblast.vehicle import State, Vehicle
 

@@ -31,8 +31,8 @@ from jblast.files import refuse_existing, save
 
 def run(options: argparse.Namespace) -> int:
     """Write the plan and return the exit code."""
-    from jblast.missions.mission import grid_plan, orbit_plan
     from jblast.missions.plan import plan_text
+    from jblast.missions.route import grid_plan, orbit_plan
     from jblast.scene import Place
 
     if (options.grid is None) == (options.orbit is None):

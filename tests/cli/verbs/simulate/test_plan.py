@@ -18,7 +18,7 @@ def test_a_pattern_is_written_once(jblast):
 
 REFUSED = {
     "no pattern": (["--home", "1,2"], "--grid"),
-    "home": (["--orbit", "5", "--home", "95,2"], "-90 to 90"),
+    "home": (["--orbit", "5", "--home", "95,2"], "between -90 and 90"),
     "spacing": (["--grid", "5,5,0", "--home", "5,2"], "SPACING"),
     "turns": (["--orbit", "5,0", "--home", "5,2"], "TURNS"),
 }
