@@ -388,13 +388,13 @@ def flown(
     for_blasts = EXTRA_PER_BLAST_S * len(scene.charges)
     bound = planned * (1 + EXTRA_SHARE) + for_blasts + EXTRA_S
     seconds = DURATION_UNIT_S * math.ceil(bound / DURATION_UNIT_S)
-    count_flight = counted(2, "flights")
+    count_flight = counted(1, "flights")
     rows = _once(*arguments, seconds)
+    if np.asarray(rows.guided.phase)[-1] != ENDED and not crash_of(rows.flight)[0]:
+        # not disarmed in time: flown again from the start, for twice as long
+        rows = _once(*arguments, 2 * seconds)
     count_flight(1)
-    if np.asarray(rows.guided.phase)[-1] == ENDED or crash_of(rows.flight)[0]:
-        return rows
-    # not disarmed in time: flown again from the start, for twice as long
-    return _once(*arguments, 2 * seconds)
+    return rows
 
 
 def cut(rows: Rows, options: Options) -> Rows:
