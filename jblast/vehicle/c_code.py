@@ -92,6 +92,8 @@ MOVES = (
     "unstack",
 )
 """Operations whose results are elements of their arguments; `READS`: of the first."""
+UPDATES = {"scatter": "{1}", "scatter-add": "{0}+{1}", "scatter_add": "{0}+{1}"}
+"""Expressions of an updated element by operation: its value and the new one."""
 REDUCTIONS = {
     "reduce_sum": "add",
     "reduce_prod": "mul",
@@ -290,6 +292,8 @@ class Code:
             return [self.each(out[0], ELEMENTS[name], *given)]
         if name in ARRAYS:
             return [ARRAYS[name](self, params, out[0], *given)]
+        if name in UPDATES and not unknown(given[1]):
+            return [self.updated(equation, *given)]
         raise Untranslatable(f"the operation {name}")
 
     def each(self, aval: Any, form: str, *arrays: np.ndarray) -> np.ndarray:
@@ -298,6 +302,29 @@ class Code:
         columns = [np.broadcast_to(texts(x), aval.shape).flat for x in arrays]
         kind, lines = ctype(aval.dtype), zip(*columns, strict=True)
         return filled(aval.shape, (self.let(kind, form.format(*x)) for x in lines))
+
+    def updated(
+        self,
+        equation: Any,
+        array: np.ndarray,
+        places: np.ndarray,
+        values: np.ndarray,
+    ) -> np.ndarray:
+        """Write new values of elements at constant places, as of `x.at[2].add(y)`."""
+        aval = equation.outvars[0].aval
+        # The number of the value that each element is given, from 1; 0: none.
+        numbers = np.arange(1, values.size + 1, dtype=aval.dtype).reshape(values.shape)
+        zeros = np.zeros(array.shape, aval.dtype)
+        (found,) = evaluated(equation, [zeros, places, numbers])
+        if np.count_nonzero(found) != values.size:
+            raise Untranslatable(f"{equation.primitive.name} of one element twice")
+        made, new = texts(array).flatten(), texts(values).ravel()
+        kind, form = ctype(aval.dtype), UPDATES[equation.primitive.name]
+        for n, number in enumerate(found.ravel().astype(int)):
+            if number:
+                text = form.format(made[n], new[number - 1])
+                made[n] = self.let(kind, text)
+        return made.reshape(aval.shape)
 
     def read(
         self, aval: Any, array: np.ndarray, begin: Callable[[tuple[int, ...]], Any]

@@ -97,7 +97,8 @@ def fly_on(
     kinds = tuple((shape, x.dtype) for shape, x in zip(shapes, arrays, strict=True))
     program = program_of(kinds, tree, tuple(values), form, control_held)
     lanes, size, real = int(np.prod(batch)), time_s.size, np.dtype(time_s.dtype)
-    kind = wp.dtype_from_numpy(real)
+    kind: Any = wp.dtype_from_numpy(real)
+    flag: Any = wp.bool
     try:
         rows = [wp.empty((lanes, size, n), dtype=kind, device=device) for n in FIELDS]
     except RuntimeError:
@@ -106,7 +107,7 @@ def fly_on(
             f"store_every: {size} rows of {lanes} vehicles take {needed:.3g} GB, more "
             f"than {device} has; increase store_every"
         ) from None
-    lost = wp.empty(lanes, dtype=wp.bool, device=device)
+    lost = wp.empty(lanes, dtype=flag, device=device)
     # Shared without a copy, so they must be complete: Warp does not wait for JAX.
     sent = [
         wp.from_jax(jax.block_until_ready(jnp.ravel(x))).to(device)
@@ -122,8 +123,11 @@ def fly_on(
         *(ticks.step.size, size, store_every),
     ]
     run(program.kernel, lanes, given, device)
-    parts = [wp.to_jax(x).reshape(*batch, *x.shape[1:]) for x in rows]
-    return Trajectory(time_s, *parts, wp.to_jax(lost).reshape(batch))
+    x, v, q, w, speeds, force, moment = (
+        wp.to_jax(x).reshape(*batch, *x.shape[1:]) for x in rows
+    )
+    ended = wp.to_jax(lost).reshape(batch)
+    return Trajectory(time_s, x, v, q, w, speeds, force, moment, ended)
 
 
 def run(kernel: Any, lanes: int, given: list[Any], device: Any) -> None:
@@ -195,9 +199,10 @@ def program_of(
     for leaf in leaves:
         if leaf.size > MAX_SPLIT_SIZE:
             raise Untranslatable(f"a controller with a state of {leaf.size} numbers")
-    tick = Ticks(
-        *(jax.ShapeDtypeStruct(shape, dtype or real) for shape, dtype in TICK.values())
+    shapes: Any = (
+        jax.ShapeDtypeStruct(shape, dtype or real) for shape, dtype in TICK.values()
     )
+    tick = Ticks(*shapes)
     code = Code()
     heads, given = _inputs(kinds)
     state = code.variables(leaves)
@@ -254,7 +259,7 @@ def _store(code: Code, real: str, values: list[np.ndarray]) -> None:
     code.lines.append(f"alive=alive&&wp::isfinite({'+'.join(numbers)});")
     for n, length in enumerate(FIELDS):
         code.lines.append(
-            f"{real}* row{n}=({real}*)data.data[{n}]+(lane*rows+r)*{length};"
+            f"{real}* row{n}=({real}*)data.data[{n}]+((long long)lane*rows+r)*{length};"
         )
         for j in range(length):
             code.lines.append(f"row{n}[{j}]=alive?{numbers.pop(0)}:({real})NAN;")
@@ -267,9 +272,9 @@ def kernel_of(snippet: str) -> Any:
 
     @wp.func_native(snippet)
     def fly(
-        lane: wp.int64,
-        data: wp.array(dtype=wp.uint64),
-        strides: wp.array(dtype=wp.int64),
+        lane: int,
+        data: wp.array[wp.uint64],
+        strides: wp.array[wp.int64],
         steps: int,
         rows: int,
         every: int,
@@ -277,12 +282,12 @@ def kernel_of(snippet: str) -> Any:
 
     @wp.kernel(module="unique", enable_backward=False, module_options=OPTIONS)
     def kernel(
-        data: wp.array(dtype=wp.uint64),
-        strides: wp.array(dtype=wp.int64),
+        data: wp.array[wp.uint64],
+        strides: wp.array[wp.int64],
         steps: int,
         rows: int,
         every: int,
     ):
-        fly(wp.int64(wp.tid()), data, strides, steps, rows, every)
+        fly(wp.tid(), data, strides, steps, rows, every)
 
     return kernel

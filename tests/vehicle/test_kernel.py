@@ -1,5 +1,7 @@
 """The Warp kernel flies what JAX flies; what it cannot fly, it says. On the CPU."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -129,7 +131,7 @@ class Nudge(eqx.Module):
 
     speeds: jax.Array
 
-    def start(self):
+    def start(self) -> Any:
         return jnp.zeros(()), jnp.zeros((), int)
 
     def __call__(self, time_s, state, vehicle, memory, period_s):
@@ -230,7 +232,7 @@ class Sorted(Nudge):
 class Large(Sorted):
     """A controller whose state is too large for registers."""
 
-    def start(self):
+    def start(self) -> Any:
         return jnp.zeros(17)
 
 
