@@ -73,6 +73,9 @@ BEFORE_S = 1.0
 """Time before an arrival for the error before it [s]: five position fixes."""
 _ALIGNMENT_KEY = 2**32 - 1
 """Folded into the key of the initial error; above the numbers of the instruments."""
+TILT_RAD, HEADING_RAD, PLACE_M, MOVES_M_S = (0.01, 0.01), 0.03, 0.2, 0.05
+"""Standard deviations of the initial roll and pitch, heading, position and velocity
+along each axis; declared."""
 GATE = 5.0
 """PX4's gate of barometer and fixes (EKF2_BARO_GATE, EKF2_GPS_P_GATE) [-]."""
 METRES_PER_PASCAL = 0.083
@@ -161,41 +164,21 @@ def _rms(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
     return jnp.sqrt(mean)
 
 
-class Alignment(eqx.Module):
-    """Standard deviations of the initial estimate.
+def alignment(
+    rate_bias: Float[Array, ""], force_bias: Float[Array, ""]
+) -> Float[Array, "15"]:
+    """Return the standard deviations of the initial error vector.
 
     Declared for a vehicle aligned and calibrated at rest, with its heading from the
     magnetic field.
 
-    Attributes:
-        tilt: Roll and pitch [rad].
-        heading: Heading [rad].
-        place: Position along each axis [m].
-        moves: Velocity along each axis [m/s].
+    Args:
+        rate_bias: Bias of the calibrated gyroscope [rad/s].
+        force_bias: Bias of the calibrated accelerometer [m/s2].
     """
-
-    tilt: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.01)
-    heading: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.03)
-    place: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.2)
-    moves: Float[Array, ""] = eqx.field(converter=as_numbers, default=0.05)
-
-    def deviations(
-        self, rate_bias: Float[Array, ""], force_bias: Float[Array, ""]
-    ) -> Float[Array, "15"]:
-        """Return the standard deviations of the error vector.
-
-        Args:
-            rate_bias: Bias of the calibrated gyroscope [rad/s].
-            force_bias: Bias of the calibrated accelerometer [m/s2].
-        """
-        one = jnp.ones(3)
-        turn = jnp.stack([self.tilt, self.tilt, self.heading])
-        return jnp.concatenate(
-            [
-                *(turn, self.place * one, self.moves * one),
-                *(rate_bias * one, force_bias * one),
-            ]
-        )
+    start = jnp.array([*TILT_RAD, HEADING_RAD, *[PLACE_M] * 3, *[MOVES_M_S] * 3])
+    biases = jnp.stack([rate_bias, force_bias])
+    return jnp.concatenate([start, jnp.repeat(biases, 3)])
 
 
 class Past(NamedTuple):
@@ -260,7 +243,6 @@ class EstimatedControl(eqx.Module):
         suite: Instruments, read at each sample of the controller.
         initial: True initial state.
         seed: Seed of the instruments' errors and of the initial error.
-        alignment: Standard deviations of the initial estimate.
         ground_m: Height of the ground.
 
     Example:
@@ -271,7 +253,6 @@ class EstimatedControl(eqx.Module):
     suite: Suite
     initial: State
     seed: Integer[Array, "*batch"]
-    alignment: Alignment = eqx.field(default_factory=Alignment)
     ground_m: Float[Array, "*batch"] = eqx.field(converter=as_numbers, default=0.0)
 
     @property
@@ -286,7 +267,7 @@ class EstimatedControl(eqx.Module):
     def known(self) -> Known:
         """Return the state of the estimator before the first sample."""
         key, imu = self._key(), self.suite.imu
-        deviations = self.alignment.deviations(
+        deviations = alignment(
             CALIBRATED * imu.gyroscope_bias, CALIBRATED * imu.accelerometer_bias
         )
         estimate = aligned(

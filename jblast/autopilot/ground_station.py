@@ -9,7 +9,7 @@ begins at the present set point, with a stop at the stopping distance.
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -213,12 +213,12 @@ class Craft:
             InputError: The vehicle's state diverges; it is at the start again.
         """
         # NumPy's arrays have one type, where JAX's may be weak: one program for all.
-        arrays, rest = eqx.partition(
-            (self._control, self._now, self._memory), eqx.is_array
+        control, now, memory = jax.tree.map(
+            lambda x: np.asarray(x) if eqx.is_array(x) else x,
+            (self._control, self._now, self._memory),
         )
-        given = eqx.combine(jax.tree.map(np.asarray, arrays), rest)
         self._now, self._memory, self.state = _advanced(
-            self._flight, *given, jnp.asarray(self._steps)
+            self._flight, control, now, memory, jnp.asarray(self._steps)
         )
         self._steps += BLOCK
         if not np.isfinite(np.asarray(self.state.position_m)).all():
@@ -240,19 +240,6 @@ class Craft:
         return item, over
 
 
-@dataclass
-class ServiceResult:
-    """Result of serving a ground station.
-
-    Attributes:
-        flights: Number of flights.
-        ended: Reason of the end.
-    """
-
-    flights: int = 0
-    ended: str = ""
-
-
 class Path(NamedTuple):
     """Relation of a path to the mission of the vehicle.
 
@@ -272,7 +259,8 @@ class GroundStation:
 
     Attributes:
         missions: Mission of the vehicle, and its home.
-        watched: Result of the service.
+        flights: Number of flights.
+        ended: Reason of the end of the service.
 
     Args:
         link: Link to the ground station.
@@ -297,7 +285,7 @@ class GroundStation:
         self._place, self._frame = place, Frame(*place)
         self._target_m, self._speed = target_m, speed
         self._home_m = np.asarray(craft.state.position_m) * [1.0, 1.0, 0.0]
-        self._parameters, self.watched = Parameters(), ServiceResult()
+        self._parameters, self.flights, self.ended = Parameters(), 0, ""
         self._intervals, self._sent = dict(STREAMS), dict.fromkeys(STREAMS, -1e9)
         self._has_first_mission = missions.plan is not None
         # The mode set by the client or by a flight; None: the initial mode.
@@ -308,7 +296,7 @@ class GroundStation:
         self._item, self._reached = 0, -1
         self._next_s = 0.0  # wall-clock time of the next steps
 
-    def serve(self, seconds: float | None = None) -> ServiceResult:
+    def serve(self, seconds: float | None = None) -> None:
         """Serve until the ground station disconnects or the time is over.
 
         Args:
@@ -336,12 +324,11 @@ class GroundStation:
                     beat = now
                     sent.append(self.beat())
                 self._link.send(*sent, *self._due(now))
-            self.watched.ended = "the time is over"
+            self.ended = "the time is over"
         except LinkLost as end:
-            self.watched.ended = str(end)
+            self.ended = str(end)
         except KeyboardInterrupt:
-            self.watched.ended = "interrupted"
-        return self.watched
+            self.ended = "interrupted"
 
     def report_text(self, text: str) -> None:
         """Send a text for the operator, cut to the 50 characters of STATUSTEXT."""
@@ -629,7 +616,7 @@ class GroundStation:
             items, path = [*ahead, *items], path._replace(added=path.added + len(ahead))
         in_air = craft.flies or start_m[2] > 0
         mission = self._mission(items, path.plan, start_m if in_air else None)
-        self.watched.flights += not craft.flies
+        self.flights += not craft.flies
         # A longer table of legs compiles a program.
         with self._link.beating(self.beat()):
             craft.follow(mission, in_air=in_air)

@@ -126,7 +126,7 @@ class Link:
             if message is None and (left <= 0 or not self._end.select(left)):
                 return None
             if message is not None and message.get_type() != "BAD_DATA":
-                self._keep(message.get_msgbuf())
+                self._keep(bytes(message.get_msgbuf()))
                 return message
 
     @contextlib.contextmanager

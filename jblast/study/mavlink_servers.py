@@ -234,9 +234,9 @@ def serve_ground_station(
             f"{spec.model} in {scene} on {link.address}, for a ground station to arm"
         )
         with _stopped_by_signal():
-            watched = station.serve(seconds)
+            station.serve(seconds)
     items = len(missions.items)
-    return filled(WatchedAnswer, watched, link, known, items=items)
+    return filled(WatchedAnswer, station, link, known, items=items)
 
 
 @contextlib.contextmanager

@@ -106,7 +106,8 @@ def fly_mock(address: str, hold: RoundedHold, vehicle: Vehicle, turns: int) -> N
     from pymavlink import mavutil
 
     control = eqx.filter_jit(RoundedHold.answer)
-    memory, state = hold.start(), None
+    memory: Any = hold.start()
+    state: Any = None
     with mavutil.mavlink_connection(address, source_system=1, dialect="common") as end:
         while turns:
             came = end.recv_match(

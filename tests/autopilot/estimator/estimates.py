@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.autopilot.estimator import Alignment, Estimate, aligned
+from jblast.autopilot.estimator import Estimate, aligned, alignment
 from jblast.sensors.flight_sensors import Magnetometer, Suite
 from jblast.vehicle import State, Trajectory
 
@@ -24,7 +24,7 @@ def in_flight() -> Estimate:
         jnp.zeros(3),
         jnp.zeros(4),
     )
-    deviations = Alignment().deviations(jnp.asarray(0.002), jnp.asarray(0.02))
+    deviations = alignment(jnp.asarray(0.002), jnp.asarray(0.02))
     estimate = aligned(jax.random.key(0), state, deviations)
     return estimate._replace(
         rate_bias=jnp.array([0.01, -0.02, 0.015]),

@@ -42,19 +42,19 @@ class Gliding(Craft):
         self._steps += BLOCK
 
 
-def craft_at(*position: float) -> Gliding:
+def craft_at(*position: float, kind: type[Craft] = Gliding) -> Craft:
     spec = VehicleSpec("iris", position=jnp.array(position))
     scene = Scene(Charge(1.0, time_s=1000.0), vehicle=spec)
-    return Gliding(
-        flight_of(scene, spec, blast_load(scene)), hold_of(spec, integral=True)
-    )
+    return kind(flight_of(scene, spec, blast_load(scene)), hold_of(spec, integral=True))
 
 
-def station_of(link: Link, plan=None, speed=20.0, target_m=None) -> GroundStation:
+def station_of(
+    link: Link, plan=None, speed=20.0, target_m=None, kind: type[Craft] = Gliding
+) -> GroundStation:
     """A station whose vehicle stands at home."""
     missions = Missions(plan, HOME, lambda plan: station.check(plan), lambda text: None)
-    place = Place(*HOME)
-    station = GroundStation(link, craft_at(0, 0, 0), missions, place, target_m, speed)
+    craft = craft_at(0, 0, 0, kind=kind)
+    station = GroundStation(link, craft, missions, Place(*HOME), target_m, speed)
     return station
 
 
@@ -71,4 +71,4 @@ def served(kind: str, where: str, **options) -> Iterator[GroundStation]:
     finally:
         other.join()
         link.close()
-    assert station.watched.ended
+    assert station.ended

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from jblast.autopilot import ground_station
+from jblast.autopilot.ground_station import Craft
+from jblast.autopilot.lockstep import PERIOD_S
 from jblast.autopilot.mavlink import Link
 from jblast.autopilot.protocols import item_fields
 from jblast.errors import InputError
 from jblast.missions import Plan
 from jblast.missions.plan import checked_item
+from jblast.vehicle import simulate
 from tests.autopilot.ground_station.gliding import served, station_of
 
 PAGE = Path(__file__).parents[3] / "docs/howto/autopilot.md"
@@ -118,7 +121,7 @@ def test_a_mission_flies_lands_and_starts_again_from_its_first_item(client):
     # After a landing it stays where it is, until it is armed again.
     place = other.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=10)
     assert (place.lat, place.alt) == (470_002_000, 500_000)
-    assert vehicle.watched.flights == 1
+    assert vehicle.flights == 1
 
 
 def test_a_command_in_flight_stops_it_at_the_stopping_distance(client):
@@ -219,7 +222,37 @@ def test_without_the_scenes_mission_arming_flies_to_the_target(client):
     while not vehicle._craft.over:
         other.recv_match(type="GLOBAL_POSITION_INT", blocking=True, timeout=10)
     np.testing.assert_allclose(vehicle._craft.state.position_m, [5, 0, 10], atol=1e-3)
-    assert vehicle.watched.flights == 1
+    assert vehicle.flights == 1
+
+
+@pytest.mark.slow
+def test_a_flight_in_blocks_is_that_of_a_mission():
+    link = Link("tcp", "127.0.0.1:0", "ground_station", (1, 1))
+    station = station_of(link, kind=Craft)
+    mission = station.check(Plan((*ITEMS[:2], LANDING)))
+    craft = station._craft
+    craft.follow(mission, in_air=False)
+    path = [np.zeros(3)]
+    for _ in range(150):
+        craft.advance()
+        path.append(np.asarray(craft.state.position_m))
+    flight = craft._flight
+    whole = simulate(
+        flight.vehicle,
+        flight.state,
+        duration_s=15.0,
+        step_s=PERIOD_S,
+        store_every=ground_station.BLOCK,
+        control=craft._control,
+        wind=flight.wind,
+        loads=flight.loads,
+        ground_up_m=0.0,
+        backend="jax",
+    )
+    # two programs round differently
+    np.testing.assert_allclose(path, whole.position_m, rtol=0, atol=1e-9)
+    assert path[-1][1] > 10.0
+    link.close()
 
 
 def test_the_page_lists_the_supported_commands():
