@@ -114,7 +114,7 @@ def _advanced(
 
     def turn(carried: tuple[FlightState, PyTree[Array]], n: Int[Array, ""]) -> Any:
         now, memory = carried
-        state, time_s = joined(now.motion), n * period
+        state, time_s = joined(now.motion), jnp.asarray(n, float) * period
         speeds, memory = control(time_s, state, flight.vehicle, memory, period)
         return (step(flight, now, n, speeds), memory), None
 

@@ -5,6 +5,7 @@ immediately. `RoundedHold` is the same controller without a network, with the sa
 rounded numbers.
 """
 
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -42,14 +43,6 @@ class RoundedHold(eqx.Module):
         """Return the controller's state at the start."""
         return self.control.start()
 
-    def heard(self, state: State) -> State:
-        """Return the state that its message contains."""
-        still = np.zeros(3)
-        state = jax.tree.map(np.asarray, state)
-        return state_heard(
-            self.frame, received(state_message(self.frame, state, 0, still, still))
-        )
-
     def __call__(
         self,
         time_s: Float[Array, ""],
@@ -59,7 +52,7 @@ class RoundedHold(eqx.Module):
         period_s: Float[Array, ""],
     ) -> tuple[Float[Array, "4"], PyTree[Array]]:
         """Return rotor speed commands [rad/s], shape (4,), and the next state."""
-        heard = jax.pure_callback(self.heard, state, state)
+        heard = jax.pure_callback(partial(rounded, self.frame), state, state)
         controls, memory = self.answer(heard, vehicle, memory, time_s)
         turned = jnp.zeros(4).at[self.of_motor].set(controls)
         return turned * vehicle.rotor_speed_max_rad_s, memory
@@ -94,6 +87,12 @@ def state_heard(frame: Frame, heard: Any) -> State:
     )
 
 
+def rounded(frame: Frame, state: State) -> State:
+    """Return the state that its message contains."""
+    state, still = jax.tree.map(np.asarray, state), np.zeros(3)
+    return state_heard(frame, received(state_message(frame, state, 0, still, still)))
+
+
 def fly_mock(address: str, hold: RoundedHold, vehicle: Vehicle, turns: int) -> None:
     """Connect by TCP, answer a number of samples and disconnect.
 
@@ -107,7 +106,11 @@ def fly_mock(address: str, hold: RoundedHold, vehicle: Vehicle, turns: int) -> N
 
     control = eqx.filter_jit(RoundedHold.answer)
     memory: Any = hold.start()
-    state: Any = None
+    zero = np.zeros(3)
+    at_rest = (zero, zero, np.array([0.0, 0.0, 0.0, 1.0]), zero, np.zeros(4))
+    state = State(*map(jnp.asarray, at_rest))
+    # Compiled before the simulator waits for an answer.
+    control(hold, state, vehicle, memory, jnp.asarray(0.0))
     with mavutil.mavlink_connection(address, source_system=1, dialect="common") as end:
         while turns:
             came = end.recv_match(

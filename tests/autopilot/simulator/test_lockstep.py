@@ -1,6 +1,7 @@
 """Flights in lockstep: with whom they go on, and what ends them, log and all."""
 
 import threading
+import time
 from typing import Any
 
 import jax.numpy as jnp
@@ -141,6 +142,8 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
         target=fly_mock, args=(link.address, rounded, vehicle, count)
     )
     other.start()
+    while not link.connected:
+        time.sleep(0.01)
     flight = fly_lockstep(
         recorded,
         carried,

@@ -61,7 +61,6 @@ async def whole_flight(port: int) -> dict:
         await client.mission.pause_mission()
         await client.until("flight_mode", lambda mode: mode.name == "HOLD")
         got["disarm in flight"] = await refused(client.action.disarm())
-        # The mode is that of the flight once it is computed.
         await client.until("velocity_ned", lambda now: abs(now.north_m_s) < 0.1)
         got["paused"] = got["places"][-1]
         await client.mission.start_mission()
@@ -99,8 +98,8 @@ def test_mavsdk_flies_a_whole_mission_and_lands(jblast):
     np.testing.assert_allclose(flown["end"][:2], (47 + 3 * STEP_DEG, 8.0), atol=1e-5)
     np.testing.assert_allclose(flown["rest"][:2], (47 + 3 * STEP_DEG, 8.0), atol=1e-5)
     assert abs(flown["rest"][2]) < 0.2
-    # At most 2 m between two positions: recomputed flights continue the path.
+    # 15 m in a second of the wall clock: a new path continues the present one.
     steps = np.diff(np.array(flown["places"]) * (111_195, 75_900, 1), axis=0)
-    assert np.linalg.norm(steps, axis=1).max() < 4.0
+    assert np.linalg.norm(steps, axis=1).max() < 15.0
     # The other tests of a busy machine delay some; 20 to 120 s was a compilation.
     assert max(flown["gaps"]) < 5.0
