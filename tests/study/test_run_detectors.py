@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import soundfile
@@ -161,9 +162,9 @@ def test_a_flash_has_its_direction_though_the_camera_turns(scene):
     time_s = np.linspace(0.0, 10.0, 201)
     yaw = 0.5 * 0.8 * time_s
     path = CameraPath(
-        time_s,
-        np.stack([2 * time_s, 0 * time_s, 3 + 0 * time_s], axis=1),
-        np.stack([0 * yaw, 0 * yaw, np.sin(yaw), np.cos(yaw)], axis=1),
+        jnp.asarray(time_s),
+        jnp.stack([2 * time_s, 0 * time_s, 3 + 0 * time_s], axis=1),
+        jnp.stack([0 * yaw, 0 * yaw, np.sin(yaw), np.cos(yaw)], axis=1),
     )
     forward = np.array([-0.5, 0.5, -0.5, 0.5])
     camera = replace(
@@ -171,15 +172,16 @@ def test_a_flash_has_its_direction_though_the_camera_turns(scene):
     )
     first_s, seen = 1.0, []
     # to the left of the vehicle, which has turned by 0.8 rad from east
-    at = carried_camera(camera, path, first_s)
+    at = carried_camera(camera, path, jnp.asarray(first_s))
     place = np.asarray(at.position) + 30 * np.array([np.cos(0.9), np.sin(0.9), -0.1])
     for since_s in 0.01 * np.arange(1, 6):
-        there = carried_camera(camera, path, first_s + since_s)
+        there = carried_camera(camera, path, jnp.asarray(first_s + since_s))
         x_px, y_px = np.asarray(project(there, place).pixel).tolist()
         seen.append(Silhouette(first_s + since_s, 3.0, x_px, y_px, 28.0, False))
     flash = Flash(9.0, 1.06, 101, growth(seen, first_s), tuple(seen), None)
     carried = replace(scene, camera=camera)
     found = RunDetectors(carried, arrivals(), SHOTS, path=path).direction(flash)
+    assert found is not None
     # 0.04 rad of the turn are between first light and the last silhouette
     assert found.bearing_rad == pytest.approx(np.pi / 2 - 0.9, abs=2e-3)
     assert found.elevation_rad == pytest.approx(-np.arctan(0.1), abs=2e-3)
