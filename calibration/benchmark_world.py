@@ -296,8 +296,9 @@ def _longest_wave_s(scenes: Scene) -> float:
 
     def one(scene: Scene) -> Any:
         load = blast_load(scene)
-        waves = [load.wave_of(blast, jnp.asarray(PLACE)) for blast in load.waves]
-        return jnp.stack([wave.duration_s + wave.suction_s for wave in waves]).max()
+        place = jnp.asarray(PLACE)
+        waves = jax.vmap(lambda blast: blast.wave(load.air, place))(load.waves)
+        return jnp.max(waves.duration_s + waves.suction_s)
 
     return float(jax.jit(jax.vmap(one))(scenes).max())
 

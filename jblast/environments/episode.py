@@ -430,13 +430,13 @@ def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Wind
         params: Parameters of the environment.
         start: Initial position of the episode.
     """
-    (blast,) = load.blasts
+    blast = jax.tree.map(lambda x: x[0], load.blasts)
     place, body = jnp.stack(start), required_body(params.vehicle.body)
     way = place - blast.position_m
     # The duration is not monotonic in distance near the charge, so three distances are
     # compared.
     shares = jnp.asarray([0.5, 1.0, 2.0], way.dtype)
-    waves = load.wave_of(blast, blast.position_m[None] + shares[:, None] * way[None])
+    waves = blast.wave(load.air, blast.position_m[None] + shares[:, None] * way[None])
     slowest = jax.tree.map(lambda x: jnp.broadcast_to(x, shares.shape)[-1], waves)
     wind = jnp.sqrt(jnp.sum(jnp.square(load.wind_m_s)))
     # Twice the wind as in `quiet_until`; 1 m/s avoids a division by zero.

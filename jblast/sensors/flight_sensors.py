@@ -49,7 +49,6 @@ from jblast.sensors.imu import (
 )
 from jblast.types import as_numbers
 from jblast.vehicle import BlastLoad, State
-from jblast.vehicle.loads.blast import map_grouped
 from jblast.vehicle.loads.blast_wave import Blast, overpressure
 from jblast.waves.propagation import HYDROSTATIC_GRADIENT, LAPSE_RATE
 
@@ -337,13 +336,11 @@ def blast_overpressure(
     """
 
     def of(blast: Blast) -> Float[Array, "..."]:
-        # not from the arrival time, which float32 rounds on a clock of many minutes; a
-        # blast that never detonates has a wave without pressure
-        since = time_s - blast.by(jnp.zeros_like(blast.time_s)).time_s
-        since = since - blast.travel_time_s(load.surroundings(), position_m)
-        return overpressure(load.wave_of(blast, position_m), since)
+        # not from the arrival time, which float32 rounds on a clock of many minutes
+        since = time_s - blast.time_s - blast.travel_time_s(load.air, position_m)
+        return overpressure(blast.wave(load.air, position_m), since)
 
-    return load.pressure_pa * sum(map_grouped(of, load.waves), jnp.zeros_like(time_s))
+    return load.pressure_pa * jnp.sum(load.of_waves(of, 0.0), axis=0)
 
 
 def lagging(

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jblast.errors import require
 from jblast.registry import Law, declared_scatter, mark_packaged, register
 from jblast.scene import Charge, Scene
-from jblast.scene.charge import BURSTS, Burst
+from jblast.scene.charge import Burst
 from jblast.types import Array, Bool, Float, namespace
 from jblast.waves.paths import Path
 from jblast.waves.propagation import ambient, sound_speed_of
@@ -41,42 +41,44 @@ def jolts(scene: Scene, charge: Charge, path: Path) -> Float[Array, "row 3"]:
     east = jnp.zeros_like(toward).at[:, 0].set(path.slant_range)
     place = jnp.where(range_alone[:, None], east, -toward)
 
-    def by(burst: Burst) -> Float[Array, "row 3"]:
-        return jax.vmap(lambda at: _jolt(at, scene, charge, burst))(place)
-
-    if path.burst is not None:
-        return by(path.burst)
-    surface, free_air = map(by, BURSTS)
-    weight = jnp.broadcast_to(path.free_air, len(place)).astype(place.dtype)[:, None]
-    return weight * free_air + (1 - weight) * surface
+    free_air = float(path.burst == "free-air") if path.burst else path.free_air
+    weight = jnp.broadcast_to(free_air, len(place)).astype(place.dtype)
+    return jax.vmap(lambda at, high: _jolt(at, scene, charge, high))(place, weight)
 
 
 def _jolt(
-    place: Float[Array, "3"], scene: Scene, charge: Charge, burst: Burst
+    place: Float[Array, "3"], scene: Scene, charge: Charge, free_air: Float[Array, ""]
 ) -> Float[Array, "3"]:
     """Return the jolt of the vehicle at a position relative to the charge."""
     # imported here: most logs have no jolts, and the vehicle is slow to import
-    from jblast.vehicle import named
+    from jblast.vehicle import BlastLoad, named
     from jblast.vehicle.control.allocation import hover_in_wind
-    from jblast.vehicle.loads.blast import jolt_velocity
-    from jblast.vehicle.loads.blast_wave import Blast, Surroundings
+    from jblast.vehicle.loads.blast_wave import Blast
 
     blast = Blast(
         position_m=jnp.zeros(3),
         time_s=jnp.zeros(()),
         mass_kg=charge.tnt_mass("peak_overpressure_pa"),
         impulse_mass_kg=charge.tnt_mass("positive_impulse_pa_s"),
-        burst=burst,
+        free_air=free_air,
     )
     air, spec = scene.air, scene.vehicle
     assert spec is not None
     wind = jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east])
-    around = Surroundings(ambient(air)[1], sound_speed_of(air), wind)
     # the model is a constant: evaluated at once, not traced into the program
     with jax.ensure_compile_time_eval():
         vehicle = named(spec.model)
+    load = BlastLoad(
+        waves=jax.tree.map(lambda x: x[None], blast),
+        charges=1,
+        pressure_pa=ambient(air)[1],
+        sound_speed_m_s=sound_speed_of(air),
+        wind_m_s=wind,
+    )
     state = hover_in_wind(vehicle, place, spec.yaw, wind)
-    return jolt_velocity(blast, around, vehicle, state)
+    begins_s, ends_s = load.span_s(place, vehicle)
+    push, _ = load.impulse(begins_s[0], ends_s[0], state, vehicle)
+    return push / vehicle.mass_kg
 
 
 def jolt_speed(

@@ -38,7 +38,6 @@ from jblast.vehicle import (
     vehicle_of,
 )
 from jblast.vehicle.from_scene import free_air_at
-from jblast.vehicle.loads.blast import map_grouped
 from jblast.vehicle.loads.blast_wave import Blast
 from jblast.vehicle.loads.impulse_table import custom_profile
 from jblast.vehicle.metrics import THRESHOLDS
@@ -398,9 +397,13 @@ def _in_fire(
         life = fireball_duration(charge.tnt_mass("fireball_radius_m"))
         return (since > 0) & (since < life) & (away < jnp.square(ball.radius))
 
-    # without names, charges of one kind are evaluated as one batch
-    unnamed = [replace(charge, name="") for charge in scene.charges]
-    inside = jnp.stack(map_grouped(burns_about, unnamed)).any(axis=0)
+    # as charges of TNT, which are one batch
+    alike = [
+        Charge(charge.tnt_mass("fireball_radius_m"), charge.position_m, charge.time_s)
+        for charge in scene.charges
+    ]
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), *alike)
+    inside = jax.vmap(burns_about)(stacked).any(axis=0)
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))
 
 
@@ -472,17 +475,16 @@ def encounter_at(
         # no division by zero for a vehicle at the position of the charge
         positive = jnp.maximum(distance, 1e-9)
         scaled = scaled_distance(positive, blast.mass_kg, load.pressure_pa)
-        return distance, scaled, load.wave_of(blast, position_m).peak, blast.never
+        peak = blast.wave(load.air, position_m).peak
+        return distance, scaled, jnp.where(jnp.isposinf(blast.time_s), 0.0, peak)
 
-    found = zip(*map_grouped(met, load.blasts), strict=True)
-    distances, scaled, peaks, never = map(jnp.stack, found)
+    distances, scaled, peaks = jax.vmap(met)(load.blasts)
     return Encounter(
         arrival_at(load, position_m, quaternion),
         distances,
         scaled,
         peaks * load.pressure_pa,
-        # a blast that does not occur has a known load: none
-        load.in_range(position_m) | never,
+        load.in_range(position_m),
     )
 
 

@@ -4,19 +4,16 @@ Every charge of the scene gives one blast; a burst in free air gives a second on
 reflection from the ground.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
-from itertools import compress
 
+import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene, VehicleSpec
-from jblast.scene.charge import Burst
 from jblast.vehicle.control.allocation import rotor_speeds
 from jblast.vehicle.loads.blast import BlastLoad
 from jblast.vehicle.loads.blast_wave import Blast
@@ -63,9 +60,9 @@ def blast_load(
 
     Args:
         scene: Charges and air. Its laws are not used: the loads have their own
-            (`loads.blast_wave`). Without a stated burst, the curve set of a charge
-            follows from its height and the start of the scene's vehicle. If the height
-            is traced, as under `vmap`, the surface curves are used.
+            (`loads.blast_wave`). Without a stated burst, the curves of a charge follow
+            from its height and the start of the scene's vehicle; without a vehicle, a
+            traced height counts as the ground.
         drag: Include the drag of the blast wind on the body.
         front: Include the impulse of the front that crosses the body.
         rotors: Include the rotors' forces in the blast wind.
@@ -76,40 +73,44 @@ def blast_load(
             ground has no stated burst and the scene has no vehicle.
     """
     air = scene.air
-    blasts = tuple(_blast(charge, scene) for charge in scene.charges)
-    ups = [blast.position_m[..., 2] for blast in blasts]
-    # A traced height may be above the ground. For a known one on the ground an image
-    # would only add work: it is one more blast in every step.
-    above = [isinstance(up, Tracer) or np.any(np.asarray(up) > 0) for up in ups]
+    free_air = [_free_air(charge, scene) for charge in scene.charges]
+    pairs = list(zip(scene.charges, free_air, strict=True))
+    blasts = [_blast(charge, weight) for charge, weight in pairs]
+    # An image that is known never to detonate would only add work: it is one more wave
+    # in every step.
+    images = [
+        image_of(blast)
+        for blast, (charge, weight) in zip(blasts, pairs, strict=True)
+        if reflection and _may_exceed_0(charge.up) and _may_exceed_0(weight)
+    ]
     return BlastLoad(
-        blasts=blasts,
+        waves=jax.tree.map(lambda *x: jnp.stack(x), *blasts, *images),
+        charges=len(blasts),
         pressure_pa=ambient(air)[1],
         sound_speed_m_s=sound_speed_of(air),
         wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
         drag=drag,
         front=front,
         rotors=rotors,
-        images=images_of(list(compress(blasts, above))) if reflection else (),
     )
 
 
-def images_of(blasts: Sequence[Blast]) -> tuple[Blast, ...]:
-    """Return the mirror images of bursts in free air, in the ground at up = 0.
+def _may_exceed_0(value: float | Array) -> bool:
+    return isinstance(value, Tracer) or float(value) > 0
 
-    Args:
-        blasts: Charges; the image of a charge not above the ground never detonates.
+
+def image_of(blast: Blast) -> Blast:
+    """Return the mirror image of a charge, in the ground at up = 0.
+
+    That of a charge not above the ground, or with the curves of the surface, never
+    detonates.
     """
-    found = []
-    for blast in blasts:
-        if blast.burst != "free-air":
-            continue
-        up = blast.position_m[..., 2]
-        mirrored = blast.position_m * jnp.array([1.0, 1.0, -1.0], up.dtype)
-        # Heights may be traced, so an image cannot be left out: an infinite time
-        # disables it.
-        time = jnp.where(up > 0, blast.time_s, jnp.inf)
-        found.append(replace(blast, position_m=mirrored, time_s=time))
-    return tuple(found)
+    reflects = (blast.position_m[2] > 0) & (blast.free_air > 0)
+    return replace(
+        blast,
+        position_m=blast.position_m * jnp.array([1.0, 1.0, -1.0]),
+        time_s=jnp.where(reflects, blast.time_s, jnp.inf),
+    )
 
 
 def free_air_at(scene: Scene, charge: Charge, place: Array) -> Float[Array, " place"]:
@@ -119,11 +120,11 @@ def free_air_at(scene: Scene, charge: Charge, place: Array) -> Float[Array, " pl
     return path_between(scene, any_burst, place, nothing, nothing).free_air
 
 
-def _burst(charge: Charge, scene: Scene) -> Burst:
-    if charge.burst is not None:
-        return charge.burst
-    if isinstance(charge.up, Tracer) or not float(charge.up) > 0.0:
-        return "surface"
+def _free_air(charge: Charge, scene: Scene) -> float | Float[Array, ""]:
+    """Return the weight of the free-air curves: 0 or 1."""
+    unplaced = scene.vehicle is None and isinstance(charge.up, Tracer)
+    if charge.burst is not None or unplaced or not _may_exceed_0(charge.up):
+        return float(charge.burst == "free-air")
     if scene.vehicle is None:
         raise InputError(
             "charge burst: expected 'surface' or 'free-air' for a charge above the "
@@ -131,12 +132,11 @@ def _burst(charge: Charge, scene: Scene) -> Burst:
             "follows from the vehicle's position"
         )
     place = jnp.asarray(scene.vehicle.position)[None, :]
-    return (
-        "free-air" if float(free_air_at(scene, charge, place)[0]) >= 1.0 else "surface"
-    )
+    high = free_air_at(scene, charge, place)[0] >= 1.0
+    return jnp.where((charge.up > 0.0) & high, 1.0, 0.0)
 
 
-def _blast(charge: Charge, scene: Scene) -> Blast:
+def _blast(charge: Charge, free_air: float | Float[Array, ""]) -> Blast:
     if charge.range_m is not None:
         raise InputError(
             "charge range: expected a position of the charge for a scene with a "
@@ -147,5 +147,5 @@ def _blast(charge: Charge, scene: Scene) -> Blast:
         time_s=charge.time_s,
         mass_kg=charge.tnt_mass("peak_overpressure_pa"),
         impulse_mass_kg=charge.tnt_mass("positive_impulse_pa_s"),
-        burst=_burst(charge, scene),
+        free_air=free_air,
     )

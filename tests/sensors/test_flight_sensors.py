@@ -24,6 +24,7 @@ from jblast.sensors.flight_sensors import (
     pressure_at,
 )
 from jblast.vehicle import State, blast_load
+from tests.vehicle.loads.blast.hovering import wave_at
 
 FIELD = Magnetometer(jnp.array([0.0, 0.2, -0.4]))
 PERIOD, TURNS, SPEED = 0.004, 200, 5.0
@@ -111,7 +112,7 @@ def test_overpressure_is_that_of_the_wave():
     load = blast_load(Scene(charges=(charge, never), vehicle=vehicle))
     place = vehicle.position
     arrival = load.arrival_time_s(place)[0]
-    wave = load.wave_of(load.blasts[0], place)
+    wave = wave_at(load, place)
     lowest = arrival + wave.duration_s + wave.suction_s / 3
     moments = jnp.stack([arrival - 1e-6, arrival + 1e-9, lowest])
     expected = np.array([0.0, float(wave.peak), -float(wave.suction)]) * 101_325

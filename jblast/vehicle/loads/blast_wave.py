@@ -38,7 +38,6 @@ constant share of the peak. Below Z = 0.07 all curves are constant; above Z = 10
 are power laws.
 """
 
-from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
@@ -162,65 +161,6 @@ class Wave(NamedTuple):
     afterflow_m_s2: Float[Array, "..."]
 
 
-def arrival_time(
-    distance_m: Float[Array, "..."],
-    mass_kg: Float[Array, "..."],
-    pressure_pa: Float[Array, "..."],
-    sound_speed_m_s: Float[Array, "..."],
-    burst: str,
-) -> Float[Array, "..."]:
-    """Return the time from detonation to the front [s].
-
-    Args:
-        distance_m: Range $R$ [m], positive.
-        mass_kg: TNT mass of equal pressure [kg].
-        pressure_pa: Ambient $P_0$ [Pa].
-        sound_speed_m_s: $c_0$ [m/s].
-        burst: "surface" or "free-air".
-    """
-    log_z = _clamped(log_scaled_distance(distance_m, mass_kg, pressure_pa))
-    fraction = jnp.exp(wave_curves(burst).sound_fraction(log_z))
-    return distance_m / sound_speed_m_s * fraction
-
-
-def wave_at(
-    distance_m: Float[Array, "..."],
-    mass_kg: Float[Array, "..."],
-    impulse_mass_kg: Float[Array, "..."],
-    pressure_pa: Float[Array, "..."],
-    sound_speed_m_s: Float[Array, "..."],
-    burst: str,
-) -> Wave:
-    """Return the wave at a distance.
-
-    Args:
-        distance_m: Range $R$ [m], positive.
-        mass_kg: TNT mass of equal pressure, for peak, decay and suction [kg].
-        impulse_mass_kg: TNT mass of equal impulse, for the duration [kg].
-        pressure_pa: Ambient $P_0$ [Pa].
-        sound_speed_m_s: $c_0$ [m/s].
-        burst: "surface" or "free-air".
-    """
-    curves = wave_curves(burst)
-    log_z = _clamped(log_scaled_distance(distance_m, mass_kg, pressure_pa))
-    own = _clamped(log_scaled_distance(distance_m, impulse_mass_kg, pressure_pa))
-    time = sachs_time_factor(impulse_mass_kg, pressure_pa, sound_speed_m_s)
-    peak, suction = (jnp.exp(curve(log_z)) for curve in (curves.peak, curves.suction))
-    decay = curves.decay(log_z)
-    duration = time * jnp.exp(curves.duration(own))
-    impulse = _pulse_impulse(jnp.ones_like(peak), peak, duration, decay)
-    return Wave(
-        peak=peak,
-        duration_s=duration,
-        decay=decay,
-        suction=suction,
-        suction_s=16 / 9 * impulse / suction,
-        sound_speed_m_s=sound_speed_m_s,
-        afterflow_m_s2=jnp.square(sound_speed_m_s)
-        / (AIR_HEAT_CAPACITY_RATIO * distance_m),
-    )
-
-
 def overpressure(wave: Wave, since_s: Float[Array, "..."]) -> Float[Array, "..."]:
     """Return overpressure over ambient pressure [-] at a time since arrival.
 
@@ -255,11 +195,6 @@ def density_ratio(overpressure: Float[Array, "..."]) -> Float[Array, "..."]:
         overpressure: Overpressure over ambient pressure [-], above -1.
     """
     return (7 + 6 * overpressure) / (7 + overpressure)
-
-
-def _clamped(log_z: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Return ln Z, at least the first node: no law is valid below."""
-    return jnp.maximum(log_z, jnp.log(jnp.asarray(FIRST, log_z.dtype)))
 
 
 def _phases(
@@ -300,34 +235,24 @@ class Surroundings(NamedTuple):
 
 
 class Blast(eqx.Module):
-    """Position, time and TNT masses of a charge.
+    """Position, time and TNT masses of a charge, or of several along the last axis.
+
+    The methods are those of a single one.
 
     Attributes:
         position_m: East, north, up.
         time_s: Time of detonation; infinite: it never happens.
         mass_kg: TNT mass of equal pressure.
         impulse_mass_kg: TNT mass of equal impulse.
-        burst: "surface" or "free-air".
+        free_air: Weight of the curves of a burst in free air: 0 for one on the surface,
+            between 0 and 1 the curves are blended in their logarithms.
     """
 
     position_m: Float[Array, "*batch 3"] = eqx.field(converter=as_numbers)
     time_s: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
     mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
     impulse_mass_kg: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
-    burst: str = eqx.field(static=True, default="surface")
-
-    @property
-    def never(self) -> Bool[Array, "*batch"]:
-        """True for a blast that never happens."""
-        return jnp.isposinf(self.time_s)
-
-    def by(self, time_s: Float[Array, "..."]) -> "Blast":
-        """Return the blast with a finite time: `time_s` instead of an infinite one.
-
-        For computations that are masked afterwards: an infinite time gives NaN
-        gradients, masked or not.
-        """
-        return replace(self, time_s=jnp.where(self.never, time_s, self.time_s))
+    free_air: Float[Array, "*batch"] = eqx.field(converter=as_numbers)
 
     def way(
         self, air: Surroundings, position_m: Float[Array, "... 3"]
@@ -349,19 +274,79 @@ class Blast(eqx.Module):
     ) -> Float[Array, "..."]:
         """Return the time from detonation to the front [s]."""
         distance, _, speed = self.way(air, position_m)
-        return arrival_time(distance, self.mass_kg, air.pressure_pa, speed, self.burst)
+        log_z = log_scaled_distance(distance, self.mass_kg, air.pressure_pa)
+        fraction = jnp.exp(self._curve("sound_fraction", log_z))
+        return distance / speed * fraction
 
     def wave(self, air: Surroundings, position_m: Float[Array, "... 3"]) -> Wave:
         """Return the wave at positions."""
         distance, _, _ = self.way(air, position_m)
-        return wave_at(
-            distance,
-            self.mass_kg,
-            self.impulse_mass_kg,
-            air.pressure_pa,
-            air.sound_speed_m_s,
-            self.burst,
+        pressure, sound_speed = air.pressure_pa, air.sound_speed_m_s
+        log_z, own = (
+            log_scaled_distance(distance, mass, pressure)
+            for mass in (self.mass_kg, self.impulse_mass_kg)
         )
+        peak, suction = (jnp.exp(self._curve(n, log_z)) for n in ("peak", "suction"))
+        decay = self._curve("decay", log_z)
+        time = sachs_time_factor(self.impulse_mass_kg, pressure, sound_speed)
+        duration = time * jnp.exp(self._curve("duration", own))
+        impulse = _pulse_impulse(jnp.ones_like(peak), peak, duration, decay)
+        return Wave(
+            peak=peak,
+            duration_s=duration,
+            decay=decay,
+            suction=suction,
+            suction_s=16 / 9 * impulse / suction,
+            sound_speed_m_s=sound_speed,
+            afterflow_m_s2=jnp.square(sound_speed)
+            / (AIR_HEAT_CAPACITY_RATIO * distance),
+        )
+
+    def _curve(self, name: str, log_z: Float[Array, "..."]) -> Float[Array, "..."]:
+        # No law is valid below the first node.
+        inside = jnp.maximum(log_z, jnp.log(jnp.asarray(FIRST, log_z.dtype)))
+        surface, free_air = (getattr(wave_curves(b), name)(inside) for b in RANGE)
+        return surface + self.free_air * (free_air - surface)
+
+
+class NodePlace(NamedTuple):
+    """Position of a quadrature node in its phase, or arrays over all nodes.
+
+    Attributes:
+        share: Share of its phase, 0 to 1.
+        weight: Weight of the rule.
+        later: True in the negative phase.
+    """
+
+    share: Float[Array, "*node"]
+    weight: Float[Array, "*node"]
+    later: Bool[Array, "*node"]
+
+
+class Node(NamedTuple):
+    """Wave at a node.
+
+    Attributes:
+        since: Time since arrival [s].
+        part: Weight of the node, in time of the flight [s].
+        wind: Speed [m/s].
+        density: [kg/m3].
+    """
+
+    since: Number
+    part: Number
+    wind: Number
+    density: Number
+
+
+def nodes(dtype: np.dtype) -> NodePlace:
+    """Return all nodes in order of time: Gauss's rule in each phase."""
+    place, weight = np.polynomial.legendre.leggauss(NODES)
+    return NodePlace(
+        jnp.asarray(np.tile((place + 1) / 2, 2), dtype),
+        jnp.asarray(np.tile(weight / 2, 2), dtype),
+        jnp.asarray(np.repeat([False, True], NODES)),
+    )
 
 
 class Passage(NamedTuple):
@@ -374,7 +359,6 @@ class Passage(NamedTuple):
         end_s: Time since arrival at its end.
         rate: Change of the time since arrival per time; not 1 if the vehicle moves
             along the wave's direction.
-        front_speed_m_s: Speed of the front over ground.
         air_density: Ambient density [kg/m3].
     """
 
@@ -383,8 +367,22 @@ class Passage(NamedTuple):
     start_s: Number
     end_s: Number
     rate: Number
-    front_speed_m_s: Number
     air_density: Number
+
+    def node(self, place: NodePlace) -> Node:
+        """Return the wave at a node."""
+        wave = self.wave
+        zero, past = jnp.zeros_like(self.end_s), wave.duration_s + wave.suction_s
+        first, middle, last = (
+            jnp.clip(edge, self.start_s, self.end_s)
+            for edge in (zero, wave.duration_s, past)
+        )
+        begin = jnp.where(place.later, middle, first)
+        width = jnp.where(place.later, last - middle, middle - first)
+        since = begin + width * place.share
+        density = self.air_density * density_ratio(overpressure(wave, since))
+        part = place.weight * width / self.rate
+        return Node(since, part, wind_speed(wave, since), density)
 
 
 def blast_passage(
@@ -416,16 +414,14 @@ def blast_passage(
     half = blast.wave(air, state.position_m + met * way).duration_s / 2
     left = jnp.minimum(1, met + half / step)
     place = state.position_m + (met + left) / 2 * way
-    _, away, speed = blast.way(air, place)
-    wave = blast.wave(air, place)
+    _, away, _ = blast.way(air, place)
     density = AIR_HEAT_CAPACITY_RATIO * air.pressure_pa
     return Passage(
-        wave=wave,
+        wave=blast.wave(air, place),
         away=three(away),
         start_s=first,
         end_s=last,
         rate=(last - first) / step,
-        front_speed_m_s=speed * jnp.sqrt(1 + 6 / 7 * wave.peak),
         air_density=density / jnp.square(air.sound_speed_m_s),
     )
 
@@ -456,87 +452,3 @@ def front_impulse(
     crossed = jnp.clip(since_s / crossing_time(body, wave) + 0.5, 0, 1)
     moved = passage.air_density * body.volume_m3 * (1 + body.added_mass_coefficient)
     return moved * crossed * wind_speed(wave, jnp.maximum(since_s, 0))
-
-
-class NodePlace(NamedTuple):
-    """Position of a quadrature node in its phase, or arrays over all nodes.
-
-    Attributes:
-        share: Share of its phase, 0 to 1.
-        weight: Weight of the rule.
-        later: True in the negative phase.
-    """
-
-    share: Float[Array, "..."]
-    weight: Float[Array, "..."]
-    later: Bool[Array, "..."]
-
-
-class Node(NamedTuple):
-    """Wave at a node.
-
-    Attributes:
-        since: Time since arrival [s].
-        width: Duration of its phase within the step, in time of the flight [s].
-        wind: Speed [m/s].
-        density: [kg/m3].
-    """
-
-    since: Number
-    width: Number
-    wind: Number
-    density: Number
-
-
-def _gauss() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss's rule on 0 to 1: nodes, weights, and integration matrix to each node."""
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
-    nodes, weights = (nodes + 1) / 2, weights / 2
-    # Lagrange's basis in Legendre polynomials, whose integrals stay well conditioned.
-    legendre = np.polynomial.legendre
-    basis = np.linalg.inv(legendre.legvander(2 * nodes - 1, NODES - 1))
-    so_far = np.stack(
-        [
-            legendre.legval(2 * nodes - 1, legendre.legint(column, lbnd=-1)) / 2
-            for column in basis.T
-        ],
-        axis=1,
-    )
-    return nodes, weights, so_far
-
-
-PLACES, WEIGHTS, SO_FAR = _gauss()
-
-
-def places(dtype: np.dtype) -> NodePlace:
-    """Return all nodes, those of the positive phase first."""
-    return NodePlace(
-        jnp.asarray(np.tile(PLACES, 2), dtype),
-        jnp.asarray(np.tile(WEIGHTS, 2), dtype),
-        jnp.asarray(np.repeat([False, True], NODES)),
-    )
-
-
-def until(value: Float[Array, " node"]) -> Float[Array, " node"]:
-    """Integrate from the step's beginning to each node.
-
-    Args:
-        value: Integrand at all nodes, times the duration of their phase.
-    """
-    whole = np.tile(WEIGHTS, (NODES, 1))
-    matrix = np.block([[SO_FAR, 0 * SO_FAR], [whole, SO_FAR]])
-    return jnp.asarray(matrix, value.dtype) @ value
-
-
-def node_at(passage: Passage, end_s: Number, place: NodePlace) -> Node:
-    """Return the wave at a node of the part of a passage before `end_s` [s]."""
-    wave = passage.wave
-    zero, past = jnp.zeros_like(end_s), wave.duration_s + wave.suction_s
-    first, middle, last = (
-        jnp.clip(edge, passage.start_s, end_s) for edge in (zero, wave.duration_s, past)
-    )
-    begin = jnp.where(place.later, middle, first)
-    width = jnp.where(place.later, last - middle, middle - first)
-    since = begin + width * place.share
-    density = passage.air_density * density_ratio(overpressure(wave, since))
-    return Node(since, width / passage.rate, wind_speed(wave, since), density)

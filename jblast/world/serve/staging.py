@@ -35,13 +35,12 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import require
 from jblast.kept_programs import kept
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
-from jblast.scene.charge import BURSTS
 from jblast.sensors import Track, Wave, record_laws, recording, waves
 from jblast.sensors.noise import BLOCK
 from jblast.sensors.waves_met import IN_AIR, IN_GROUND
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
-from jblast.vehicle.from_scene import images_of
-from jblast.vehicle.loads.blast_wave import Blast, crossing_time
+from jblast.vehicle.from_scene import image_of
+from jblast.vehicle.loads.blast_wave import Blast
 from jblast.waves.propagation import TAIL_S, ambient, sound_speed_of
 from jblast.waves.pulse import GroundPulse
 from jblast.world.drawn import DrawnWorld
@@ -198,43 +197,40 @@ def announced_load(
     air: Air,
     *,
     since_s: float = 0.0,
-    room: int = 4,
+    room: int = 8,
 ) -> BlastLoad:
     """Return the load of announced blasts, for successive short flights.
 
     Args:
-        announced: The blasts, of both curve sets in any order.
+        announced: The blasts, in any order.
         air: Ambient air of the world.
         since_s: Beginning of the flight, where its own clock is 0 [s].
-        room: Number of blasts per curve set; the load is padded with blasts that never
-            happen, so that one program serves any number.
+        room: Number of blasts; the load is padded with blasts that never happen, so
+            that one program serves any number.
 
     Raises:
         InputError: There are more blasts than `room`.
     """
-    blasts = []
-    for burst in BURSTS:
-        found = [
-            Blast(
-                one.position_m,
-                one.time_s - since_s,
-                one.pressure_mass_kg,
-                one.impulse_mass_kg,
-                burst,
-            )
-            for one in announced
-            if one.burst == burst
-        ]
-        expected = f"at most {room} simultaneous blasts of burst {burst!r}"
-        require(len(found) <= room, "announced", expected, len(found))
-        never = Blast([1e3, 0.0, 0.0], math.inf, 1.0, 1.0, burst)
-        blasts += found + [never] * (room - len(found))
+    expected = f"at most {room} simultaneous blasts"
+    require(len(announced) <= room, "announced", expected, len(announced))
+    blasts = [
+        Blast(
+            one.position_m,
+            one.time_s - since_s,
+            one.pressure_mass_kg,
+            one.impulse_mass_kg,
+            float(one.burst == "free-air"),
+        )
+        for one in announced
+    ]
+    never = Blast([1e3, 0.0, 0.0], math.inf, 1.0, 1.0, 1.0)
+    blasts += [never] * (room - len(blasts))
     return BlastLoad(
-        tuple(blasts),
+        jax.tree.map(lambda *x: jnp.stack(x), *blasts, *map(image_of, blasts)),
+        room,
         air.pressure_pa,
         air.sound_speed_m_s,
         jnp.asarray(air.wind_m_s),
-        images=images_of(blasts),
     )
 
 
@@ -325,16 +321,16 @@ class Stager:
             for records in samples.values()
             for rows in records
         ]
-        (blast,) = load.blasts
+        blast = load.blasts
         announced = Announcement(
             charge.name,
             revision,
             float(charge.time_s),
             np.array([float(x) for x in charge.position_m]),
             float(charge.mass_kg),
-            float(blast.mass_kg),
-            float(blast.impulse_mass_kg),
-            blast.burst,
+            float(blast.mass_kg[0]),
+            float(blast.impulse_mass_kg[0]),
+            "free-air" if blast.free_air[0] > 0 else "surface",
             *arrivals,
             max(ends, default=-math.inf),
             pulse,
@@ -698,21 +694,8 @@ def _passing(
     load: BlastLoad, vehicle: Vehicle, state: State
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Return beginning and end of a blast's force, reflection included."""
-    assert vehicle.body is not None, "models have one"
-    body = vehicle.body
-
-    def times(blast: Blast) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        wave, never = load.wave_of(blast, state.position_m), blast.never
-        at_once = jnp.zeros_like(blast.time_s)
-        came = load.front_time_s(blast, state.position_m, at_once)
-        crossing = crossing_time(body, wave)
-        # 5 % more than the wave's duration, as in `BlastLoad.quiet_until`.
-        over = came + crossing + 1.05 * (wave.duration_s + wave.suction_s)
-        begins = jnp.where(never, jnp.inf, came - crossing)
-        return begins, jnp.where(never, -jnp.inf, over)
-
-    begins, ends = (jnp.stack(x) for x in zip(*map(times, load.waves), strict=True))
-    return jnp.min(begins), jnp.max(ends)
+    begins, ends = load.span_s(state.position_m, vehicle)
+    return jnp.min(begins), jnp.max(jnp.where(jnp.isposinf(ends), -jnp.inf, ends))
 
 
 @kept

@@ -1,4 +1,7 @@
-"""Loads of blasts on vehicles: impulse whatever the step, where and when it comes."""
+"""Loads of blasts: complete at any step, the momentum of a fine flight, gradients."""
+
+import dataclasses
+import functools
 
 import equinox as eqx
 import jax
@@ -7,20 +10,45 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.scene import Charge, Scene
+from jblast.scene import Air, Charge, Scene
 from jblast.vehicle import blast_load, named, simulate
-from jblast.vehicle.loads.blast_wave import density_ratio, overpressure, wind_speed
+from jblast.vehicle.loads.blast_wave import (
+    blast_passage,
+    density_ratio,
+    overpressure,
+    wind_speed,
+)
 from tests.vehicle.loads.blast.hovering import (
     CRAZYFLIE,
-    gained,
+    HEAVY,
     held,
     hovering,
+    impulse,
     plain,
     scene,
+    wave_at,
 )
 
 STEPS = [2e-3, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.5e-3, 10e-3))]
 """Of a flight [s]; each is a program of its own."""
+HIGH = Scene(Charge(1.0, (0.0, 0.0, 40.0), burst="free-air"))
+BESIDE = (14.0, 0.0, 20.0)
+
+
+@functools.cache
+def gained(mass: float, distance: float, step_s: float) -> np.ndarray:
+    """Return the velocity after a flight of 0.12 s through a blast."""
+    vehicle = plain(CRAZYFLIE)
+    flight = simulate(
+        vehicle,
+        hovering(vehicle, (distance, 0.0, 2.0)),
+        duration_s=0.12,
+        step_s=step_s,
+        loads=(blast_load(scene(mass)),),
+        store_every=10000,
+        backend="jax",
+    )
+    return np.asarray(flight.velocity_m_s[-1])
 
 
 @pytest.mark.parametrize("step", STEPS)
@@ -31,23 +59,50 @@ def test_a_flight_gains_the_same_velocity_at_any_step(mass, distance, step):
     assert np.linalg.norm(found - expected) / np.linalg.norm(expected) < 1e-3
 
 
+@pytest.mark.parametrize("parts", [{}, {"drag": False}])
+@pytest.mark.parametrize(("made", "place"), [(scene(), (5.0, 0, 2)), (HIGH, BESIDE)])
+def test_an_impulse_is_complete_however_steps_cut_it(made, place, parts):
+    """Whole waves, both of a burst in free air, in one step and in random ones."""
+    load, state = blast_load(made, **parts), hovering(HEAVY, place)
+    cuts = np.sort(np.random.default_rng(0).uniform(0.0, 0.4, 40))
+    whole = held(state, HEAVY, load, [0.0, 0.4])
+    given = held(state, HEAVY, load, [0.0, *cuts, 0.4])
+    front = held(state, HEAVY, load, [0.0, load.arrival_time_s(state.position_m)[0]])
+    scale = float(np.linalg.norm(whole) + np.linalg.norm(front))
+    # eight nodes a phase, in one of which the wind turns
+    np.testing.assert_allclose(given, whole, atol=1e-3 * scale)
+
+
+def test_past_the_crossing_both_fronts_have_given_their_jumps():
+    """Each is rho V (1 + C_m) u_s along its own way; the second comes from below."""
+    load, state = blast_load(HIGH, drag=False), hovering(HEAVY, BESIDE)
+    begins, ends = load.span_s(state.position_m, HEAVY)
+    assert begins[1] > ends[0]
+    air, place = load.air, state.position_m
+    travels = jax.vmap(lambda blast: blast.travel_time_s(air, place))(load.waves)
+    air, place = load.air, state.position_m
+    travels = jax.vmap(lambda blast: blast.travel_time_s(air, place))(load.waves)
+    for number, up in ((0, -20.0), (1, 60.0)):
+        way, came = np.array([14.0, 0.0, up]), travels[number]
+        given = held(state, HEAVY, load, [begins[number] - 1e-3, came + 1e-3])
+        wind = wind_speed(wave_at(load, BESIDE, number), jnp.asarray(1e-3))
+        jump = air_density(load) * HEAVY.body.volume_m3 * 1.5 * wind
+        expected = float(jump) * way / np.linalg.norm(way)
+        np.testing.assert_allclose(given, expected, rtol=3e-3)
+
+
+def air_density(load):
+    return 1.4 * load.pressure_pa / load.sound_speed_m_s**2
+
+
 def test_drag_of_a_body_that_stays_is_the_integral_of_its_wind():
-    load = blast_load(scene(), front=False, rotors=False)
-    heavy = plain(eqx.tree_at(lambda v: v.mass_kg, CRAZYFLIE, jnp.asarray(1e6)))
-    thrust = 1e6 * 9.81 / 4 / CRAZYFLIE.thrust_coefficient
-    state = eqx.tree_at(
-        lambda s: s.rotor_speed_rad_s,
-        hovering(CRAZYFLIE, (0.0, 5.0, 0.0)),
-        jnp.full(4, jnp.sqrt(thrust)),
-    )
-    wave, body = load.wave_of(load.blasts[0], state.position_m), heavy.body
+    load, state = blast_load(scene(), front=False), hovering(HEAVY, (0.0, 5.0, 0.0))
+    wave, body = wave_at(load, state.position_m), HEAVY.body
     since = jnp.linspace(0, 0.02, 200001)
     wind = wind_speed(wave, since)
-    density = 1.4 * load.pressure_pa / load.sound_speed_m_s**2
-    density = density * density_ratio(overpressure(wave, since))
+    density = air_density(load) * density_ratio(overpressure(wave, since))
     force = 0.5 * density * body.drag_coefficient * body.area_m2[1] * wind * abs(wind)
-    given = held(state, heavy, load, np.array([0.0, 0.1])).sum(axis=0)
-    # eight nodes a phase, in one of which the wind turns
+    given = held(state, HEAVY, load, [0.0, 0.1])
     np.testing.assert_allclose(given[1], jnp.trapezoid(force, since), rtol=1e-3)
     assert abs(given[0]) + abs(given[2]) < 1e-12
 
@@ -56,69 +111,142 @@ def test_the_wave_pushes_away_from_the_charge_and_turns_about_the_pressure_centr
     vehicle = named("iris")
     load = blast_load(scene(position_m=(1.0, 2.0, 0.5), burst="surface"), rotors=False)
     state = hovering(vehicle, (4.0, 6.0, 0.5))
-    push, turn = load.impulse(jnp.asarray(0.0), jnp.asarray(0.012), state, vehicle)
+    push, turn = impulse(load, 0.0, 0.012, state, vehicle)
     np.testing.assert_allclose(push[1] / push[0], 4 / 3, rtol=1e-3)
     assert vehicle.body is not None
     arm = vehicle.body.pressure_centre_m
     np.testing.assert_allclose(turn, jnp.cross(arm, push), rtol=1e-9, atol=1e-15)
 
 
-def test_rotors_in_a_still_wave_add_nothing_and_in_a_wind_their_drag():
+def test_rotors_before_the_wave_add_nothing_and_in_it_their_drag():
     load = blast_load(scene(), drag=False, front=False)
     state = hovering(CRAZYFLIE, (5.0, 0.0, 2.0))
-    before = load.impulse(jnp.asarray(0.0), jnp.asarray(0.005), state, CRAZYFLIE)
-    assert not np.any(np.asarray(before[0]))
-    after, _ = load.impulse(jnp.asarray(0.0), jnp.asarray(0.1), state, CRAZYFLIE)
-    wave = load.wave_of(load.blasts[0], state.position_m)
-    time = jnp.linspace(0, 0.02, 20001)
+    assert not np.any(impulse(load, 0.0, 0.005, state, CRAZYFLIE)[0])
+    after, _ = impulse(load, 0.0, 0.1, state, CRAZYFLIE)
+    wave, time = wave_at(load, state.position_m), jnp.linspace(0, 0.02, 20001)
     way = jnp.trapezoid(wind_speed(wave, time), time)
     speed, k_d = state.rotor_speed_rad_s[0], CRAZYFLIE.rotor_drag[0]
-    east = (5.0, 0.0, 2.0)[0] / np.hypot(5.0, 2.0)
     # 4e-3: within the step the gravity that the hover does not quite balance
-    np.testing.assert_allclose(after[0], 4 * speed * k_d * way * east, rtol=4e-3)
+    expected = 4 * speed * k_d * way * 5.0 / np.hypot(5.0, 2.0)
+    np.testing.assert_allclose(after[0], expected, rtol=4e-3)
 
 
-@pytest.mark.slow  # a program of two charges; test_never.py flies two
-def test_several_charges_add_up_each_at_its_own_time():
-    first, second = (
-        Charge(mass_kg=1.0, name="a"),
-        Charge(2.0, position_m=(0.0, 9.0, 0.0), name="b", time_s=1),
+def test_the_wave_of_a_step_is_that_halfway_through_what_passes():
+    """From where the front is met to the step's end, here before half of the phase."""
+    load = blast_load(scene())
+    blast, air = jax.tree.map(lambda x: x[0], load.blasts), load.air
+    start, fast = jnp.array([30.0, 0.0, 0.0]), jnp.array([100.0, 0.0, 0.0])
+    begin, step = blast.travel_time_s(air, start), jnp.asarray(2e-3)
+    state = hovering(CRAZYFLIE, (30.0, 0.0, 0.0), (100.0, 0.0, 0.0))
+    found = blast_passage(blast, air, begin, begin + step, state, jnp.zeros(3))
+    assert float(wave_at(load, start).duration_s) / 2 > 2e-3
+    expected = wave_at(load, start + step / 2 * fast).peak
+    np.testing.assert_allclose(found.wave.peak, expected, rtol=3e-4)
+
+
+def test_tail_wind_brings_the_front_earlier():
+    still, windy = blast_load(scene()), blast_load(Scene(air=Air(wind_east=10.0)))
+    place = jnp.array([100.0, 0.0, 0.0])
+    gain = still.arrival_time_s(place) / windy.arrival_time_s(place)
+    np.testing.assert_allclose(gain, 1 + 10 / still.sound_speed_m_s, rtol=1e-9)
+
+
+@jax.jit
+def quiet_until(load, start, state):
+    return load.quiet_until(jnp.asarray(start), state, CRAZYFLIE)
+
+
+@pytest.mark.parametrize("speed", [-250.0, -60.0, 0.0, 60.0, 250.0])
+def test_no_impulse_comes_while_a_load_says_it_is_quiet(speed):
+    load, state = blast_load(scene()), hovering(CRAZYFLIE, (5, 0, 2.0), (speed, 0, 0))
+    assert quiet_until(load, 0.0, state) > 1e-3
+    assert quiet_until(load, 0.012, state) <= 0.012  # the wave is there
+    # it has gone by; a vehicle fast enough to catch it again is asked for ever
+    assert (quiet_until(load, 0.04, state) > 0.04) == (abs(speed) < 68)
+    whole = np.linalg.norm(impulse(load, 0.0, 0.04, state, CRAZYFLIE)[0])
+    for start in (0.0, 2e-3, 5e-3, 0.03, 0.04):
+        until = jnp.minimum(quiet_until(load, start, state), start + 0.01)
+        if until > start:  # roundings of the wind's end
+            push = np.linalg.norm(impulse(load, start, until, state, CRAZYFLIE)[0])
+            assert push < 1e-9 * whole
+
+
+def test_a_vehicle_that_gains_speed_does_not_meet_a_quiet_front():
+    """It flies to meet it, ever faster; the front comes after the time that is told."""
+    load = blast_load(scene())
+    for speed, gain in [(0.0, 0.0), (0.0, 900.0), (150.0, 500.0), (400.0, 0.0)]:
+        state = hovering(CRAZYFLIE, (40.0, 0.0, 0.0), (-speed, 0.0, 0.0))
+        until = float(quiet_until(load, 0.0, state))
+        east = 40.0 - speed * until - gain * until**2 / 2
+        assert 0 < until < float(load.arrival_time_s(jnp.array([east, 0.0, 0.0]))[0])
+
+
+def test_between_two_waves_it_is_quiet_until_the_second():
+    load, state = blast_load(HIGH), hovering(CRAZYFLIE, BESIDE)
+    begins, ends = load.span_s(state.position_m, CRAZYFLIE)
+    assert ends[0] < quiet_until(load, ends[0] + 1e-4, state) < begins[1]
+    assert quiet_until(load, 60.0, state) > 60.0
+
+
+REAL = Charge(mass_kg=2.0, time_s=0.01, name="real")
+OTHER = Charge(5.0, position_m=(11.0, 2.0, 0.0), time_s=0.004, name="other")
+NEVER = dataclasses.replace(OTHER, time_s=jnp.inf)
+HERE = hovering(CRAZYFLIE, (5.0, 0.0, 4.0))
+
+
+def pushed(*charges: Charge):
+    """Return a number that depends on all of an impulse."""
+    load = blast_load(Scene(charges=charges))
+    push, turn = load.impulse(jnp.asarray(0.0), jnp.asarray(0.1), HERE, CRAZYFLIE)
+    return jnp.sum(push * jnp.array([1.0, 2.0, 3.0])) + jnp.sum(turn)
+
+
+def test_charges_add_up_and_one_that_never_happens_is_as_if_it_were_not_there():
+    run = jax.jit(pushed)
+    real, other = (run(dataclasses.replace(x, name="")) for x in (REAL, OTHER))
+    slopes = jax.jit(jax.value_and_grad(pushed, (0, 1)))
+    both, _ = slopes(REAL, OTHER)
+    np.testing.assert_allclose(both, real + other, rtol=1e-12)
+    alone, (of_real, of_never) = slopes(REAL, NEVER)
+    np.testing.assert_allclose(alone, real, rtol=1e-12)
+    assert [float(x) for x in jax.tree.leaves(of_never)] == [0.0] * 5
+    h = 1e-5
+    up, down = (
+        slopes(dataclasses.replace(REAL, mass_kg=2.0 + s), NEVER)[0] for s in (h, -h)
     )
-    together = blast_load(Scene(charges=(first, second)))
-    alone = [blast_load(Scene(c)) for c in (first, second)]
-    state = hovering(CRAZYFLIE, (5.0, 0.0, 2.0))
-    when = together.arrival_time_s(state.position_m)
-    expected = [load.arrival_time_s(state.position_m)[0] for load in alone]
-    np.testing.assert_allclose(when, expected, rtol=1e-12)
-    times = (jnp.asarray(0.0), jnp.asarray(2.0))
-    total = together.impulse(*times, state, CRAZYFLIE)[0]
-    parts = [load.impulse(*times, state, CRAZYFLIE)[0] for load in alone]
-    np.testing.assert_allclose(total, parts[0] + parts[1], rtol=1e-12)
+    np.testing.assert_allclose(of_real.mass_kg, (up - down) / (2 * h), rtol=1e-6)
+    load = blast_load(Scene(charges=(REAL, NEVER)))
+    assert load.arrival_time_s(HERE.position_m)[1] == jnp.inf
+    # what is no number is not never
+    load = blast_load(Scene(charges=(REAL, OTHER)))
+    for field in ("time_s", "mass_kg", "impulse_mass_kg"):
+        broken = getattr(load.waves, field).at[1].set(jnp.nan)
+        waves = dataclasses.replace(load.waves, **{field: broken})
+        broken = dataclasses.replace(load, waves=waves)
+        assert np.isnan(impulse(broken, 0.0, 0.1, HERE, CRAZYFLIE)[0]).all()
 
 
 PLACES = np.array([[0.0, 0, 0], [0.1, 0, 0], [5.0, 0, 0], [39.0, 0, 0], [1e3, 0, 0]])
 """At the charge, within its table of ranges, and beyond [m]."""
 
 
-def push_at(place):
-    """Sum what comes to a hovering vehicle until all has passed."""
-    state = hovering(CRAZYFLIE, place)
-    times = jnp.asarray(0.0), jnp.asarray(5.0)
-    given = blast_load(scene()).impulse(*times, state, CRAZYFLIE)
-    return sum(map(jnp.sum, given))
-
-
-def test_range_is_marked_and_outside_the_load_is_finite():
-    marked = np.asarray(blast_load(scene()).in_range(jnp.asarray(PLACES)))[:, 0]
+def test_outside_the_range_and_without_a_wave_load_and_slopes_are_finite():
+    load = blast_load(scene())
+    marked = np.asarray(load.in_range(jnp.asarray(PLACES)))[:, 0]
     np.testing.assert_array_equal(marked, [False, False, True, True, False])
-    given = jax.jit(push_at)
-    assert all(np.isfinite(given(place)) for place in PLACES)
 
+    def push(place, end):
+        given = load.impulse(
+            jnp.asarray(0.0), end, hovering(CRAZYFLIE, place), CRAZYFLIE
+        )
+        return sum(map(jnp.sum, given))
 
-@pytest.mark.slow
-def test_outside_its_range_the_load_has_finite_slopes():
-    slopes = jax.jit(jax.grad(push_at))
-    assert all(np.isfinite(slopes(place)).all() for place in PLACES)
+    slopes = jax.jit(jax.value_and_grad(push))
+    for end in (5.0, 1e-4):
+        assert all(
+            np.isfinite(x).all() for p in PLACES for x in slopes(p, jnp.asarray(end))
+        )
+    assert not np.any(slopes(PLACES[3], jnp.asarray(1e-4))[1])
 
 
 def deviation(mass, east, step=1e-3):
@@ -138,25 +266,47 @@ def deviation(mass, east, step=1e-3):
 @pytest.mark.slow
 def test_gradients_in_mass_and_place_are_those_of_differences():
     at = (jnp.asarray(1.0), jnp.asarray(0.3))
-    slopes = jax.jit(jax.grad(deviation, (0, 1)))(*at)
-    run = jax.jit(deviation)
-    for n, h in enumerate((1e-5, 1e-5)):
+    slopes, run, h = jax.jit(jax.grad(deviation, (0, 1)))(*at), jax.jit(deviation), 1e-5
+    for n in range(2):
         up, down = (
-            [x + (s if i == n else 0) for i, x in enumerate(at)] for s in (h, -h)
+            run(*(x + (s if i == n else 0) for i, x in enumerate(at))) for s in (h, -h)
         )
-        difference = (run(*up) - run(*down)) / (2 * h)
         # the difference's own rounding: 1e-16 of 6 m over 1e-5
-        np.testing.assert_allclose(slopes[n], difference, rtol=1e-4)
+        np.testing.assert_allclose(slopes[n], (up - down) / (2 * h), rtol=1e-4)
 
 
-def test_a_charge_without_a_place_is_refused():
+def test_the_ground_reflects_a_burst_in_free_air_and_no_other():
+    """A traced height decides in the data whether the image detonates."""
+
+    def push(up, burst=None):
+        made = Scene(Charge(1.0, (0.0, 0.0, up), burst=burst))
+        load = blast_load(made)
+        given = load.impulse(jnp.asarray(0.0), jnp.asarray(0.3), HERE, HEAVY)[0]
+        return given, load.waves.time_s.size
+
+    assert push(0.0, "free-air")[1] == push(9.0, "surface")[1] == 1
+    assert push(12.0, "free-air")[1] == 2
+    heights = jnp.array([0.0, 12.0])
+    together = jax.jit(jax.vmap(lambda up: push(up, "free-air")[0]))(heights)
+    for up, found in zip(heights, together, strict=True):
+        given, _ = push(float(up), "free-air")
+        np.testing.assert_allclose(found, given, rtol=1e-9, atol=1e-12)
+    # on the ground both waves are one of twice the pressure that pushes along it
+    there, low = hovering(HEAVY, (14.0, 0.0, 0.0)), (14.0, 0.0, 0.0)
+    both, alone = (blast_load(HIGH, reflection=seen) for seen in (True, False))
+    come = both.span_s(there.position_m, CRAZYFLIE)[0]
+    assert come[0] == come[1]
+    given, half = (
+        impulse(x, 0.0, come[0] + 1e-3, there, HEAVY)[0] for x in (both, alone)
+    )
+    assert abs(given[2]) < 1e-12 * given[0]
+    np.testing.assert_allclose(given[0], 2 * half[0], rtol=1e-12)
+    assert wave_at(both, low, 0).peak == wave_at(both, low, 1).peak
+
+
+def test_charges_without_a_place_and_vehicles_of_unknown_body_are_refused():
     with pytest.raises(InputError, match=r"charge range: expected a position"):
         blast_load(scene(range_m=5.0))
-
-
-def test_a_vehicle_of_unknown_body_is_refused():
     bare = eqx.tree_at(lambda v: v.body, CRAZYFLIE, None, is_leaf=lambda x: x is None)
     with pytest.raises(InputError, match="vehicle: expected body_area"):
-        blast_load(scene()).impulse(
-            jnp.asarray(0.0), jnp.asarray(1.0), hovering(CRAZYFLIE, (5.0, 0, 0)), bare
-        )
+        blast_load(scene()).impulse(jnp.asarray(0.0), jnp.asarray(1.0), HERE, bare)

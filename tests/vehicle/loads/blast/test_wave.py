@@ -13,10 +13,10 @@ from jblast.vehicle.loads.blast_wave import (
     LAST,
     RANGE,
     SPACING,
+    Blast,
+    Surroundings,
     Wave,
-    arrival_time,
     overpressure,
-    wave_at,
     wave_curves,
     wind_speed,
 )
@@ -37,12 +37,21 @@ PRESSURE, SOUND = 95e3, 335.0
 BURSTS = ("surface", "free-air")
 
 
-def wave(distance, mass: Any = 1.0, burst="surface", impulse_mass: Any = None) -> Wave:
+AIR = Surroundings(jnp.asarray(PRESSURE), jnp.asarray(SOUND), jnp.zeros(3))
+
+
+def blast(mass: Any = 1.0, burst="surface", impulse_mass: Any = None) -> Blast:
     own = mass if impulse_mass is None else impulse_mass
-    distance, mass, own, pressure, sound = (
-        jnp.asarray(x, float) for x in (distance, mass, own, PRESSURE, SOUND)
-    )
-    return wave_at(distance, mass, own, pressure, sound, burst)
+    return Blast(jnp.zeros(3), 0.0, mass, own, float(burst == "free-air"))
+
+
+def east(distance) -> jnp.ndarray:
+    along = jnp.asarray(distance, float)
+    return jnp.stack([along, 0 * along, 0 * along], axis=-1)
+
+
+def wave(distance, *made, **options) -> Wave:
+    return blast(*made, **options).wave(AIR, east(distance))
 
 
 @pytest.mark.parametrize("burst", BURSTS)
@@ -51,18 +60,12 @@ def test_curves_give_the_laws(burst):
     first, last = RANGE[burst]
     mass = 15.0
     distance = jnp.geomspace(1.05 * first, last / 1.05, 401) * 15 ** (1 / 3)
-    found = wave(distance, jnp.full(401, mass), burst)
+    found = wave(distance, mass, burst)
     air = (PRESSURE, SOUND, burst)
     peak = shock_kinematics_pressure(distance, mass, PRESSURE, burst)
     np.testing.assert_allclose(found.peak * PRESSURE, peak, rtol=1e-5)
     np.testing.assert_allclose(
-        arrival_time(
-            distance,
-            jnp.asarray(mass),
-            jnp.asarray(PRESSURE),
-            jnp.asarray(SOUND),
-            burst,
-        ),
+        blast(mass, burst).travel_time_s(AIR, east(distance)),
         shock_kinematics_arrival_time(distance, mass, *air),
         rtol=1e-6,
     )
@@ -92,9 +95,8 @@ def test_a_record_and_a_wave_are_one_blast_but_for_how_long_the_suction_lasts(bu
     distance = jnp.broadcast_to(
         z * (STANDARD_PRESSURE / PRESSURE) ** (1 / 3), share.shape
     )
-    ones, sound = jnp.ones(share.shape), jnp.asarray(SOUND)
-    found = wave(distance, ones, burst)
-    came = arrival_time(distance, ones, jnp.asarray(PRESSURE), sound, burst)
+    ones, found = jnp.ones(share.shape), wave(distance, burst=burst)
+    came = blast(burst=burst).travel_time_s(AIR, east(distance))
 
     def record(since):
         return blast_pulse(distance, ones, *air).pressure(came + since) / PRESSURE
@@ -119,7 +121,7 @@ def test_a_record_and_a_wave_are_one_blast_but_for_how_long_the_suction_lasts(bu
 
 def test_suction_is_the_table_s_in_free_air():
     distance = jnp.geomspace(0.2, 36.0, 50)
-    found = wave(distance, jnp.ones(50), "free-air")
+    found = wave(distance, burst="free-air")
     expected = ufc_negative_pressure(distance, 1.0, PRESSURE)
     # past Z = 20 likewise
     np.testing.assert_allclose(found.suction * PRESSURE, expected, rtol=1e-3)
@@ -201,7 +203,7 @@ def test_wind_carries_what_the_shock_solver_s_does():
 @pytest.mark.parametrize("burst", BURSTS)
 def test_everything_is_finite_at_any_distance(burst):
     distance = jnp.geomspace(0.07, 1e6, 300)
-    found = wave(distance, jnp.ones(300), burst)
+    found = wave(distance, burst=burst)
     for column in found:
         assert np.all(np.isfinite(column))
         assert np.all(np.asarray(column) > 0)
