@@ -118,18 +118,19 @@ def _fill(message: Any, value: Any) -> None:
     """Copy the fields of a value to a message."""
     for name, repeated, nested in _fields(message.DESCRIPTOR):
         part = getattr(value, name)
-        if part is None:
+        if part is None or (repeated and not len(part)):
             continue
         if not (repeated or nested):
             setattr(message, name, part)
-            continue
-        target = getattr(message, name)
-        if not repeated:
+        elif not repeated:
+            target = getattr(message, name)
             target.SetInParent()
             _fill(target, part)
         elif not nested:
-            target.extend(part.ravel() if isinstance(part, np.ndarray) else part)
+            rows = part.ravel() if isinstance(part, np.ndarray) else part
+            getattr(message, name).extend(rows)
         else:
+            target = getattr(message, name)
             for one in part:
                 _fill(target.add(), one)
 

@@ -516,18 +516,17 @@ class Playback:
         rate_hz = STEPS_HZ if sense == "force" else self.entity.samples_hz
         # Exact integers, so consecutive packets share no sample and skip none.
         first, last = self._times.samples(self.number, rate_hz)
-        total = np.zeros((last - first, *COLUMNS[sense]))
-        is_silent = True
+        # Most packets are silent, and an empty array keeps their messages small.
+        total = np.zeros((0, *COLUMNS[sense]))
         for live in self.live.values():
             for begin, _, values in live.samples.get(sense, ()):
                 low, high = max(begin, first), min(begin + len(values), last)
                 if low < high:
-                    total[low - first : high - first] += values[
-                        low - begin : high - begin
-                    ]
-                    is_silent = False
-        # Most packets are silent, and an empty array keeps their messages small.
-        return Rows(first, rate_hz, total[:0] if is_silent else total)
+                    if not total.size:
+                        total = np.zeros((last - first, *COLUMNS[sense]))
+                    part = values[low - begin : high - begin]
+                    total[low - first : high - first] += part
+        return Rows(first, rate_hz, total)
 
 
 def packets_of(playback: Playback, stager: Stager) -> Iterator[Packet]:

@@ -46,6 +46,7 @@ def served(folder):
     """The path of the program, and the answer of the server."""
     words = ["serve", str(folder / "world.toml"), "--listen", "127.0.0.1:0", "--json"]
     words += ["--seconds", f"{SECONDS:g}", "--seed", str(SEED), "--lead", "0.5"]
+    words += ["--patience", "600"]  # programs compile for long on a busy machine
     env = os.environ | {"PYTHONPATH": str(PAGE.parents[2])}
     pipe = subprocess.PIPE
     server = subprocess.Popen([*JBLAST, *words], stdout=pipe, stderr=pipe, text=True)
