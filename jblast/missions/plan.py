@@ -436,7 +436,7 @@ def _home(value: Any, source: str) -> Place:
 
 def checked_item(
     where: str,
-    number: int,
+    number: Any,
     command: Any,
     frame: Any,
     params: Sequence[Any],
@@ -446,7 +446,7 @@ def checked_item(
 
     Args:
         where: File, and line if it has lines, for messages.
-        number: Number of the item.
+        number: Number of the item as read.
         command: Command as read.
         frame: Frame as read.
         params: Seven values; None and NaN are unspecified.

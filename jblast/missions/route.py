@@ -296,7 +296,9 @@ def mission_of(
     assert origin is not None
     frame = Frame(*origin)
     require(given or plan.home, at, words + "[vehicle] position_m", "neither")
-    home = np.array(position_m if given else level(frame, *plan.home), float)
+    home = np.array(
+        position_m if given else level(frame, *(plan.home or origin)), float
+    )
     # Within the tolerance of a map's height the vehicle starts on the ground.
     require(
         abs(home[2]) <= (0.0 if given else HOME_TOLERANCE_M),
@@ -379,7 +381,7 @@ def stops_of(
     got = plan.items[moving[0]].words if moving else "nothing to fly"
     got = f"{got}: a mission that starts in the air"
     require(starts, where, "a take-off (22) first, from the ground", got)
-    speeds = {
+    speeds: dict[str, Any] = {
         "speed_m_s": plan.hover_speed_m_s or limits.speed_m_s,
         "climb_m_s": limits.climb_m_s,
         "descent_m_s": limits.descent_m_s,
