@@ -82,7 +82,7 @@ ELEMENTS = {
 """Expressions of elements by operation; `{0}` is the first argument."""
 CALLS = (
     *("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint"),
-    *("custom_jvp_call", "custom_vjp_call"),
+    *("custom_jvp_call", "custom_vjp_call", "call_hi_primitive"),
 )
 READS = ("dynamic_slice", "gather")
 MOVES = (
@@ -361,6 +361,11 @@ def unknown(array: np.ndarray) -> bool:
 
 def called(params: dict[str, Any]) -> ClosedJaxpr:
     """Return the program that an operation calls."""
+    if "_prim" in params:  # from JAX 0.12 on, of a function with its own derivatives
+        call = params["_prim"]
+        numbers = (jax.ShapeDtypeStruct(x.shape, x.dtype) for x in call.in_avals_flat)
+        arguments = jax.tree.unflatten(call.in_tree, numbers)
+        return jax.make_jaxpr(call.expand)(*arguments)
     inner = next(params[key] for key in ("jaxpr", "call_jaxpr") if key in params)
     return inner if isinstance(inner, ClosedJaxpr) else ClosedJaxpr(inner, ())
 
@@ -426,7 +431,16 @@ def _scan(
     code: Code, params: Any, out: list[Any], *given: np.ndarray
 ) -> Sequence[np.ndarray]:
     """A program for each row of some arrays; rows of results are a local array."""
-    length, fixed, count = (params[x] for x in ("length", "num_consts", "num_carry"))
+    length, body = params["length"], params["jaxpr"].jaxpr
+    # what has rows is last, in and out: versions of JAX name the numbers differently
+    with_rows = sum(
+        x.ndim > var.aval.ndim for x, var in zip(given, body.invars, strict=True)
+    )
+    stacked_rows = sum(
+        aval.ndim > var.aval.ndim for aval, var in zip(out, body.outvars, strict=True)
+    )
+    count = len(out) - stacked_rows
+    fixed = len(given) - count - with_rows
     shared, rows = given[:fixed], given[fixed + count :]
     carried, n = code.variables(out[:count]), code.name()
     code.assign(carried, given[fixed : fixed + count])
@@ -435,7 +449,7 @@ def _scan(
         results.append(code.name())
         code.lines.append(f"{ctype(aval.dtype)} {results[-1]}[{size_of(aval)}];")
     at = f"({length - 1}-{n})" if params["reverse"] else n
-    avals = [var.aval for var in params["jaxpr"].jaxpr.invars[fixed + count :]]
+    avals = [var.aval for var in body.invars[fixed + count :]]
     with code.block(f"for(int {n}=0;{n}<{length};{n}++)"):
         now = [
             filled(
