@@ -156,7 +156,9 @@ class BlastLoad(eqx.Module):
             """Return force, world, and moment, body, in moving air."""
             moved = motion._replace(velocity=velocity)
             force, moment = air_wrench(vehicle, moved, air)
-            drag = drag_force(body, attitude, density, add(air, _scaled(velocity, -1)))
+            drag = drag_force(
+                body, attitude, density, add(air, _scaled(velocity, -1.0))
+            )
             return add(times(attitude, force), drag), add(moment, about(drag))
 
         def of(blast: Blast) -> Wrench:
