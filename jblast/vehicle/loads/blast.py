@@ -277,7 +277,7 @@ class BlastLoad(eqx.Module):
 
         return jnp.moveaxis(self.of_waves(of, jnp.inf)[: self.charges], 0, -1)
 
-    def of_waves(self, function: Callable[[Blast], T], absent: float) -> T:
+    def of_waves(self, function: Callable[[Blast], T], absent: float | bool) -> T:
         """Map a function over the waves.
 
         Args:
