@@ -614,7 +614,7 @@ class GroundStation:
             start_m, velocity = craft.set_point()
             ahead = self._stop(start_m, velocity, path.plan)
             items, path = [*ahead, *items], path._replace(added=path.added + len(ahead))
-        in_air = craft.flies or start_m[2] > 0
+        in_air = craft.flies or bool(start_m[2] > 0)
         mission = self._mission(items, path.plan, start_m if in_air else None)
         self.flights += not craft.flies
         # A longer table of legs compiles a program.
