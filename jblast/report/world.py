@@ -404,7 +404,7 @@ def _fits_table(fits: Sequence[ShotFit]) -> Table:
 def _filmed(film: FilmMade) -> str:
     words = f"{film.frames:,} of {film.filmed:,} frames stored"
     if film.frames < film.filmed:
-        words += f", those with a fireball in view; all by {argument('frames')} all"
+        words += ", those with a fireball in view"
     return words
 
 

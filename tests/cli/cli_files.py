@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 from jblast.cli.main import main
+from jblast.errors import MARK
 
 JBLAST = (sys.executable, "-m", "jblast.cli.main")
 """The command as a process of its own."""
@@ -60,6 +61,7 @@ class Command:
         except SystemExit as left:  # argparse
             code = left.code if isinstance(left.code, int) else 1
         said = self.capsys.readouterr()
+        assert MARK not in said.out + said.err, "the mark of an argument is printed"
         return code, said.out, said.err
 
     def refused(self, *arguments: str) -> str:
