@@ -56,6 +56,8 @@ from jblast.waves.tables import arrival
 DATA = Path(jblast.waves.__path__[0]) / "data"
 EDGES = (0.0, 0.3, 1.0, 3.0, 10.0, 20.0, 40.0, 100.0, 200.0, FAR_END, 1000.0)
 """Of the spans [m/kg^(1/3)]; the first begins where the reference does."""
+RUNS = 4
+"""Runs for the time of a law; the least counts."""
 MEASURED_FROM = 100.0
 """Where the scatter of peaks that grows with Z begins to count: at 100 it is 1 % of its
 size, and what is declared nearer is no measurement [m/kg^(1/3)]."""
@@ -280,12 +282,14 @@ def write_costs() -> None:
     """Write the time of a reading by every law that may be chosen."""
     laws = [law for law in LAWS.values() if law.quantity in REFERENCES]
     rows = (
-        (law.quantity, law.name, f"{method_seconds(law.quantity, law.name):.3g}")
+        (*of, f"{min(method_seconds(*of) for _ in range(RUNS)):.3g}")
         for law in sorted(laws, key=lambda law: [*REFERENCES].index(law.quantity))
         if is_candidate(law)
+        for of in [(law.quantity, law.name)]
     )
     header = "quantity", "method", "cost_s"
-    write("costs", "Seconds a reading, many at once, float64.", header, rows)
+    what = f"Seconds a reading, many at once, float64: the least of {RUNS} runs."
+    write("costs", what, header, rows)
 
 
 def main() -> None:

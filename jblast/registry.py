@@ -170,18 +170,13 @@ def law_for(quantity: str, name: str) -> Law:
     Raises:
         InputError: The law is unknown; the message lists the laws of the quantity.
     """
-    if not is_law(quantity, name):
+    if (quantity, name) not in LAWS:
         known = names_for(quantity)
         raise InputError(
             f"law of {quantity}: expected one of {', '.join(known) or '(none yet)'}, "
             f"got {shown(name)}{nearest(name, known)}"
         )
     return LAWS[quantity, name]
-
-
-def is_law(quantity: str, name: str) -> bool:
-    """Return whether a law exists for a quantity."""
-    return (quantity, name) in LAWS
 
 
 def names_for(quantity: str) -> tuple[str, ...]:

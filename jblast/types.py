@@ -157,7 +157,8 @@ def field(
     Args:
         converter: Function that is applied to the value of the constructor.
         static: Whether it is part of the structure of the PyTree, not a leaf.
-        bounds: `jblast.parameters.Bounds` of its numbers; None: not checked.
+        bounds: `jblast.parameters.Bounds` of its numbers, which are also finite; None:
+            not checked.
         default: Value if none is given.
         default_factory: Function that returns that value.
     """
@@ -179,8 +180,8 @@ class Module:
     """Base of values: a subclass is a frozen dataclass, and a PyTree in JAX.
 
     Fields are leaves or PyTrees, unless they are `field(static=True)`. Numbers that are
-    not traced are within the bounds of their field. A method `__check_init__` checks
-    more.
+    not traced are finite and within the bounds of a field that has any. A method
+    `__check_init__` checks more.
     """
 
     def __init_subclass__(cls) -> None:
@@ -201,10 +202,9 @@ class Module:
                 continue
             values = np.asarray(value)  # operations of JAX inside jit would be traced
             where = f"{type(self).__name__.lower()} {one.name}"
-            expected = f"a number{bounds.that_is()}"
-            require(
-                bounds.allows(values).all(), where, expected, shown(values.tolist())
-            )
+            expected = f"a finite number{bounds.that_is()}"
+            fits = np.isfinite(values) & bounds.allows(values)
+            require(np.all(fits), where, expected, values.tolist())
         self.__check_init__()
 
     def __check_init__(self) -> None:

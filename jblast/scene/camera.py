@@ -14,7 +14,8 @@ import math
 
 import numpy as np
 
-from jblast.parameters import NOT_NEGATIVE, POSITIVE
+from jblast.errors import require
+from jblast.parameters import NOT_NEGATIVE, POSITIVE, UNBOUNDED
 from jblast.types import (
     Array,
     ArrayLike,
@@ -24,6 +25,7 @@ from jblast.types import (
     as_numbers,
     compiled,
     field,
+    is_traced,
     namespace,
     number,
 )
@@ -60,14 +62,14 @@ class Camera(Module):
             quaternion are those in the axes of its body (forward, left, up).
     """
 
-    position: Float[Array, "3"] = field(converter=as_numbers)
-    quaternion: Float[Array, "4"] = field(converter=as_numbers)
+    position: Float[Array, "3"] = field(converter=as_numbers, bounds=UNBOUNDED)
+    quaternion: Float[Array, "4"] = field(converter=as_numbers, bounds=UNBOUNDED)
     focal: Float[Array, "2"] = field(converter=as_numbers, bounds=POSITIVE)
-    center: Float[Array, "2"] = field(converter=as_numbers)
+    center: Float[Array, "2"] = field(converter=as_numbers, bounds=UNBOUNDED)
     width: int = field(static=True, bounds=POSITIVE)
     height: int = field(static=True, bounds=POSITIVE)
     distortion: Float[Array, "5"] = field(
-        converter=as_numbers, default_factory=lambda: np.zeros(5)
+        converter=as_numbers, bounds=UNBOUNDED, default_factory=lambda: np.zeros(5)
     )
     frames_hz: Scalar = number(bounds=POSITIVE, default=FRAMES_HZ)
     exposure_s: Scalar = number(bounds=NOT_NEGATIVE, default=0.0)
@@ -76,6 +78,10 @@ class Camera(Module):
     )
     daylight: Scalar | None = number(bounds=POSITIVE, default=None)
     mount: str = field(static=True, default="")
+
+    def __check_init__(self) -> None:
+        turned = is_traced(self.quaternion) or np.any(np.asarray(self.quaternion))
+        require(turned, "camera quaternion", "one that is not zero", "zero")
 
 
 @compiled

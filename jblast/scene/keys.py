@@ -71,10 +71,13 @@ def uncertain(at: str, list_form: str = "", instead: tuple[str, ...] = ()) -> Ke
 
 
 # Times may be zero or negative, so that they have no relative error.
-ADDED, RELATIVE = Number(POSITIVE), {x.name: Share(x.unit) for x in QUANTITIES.values()}
 RECORDS = tuple(
-    Key(name, ADDED if name in ADDITIVE else share, f"records.{name}")
-    for name, share in RELATIVE.items()
+    Key(
+        name,
+        Number(POSITIVE) if name in ADDITIVE else Share(quantity.unit),
+        f"records.{name}",
+    )
+    for name, quantity in QUANTITIES.items()
 )
 # fmt: off
 CONTROL = (

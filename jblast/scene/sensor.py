@@ -123,6 +123,12 @@ class Instrument(Module):
     noise_slope: Scalar | None = number(default=None)
     wind_noise: Scalar | None = number(default=None)
 
+    def __check_init__(self) -> None:
+        # The quantization step is the range over 2**bits.
+        ranged = self.bits is None or self.full_scale is not None
+        expected = f"the range of {self.bits} bits"
+        require(ranged, "instrument full_scale", expected, "none")
+
 
 class Sensor(Described):
     """Position, instrument and recorded quantities of a sensor.

@@ -148,7 +148,9 @@ class Numbers:
         if self.repeated and not isinstance(value, list):
             return [self.of.read(value, where)] * (self.form.count(",") + 1)
         items = [
-            None if item == self.word else self.of.read(item, f"{where}[{i}]")
+            None
+            if self.word and item == self.word
+            else self.of.read(item, f"{where}[{i}]")
             for i, item in enumerate(listed(value, self.form, where))
         ]
         zero = self.not_zero and not any(items)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from jblast.errors import require
-from jblast.parameters import POSITIVE, UNBOUNDED, Bounds
+from jblast.parameters import NOT_NEGATIVE, POSITIVE, UNBOUNDED, Bounds
 from jblast.types import Float, is_traced, namespace
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 else:
     Number = Float[Any, "..."] | float | int
 """A number, or an array of NumPy or of JAX."""
-NOT_NEGATIVE = Bounds(at_least=0.0)
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -71,7 +71,7 @@ def test_a_free_number_cannot_be_drawn_and_says_so():
     [
         (
             lambda: replace(CAMERA, width=0),
-            "camera width: expected a number that is po",
+            "camera width: expected a finite number that is po",
         ),
         (lambda: replace(CAMERA, focal=[100.0, -1.0]), r"focal: .*got \[100.0, -1.0\]"),
         (lambda: replace(CAMERA, exposure_s=-1e-3), "exposure_s: .* that is not nega"),
@@ -79,7 +79,11 @@ def test_a_free_number_cannot_be_drawn_and_says_so():
             lambda: replace(CAMERA, frames_hz=math.nan),
             "frames_hz: .* positive, got nan",
         ),
-        (lambda: Instrument(rate=0.0), "instrument rate: expected a number that is po"),
+        (lambda: replace(CAMERA, position=[0.0, math.nan, 0.0]), "position: .*finite"),
+        (lambda: replace(CAMERA, quaternion=np.zeros(4)), "quaternion: .* not zero"),
+        (lambda: Instrument(rate=0.0), "instrument rate: .*number that is positive"),
+        (lambda: Instrument(rate=math.inf), "instrument rate: .*finite .* got inf"),
+        (lambda: Instrument(bits=16), "full_scale: expected the range of 16 bits"),
         (lambda: Instrument(bits=0), "instrument bits: .* positive, got 0"),
     ],
 )
