@@ -31,9 +31,8 @@ TYPES = {
 }
 ELEMENTS = {
     "neg": "-{0}",
-    "not": "!{0}",
     "abs": "wp::abs({0})",
-    "sign": "({0}>0)-({0}<0)",
+    "sign": "{0}!={0}?{0}:({0}>0)-({0}<0)",
     "square": "{0}*{0}",
     "sqrt": "wp::sqrt({0})",
     "rsqrt": "1/wp::sqrt({0})",
@@ -44,8 +43,8 @@ ELEMENTS = {
     "sin": "wp::sin({0})",
     "cos": "wp::cos({0})",
     "tan": "wp::tan({0})",
-    "asin": "wp::asin({0})",
-    "acos": "wp::acos({0})",
+    "asin": "wp::abs({0})<=1?wp::asin({0}):NAN",
+    "acos": "wp::abs({0})<=1?wp::acos({0}):NAN",
     "atan": "wp::atan({0})",
     "atan2": "wp::atan2({0},{1})",
     "sinh": "wp::sinh({0})",
@@ -63,8 +62,8 @@ ELEMENTS = {
     "sub": "{0}-{1}",
     "mul": "{0}*{1}",
     "div": "{0}/{1}",
-    "max": "wp::max({0},{1})",
-    "min": "wp::min({0},{1})",
+    "max": "{0}>{1}||{0}!={0}?{0}:{1}",
+    "min": "{0}<{1}||{0}!={0}?{0}:{1}",
     "lt": "{0}<{1}",
     "lt_to": "{0}<{1}",
     "le_to": "{0}<={1}",
@@ -76,10 +75,12 @@ ELEMENTS = {
     "and": "{0}&{1}",
     "or": "{0}|{1}",
     "xor": "{0}^{1}",
-    "select_n": "{0}?{2}:{1}",
-    "clamp": "wp::min(wp::max({1},{0}),{2})",
+    "clamp": "{1}<{0}?{0}:{1}>{2}?{2}:{1}",
 }
-"""Expressions of elements by operation; `{0}` is the first argument."""
+"""Expressions of elements by operation; `{0}` is the first argument.
+
+Those of Warp lose a NaN in `max` and `min`, and clip the argument of `asin` and `acos`.
+"""
 CALLS = (
     *("jit", "pjit", "closed_call", "core_call", "remat", "remat2", "checkpoint"),
     *("custom_jvp_call", "custom_vjp_call", "call_hi_primitive"),
@@ -265,7 +266,10 @@ class Code:
         jaxpr, values = closed.jaxpr, {}
 
         def read(var: Any) -> np.ndarray:
-            return np.asarray(var.val) if isinstance(var, Literal) else values[var]
+            # A number of Python is one of the program's precision.
+            if isinstance(var, Literal):
+                return np.asarray(var.val, var.aval.dtype)
+            return values[var]
 
         values.update(zip(jaxpr.constvars, map(np.asarray, closed.consts), strict=True))
         values.update(zip(jaxpr.invars, arguments, strict=True))
@@ -482,6 +486,19 @@ def _converted(code: Code, params: Any, out: Any, array: np.ndarray) -> np.ndarr
     return code.each(out, f"({ctype(out.dtype)})({{0}})", array)
 
 
+def _inverted(code: Code, params: Any, out: Any, array: np.ndarray) -> np.ndarray:
+    return code.each(out, "!{0}" if out.dtype == bool else "~{0}", array)
+
+
+def _selected(
+    code: Code, params: Any, out: Any, which: np.ndarray, *cases: np.ndarray
+) -> np.ndarray:
+    """Elements of one of several arrays, by a condition or a number."""
+    last = len(cases) - 1
+    form = "".join(f"{{0}}=={n}?{{{n + 1}}}:" for n in range(last))
+    return code.each(out, f"{form}{{{last + 1}}}", which, *cases)
+
+
 def _integer_pow(code: Code, params: Any, out: Any, array: np.ndarray) -> np.ndarray:
     product = "*".join(["{0}"] * abs(params["y"]))
     return code.each(out, product if params["y"] > 0 else f"1/({product})", array)
@@ -539,6 +556,8 @@ def _gathered(
     code: Code, params: Any, out: Any, array: np.ndarray, starts: np.ndarray
 ) -> np.ndarray:
     """Parts of an array from computed starts; a place outside is the nearest one."""
+    if params["mode"] == jax.lax.GatherScatterMode.FILL_OR_DROP:
+        raise Untranslatable("the operation gather with mode='fill', as of jnp.take")
     numbers, sizes = params["dimension_numbers"], params["slice_sizes"]
     batched = dict(
         zip(
@@ -570,6 +589,8 @@ ARRAYS = {
     "dynamic_slice": _sliced,
     "gather": _gathered,
     "integer_pow": _integer_pow,
+    "not": _inverted,
+    "select_n": _selected,
     **{
         name: functools.partial(_reduced, ELEMENTS[form])
         for name, form in REDUCTIONS.items()

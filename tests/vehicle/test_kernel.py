@@ -127,7 +127,7 @@ def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
 
 
 class Nudge(eqx.Module):
-    """A user's controller: a table of speeds, a counter and a loop."""
+    """A user's controller: a table of speeds, a counter, a loop, and lost numbers."""
 
     speeds: jax.Array
 
@@ -139,7 +139,18 @@ class Nudge(eqx.Module):
         up = jnp.cos(jnp.linalg.norm(state.quaternion)) + state.velocity_m_s[2]
         level = jax.lax.cond(up > 0, lambda x: x - 1, lambda x: x + period_s, level)
         summed = jax.lax.fori_loop(0, 3, lambda n, x: x + self.speeds[n, 0], 0.0)
-        return self.speeds[count % 3] + level + summed / 3e3, (level, count + 1)
+        unknown = jnp.log(-1 - jnp.square(up))
+        lost = (
+            *(jnp.maximum(unknown, 0), jnp.maximum(0, unknown), jnp.sign(unknown)),
+            *(jnp.minimum(unknown, 0), jnp.minimum(0, unknown), jnp.arccos(unknown)),
+            *(jax.lax.clamp(0.0, unknown, 1.0), jnp.arcsin(2 + jnp.square(up))),
+        )
+        kept = jnp.isnan(jnp.stack(lost)).astype(up.dtype)
+        case = (count % 3).astype("int32")
+        one_of_three = jax.lax.select_n(case, up, 2 * up, 3 * up)
+        inverted = (~count % 5).astype(up.dtype)
+        added = one_of_three + inverted + jnp.arange(1.0, 9.0) @ kept
+        return self.speeds[count % 3] + level + summed / 3e3 + added, (level, count + 1)
 
 
 def spring(time_s, state, vehicle):
@@ -229,6 +240,14 @@ class Sorted(Nudge):
         return self.speeds[0] + jnp.sort(state.position_m)[0], memory
 
 
+class Taking(Nudge):
+    """A controller that reads NaN outside of its table."""
+
+    def __call__(self, time_s, state, vehicle, memory, period_s):
+        level, count = memory
+        return jnp.take(self.speeds, count, axis=0), (level, count + 1)
+
+
 class Large(Sorted):
     """A controller whose state is too large for registers."""
 
@@ -237,7 +256,12 @@ class Large(Sorted):
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"), [(Sorted, "operation sort"), (Large, "state of 17 numbers")]
+    ("kind", "said"),
+    [
+        (Sorted, "operation sort"),
+        (Taking, "operation gather with mode='fill', as of jnp.take"),
+        (Large, "state of 17 numbers"),
+    ],
 )
 def test_what_has_no_c_code_flies_on_jax_and_says_so(kind, said):
     control = kind(jnp.full((3, 4), 500.0))
