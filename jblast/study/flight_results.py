@@ -295,9 +295,10 @@ def with_bursts_at_start(
 ) -> tuple[Scene, tuple[str, ...]]:
     """Return scenes with the curve sets that apply at the start of their vehicle.
 
-    All vehicles of a batch have waves of one set: the free-air curves if the ground
-    reflection arrives after the positive phase for each, else the surface curves, which
-    are stronger.
+    These are the free-air curves if the ground reflection arrives there after the
+    positive phase, else the surface curves, which are stronger. A set that applies to
+    all vehicles of a batch becomes the charge's burst, for a smaller program.
+    Otherwise the load selects the set of each vehicle (`vehicle.blast_load`).
 
     Args:
         scenes: One scene, or several with a leading axis in each array.
@@ -312,12 +313,22 @@ def with_bursts_at_start(
         weight, height = np.zeros(1), np.zeros(1)
         if np.any(np.asarray(charge.up) > 0.0):
             weight, height = (np.ravel(x) for x in _each(scenes, n, place))
-        highest = "free-air" if (weight >= 1.0).all() else "surface"
-        burst = charge.burst or highest
+        high = weight >= 1.0
+        burst = charge.burst
+        if burst is None and high.all():
+            burst = "free-air"
+        elif burst is None and not high.any():
+            burst = "surface"
         if height.max() > 0.0:
             span = float(height.min()), float(height.max())
             (note,) = burst_notes(charge, span, weight, "vehicle")
-            notes.append(f"{note}; all waves are those of a {burst} burst")
+            which = (
+                f"all waves are those of a {burst} burst"
+                if burst
+                else f"waves are those of a free-air burst at {high.sum()} of "
+                f"{high.size} vehicles, else of a surface burst"
+            )
+            notes.append(f"{note}; {which}")
         charges.append(replace(charge, burst=burst))
     scenes = replace(scenes, charges=tuple(charges))
     return scenes, tuple(notes)

@@ -266,9 +266,9 @@ class Code:
         jaxpr, values = closed.jaxpr, {}
 
         def read(var: Any) -> np.ndarray:
-            # A number of Python is one of the program's precision.
             if isinstance(var, Literal):
-                return np.asarray(var.val, var.aval.dtype)
+                aval: Any = var.aval  # a Python number has the program's precision
+                return np.asarray(var.val, aval.dtype)
             return values[var]
 
         values.update(zip(jaxpr.constvars, map(np.asarray, closed.consts), strict=True))

@@ -363,8 +363,7 @@ def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> 
         InputError: The arrays of an `Each` do not begin with the batch's axes, or an
             `Each` comes with a single vehicle, or a batch of arrays without `Each`.
     """
-    # The kernel uses the last column for vehicles without one: unchecked, an `Each` of
-    # too few values would pass without a message.
+    # Unchecked, the kernel would read beyond the end of an `Each` of too few values.
     for name, values in given.items():
         for value in values:
             if not isinstance(value, Each):

@@ -72,8 +72,9 @@ def allocation(vehicle: Vehicle) -> Float[Array, "4 4"]:
 def mixer(vehicle: Vehicle) -> tuple[Four, Four, Four, Four]:
     """Inverse of `allocation`: one row per rotor, its thrust per newton and moment.
 
-    The first rotor has what the others leave of the thrust; what is left are three
-    equations of the moments, which are cheap enough for every sample of a controller.
+    The first rotor provides the thrust that the other three do not. Their thrusts solve
+    the three equations of the moments, which is cheap enough for every sample of a
+    controller.
     """
     reach = vehicle.moment_coefficient / vehicle.thrust_coefficient
     arms = [
