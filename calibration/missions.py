@@ -54,7 +54,7 @@ from jblast.missions import (
     replay,
     write_plan,
 )
-from jblast.missions.plan import MISSION, RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from jblast.missions.plan import MISSION, RELATIVE, Nav
 from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 from jblast.report.colours import COLOURS, INK, MUTED, VERMILLION
@@ -102,11 +102,11 @@ def campus_plan() -> Plan:
     size = 110.0 * (1 + 0.22 * np.cos(3 * angle) + 0.12 * np.sin(5 * angle))
     places = np.stack([size * np.cos(angle), 0.75 * size * np.sin(angle), 0 * angle])
     home = (CAMPUS.lat_deg, CAMPUS.lon_deg, UP_M)
-    items = [Item(1, TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *home))]
+    items = [Item(1, Nav.TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, *home))]
     for n, (lat, lon, _) in enumerate(geodetic(Frame(*CAMPUS), places.T), start=2):
         where = (round(float(lat), 8), round(float(lon), 8), UP_M)
-        items.append(Item(n, WAYPOINT, RELATIVE, (0.0, 0.0, 0.0, None, *where)))
-    items.append(Item(32, RETURN, MISSION, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+        items.append(Item(n, Nav.WAYPOINT, RELATIVE, (0.0, 0.0, 0.0, None, *where)))
+    items.append(Item(32, Nav.RETURN, MISSION, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
     return Plan(tuple(items), CAMPUS, hover_speed_m_s=SPEED_M_S)
 
 

@@ -56,17 +56,9 @@ from jblast.missions import Item, Mission, MissionControl, Plan, Progress, missi
 from jblast.missions.guidance import ENDED, FLYING
 from jblast.missions.plan import (
     GLOBAL,
-    HEADING,
-    JUMP,
-    LAND,
-    LOITER,
-    LOITER_TIME,
     MISSION,
     RELATIVE,
-    RETURN,
-    SPEED,
-    TAKEOFF,
-    WAYPOINT,
+    Nav,
     checked_item,
 )
 from jblast.missions.route import Limits, geodetic
@@ -81,10 +73,10 @@ SET_MODE, REPOSITION, PAUSE_CONTINUE, SET_ITEM = 176, 192, 193, 224
 START, ARM, GET_HOME = 300, 400, 410
 GET_INTERVAL, SET_INTERVAL, REQUEST, CAPABILITIES_REQUEST = 510, 511, 512, 520
 MODES = {
-    TAKEOFF: MODE_TAKEOFF,
-    LAND: MODE_LAND,
-    RETURN: MODE_RETURN,
-    LOITER: MODE_HOLD,
+    Nav.TAKEOFF: MODE_TAKEOFF,
+    Nav.LAND: MODE_LAND,
+    Nav.RETURN: MODE_RETURN,
+    Nav.LOITER: MODE_HOLD,
     START: MODE_MISSION,
 }
 """Mode of each command that sets one."""
@@ -429,7 +421,7 @@ class GroundStation:
         if command == REPOSITION:
             return self._go(params[4:], frame), []
         if command == PAUSE_CONTINUE:
-            command = START if first == 1 else LOITER
+            command = START if first == 1 else Nav.LOITER
         if command not in MODES:
             return UNSUPPORTED, []
         if command == START and not self.armed:
@@ -484,7 +476,7 @@ class GroundStation:
             return self._start()
         hovers = self.missions.plan is None and self._chosen is None
         if hovers and self._target_m is not None:
-            return self._follow([self._at(TAKEOFF, self._target_m)], Path(None))
+            return self._follow([self._at(Nav.TAKEOFF, self._target_m)], Path(None))
         self._armed = True
         return ACCEPTED
 
@@ -522,7 +514,7 @@ class GroundStation:
             return self._start()
         if mode == MODE_TAKEOFF:
             return self._take_off(up_m)
-        added = {MODE_LAND: [_item(LAND)], MODE_RETURN: [_item(RETURN)]}
+        added = {MODE_LAND: [_item(Nav.LAND)], MODE_RETURN: [_item(Nav.RETURN)]}
         return self._divert(added.get(mode, []), mode)
 
     def _start(self) -> int:
@@ -532,7 +524,7 @@ class GroundStation:
             raise InputError("mission: expected an uploaded one, got none")
         first = self._item if self._item < len(plan.items) else 0
         # A vehicle in the air flies past a take-off.
-        first += self._craft.flies and plan.items[first].command == TAKEOFF
+        first += self._craft.flies and plan.items[first].command == Nav.TAKEOFF
         grounded = not self._craft.flies
         result = self._follow(*self._course(plan, first, grounded=grounded))
         self._chosen, self._reached = MODE_MISSION, first - 1
@@ -552,7 +544,7 @@ class GroundStation:
             InputError: The mission has jumps and does not start from its first item.
         """
         items = list(plan.items)
-        if first > 0 and any(item.command == JUMP for item in items):
+        if first > 0 and any(item.command == Nav.JUMP for item in items):
             raise InputError(
                 "expected item 0 first, as the mission has jumps, got item "
                 f"{first}: start it from the ground"
@@ -560,12 +552,12 @@ class GroundStation:
         moving = [
             item.command
             for item in items[first:]
-            if not (item.ignored or item.command in (SPEED, HEADING))
+            if not (item.ignored or item.command in (Nav.SPEED, Nav.HEADING))
         ]
         # Changes of speed hold for all following items.
-        added = [item for item in items[:first] if item.command == SPEED]
-        if grounded and moving and moving[0] != TAKEOFF:
-            added.append(_item(TAKEOFF, self._parameters.takeoff_up_m))
+        added = [item for item in items[:first] if item.command == Nav.SPEED]
+        if grounded and moving and moving[0] != Nav.TAKEOFF:
+            added.append(_item(Nav.TAKEOFF, self._parameters.takeoff_up_m))
         return [*added, *items[first:]], Path(plan, len(added), first)
 
     def _take_off(self, up_m: float | None) -> int:
@@ -576,7 +568,7 @@ class GroundStation:
         up = up if up_m is None else up_m - home_m
         if up <= 0:
             raise InputError(f"take-off: expected more than {home_m:g} m")
-        result = self._follow([_item(TAKEOFF, up)], Path(self.missions.plan))
+        result = self._follow([_item(Nav.TAKEOFF, up)], Path(self.missions.plan))
         self._chosen = MODE_TAKEOFF
         return result
 
@@ -589,7 +581,7 @@ class GroundStation:
             frame = GLOBAL
             alt = float(self._frame.alt_m + self._craft.state.position_m[2])
         params = [0.0, 0.0, 0.0, None, lat, lon, alt]
-        goal = checked_item("position", INSERTED, WAYPOINT, frame, params)
+        goal = checked_item("position", INSERTED, Nav.WAYPOINT, frame, params)
         return self._divert([goal], MODE_HOLD)
 
     def _divert(self, items: list[Item], mode: int) -> int:
@@ -638,10 +630,15 @@ class GroundStation:
         way = velocity_m_s * speed / (2 * Limits().acceleration_m_s2)
         # It may brake from a speed above that of the following items.
         first, then = (
-            Item(INSERTED, SPEED, MISSION, (1.0, one, -1.0, None, None, None, None))
+            Item(
+                INSERTED,
+                Nav.SPEED,
+                MISSION,
+                (1.0, one, -1.0, None, None, None, None),
+            )
             for one in (max(speed, cruise), cruise)
         )
-        return [first, self._at(LOITER_TIME, place_m + way), then]
+        return [first, self._at(Nav.LOITER_TIME, place_m + way), then]
 
     def _at(self, command: int, place_m: Float[np.ndarray, "3"]) -> Item:
         """Return an item at a position: east, north, up."""
@@ -658,7 +655,7 @@ class GroundStation:
 
     def compile(self) -> None:
         """Compile the steps of a flight."""
-        takeoff = [_item(TAKEOFF, self._parameters.takeoff_up_m)]
+        takeoff = [_item(Nav.TAKEOFF, self._parameters.takeoff_up_m)]
         self._craft.follow(self._mission(takeoff, None), in_air=False)
         self._craft.advance()
         self._craft.stand()

@@ -20,13 +20,15 @@ import os
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from jblast.errors import InputError, nearest, read_text, require, shown
 from jblast.files import write_text
 from jblast.parameters import NOT_NEGATIVE, PLACE_LIMITS, POSITIVE, UNBOUNDED, Place
 
+T = TypeVar("T")
 EXPECTED = "a plan: QGroundControl's .plan, or QGC WPL 110"
 HEAD = "QGC WPL"
 VERSION = "110"
@@ -40,19 +42,17 @@ PARTS = {
     "rallyPoints": (("points",), "rally points"),
 }
 """Ignored parts of a plan, their lists, and their description."""
-Parameters = tuple[
-    float | None,
-    float | None,
-    float | None,
-    float | None,
-    float | None,
-    float | None,
-    float | None,
-]
-# MAV_CMD of the supported items, without the prefixes NAV and DO.
-WAYPOINT, LOITER, TURNS, LOITER_TIME = 16, 17, 18, 19
-RETURN, LAND, TAKEOFF, DELAY, HEADING = 20, 21, 22, 93, 115
-JUMP, SPEED = 177, 178
+Parameters = tuple[float | None, ...]
+"""Seven parameters of an item; None: unspecified."""
+
+
+class Nav(IntEnum):
+    """MAV_CMD of the supported items, without the prefixes NAV, CONDITION and DO."""
+
+    WAYPOINT, LOITER, TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = range(16, 23)
+    DELAY, HEADING, JUMP, SPEED = 93, 115, 177, 178
+
+
 IGNORED = frozenset(
     (
         *(112, 114, 181, 182, 183, 184, 187, 189, 195, 196, 197, 200, 201, 202, 203),
@@ -165,7 +165,7 @@ class Plan:
             last = [f"{more} more"] if more > 0 else []
             listed = ", ".join([*numbers[:MAX_LISTED], *last])
             word = "item" if len(numbers) == 1 else "items"
-            parts.append(f"{command_name(command)} in {word} {listed}")
+            parts.append(f"command {command} in {word} {listed}")
         return f"ignored in {self.where}: {'; '.join(parts)}" if parts else ""
 
 
@@ -311,7 +311,7 @@ def read_waypoint_list(text: str, source: str) -> Plan:
         item = checked_item(at, number, command, frame, params, goes_on != 0)
         # Home is the first line only, and only above the sea: a later one is a
         # waypoint.
-        if not items and home is None and (command, frame) == (WAYPOINT, GLOBAL):
+        if not items and home is None and (command, frame) == (Nav.WAYPOINT, GLOBAL):
             home = Place(*map(item.number_of, (5, 6, 7)))
             continue
         items.append(item)
@@ -343,20 +343,22 @@ def read_ground_control(text: str, source: str) -> Plan:
     # RecursionError: deeply nested lists, as [[[[[[.
     except (ValueError, RecursionError) as error:
         raise InputError(f"{source}: broken JSON: {error}") from None
-    require(isinstance(document, dict), source, "a plan, {...}", shown(document))
-    kind, mission = document.get("fileType"), document.get("mission")
+    document = _typed(dict, document, source, "a plan, {...}")
+    kind = document.get("fileType")
     require(kind == "Plan", f"{source}: fileType", '"Plan"', shown(kind))
-    _version(document, 1, source, "")
-    where = f"{source}: mission"
-    require(isinstance(mission, dict), where, "a table", shown(mission))
-    _version(mission, 2, source, "mission ")
-    entries = mission.get("items")
-    require(isinstance(entries, list), f"{source}: items", "a list", shown(entries))
-    found: list[Item] = []
-    for n, entry in enumerate(entries, start=1):
-        for one in _simple_items(entry, n, source):
-            found.append(_item(one, len(found) + 1, source))
-    items = tuple(found)
+    mission = _typed(dict, document.get("mission"), f"{source}: mission", "a table")
+    for table, known, of in ((document, 1, ""), (mission, 2, "mission ")):
+        version = _typed(
+            int, table.get("version"), f"{source}: {of}version", f"{known}"
+        )
+        require(version == known, f"{source}: {of}version", f"{known}", version)
+    entries = _typed(list, mission.get("items"), f"{source}: items", "a list")
+    simple = [
+        one
+        for n, entry in enumerate(entries, start=1)
+        for one in _simple_items(entry, n, source)
+    ]
+    items = tuple(_item(one, n, source) for n, one in enumerate(simple, start=1))
     check_numbers(items, source)
     speed = _number(mission.get("hoverSpeed"), f"{source}: hoverSpeed")
     if speed is not None:
@@ -399,29 +401,30 @@ def _simple_items(entry: Any, place: int, source: str) -> list[Any]:
 def _item(entry: Any, place: int, source: str) -> Item:
     """Return one item, the nth in the file."""
     at = f"{source}: item {place}"
-    require(isinstance(entry, dict), at, "a table", shown(entry))
+    entry = _typed(dict, entry, at, "a table")
     kind, params = entry.get("type"), entry.get("params")
     require(kind == "SimpleItem", f"{at} type", "SimpleItem", shown(kind))
-    number, goes_on = entry.get("doJumpId", place), entry.get("autoContinue", True)
-    # `type`, because True is an int for `isinstance`.
-    whole = type(number) is int
-    require(whole, f"{at} doJumpId", "a whole number", shown(number))
+    number = entry.get("doJumpId", place)
+    _typed(int, number, f"{at} doJumpId", "a whole number")
     at = f"{source}: item {number}"
     close = nearest("params", set(entry) - set(ITEM_KEYS))
     seven = isinstance(params, list) and len(params) == 7
     require(seven, f"{at} params", "a list of 7", shown(params) + close)
-    known = isinstance(goes_on, bool)
-    require(known, f"{at} autoContinue", "true or false", shown(goes_on))
+    goes_on = entry.get("autoContinue", True)
+    _typed(bool, goes_on, f"{at} autoContinue", "true or false")
     return checked_item(
         source, number, entry.get("command"), entry.get("frame"), params, goes_on
     )
 
 
-def _version(table: dict[str, Any], known: int, source: str, of: str) -> None:
-    """Reject other versions than the supported one."""
-    version = table.get("version")
-    same = type(version) is int and version == known
-    require(same, f"{source}: {of}version", f"{known}", shown(version))
+def _typed(kind: type[T], value: Any, at: str, words: str) -> T:
+    """Return a value of a type of JSON; True is no integer.
+
+    Raises:
+        InputError: It has another type.
+    """
+    require(type(value) is kind, at, words, shown(value))
+    return value
 
 
 def _home(value: Any, source: str) -> Place:
@@ -457,8 +460,7 @@ def checked_item(
             missing or out of range, or a parameter is not supported.
     """
     at = f"{where}: item {number}"
-    whole = type(number) is int
-    require(whole, f"{where}: number", "a whole number", shown(number))
+    _typed(int, number, f"{where}: number", "a whole number")
     known = ", ".join(f"{one} ({kind.name})" for one, kind in COMMANDS.items())
     # `type`, because True is an int for `isinstance`.
     supported = type(command) is int and (command in COMMANDS or command in IGNORED)
@@ -473,7 +475,7 @@ def checked_item(
     values = [
         _number(value, f"{at}, parameter {n}") for n, value in enumerate(params, 1)
     ]
-    item = Item(number, command, frame, (*values,), auto_continue)  # type: ignore[arg-type]  seven, counted by the reader
+    item = Item(number, command, frame, (*values,), auto_continue)
     check_item(item, where)
     if not item.ignored and COMMANDS[command].placed:
         have = frame != MISSION
@@ -499,11 +501,11 @@ def check_item(item: Item, where: str) -> None:
     if item.ignored:
         return
     at, kind = f"{where}: {item.words}", COMMANDS[item.command]
-    for n, value in enumerate(item.params[:4], start=1):
-        allowed = kind.allowed.get(n, NOTHING)
-        if value is not None:
-            got = f"{value:g}"
-            require(allowed.holds(value), f"{at}, parameter {n}", allowed.words, got)
+    for n, (value, allowed) in enumerate(
+        zip(item.params[:4], kind.allowed, strict=True), start=1
+    ):
+        holds = value is None or allowed.holds(value)
+        require(holds, f"{at}, parameter {n}", allowed.words, f"{value or 0:g}")
     if kind.placed:
         check_place(item.params[4:], at)
 
@@ -569,92 +571,61 @@ class Allowed(NamedTuple):
 NOTHING = Allowed("0 or nothing (no other value is supported)", lambda x: x == 0)
 ANY = Allowed("a number", UNBOUNDED.allows)
 AT_LEAST_0 = Allowed("0 or more", NOT_NEGATIVE.allows)
+TIMES = Allowed("0 to 1000 turns", lambda x: 0 <= x <= 1000)
+SECONDS = Allowed(
+    "a positive number of seconds (a time of day is not supported)", POSITIVE.allows
+)
+SENSE = Allowed("one of -1, 0, 1", (-1, 0, 1).__contains__)
+RELATES = Allowed("one of 0, 1", (0, 1).__contains__)
+REPEATS = Allowed(
+    "a number of repetitions, 0 or more (-1, without end, is not possible unattended)",
+    lambda x: x >= 0 and x.is_integer(),
+)
+OF_SPEED = Allowed("one of 0, 1, 2, 3", (0, 1, 2, 3).__contains__)
+CHANGE = Allowed("0.05 to 60 m/s, or -1", lambda x: x == -1 or 0.05 <= x <= 60)
 
 
 class Command(NamedTuple):
-    """A supported command.
+    """Command of a supported command.
 
     Attributes:
         name: Short name.
-        allowed: Supported values of parameters 1 to 4; the others must be 0 or absent.
+        allowed: Supported values of parameters 1 to 4.
         placed: True if it has a position; 0, 0 is the current one.
         needs: Whether latitude, longitude and height must be numbers.
     """
 
     name: str
-    allowed: dict[int, Allowed]
+    allowed: tuple[Allowed, Allowed, Allowed, Allowed]
     placed: bool = True
     needs: tuple[bool, bool, bool] = (True, True, True)
 
 
-COMMANDS = {
+COMMANDS: dict[int, Command] = {
     # hold [s], acceptance radius [m], -, yaw [degree, clockwise from north]
-    WAYPOINT: Command("waypoint", {1: AT_LEAST_0, 2: AT_LEAST_0, 4: ANY}),
+    Nav.WAYPOINT: Command("waypoint", (AT_LEAST_0, AT_LEAST_0, NOTHING, ANY)),
     # A multicopter loiters on the spot, at any radius.
-    LOITER: Command("loiter", {3: ANY, 4: ANY}),
+    Nav.LOITER: Command("loiter", (NOTHING, NOTHING, ANY, ANY)),
     # turns, exit heading, radius [m] (positive: clockwise), exit location: the vehicle
     # leaves at its entry point
-    TURNS: Command(
-        "loiter for turns",
-        {
-            1: Allowed("0 to 1000 turns", lambda x: 0 <= x <= 1000),
-            **dict.fromkeys((2, 3, 4), ANY),
-        },
-    ),
+    Nav.TURNS: Command("loiter for turns", (TIMES, ANY, ANY, ANY)),
     # time [s], and the same three, which have no meaning on the spot
-    LOITER_TIME: Command(
-        "loiter for a time", {1: AT_LEAST_0, **dict.fromkeys((2, 3, 4), ANY)}
-    ),
-    RETURN: Command("return to launch", {}, placed=False),
+    Nav.LOITER_TIME: Command("loiter for a time", (AT_LEAST_0, ANY, ANY, ANY)),
+    Nav.RETURN: Command("return to launch", (NOTHING,) * 4, placed=False),
     # yaw; it lands on the ground at any height parameter
-    LAND: Command("land", {4: ANY}, needs=(False, False, False)),
+    Nav.LAND: Command("land", (NOTHING, NOTHING, NOTHING, ANY), needs=(False,) * 3),
     # pitch (fixed wing only), -, -, yaw
-    TAKEOFF: Command("take-off", {1: ANY, 4: ANY}, needs=(False, False, True)),
+    Nav.TAKEOFF: Command(
+        "take-off", (ANY, NOTHING, NOTHING, ANY), needs=(False, False, True)
+    ),
     # delay [s]
-    DELAY: Command(
-        "delay",
-        {
-            1: Allowed(
-                "a positive number of seconds (a time of day is not supported)",
-                POSITIVE.allows,
-            ),
-            **dict.fromkeys((2, 3, 4), ANY),
-        },
-        placed=False,
-    ),
+    Nav.DELAY: Command("delay", (SECONDS, ANY, ANY, ANY), placed=False),
     # angle [degree], rate, sense (1: clockwise), 1: relative to the heading
-    HEADING: Command(
-        "turn",
-        {
-            **dict.fromkeys((1, 2), ANY),
-            3: Allowed("one of -1, 0, 1", (-1, 0, 1).__contains__),
-            4: Allowed("one of 0, 1", (0, 1).__contains__),
-        },
-        placed=False,
-    ),
+    Nav.HEADING: Command("turn", (ANY, ANY, SENSE, RELATES), placed=False),
     # number of the next item, number of repetitions
-    JUMP: Command(
-        "jump",
-        {
-            1: ANY,
-            2: Allowed(
-                "a number of repetitions, 0 or more (-1, without end, is not possible "
-                "unattended)",
-                lambda x: x >= 0 and x.is_integer(),
-            ),
-        },
-        placed=False,
-    ),
+    Nav.JUMP: Command("jump", (ANY, REPEATS, NOTHING, NOTHING), placed=False),
     # 0 or 1: over ground, 2: climb, 3: descent; [m/s], -1 no change; throttle
-    SPEED: Command(
-        "change speed",
-        {
-            1: Allowed("one of 0, 1, 2, 3", (0, 1, 2, 3).__contains__),
-            2: Allowed("0.05 to 60 m/s, or -1", lambda x: x == -1 or 0.05 <= x <= 60),
-            3: ANY,
-        },
-        placed=False,
-    ),
+    Nav.SPEED: Command("change speed", (OF_SPEED, CHANGE, ANY, NOTHING), placed=False),
 }
 """Supported commands by number."""
 

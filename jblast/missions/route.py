@@ -31,21 +31,11 @@ from jblast.missions.guidance import (
     Legs,
 )
 from jblast.missions.plan import (
-    DELAY,
     GLOBAL,
-    HEADING,
-    JUMP,
-    LAND,
-    LOITER,
-    LOITER_TIME,
     MISSION,
     RELATIVE,
-    RETURN,
-    SPEED,
-    TAKEOFF,
-    TURNS,
-    WAYPOINT,
     Item,
+    Nav,
     Parameters,
     Plan,
     check_item,
@@ -78,7 +68,7 @@ CIRCLE_M = 10.0
 """Default radius of an item for turns; declared."""
 CHANGED = ("speed_m_s", "speed_m_s", "climb_m_s", "descent_m_s")
 """Speed changed by each value of a speed's first parameter."""
-FACING = (WAYPOINT, LOITER, LAND, TAKEOFF)
+FACING = (Nav.WAYPOINT, Nav.LOITER, Nav.LAND, Nav.TAKEOFF)
 """Commands with a heading, parameter 4."""
 Vector = Float[np.ndarray, "3"]
 
@@ -124,7 +114,7 @@ def grid_plan(
         places += [(east, north), (-east, north)]
     corners = np.array(places) + centre_m
     first = (0.0, 0.0, 0.0, None)
-    return _pattern(home, corners, up_m, speed_m_s, WAYPOINT, first)
+    return _pattern(home, corners, up_m, speed_m_s, Nav.WAYPOINT, first)
 
 
 def orbit_plan(
@@ -156,7 +146,7 @@ def orbit_plan(
         f"{radius_m:g},{turns:g}",
     )
     first = (turns, 0.0, radius_m, 0.0)
-    return _pattern(home, np.array([centre_m]), up_m, speed_m_s, TURNS, first)
+    return _pattern(home, np.array([centre_m]), up_m, speed_m_s, Nav.TURNS, first)
 
 
 def _pattern(
@@ -179,13 +169,14 @@ def _pattern(
     """
     check_place(home, argument("home"))
     points = np.column_stack([places_m, 0 * places_m[:, 0]])
-    rows: list[tuple[int, int, Parameters]] = [
-        (TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None, home.lat_deg, home.lon_deg, up_m))
-    ]
     # 1e-9 degree is 0.1 mm; MAVLink's resolution is 1e-7 degree, 1 cm.
-    for lat, lon, _ in np.round(geodetic(Frame(*home), points), 9).tolist():
-        rows.append((command, RELATIVE, (*first, lat, lon, up_m)))
-    rows.append((RETURN, MISSION, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    places = np.round(geodetic(Frame(*home), points), 9).tolist()
+    begin = (0.0, 0.0, 0.0, None, home.lat_deg, home.lon_deg, up_m)
+    rows: list[tuple[int, int, Parameters]] = [
+        (Nav.TAKEOFF, RELATIVE, begin),
+        *((command, RELATIVE, (*first, lat, lon, up_m)) for lat, lon, _ in places),
+        (Nav.RETURN, MISSION, (0.0,) * 7),
+    ]
     items = tuple(Item(n, *row) for n, row in enumerate(rows, start=1))
     return Plan(items, home, hover_speed_m_s=speed_m_s)
 
@@ -375,9 +366,9 @@ def stops_of(
     for item in plan.items:
         check_item(item, where)
     order = [n for n in _order(plan) if not plan.items[n].ignored]
-    moving = [n for n in order if plan.items[n].command not in (SPEED, HEADING)]
+    moving = [n for n in order if plan.items[n].command not in (Nav.SPEED, Nav.HEADING)]
     grounded = start_m is None
-    starts = moving and (plan.items[moving[0]].command == TAKEOFF or not grounded)
+    starts = moving and (plan.items[moving[0]].command == Nav.TAKEOFF or not grounded)
     got = plan.items[moving[0]].words if moving else "nothing to fly"
     got = f"{got}: a mission that starts in the air"
     require(starts, where, "a take-off (22) first, from the ground", got)
@@ -399,14 +390,14 @@ def stops_of(
         )
         # A change of speed holds for the following items and has no position; -1 is no
         # change.
-        if item.command == SPEED:
+        if item.command == Nav.SPEED:
             kind, speed = int(item.number_of(1)), item.number_of(2, -1.0)
             if speed > 0:
                 speeds[CHANGED[kind]] = speed
             continue
         # A turn holds for all following items, as in ArduCopter, which alone has this
         # command and does not use the heading of a waypoint.
-        if item.command == HEADING:
+        if item.command == Nav.HEADING:
             turned = True
             yaw_rad = _turned(item, yaw_rad)
             continue
@@ -428,7 +419,7 @@ def stops_of(
             check_reach(stop, home_m, f"{where}: {item.words}")
         stops += found
         at = stops[-1].goal_m
-        ended = item.command in (LAND, RETURN, LOITER)
+        ended = item.command in (Nav.LAND, Nav.RETURN, Nav.LOITER)
     if not ended:
         stops.append(replace(stops[-1], hold_s=math.inf))
     require(
@@ -454,24 +445,24 @@ def _stops_for(
     """
     at, hold = base.goal_m, item.number_of(1)
     there = replace(base, goal_m=goal)
-    if item.command == TAKEOFF:
+    if item.command == Nav.TAKEOFF:
         # A take-off climbs vertically first; then the vehicle flies to its position.
         above = replace(base, goal_m=np.array([*at[:2], goal[2]]), hold_s=0.0)
         far = math.dist(goal, above.goal_m) > limits.acceptance_m
         return [above, there] if far else [above]
-    if item.command == WAYPOINT:
+    if item.command == Nav.WAYPOINT:
         # 0 stands for the default, as if the parameter were absent.
         radius = item.number_of(2) or limits.acceptance_m
         return [replace(there, hold_s=hold or None, acceptance_m=radius)]
-    if item.command in (DELAY, LOITER_TIME):
+    if item.command in (Nav.DELAY, Nav.LOITER_TIME):
         return [replace(there, hold_s=hold)]
-    if item.command == LOITER:
+    if item.command == Nav.LOITER:
         return [replace(there, hold_s=math.inf)]
-    if item.command == TURNS:
+    if item.command == Nav.TURNS:
         return _circle(there, at, hold, item.number_of(3) or CIRCLE_M)
     # A return climbs and flies home, a landing flies to its position. Both descend.
     high, over = float(at[2]), goal
-    if item.command == RETURN:
+    if item.command == Nav.RETURN:
         high, over = max(high, float(home[2]) + limits.return_m), home
     slow = min(float(home[2]) + limits.slow_below_m, high)
     found: list[Stop] = []
@@ -541,7 +532,7 @@ def _order(plan: Plan) -> list[int]:
         goes_on = item.auto_continue or n + 1 == len(plan.items)
         words = "true for an unattended mission"
         require(goes_on, f"{at}, autoContinue", words, "false")
-        if item.command != JUMP:
+        if item.command != Nav.JUMP:
             order.append(n)
             n += 1
             continue
@@ -661,7 +652,7 @@ def _goal(
     up = at[2]
     # ArduPilot has a height of 0 for the present height, too, where 0, 0 is the
     # present position.
-    if alt is not None and (alt or item.place or item.command == TAKEOFF):
+    if alt is not None and (alt or item.place or item.command == Nav.TAKEOFF):
         up = alt - frame.alt_m if item.frame == GLOBAL else home[2] + alt
     if item.place is None:
         return np.array([at[0], at[1], up])
