@@ -45,8 +45,8 @@ class Air(Module):
             temperature and humidity.
         wind_east: Wind towards east [m/s].
         wind_north: Wind towards north [m/s].
-        absorption: Apply absorption also within the range of a pressure law, although
-            its measured peaks already include some.
+        absorption: Apply absorption also on the path up to Z = 300, although the laws'
+            measured peaks already include some.
         absorption_scale: Absorption over that of ISO 9613-1 [-].
     """
 

@@ -57,7 +57,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int, Key, PRNGKeyArray
+from jaxtyping import Array, ArrayLike, Complex, Float, Int, Key, PRNGKeyArray
 
 from jblast.errors import require, shown
 from jblast.scene import Air, Ambient, Instrument, Scene, Sensor
@@ -116,9 +116,9 @@ def microphone(
         pulse, transfer = wave.pulse, None
         if isinstance(pulse, GroundPulse):
             pulse = pulse._replace(amplitude=piston * pulse.amplitude)
-        # inside jit the flag is unknown, so every wave in the air gets the filter
-        elif isinstance(wave.absorbed, Tracer) or bool(np.asarray(wave.absorbed)):
-            transfer = _transfer(air, wave.absorbed, wave.distance, instrument.rate)
+        # inside jit the length is unknown, so every wave in the air gets the filter
+        elif isinstance(wave.absorbed_m, Tracer) or float(wave.absorbed_m) > 0.0:
+            transfer = _transfer(air, wave.absorbed_m, instrument.rate)
         found.append(Passing(pulse, transfer))
     if (ambient := scene.ambient) is not None:
         sound = ambient_sound(ambient, instrument.rate, keys[0])
@@ -228,14 +228,13 @@ class Passing(Source):
 
 @eqx.filter_jit
 def _transfer(
-    air: Air, absorbed: Bool[Array, ""], distance: Float[Array, ""], rate: float
+    air: Air, path_m: Float[Array, ""], rate: float
 ) -> Complex[Array, " frequency"]:
-    """Return the absorption filter of a wave's path; 1 if nothing is absorbed."""
+    """Return the absorption filter of a path; 1 for none."""
     # a power of two that holds a block and the filter's tail without wrap-around
     count = 2 ** math.ceil(math.log2(BLOCK + TAIL_S * rate))
-    length = jnp.where(absorbed, air.absorption_scale * distance, 0.0)
     humidity = air.relative_humidity
-    return absorption_transfer(count, rate, length, *ambient_of(air), humidity)
+    return absorption_transfer(count, rate, path_m, *ambient_of(air), humidity)
 
 
 class Wind(Source):

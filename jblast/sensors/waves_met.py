@@ -5,6 +5,10 @@ scene and laws. Two numbers do not depend on the choice of laws. The suction is 
 `blast_pulse`, reduced by the same factor where a law predicts less pressure than
 `shock_kinematics`. The rise time is that of a weak shock (`waves/pulse.py`).
 
+In a weak shock steepening balances the absorption of the front, and its peak and rise
+time contain it. Beyond Z = 300, the end of these laws, a wave is sound, and the air
+absorbs along the rest of its path. Peak and rise time are continuous there.
+
 The reflection comes from the image of the charge below a flat, rigid ground. It exists
 for charges with free-air curves (the curves of a surface burst contain the ground) and
 for positions above the ground. It is a separate wave by the same laws at the longer
@@ -33,7 +37,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jblast.errors import require
 from jblast.kept_programs import kept
@@ -51,6 +55,8 @@ from jblast.waves.pulse import (
     suction_of,
     weak_shock_rise_time,
 )
+from jblast.waves.scaling import sachs_distance_factor
+from jblast.waves.shock import FAR_END
 
 Way = Literal["air", "reflected", "ground"]
 IN_AIR: tuple[Way, ...] = ("air", "reflected")
@@ -137,9 +143,9 @@ class Wave(NamedTuple):
             "ground".
         shot: Index of its charge in the scene.
         distance: Length of its path [m].
-        absorbed: True if the air's absorption acts on it, because its law does not
-            include it: if the law of the peak does not hold, or the scene requests it.
-            Never for the ground wave.
+        absorbed_m: Length of the path along which the air absorbs, times the scene's
+            `absorption_scale` [m]: the part beyond Z = 300, or all of it if the scene
+            requests it. None of the ground wave's.
         pace: Rate of its phase by the clock of the sensor [-]: 1 for a fixed sensor,
             the Doppler factor for a moving one.
     """
@@ -148,7 +154,7 @@ class Wave(NamedTuple):
     kind: Way
     shot: int
     distance: Float[Array, ""]
-    absorbed: Bool[Array, ""]
+    absorbed_m: Float[Array, ""]
     pace: Float[Array, ""]
 
 
@@ -243,7 +249,7 @@ def _wave_at(
         )
         motion = ground_pulse_of(arrival, displacement, velocity)
         motion = motion._replace(amplitude=share * motion.amplitude)
-        return Wave(motion, way, 0, distance, jnp.zeros((), bool), jnp.ones(()))
+        return Wave(motion, way, 0, distance, jnp.zeros(()), jnp.ones(()))
     peak, duration, impulse = (
         _value(quantity, laws, charge, path) for quantity in AIR_QUANTITIES[1:]
     )
@@ -251,11 +257,11 @@ def _wave_at(
     rise = weak_shock_rise_time(peak, impulse, duration)
     pulse = pulse_of(arrival, peak, impulse, duration, rise, *_suction(path, peak))
     pulse = pulse._replace(peak=share * pulse.peak, suction=share * pulse.suction)
-    # validity of the peak decides about absorption: beyond its range the law
-    # extrapolates without it
-    law = law_for("peak_overpressure_pa", laws["peak_overpressure_pa"])
-    holds = jnp.broadcast_to(call(law.valid, path), (1,))[0]
-    return Wave(pulse, way, 0, distance, ~holds | scene.air.absorption, jnp.ones(()))
+    absorbed, air = distance, scene.air
+    if not air.absorption:
+        unit = sachs_distance_factor(path.charge_mass, path.ambient_pressure)
+        absorbed = jnp.maximum(distance - FAR_END * jnp.broadcast_to(unit, (1,))[0], 0)
+    return Wave(pulse, way, 0, distance, air.absorption_scale * absorbed, jnp.ones(()))
 
 
 def _path(scene: Scene, place: Float[Array, "3"], way: Way) -> tuple[Charge, Path]:

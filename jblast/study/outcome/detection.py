@@ -131,10 +131,9 @@ def _detection(
     wave = found[0]
     start = wave.pulse.arrival_time - BEFORE_S
     samples = mean_overpressure(found, start, jnp.arange(count + 1, dtype=float) / rate)
-    # a shock without absorption is filtered over a path of 0 m
-    path_m = jnp.where(wave.absorbed, scene.air.absorption_scale * wave.distance, 0.0)
+    humidity = scene.air.relative_humidity
     transfer = absorption_transfer(
-        count, rate, path_m, *ambient_of(scene.air), scene.air.relative_humidity
+        count, rate, wave.absorbed_m, *ambient_of(scene.air), humidity
     )
     native = rate if sensor.instrument is None else sensor.instrument.rate
     frequency = jnp.linspace(0.0, 0.5 * rate, count // 2 + 1)

@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from jblast.errors import InputError
 from jblast.scene import Air, Ambient, Charge, Instrument, Scene, Sensor
-from jblast.sensors import Track, recording
+from jblast.sensors import Track, recording, waves
 from jblast.sensors.instrument import instrument_chain
 from jblast.sensors.noise import BLOCK
 from jblast.sensors.recorder import Recorder
@@ -46,6 +46,33 @@ def test_air_absorbs_where_the_scene_requests_it():
     # the two forget after 0.25 s each: e^-14 of the slowest relaxation
     known = np.asarray(absorb(plain, RATE, *numbers))
     assert absorbed == pytest.approx(known, abs=1e-5 * peak)
+
+
+def test_absorption_begins_without_a_step_where_laws_of_weak_shocks_end():
+    scene, rate = Scene(Charge(mass_kg=0.2)), 48_000.0
+
+    def near_front(z):
+        place = jnp.array([0.2 ** (1 / 3) * z, 0.0, 0.0])
+        sensor = Sensor("m", place, "microphone", instrument=Instrument(rate))
+        start_s = waves(scene, place)[0].pulse.arrival_time - 0.001
+        return recording(scene, sensor, KEY, start_s=start_s).samples(400 / rate)
+
+    found = []
+    for z in (250.0, 275.0, 299.0, 301.0, 325.0, 350.0):
+        record = np.asarray(near_front(z))
+        until = record[: record.argmax() + 1]
+        low, high = np.interp([0.1, 0.9], until / until[-1], np.arange(until.size))
+        found.append((until[-1], high - low))
+    peaks, rises = np.log(found).T
+    assert (np.diff(peaks) < 0).all()
+    assert (np.diff(rises) > 0).all()
+    # 2 of 300 in distance: the peak falls as Z^-1.1 and by absorption, rises grow
+    assert peaks[2] - peaks[3] < 0.02
+    assert rises[3] - rises[2] < 0.03
+    for z in (299.0, 300.0, 301.0):
+        slope = jax.grad(lambda z: jnp.sum(near_front(z) ** 2))(z)
+        assert np.isfinite(slope)
+        assert slope < 0.0
 
 
 def test_ambient_sound_falls_with_height_along_a_track():
