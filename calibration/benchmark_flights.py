@@ -35,7 +35,6 @@ from jaxtyping import Array, Float
 from calibration.timing import best_of
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
-    Each,
     FriedlanderGust,
     PositionHold,
     State,
@@ -98,12 +97,12 @@ def models() -> dict[str, dict[str, Any]]:
         "plain": {},
         "hold, gust": {
             "control": hold,
-            "command_step_s": HELD_S,
+            "control_period_s": HELD_S,
             "wind": FriedlanderGust([30.0, 0.0, 0.0], 0.01, 0.02),
         },
         "hold, blast": {
             "control": hold,
-            "command_step_s": HELD_S,
+            "control_period_s": HELD_S,
             "loads": (blast_load(Scene(Charge(mass_kg=1.0))),),
         },
     }
@@ -276,12 +275,12 @@ def flights(
     speeds = jnp.full((count, 4), hover, dtype)
     state = State(jnp.asarray(place, dtype), still, level, still, speeds)
     gains = all_alike(named_gains("crazyflie", integral=True))
-    hold = Each(PositionHold(state.position_m, gains, jnp.zeros(count)))
+    hold = PositionHold(state.position_m, gains, jnp.zeros(count))
 
     def load(mass):
         return blast_load(Scene(Charge(mass_kg=mass, time_s=0.05)))
 
-    loads = (Each(jax.vmap(load)(mass)),) if blasts else ()
+    loads = (jax.vmap(load)(mass),) if blasts else ()
 
     def fly(store_every: int = 10**9) -> Trajectory:
         return simulate(
@@ -290,7 +289,7 @@ def flights(
             duration_s=SECONDS,
             step_s=step_s,
             control=hold,
-            command_step_s=HELD_S,
+            control_period_s=HELD_S,
             loads=loads,
             ground_up_m=0.0,
             store_every=store_every,

@@ -55,7 +55,7 @@ from jblast.study.engine.tiles import calculated
 from jblast.study.flights import BATCH_ROWS
 from jblast.study.outcome.fit import AGAIN_Z
 from jblast.study.sampling.work import Reduced, Work
-from jblast.vehicle import Each, PositionHold, blast_load, named, named_gains, simulate
+from jblast.vehicle import PositionHold, blast_load, named, named_gains, simulate
 
 REPEATS = 2
 
@@ -350,7 +350,7 @@ def flight_lines() -> list[str]:
     steps = round(seconds / STEP_S)
 
     def simulated(**more: Any) -> Callable[[], Any]:
-        load = Each(eqx.filter_vmap(blast)(masses))
+        load = eqx.filter_vmap(blast)(masses)
         return lambda: simulate(
             named("crazyflie"),
             state,
@@ -366,7 +366,7 @@ def flight_lines() -> list[str]:
         return work.several(range(work.numbering.tiles))
 
     every = {"store_every": -(-steps // BATCH_ROWS)}
-    one, seldom = {"store_every": steps}, {"command_step_s": benchmark_flights.HELD_S}
+    one, seldom = {"store_every": steps}, {"control_period_s": benchmark_flights.HELD_S}
     ways = {
         "the same flights by simulate": {**every, "ground_up_m": 0.0},
         "without ground": every,

@@ -46,7 +46,7 @@ from jblast.sensors import recording
 from jblast.sensors.camera import Pixel, event_stream
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import luminance
-from jblast.vehicle import Each, blast_load, hold_of, simulate, start_of, vehicle_of
+from jblast.vehicle import blast_load, hold_of, simulate, start_of, vehicle_of
 from jblast.world import blast_sequence, world_key
 
 SECONDS, STEP_S, LONG_STEP_S = 1.0, 1e-3, 4e-3
@@ -247,7 +247,7 @@ def parts_of_many() -> dict[str, Callable[[], Any]]:
             duration_s=SECONDS,
             step_s=step_s,
             control=hold,
-            loads=(Each(jax.vmap(blast_load)(scenes)),),
+            loads=(jax.vmap(blast_load)(scenes),),
             store_every=round(STORED_S / step_s),
         )
         return flown.position_m

@@ -717,7 +717,7 @@ def flight_points() -> list[Point]:
     held = {
         "control": PositionHold((0.0, 0.0, 5.0), named_gains("crazyflie")),
         "loads": (blast_load(Scene(charge)),),
-        "command_step_s": PERIOD_S,
+        "control_period_s": PERIOD_S,
     }
     starts: tuple[tuple[State, dict[str, Any]], ...] = (
         (moving, {"wind": wind}),

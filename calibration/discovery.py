@@ -323,8 +323,7 @@ def motor_case() -> Case:
         _hovering(speed),
         duration_s=COMMAND_S * len(commands),
         step_s=ROWS_APART_S / 20.0,
-        commands=np.repeat(commands[:, None], 4, axis=1),
-        command_step_s=COMMAND_S,
+        control=vehicle.Commands(np.repeat(commands[:, None], 4, axis=1), COMMAND_S),
         store_every=10,
     )
     time = np.asarray(flight.time_s)

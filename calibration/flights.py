@@ -66,7 +66,6 @@ from jblast.study.flight_results import (
 from jblast.study.flights import fly
 from jblast.vehicle import (
     CONTROLLERS,
-    Each,
     Gains,
     PositionHold,
     State,
@@ -195,7 +194,7 @@ def held(
         state,
         duration_s=SECONDS,
         step_s=STEP_S,
-        control=Each(PositionHold(place, gains, np.zeros(count))),
+        control=PositionHold(place, gains, np.zeros(count)),
         wind=StepGust([0.0, wind_m_s, 0.0], -1.0),
         loads=(load,),
         ground_up_m=0.0,
@@ -312,7 +311,7 @@ def outcomes(name: str, *, bare: bool) -> np.ndarray:
         start,
         duration_s=RECOVERY_SECONDS,
         step_s=RECOVERY_STEP_S,
-        control=Each(many),
+        control=many,
         ground_up_m=0.0,
         store_every=5,
         backend="jax",

@@ -60,7 +60,6 @@ from jblast.sensors.camera.geometry import project, unproject
 from jblast.signals import noise_spectrum
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
-    Each,
     Gains,
     PositionHold,
     State,
@@ -672,7 +671,7 @@ def _step_limits() -> list[Mode]:
             starts,
             duration_s=HOVER_STEPS * HOVER_STEP_S,
             step_s=HOVER_STEP_S,
-            control=Each(holds),
+            control=holds,
             store_every=100,
         )
         return jnp.linalg.norm(flown.body_rate_rad_s, axis=-1)
@@ -824,8 +823,8 @@ def _charges() -> list[Mode]:
         stacked([hovering(vehicle) for vehicle in vehicles]),
         duration_s=2.0,
         step_s=1e-3,
-        control=Each(stacked(holds)),
-        loads=(Each(stacked(loads)),),
+        control=stacked(holds),
+        loads=(stacked(loads),),
         ground_up_m=0.0,
         store_every=10,
     )

@@ -44,7 +44,6 @@ from jblast.signals import (
 )
 from jblast.study.statistics import wilson_interval
 from jblast.vehicle import (
-    Each,
     blast_load,
     flight_metrics,
     hold_of,
@@ -127,7 +126,7 @@ def _flown(scenes: Scene, spec: VehicleSpec) -> tuple[np.ndarray, ...]:
         duration_s=SECONDS,
         step_s=STEP_S,
         control=hold_of(spec, integral=True),
-        loads=(Each(jax.vmap(blast_load)(scenes)),),
+        loads=(jax.vmap(blast_load)(scenes),),
         ground_up_m=0.0,
         store_every=10,
     )

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from jblast.autopilot.lockstep import PERIOD_S, begin, step
+from jblast.autopilot.lockstep import PERIOD_S
 from jblast.autopilot.mavlink import (
     HEARTBEAT_S,
     Link,
@@ -65,8 +65,8 @@ from jblast.missions.route import Limits, geodetic
 from jblast.observations.places import Frame
 from jblast.scene import Place
 from jblast.vehicle import PositionHold, State
-from jblast.vehicle.rollout import Flight, FlightState
-from jblast.vehicle.state import joined
+from jblast.vehicle.rollout import FlightState, Simulator
+from jblast.vehicle.state import four, joined
 
 # MAV_CMD, besides those of missions.
 SET_MODE, REPOSITION, PAUSE_CONTINUE, SET_ITEM = 176, 192, 193, 224
@@ -95,20 +95,20 @@ INSERTED = -1
 
 @eqx.filter_jit
 def _advanced(
-    flight: Flight,
+    simulator: Simulator,
     control: MissionControl,
     now: FlightState,
     memory: PyTree[Array],
     first: Int[Array, ""],
 ) -> tuple[FlightState, PyTree[Array], State]:
     """Return flight, controller and vehicle after `BLOCK` steps."""
-    period = jnp.asarray(PERIOD_S, float)
+    period, vehicle = simulator.step_s, simulator.vehicle
 
     def turn(carried: tuple[FlightState, PyTree[Array]], n: Int[Array, ""]) -> Any:
         now, memory = carried
-        state, time_s = joined(now.motion), jnp.asarray(n, float) * period
-        speeds, memory = control(time_s, state, flight.vehicle, memory, period)
-        return (step(flight, now, n, speeds), memory), None
+        time_s, state = n * period, joined(now.motion)
+        speeds, memory = control(time_s, state, vehicle, memory, period)
+        return (simulator.step(now, n, command=four(speeds)), memory), None
 
     (now, memory), _ = jax.lax.scan(turn, (now, memory), first + jnp.arange(BLOCK))
     return now, memory, joined(now.motion)
@@ -123,19 +123,20 @@ class Craft:
         mission: Path; None before the take-off.
 
     Args:
-        flight: Vehicle, start, wind and loads.
+        simulator: Steps of the vehicle.
+        start: Initial state.
         hold: Controller that follows the set point.
     """
 
-    def __init__(self, flight: Flight, hold: PositionHold):
-        self._flight, self._hold = flight, hold
+    def __init__(self, simulator: Simulator, start: State, hold: PositionHold):
+        self._simulator, self._start, self._hold = simulator, start, hold
         self.stand()
 
     def stand(self) -> None:
         """Return to the start."""
-        self.state, self.mission, self._steps = self._flight.state, None, 0
+        self.state, self.mission, self._steps = self._start, None, 0
         self.mission: Mission | None
-        self._now = begin(self._flight)
+        self._now = self._simulator.start(self._start)
         self._memory: Any = None
 
     @property
@@ -175,7 +176,7 @@ class Craft:
     def throttle(self) -> float:
         """Mean rotor speed as a share of the maximum."""
         speeds = np.asarray(self.state.rotor_speed_rad_s)
-        share = speeds.mean() / float(self._flight.vehicle.rotor_speed_max_rad_s)
+        share = speeds.mean() / float(self._simulator.vehicle.rotor_speed_max_rad_s)
         return float(share) if self.flies else 0.0
 
     def set_point(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
@@ -210,7 +211,7 @@ class Craft:
             (self._control, self._now, self._memory),
         )
         self._now, self._memory, self.state = _advanced(
-            self._flight, control, now, memory, jnp.asarray(self._steps)
+            self._simulator, control, now, memory, jnp.asarray(self._steps)
         )
         self._steps += BLOCK
         if not np.isfinite(np.asarray(self.state.position_m)).all():

@@ -58,7 +58,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
-from jblast.vehicle.rollout import INWARD, Flight, FlightState, OneStep, Ticks
+from jblast.vehicle.rollout import FlightState, Simulator
 from jblast.vehicle.state import four, joined
 from jblast.waves.propagation import ambient
 
@@ -394,8 +394,10 @@ def wind_of(scene: Scene) -> Float[Array, "3"]:
     return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east])
 
 
-def flight_of(scene: Scene, spec: VehicleSpec, load: Any, source: str = "") -> Flight:
-    """Return vehicle, start and actions of a scene's vehicle, without a controller.
+def flight_of(
+    scene: Scene, spec: VehicleSpec, load: Any, source: str = ""
+) -> tuple[Simulator, State]:
+    """Return the steps of a scene's vehicle without a controller, and its start.
 
     Args:
         scene: Scene without unknown numbers.
@@ -415,62 +417,38 @@ def flight_of(scene: Scene, spec: VehicleSpec, load: Any, source: str = "") -> F
     if up == 0:
         start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
     wind = wind_of(scene)
-    gust = StepGust(wind, 0 * wind[0])
-    return Flight(vehicle_of(spec), start, None, None, gust, (load,), jnp.zeros(()))
-
-
-def begin(flight: Flight) -> FlightState:
-    """Return the state of a flight before its first step."""
-    return _one(flight).start()
-
-
-def step(
-    flight: Flight, now: FlightState, n: Int[Array, ""], speeds_rad_s: Float[Array, "4"]
-) -> FlightState:
-    """Return the state of a flight after a step of `PERIOD_S`.
-
-    Args:
-        flight: Vehicle, wind and loads.
-        now: State before the step.
-        n: Number of the step; 0 is the first.
-        speeds_rad_s: Rotor speed commands.
-    """
-    # Stages inside the step, as in `rollout.timetable`.
-    start = jnp.asarray(n, float) * PERIOD_S
-    inward = jnp.maximum(
-        INWARD * PERIOD_S, 2 * np.finfo(float).eps * (start + PERIOD_S)
+    simulator = Simulator(
+        vehicle_of(spec),
+        jnp.asarray(PERIOD_S),
+        wind=StepGust(wind, 0 * wind[0]),
+        loads=(load,),
+        ground_up_m=jnp.zeros(()),
     )
-    stages = start + jnp.stack([inward, 0.5 * PERIOD_S, PERIOD_S - inward])
-    # The commands are fixed within a step, so their rows are unused zeros.
-    none, length = jnp.zeros((3,), jnp.int32), jnp.asarray(PERIOD_S, float)
-    tick = Ticks(stages, start, length, none, jnp.asarray(True))
-    now = now._replace(command=four(speeds_rad_s))
-    return _one(flight).advance_pushed(now, tick)
-
-
-def _one(flight: Flight) -> OneStep:
-    return OneStep(flight, jnp.asarray(PERIOD_S, float), False, None)
+    return simulator, start
 
 
 class SimulatorSteps(eqx.Module):
     """Simulation steps of one vehicle.
 
     Attributes:
-        flight: Vehicle, initial state, wind and loads, without a controller.
+        simulator: Steps of the vehicle, without a controller.
+        state: Initial state.
         suite: Instruments.
         key: Key of the instruments' errors.
     """
 
-    flight: Flight
+    simulator: Simulator
+    state: State
     suite: Suite
     key: PRNGKeyArray
 
     def start(self) -> SimulatorState:
         """Return the state of the simulator before the first step."""
-        state = self.flight.state
-        return SimulatorState(
-            begin(self.flight), state, self.suite.start(self.key, state)
+        now, held = (
+            self.simulator.start(self.state),
+            self.suite.start(self.key, self.state),
         )
+        return SimulatorState(now, self.state, held)
 
     def read(
         self, carried: SimulatorState, turn: Int[Array, ""], world_turn: Int[Array, ""]
@@ -508,8 +486,8 @@ def turns_of(
     """
     load = blast_load(scene)
     suite = suite_of(scene, place, load, 1 / PERIOD_S)
-    flight = flight_of(scene, spec, load, source)
-    return SimulatorSteps(flight, suite, jax.random.key(seed))
+    simulator, state = flight_of(scene, spec, load, source)
+    return SimulatorSteps(simulator, state, suite, jax.random.key(seed))
 
 
 def compiled(turns: SimulatorSteps) -> tuple[Turn, SimulatorState]:
@@ -526,7 +504,9 @@ def compiled(turns: SimulatorSteps) -> tuple[Turn, SimulatorState]:
         goes: Any,
         speeds: Any,
     ) -> tuple[SimulatorState, Readings]:
-        moved = step(own.flight, carried.now, world, speeds)
+        moved = own.simulator.step(
+            carried.now, jnp.asarray(world), command=four(jnp.asarray(speeds))
+        )
         now = jax.tree.map(lambda a, b: jnp.where(goes, a, b), moved, carried.now)
         carried = carried._replace(now=now)
         return own.read(carried, turn + 1, world + jnp.asarray(goes, int))

@@ -25,8 +25,7 @@ from jblast.environments.episode import (
     draw_episode,
     load_of,
     may_push,
-    one_step,
-    tick_of,
+    simulator_of,
     vehicle_in,
     window_of,
 )
@@ -40,7 +39,7 @@ from jblast.vehicle.controllers import gains_controller
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.quadrotor import in_precision
-from jblast.vehicle.rollout import FlightState
+from jblast.vehicle.rollout import FlightState, tick_of
 from jblast.world import Blasts
 
 STEP_S = 0.01
@@ -277,12 +276,12 @@ def in_blast(
     state: EnvironmentState, params: EnvironmentParams
 ) -> Bool[Array, " blast"]:
     """Return whether each blast may act on a lane in its next step."""
-    tick, place = tick_of(params, state), state.now.motion.position
+    tick, place = tick_of(state.steps, params.step_s), state.now.motion.position
     x, y, z = (a - b for a, b in zip(place, state.start_m, strict=True))
     # No gradient is taken of this distance: it only selects blasts, so that the root at
     # zero is harmless.
     off = jnp.sqrt(x * x + y * y + z * z)
-    return may_push(state.windows, off, tick.start, tick.start + tick.step)
+    return may_push(state.windows, off, tick.start, tick.start + tick.length)
 
 
 def pushed_by(
@@ -295,11 +294,11 @@ def pushed_by(
         blast: One blast of its episode.
         params: Parameters of the environment.
     """
-    tick = tick_of(params, state)
+    tick = tick_of(state.steps, params.step_s)
     wrench, _ = pulse_wrench(
         [load_of(params, state.episode.wind_m_s, blast)],
         tick.start,
-        tick.step,
+        tick.length,
         state.now.motion,
         vehicle_in(params, state.episode),
         # No inactive interval is stored between steps: `in_blast` has tested this one.
@@ -394,14 +393,8 @@ def moved(
         memory=integral,
         impulse_wrench=wrench,
     )
-    tick = tick_of(params, state)
-
-    def go_on() -> FlightState:
-        return one_step(params, state.episode).moved(now, tick)
-
-    # The condition is always true: a branch is a separate program of small arrays,
-    # which XLA runs sequentially (see `rollout.CHUNK_BYTES`).
-    now = jax.lax.cond(tick.step > 0, go_on, lambda: now)
+    simulator = simulator_of(params, state.episode)
+    now = simulator.moved(now, tick_of(state.steps, params.step_s))
     off = distance(now.motion, aim)
     after = state._replace(
         now=now,

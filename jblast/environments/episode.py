@@ -42,7 +42,7 @@ from jblast.vehicle import BlastLoad, Controller, Gains, Vehicle, blast_load
 from jblast.vehicle.control.allocation import speeds_within
 from jblast.vehicle.loads.blast_wave import crossing_time
 from jblast.vehicle.quadrotor import required_body
-from jblast.vehicle.rollout import INWARD, Flight, FlightState, OneStep, Ticks
+from jblast.vehicle.rollout import FlightState, Simulator
 from jblast.vehicle.state import (
     Four,
     Number,
@@ -388,37 +388,17 @@ def load_of(params: EnvironmentParams, wind: Vector, blast: Blasts) -> BlastLoad
     return blast_load(Scene(charge, air=air))
 
 
-def one_step(params: EnvironmentParams, episode: Episode) -> OneStep:
-    """Return the step of an episode's flight, without blasts."""
-    wind = episode.wind_m_s
+def simulator_of(params: EnvironmentParams, episode: Episode) -> Simulator:
+    """Return the steps of an episode's vehicle, without blasts."""
 
     def steady(time_s: Array, position_m: Array) -> Array:
-        return jnp.stack(wind)
+        return jnp.stack(episode.wind_m_s)
 
-    flight = Flight(
-        vehicle=vehicle_in(params, episode),
-        state=None,  # pyright: ignore[reportArgumentType] (its start is not used)
-        commands=None,
-        control=None,
+    return Simulator(
+        vehicle_in(params, episode),
+        params.step_s,
         wind=steady,
-        loads=(),
         ground_up_m=params.ground_up_m,
-    )
-    return OneStep(flight, params.step_s, control_held=False, axis=None)
-
-
-def tick_of(params: EnvironmentParams, state: EnvironmentState) -> Ticks:
-    """Return the times of a lane's next step, as in `timetable`."""
-    step = params.step_s
-    start = state.steps.astype(step.dtype) * step
-    # At least two roundings of the time: in float32 1e-9 of a step is lost.
-    inward = jnp.maximum(INWARD * step, 2 * jnp.finfo(step.dtype).eps * (start + step))
-    return Ticks(
-        stages=jnp.stack([start + inward, start + step / 2, start + step - inward]),
-        start=start,
-        step=step,
-        command=jnp.zeros(3, jnp.int32),
-        sample=jnp.asarray(True),
     )
 
 

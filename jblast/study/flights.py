@@ -55,7 +55,6 @@ from jblast.study.flight_results import (
 )
 from jblast.vehicle import (
     Controller,
-    Each,
     State,
     StepGust,
     Trajectory,
@@ -237,11 +236,9 @@ def flown_by(
         start,
         duration_s=seconds,
         step_s=options.step_s,
-        control=flown_control
-        if single or flown_control is control
-        else Each(flown_control),
-        wind=wind if single else Each(wind),
-        loads=(load if single else Each(load),),
+        control=flown_control,
+        wind=wind,
+        loads=(load,),
         ground_up_m=GROUND_UP_M,
         # whole steps between rows: their number is at most `rows_stored`
         store_every=math.ceil(steps / rows_stored(seconds, vehicles, options)),

@@ -51,7 +51,6 @@ from jblast.study.flights import (
 )
 from jblast.vehicle import (
     STEP_S,
-    Each,
     FlightMetrics,
     State,
     StepGust,
@@ -669,8 +668,8 @@ def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
         duration_s=flights.seconds,
         step_s=options.step_s,
         control=controlled(flights.target_m, gains, flights.yaw_rad),
-        wind=Each(StepGust(flights.wind, 0 * flights.arrival_s)),
-        loads=(Each(flights.load),),
+        wind=StepGust(flights.wind, 0 * flights.arrival_s),
+        loads=(flights.load,),
         ground_up_m=GROUND_UP_M,
         store_every=max(1, round(ROW_S / options.step_s)),
         backend="jax",

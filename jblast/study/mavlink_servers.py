@@ -215,7 +215,7 @@ def serve_ground_station(
             hold = hold_of(
                 replace(spec, mission=None), integral=spec.integral is not False
             )
-            craft = Craft(flight_of(drawn, spec, blast_load(drawn), str(scene)), hold)
+            craft = Craft(*flight_of(drawn, spec, blast_load(drawn), str(scene)), hold)
             home = geodetic(Frame(*place), np.asarray(spec.position)).tolist()
             missions = Missions(
                 None if spec.mission is None else read_plan(spec.mission),

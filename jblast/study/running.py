@@ -446,7 +446,7 @@ def fly_scene(
     if on_mission and vehicles != 1:
         raise InputError(
             f"{argument('vehicles')}: expected 1 on a mission, got {vehicles}; for "
-            "several use jblast.missions.MissionControl in an Each, in Python"
+            "several use jblast.missions.MissionControl, in Python"
         )
     # an estimator samples its instruments at each step: PX4 has 250 Hz
     default_step = MISSION_STEP_S if on_mission or estimator else STEP_S

@@ -6,6 +6,7 @@ from jblast.vehicle.control.allocation import (
 )
 from jblast.vehicle.control.cascade import Cascade as Cascade
 from jblast.vehicle.control.position_hold import (
+    Commands as Commands,
     Controller as Controller,
     Gains as Gains,
     PositionHold as PositionHold,
@@ -47,6 +48,5 @@ from jblast.vehicle.quadrotor import (
     from_parameters as from_parameters,
     named as named,
 )
-from jblast.vehicle.rollout import Each as Each
 from jblast.vehicle.simulate import STEP_S as STEP_S, simulate as simulate
 from jblast.vehicle.state import State as State, Trajectory as Trajectory

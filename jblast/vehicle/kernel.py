@@ -18,16 +18,8 @@ from jaxtyping import Array, Float, PyTree
 
 from jblast.errors import InputError
 from jblast.vehicle.c_code import Code, Element, Untranslatable, ctype, filled, texts
-from jblast.vehicle.dynamics import net_wrench
-from jblast.vehicle.rollout import (
-    MAX_SPLIT_SIZE,
-    Flight,
-    FlightState,
-    OneStep,
-    Ticks,
-    parted,
-)
-from jblast.vehicle.state import Trajectory
+from jblast.vehicle.rollout import MAX_SPLIT_SIZE, FlightState, Simulator, parted
+from jblast.vehicle.state import State, Trajectory
 
 wp.config.log_level = wp.LOG_ERROR
 """Warp prints a banner on stdout, which is for results, and warns without a GPU."""
@@ -38,15 +30,6 @@ OPTIONS = {"enable_backward": False, "fast_math": True}
 relative errors near 1e-7."""
 FIELDS = (3, 3, 4, 3, 4, 3, 3)
 """Lengths of the vectors of a stored row: those of `Trajectory`."""
-TICK = {
-    "stages": ((3,), None),
-    "start": ((), None),
-    "step": ((), None),
-    "command": ((3,), jnp.int32),
-    "sample": ((), jnp.bool_),
-}
-"""Shape and type of the fields of a step; None: the precision of the flight."""
-Numbers = jax.Array | np.ndarray
 IN_REGISTERS = 64
 """Largest array of a flight that is read at the start; larger ones stay in memory."""
 
@@ -60,34 +43,34 @@ class Program(NamedTuple):
 
 def fly_on(
     device: Any,
-    flight: Flight,
-    ticks: Ticks,
+    simulator: Simulator,
+    state: State,
+    last_s: Float[Array, ""],
     time_s: Float[Array, " time"],
-    period_s: Float[Array, ""],
     *,
     batch: tuple[int, ...],
+    steps: int,
     store_every: int,
-    control_held: bool,
 ) -> Trajectory:
     """Return the flights of a batch, or of one vehicle, on a device.
 
     Args:
         device: Warp device.
-        flight: As for `rollout.fly`, with floats of one precision.
-        ticks: The steps.
+        simulator: Steps of a vehicle, with floats of one precision.
+        state: Initial state.
+        last_s: Length of the last step.
         time_s: Times of the stored rows.
-        period_s: Period of the controller.
         batch: Axes of the batch.
+        steps: Number of steps.
         store_every: Steps between rows.
-        control_held: True if the controller's period is longer than a step.
 
     Raises:
         InputError: The memory of the device is too small for the rows.
         Untranslatable: The step has an operation that has no C code.
     """
-    own, shared = parted(flight, batch)
-    numbers, rest = eqx.partition(shared, lambda x: isinstance(x, Numbers))
-    arrays, tree = jax.tree.flatten((own, numbers, period_s))
+    own, shared = parted(simulator, state, batch)
+    numbers, rest = eqx.partition(shared, eqx.is_array)
+    arrays, tree = jax.tree.flatten((own, numbers, last_s))
     values, form = jax.tree.flatten(rest)
     # Those of `own` come first, with an axis of the vehicles.
     owned = [n < len(jax.tree.leaves(own)) for n in range(len(arrays))]
@@ -95,7 +78,7 @@ def fly_on(
         x.shape[1:] if mine else x.shape for x, mine in zip(arrays, owned, strict=True)
     ]
     kinds = tuple((shape, x.dtype) for shape, x in zip(shapes, arrays, strict=True))
-    program = program_of(kinds, tree, tuple(values), form, control_held)
+    program = program_of(kinds, tree, tuple(values), form)
     lanes, size, real = int(np.prod(batch)), time_s.size, np.dtype(time_s.dtype)
     kind: Any = wp.dtype_from_numpy(real)
     flag: Any = wp.bool
@@ -111,7 +94,7 @@ def fly_on(
     # Shared without a copy, so they must be complete: Warp does not wait for JAX.
     sent = [
         wp.from_jax(jax.block_until_ready(jnp.ravel(x))).to(device)
-        for x in (*ticks, *arrays, *program.tables)
+        for x in (*arrays, *program.tables)
     ]
     strides = [
         mine * int(np.prod(shape)) for shape, mine in zip(shapes, owned, strict=True)
@@ -120,7 +103,7 @@ def fly_on(
     given = [
         wp.array(pointers, dtype=wp.uint64, device=device),
         wp.array(strides, dtype=wp.int64, device=device),
-        *(ticks.step.size, size, store_every),
+        *(steps, size, store_every),
     ]
     run(program.kernel, lanes, given, device)
     x, v, q, w, speeds, force, moment = (
@@ -158,67 +141,58 @@ def program_of(
     tree: Any,
     values: tuple[Any, ...],
     form: Any,
-    control_held: bool,
 ) -> Program:
     """Return the kernel of flights with arrays of some shapes.
 
     Args:
-        kinds: Shape and type of each array of one vehicle; the period of the controller
-            is the last, in the precision of the flight.
-        tree: Structure of (own arrays, shared arrays, period).
+        kinds: Shape and type of each array of one vehicle; the last is the length of
+            the last step, in the precision of the flight.
+        tree: Structure of (own arrays, shared arrays, length of the last step).
         values: What is no array in the flight.
         form: Structure of `values`.
-        control_held: True if the controller's period is longer than a step.
 
     Raises:
         Untranslatable: An operation has no C code.
     """
     rest = jax.tree.unflatten(form, values)
 
-    def one(arrays: Any) -> OneStep:
-        own, numbers, period = jax.tree.unflatten(tree, arrays)
-        return OneStep(eqx.combine(own, numbers, rest), period, control_held, None)
+    def one(arrays: Any) -> tuple[Simulator, State, Array]:
+        own, numbers, last_s = jax.tree.unflatten(tree, arrays)
+        return *eqx.combine(own, numbers, rest), last_s
 
     def start(arrays: Any) -> FlightState:
-        return one(arrays).start()
+        simulator, state, _ = one(arrays)
+        return simulator.start(state)
 
-    def step(arrays: Any, now: FlightState, tick: Ticks) -> FlightState:
-        taken = one(arrays)
-        advance = taken.advance_pushed if now.inactive_until_s else taken.advance
-        return advance(now, tick)
+    def step(arrays: Any, now: FlightState, n: Array, steps: Array) -> FlightState:
+        simulator, _, last_s = one(arrays)
+        return simulator.step_of(now, n, steps, last_s)
 
-    def row(arrays: Any, now: FlightState, time: Any) -> PyTree[Array]:
-        taken, motion = one(arrays), now.motion
-        rate = taken.rates(now.impulse_wrench, time, motion.rotor_speed, motion)
-        return motion, net_wrench(taken.flight.vehicle, motion, rate)
+    def row(arrays: Any, now: FlightState, n: Array) -> PyTree[Array]:
+        simulator, _, _ = one(arrays)
+        return now.motion, simulator.wrench(now.motion, now.impulse_wrench, n)
 
     arrays = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
-    real = kinds[-1][1]
+    real = ctype(kinds[-1][1])
     begun, now = jax.make_jaxpr(start, return_shape=True)(arrays)
     leaves = jax.tree.leaves(now)
     for leaf in leaves:
         if leaf.size > MAX_SPLIT_SIZE:
             raise Untranslatable(f"a controller with a state of {leaf.size} numbers")
-    shapes: Any = (
-        jax.ShapeDtypeStruct(shape, dtype or real) for shape, dtype in TICK.values()
-    )
-    tick = Ticks(*shapes)
-    code = Code()
+    code, number = Code(), jax.ShapeDtypeStruct((), jnp.int32)
     heads, given = _inputs(kinds)
     state = code.variables(leaves)
     code.assign(state, code.run(begun, given))
+    taken, count = filled((), ["i"]), filled((), ["steps"])
     with code.block("for(int i=0,r=0;;i++)"):
         with code.block("if(i%every==0||i==steps)"):
-            at = code.let(ctype(real), "i==0?stages[0]:stages[3*i-1]")
-            stored = jax.make_jaxpr(row)(arrays, now, tick.start)
-            made = code.run(stored, [*given, *state, filled((), [at])])
-            _store(code, ctype(real), made)
+            stored = jax.make_jaxpr(row)(arrays, now, number)
+            _store(code, real, code.run(stored, [*given, *state, taken]))
         code.lines.append("if(i==steps) break;")
-        taken = jax.make_jaxpr(step)(arrays, now, tick)
-        code.assign(state, code.run(taken, [*given, *state, *_elements(code, tick)]))
+        made = jax.make_jaxpr(step)(arrays, now, number, number)
+        code.assign(state, code.run(made, [*given, *state, taken, count]))
     code.lines.append(f"((bool*)data.data[{len(FIELDS)}])[lane]=!alive;")
     pointers = {
-        **{name: x.dtype for name, x in tick._asdict().items()},
         **{f"array{n}": dtype for n, (_, dtype) in enumerate(kinds)},
         **{f"table{n}": table.dtype for n, table in enumerate(code.tables)},
     }
@@ -241,15 +215,6 @@ def _inputs(kinds: Any) -> tuple[list[str], list[np.ndarray]]:
             lines += [f"const auto {x}={x.array}[{x.offset}];" for x in elements]
         given.append(filled(shape, elements))
     return lines, given
-
-
-def _elements(code: Code, tick: Ticks) -> list[np.ndarray]:
-    """Return the elements of the step `i`, read from memory."""
-    made = []
-    for name, x in tick._asdict().items():
-        places = (f"{name}[i*{x.size}+{j}]" for j in range(x.size))
-        made.append(filled(x.shape, (code.let(ctype(x.dtype), at) for at in places)))
-    return made
 
 
 def _store(code: Code, real: str, values: list[np.ndarray]) -> None:

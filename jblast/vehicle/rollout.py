@@ -1,21 +1,19 @@
-"""Flights: one step, a scan of steps, a batch of scans.
+"""Flights: one step, rows of steps, a batch of rows.
 
 In a step the controller is evaluated, pulses are added and the state is advanced. A
 flight is a scan over steps that stores some of its states.
 
-Times are computed in float64 on the host, t = n times the step, and only then rounded
-to the precision of the flight. Sums of steps would drift, and in float32 a rounded time
-could fall on the wrong side of a jump. In float32 a time past 500 s is resolved to 0.06
-ms only: the peak deviation after a blast at 1000 s is 2 % too small, at 100 s 5e-5.
+The time of a step is its number times its length. Sums of steps would drift, and in
+float32 a rounded time could fall on the wrong side of a jump, so that the stages at a
+step's ends are inside of it. In float32 a time past 500 s is resolved to 0.06 ms only:
+the peak deviation after a blast at 1000 s is 2 % too small, at 100 s 5e-5.
 
 One program advances a chunk of the vehicles of a batch at a time, and the chunks are
 distributed over the devices. On a CPU a chunk whose state stays in the L1 cache is
 fastest; a GPU processes the whole batch as one chunk.
 """
 
-import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -25,7 +23,6 @@ import numpy as np
 from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jblast.errors import InputError
 from jblast.vehicle.dynamics import Wrench, net_wrench, normal, rates, rk4_step
 from jblast.vehicle.loads.load import Pulse, load_wrench, pulse_wrench
 from jblast.vehicle.quadrotor import Vehicle
@@ -41,12 +38,6 @@ from jblast.vehicle.state import (
     three,
 )
 
-BLOCK = 16
-"""Maximum number of steps per block.
-
-The times of a block are small arrays (`CHUNK_BYTES`), and pulses are tested once per
-block. Longer blocks would evaluate pulses in more steps in which none acts.
-"""
 MAX_SPLIT_SIZE = 16
 """Size up to which an array of a controller's state is split into scalars.
 
@@ -69,54 +60,12 @@ CHUNK_AXIS = "chunk"
 """Name of the axis of a chunk's vehicles."""
 
 
-class Flight(NamedTuple):
-    """Vehicle, start and actions of one flight.
-
-    Attributes:
-        vehicle: The vehicle.
-        state: Initial state.
-        commands: Rotor speed commands (row, 4) [rad/s], or None.
-        control: Controller, or None; without commands and controller the rotors keep
-            their initial speeds.
-        wind: Function of time and position to the velocity of the air (3) [m/s], or
-            None.
-        loads: Loads and pulses.
-        ground_up_m: Height of the ground [m], or None.
-    """
-
-    vehicle: Vehicle
-    state: State
-    commands: Float[Array, "row 4"] | None
-    control: Any
-    wind: Any
-    loads: tuple[Any, ...]
-    ground_up_m: Float[Array, ""] | None
-
-
 class StoredRows(NamedTuple):
     """Stored rows; each part is a tuple of components."""
 
     motion: StateComponents
     wrench: Wrench
     alive: Bool[Array, "..."]
-
-
-def wind_at(flight: Flight, time: Number, motion: StateComponents) -> Vector:
-    """Return the velocity of the air at a vehicle [m/s].
-
-    Raises:
-        InputError: The wind does not return three numbers.
-    """
-    place = jnp.stack(motion.position)
-    if flight.wind is None:
-        return three(jnp.zeros_like(place))
-    wind = jnp.asarray(flight.wind(time, place))
-    if wind.shape != (3,):
-        raise InputError(
-            "wind: expected a function (time_s, position_m) that returns 3 numbers, "
-            f"got the shape {wind.shape}"
-        )
-    return three(wind.astype(place.dtype))
 
 
 class FlightState(NamedTuple):
@@ -139,110 +88,65 @@ class FlightState(NamedTuple):
     inactive_until_s: tuple[Number, ...]
 
 
-class Ticks(NamedTuple):
-    """The steps of a flight, one per row.
+class Tick(NamedTuple):
+    """Times of a step.
 
     Attributes:
+        start: Beginning [s].
+        length: Length [s].
         stages: Times of the rates' evaluations: beginning, middle, end [s].
-        start: Beginning of the step [s].
-        step: Length of the step [s].
-        command: Row of the commands at each stage.
-        sample: True if the controller is sampled at the step's beginning.
     """
 
-    stages: Float[Array, "step 3"]
-    start: Float[Array, " step"]
-    step: Float[Array, " step"]
-    command: Int[Array, "step 3"]
-    sample: Bool[Array, " step"]
+    start: Number
+    length: Number
+    stages: Vector
 
 
-Step = Callable[[FlightState, Ticks], FlightState]
-
-
-def fly(
-    flight: Flight,
-    ticks: Ticks,
-    period_s: Float[Array, ""],
-    *,
-    store_every: int,
-    control_held: bool,
-    axis: str | None = None,
-) -> StoredRows:
-    """Return the stored rows of one vehicle's flight, from start to end.
+def tick_of(n: Int[Array, ""], step_s: Number, length_s: Number | None = None) -> Tick:
+    """Return the times of a step.
 
     Args:
-        flight: Vehicle, initial state, commands and loads.
-        ticks: The steps.
-        period_s: Period of the controller [s].
-        store_every: Steps between rows.
-        control_held: True if the controller's period is longer than a step.
-        axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
+        n: Number of the step, from 0.
+        step_s: Length of the steps.
+        length_s: Length of this one, if it is another.
     """
-    one = OneStep(flight, period_s, control_held, axis)
-    now = one.start()
-    first = (now.motion, now.impulse_wrench)
-
-    def advance_row(
-        now: FlightState, part: Ticks
-    ) -> tuple[FlightState, tuple[StateComponents, Wrench]]:
-        size = part.step.size
-        # The largest divisor up to BLOCK: all blocks have one length and so one
-        # program.
-        block = max(n for n in range(1, BLOCK + 1) if size % n == 0)
-        blocks = jax.tree.map(lambda x: x.reshape(-1, block, *x.shape[1:]), part)
-        now, _ = jax.lax.scan(
-            lambda now, part: (_advance_block(one, now, part), None), now, blocks
-        )
-        return now, (now.motion, now.impulse_wrench)
-
-    def wrench(row: tuple[StateComponents, Wrench], time: Number) -> Wrench:
-        motion, impulse_wrench = row
-        rate = one.rates(impulse_wrench, time, motion.rotor_speed, motion)
-        return net_wrench(flight.vehicle, motion, rate)
-
-    count = ticks.step.size // store_every
-    even = count * store_every
-    whole = jax.tree.map(
-        lambda x: x[:even].reshape(count, store_every, *x.shape[1:]), ticks
-    )
-    now, between = jax.lax.scan(advance_row, now, whole)
-    parts = [jax.tree.map(lambda x: x[None], first), between]
-    times = [ticks.stages[:1, 0], whole.stages[:, -1, 2]]
-    if even < ticks.step.size:
-        _, end = advance_row(now, jax.tree.map(lambda x: x[even:], ticks))
-        parts.append(jax.tree.map(lambda x: x[None], end))
-        times.append(ticks.stages[-1:, 2])
-    rows = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
-    # Of the stored rows only, not of every step.
-    forces = jax.vmap(wrench)(rows, jnp.concatenate(times))
-    # A vehicle that diverged once stays lost, even if its numbers become finite again.
-    lost = ~jnp.isfinite(sum(jax.tree.leaves((rows, forces))))
-    alive = jnp.cumsum(lost) == 0
-    ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (rows[0], forces))
-    return StoredRows(ended[0], ended[1], alive)
+    length = step_s if length_s is None else length_s
+    start = n.astype(step_s.dtype) * step_s
+    # At least two roundings of the time: in float32 1e-9 of a step is lost.
+    rounding = 2 * jnp.finfo(step_s.dtype).eps * (start + length)
+    inward = jnp.maximum(INWARD * length, rounding)
+    middle, end = start + length / 2, start + length - inward
+    return Tick(start, length, (start + inward, middle, end))
 
 
-@dataclass(frozen=True, eq=False)
-class OneStep:
+class Simulator(eqx.Module):
     """Steps of one vehicle.
 
     Attributes:
-        flight: Vehicle, initial state, commands and loads.
-        period_s: Period of the controller [s].
-        control_held: True if the controller's period is longer than a step.
+        vehicle: The vehicle.
+        step_s: Length of the steps [s].
+        control: Controller, or None; the rotors then keep their speeds.
+        wind: Function of time and position to the velocity of the air (3) [m/s], or
+            None.
+        loads: Loads and pulses.
+        ground_up_m: Height of the ground [m], or None.
+        held: Steps per evaluation of the controller.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
 
-    flight: Flight
-    period_s: Float[Array, ""]
-    control_held: bool
-    axis: str | None
+    vehicle: Vehicle
+    step_s: Float[Array, ""]
+    control: Any = None
+    wind: Any = None
+    loads: tuple[Any, ...] = ()
+    ground_up_m: Float[Array, ""] | None = None
+    held: int = eqx.field(static=True, default=1)
+    axis: str | None = eqx.field(static=True, default=None)
 
-    def start(self) -> FlightState:
+    def start(self, state: State) -> FlightState:
         """Return the state of the flight before the first step."""
-        motion = normal(components(self.flight.state))
-        zero = jnp.zeros_like(self.period_s)
+        motion = normal(components(state))
+        zero = jnp.zeros_like(self.step_s)
         single = zero.dtype == jnp.float32
         return FlightState(
             motion,
@@ -253,6 +157,73 @@ class OneStep:
             tuple(-jnp.inf + zero for _ in self._pulses()),
         )
 
+    def step(
+        self,
+        now: FlightState,
+        n: Int[Array, ""],
+        *,
+        command: Four | None = None,
+        length_s: Number | None = None,
+    ) -> FlightState:
+        """Take a step.
+
+        Args:
+            now: State before the step.
+            n: Number of the step, from 0.
+            command: Rotor speed commands instead of the controller's [rad/s].
+            length_s: Length of the step, if it is another than that of all.
+        """
+        tick = tick_of(n, self.step_s, length_s)
+        impulse_wrench, inactive_until_s = pulse_wrench(
+            self._pulses(),
+            tick.start,
+            tick.length,
+            now.motion,
+            self.vehicle,
+            now.inactive_until_s,
+            self.axis,
+        )
+        now = now._replace(
+            impulse_wrench=impulse_wrench, inactive_until_s=inactive_until_s
+        )
+        if command is not None:
+            now = now._replace(command=command)
+        elif self.control is not None:
+            now = self._controlled(now, n, tick)
+        return self.moved(now, tick)
+
+    def step_of(
+        self, now: FlightState, n: Int[Array, ""], steps: Any, last_s: Number
+    ) -> FlightState:
+        """Take step `n` of a flight of `steps`, the last of which has another length.
+
+        Args:
+            now: State before the step.
+            n: Number of the step.
+            steps: Number of steps.
+            last_s: Length of the last one.
+        """
+        return self.step(
+            now, n, length_s=jnp.where(n == steps - 1, last_s, self.step_s)
+        )
+
+    def moved(self, now: FlightState, tick: Tick) -> FlightState:
+        """Advance the state of the vehicle, with a command and a wrench of pulses."""
+
+        def move(now: FlightState, tick: Tick) -> FlightState:
+            def stage_rates(stage: int, motion: StateComponents) -> StateComponents:
+                time = tick.stages[stage]
+                return self.rates(now.impulse_wrench, time, now.command, motion)
+
+            gain = rk4_step(stage_rates, now.motion, tick.length)
+            motion, excess = _sum(now.motion, now.excess, gain)
+            motion = _grounded(self.ground_up_m, normal(motion))
+            return now._replace(motion=motion, excess=excess)
+
+        # The condition is always true. A branch is a separate program of small arrays,
+        # which XLA therefore runs sequentially (`CHUNK_BYTES`).
+        return jax.lax.cond(tick.length > 0, move, lambda now, _: now, now, tick)
+
     def rates(
         self,
         impulse_wrench: Wrench,
@@ -261,96 +232,94 @@ class OneStep:
         motion: StateComponents,
     ) -> StateComponents:
         """Return the rates of a state at a time."""
-        flight = self.flight
-        wind, load = wind_at(flight, time, motion), impulse_wrench
-        if flight.loads:
-            load = load_wrench(flight.loads, time, joined(motion), flight.vehicle, load)
-        return rates(flight.vehicle, motion, command, wind, load)
+        place, wind = jnp.stack(motion.position), jnp.zeros(3, time.dtype)
+        if self.wind is not None:
+            wind = jnp.asarray(self.wind(time, place)).astype(time.dtype)
+        load = impulse_wrench
+        if self.loads:
+            load = load_wrench(self.loads, time, joined(motion), self.vehicle, load)
+        return rates(self.vehicle, motion, command, three(wind, "wind"), load)
 
-    def advance(self, now: FlightState, tick: Ticks) -> FlightState:
-        """Take a step."""
-        if self.flight.control is not None:
-            now = self._controlled(now, tick)
-        # The condition is always true. A branch is a separate program of small arrays,
-        # which XLA therefore runs sequentially (`CHUNK_BYTES`).
-        return jax.lax.cond(tick.step > 0, self.moved, lambda now, _: now, now, tick)
+    def wrench(
+        self, motion: StateComponents, impulse_wrench: Wrench, n: Int[Array, ""]
+    ) -> Wrench:
+        """Return total force and moment after `n` steps: before a jump at their end."""
+        first, last = (tick_of(k, self.step_s) for k in (0 * n, n - 1))
+        time = jnp.where(n > 0, last.stages[2], first.stages[0])
+        rate = self.rates(impulse_wrench, time, motion.rotor_speed, motion)
+        return net_wrench(self.vehicle, motion, rate)
 
-    def advance_pushed(self, now: FlightState, tick: Ticks) -> FlightState:
-        """Take a step in which a pulse may act."""
-        impulse_wrench, inactive_until_s = pulse_wrench(
-            self._pulses(),
-            tick.start,
-            tick.step,
-            now.motion,
-            self.flight.vehicle,
-            now.inactive_until_s,
-            self.axis,
-        )
-        now = now._replace(
-            impulse_wrench=impulse_wrench, inactive_until_s=inactive_until_s
-        )
-        return self.advance(now, tick)
+    def rows(
+        self, state: State, last_s: Number, *, steps: int, store_every: int
+    ) -> StoredRows:
+        """Return the stored rows of a flight, from start to end.
+
+        Args:
+            state: Initial state.
+            last_s: Length of the last step.
+            steps: Number of steps.
+            store_every: Steps between rows.
+        """
+
+        def advance(now: FlightState, n: Int[Array, ""]) -> tuple[FlightState, None]:
+            return self.step_of(now, n, steps, last_s), None
+
+        # The backward pass recomputes a step instead of storing its numbers.
+        advance = jax.checkpoint(advance, prevent_cse=False)
+
+        def advance_row(
+            now: FlightState, numbers: Int[Array, " step"]
+        ) -> tuple[FlightState, tuple[StateComponents, Wrench]]:
+            now, _ = jax.lax.scan(advance, now, numbers)
+            return now, (now.motion, now.impulse_wrench)
+
+        now = self.start(state)
+        first = (now.motion, now.impulse_wrench)
+        even = steps // store_every * store_every
+        numbers = jnp.arange(steps, dtype=jnp.int32)
+        whole = numbers[:even].reshape(-1, store_every)
+        now, between = jax.lax.scan(advance_row, now, whole)
+        parts = [jax.tree.map(lambda x: x[None], first), between]
+        taken = [*range(0, even + 1, store_every)]
+        if even < steps:
+            _, end = advance_row(now, numbers[even:])
+            parts.append(jax.tree.map(lambda x: x[None], end))
+            taken.append(steps)
+        rows = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
+        # Of the stored rows only, not of every step.
+        forces = jax.vmap(self.wrench)(*rows, jnp.asarray(taken, jnp.int32))
+        # A vehicle that diverged once stays lost, even if its numbers become finite
+        # again.
+        lost = ~jnp.isfinite(sum(jax.tree.leaves((rows, forces))))
+        alive = jnp.cumsum(lost) == 0
+        ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (rows[0], forces))
+        return StoredRows(ended[0], ended[1], alive)
 
     def _pulses(self) -> list[Pulse]:
-        return [load for load in self.flight.loads if isinstance(load, Pulse)]
+        return [load for load in self.loads if isinstance(load, Pulse)]
 
     def _memory(self) -> PyTree[Array]:
-        control = self.flight.control
-        return () if control is None else control.start()
+        return () if self.control is None else self.control.start()
 
-    def _controlled(self, now: FlightState, tick: Ticks) -> FlightState:
-        """Return the state with a new command if the controller is sampled."""
+    def _controlled(
+        self, now: FlightState, n: Int[Array, ""], tick: Tick
+    ) -> FlightState:
+        """Return the state with a new command if the controller is evaluated."""
 
         def sampled(now: FlightState) -> FlightState:
-            command, memory = self.flight.control(
+            command, memory = self.control(
                 tick.start,
                 joined(now.motion),
-                self.flight.vehicle,
+                self.vehicle,
                 jax.tree.map(lambda s, n: _joined(n, s), self._memory(), now.memory),
-                self.period_s,
+                self.held * self.step_s,
             )
             return now._replace(
-                command=four(command), memory=jax.tree.map(_split, memory)
+                command=four(command, "control"), memory=jax.tree.map(_split, memory)
             )
 
-        turn = tick.sample if self.control_held else tick.step > 0
+        turn = n % self.held == 0 if self.held > 1 else tick.length > 0
         return jax.lax.cond(turn, sampled, lambda now: now, now)
-
-    def moved(self, now: FlightState, tick: Ticks) -> FlightState:
-        """Take a step with the current command; the body of `advance`'s branch."""
-        flight = self.flight
-
-        def stage_rates(stage: int, motion: StateComponents) -> StateComponents:
-            command = now.command
-            if flight.commands is not None:
-                command = four(flight.commands[tick.command[stage]])
-            return self.rates(now.impulse_wrench, tick.stages[stage], command, motion)
-
-        gain = rk4_step(stage_rates, now.motion, tick.step)
-        motion, excess = _sum(now.motion, now.excess, gain)
-        motion = _grounded(flight.ground_up_m, normal(motion))
-        return now._replace(motion=motion, excess=excess)
-
-
-def _advance_block(one: OneStep, now: FlightState, part: Ticks) -> FlightState:
-    """Take a block of steps; pulses are evaluated only if one may act in it."""
-    if not now.inactive_until_s:
-        return _steps(one.advance, now, part)
-    end_s = part.start[-1] + part.step[-1]
-    active = end_s > functools.reduce(jnp.minimum, now.inactive_until_s)
-    none = jax.tree.map(jnp.zeros_like, now.impulse_wrench)
-    return jax.lax.cond(
-        active,
-        lambda now: _steps(one.advance_pushed, now, part),
-        lambda now: _steps(one.advance, now._replace(impulse_wrench=none), part),
-        now,
-    )
-
-
-def _steps(step: Step, now: FlightState, part: Ticks) -> FlightState:
-    # The backward pass recomputes a step instead of storing its intermediate values.
-    again = jax.checkpoint(lambda now, tick: (step(now, tick), None), prevent_cse=False)
-    return jax.lax.scan(again, now, part)[0]
 
 
 def _sum(
@@ -415,42 +384,6 @@ def _grounded(
     )
 
 
-def timetable(
-    duration_s: float, step_s: float, command_step_s: float, dtype: np.dtype
-) -> Ticks:
-    """Return the steps of a flight; the last may be shorter.
-
-    Args:
-        duration_s: Duration of the flight.
-        step_s: Step of the integrator.
-        command_step_s: Duration of a command.
-        dtype: Precision of the flight: the stages at a step's ends are at least two
-            roundings of the time inside the step.
-    """
-    count = steps_in(duration_s, step_s)
-    start = np.arange(count) * step_s
-    length = np.full(count, step_s)
-    # A remainder by rounding does not make the last step shorter.
-    if abs(count * step_s - duration_s) > 1e-9 * step_s:
-        length[-1] = duration_s - start[-1]
-    stages = start[:, None] + length[:, None] * np.array([INWARD, 0.5, 1 - INWARD])
-    # Inside the step, so that rounding at its end cannot select the next command.
-    command = np.floor(stages / command_step_s).astype(np.int32)
-    # -1 is no row: the controller is sampled at the first step.
-    before = np.concatenate([[-1], command[:-1, 1]])
-    rounding = 2 * np.finfo(dtype).eps * (start + length)
-    inward = np.maximum(INWARD * length, rounding)
-    stages[:, 0] = start + inward
-    stages[:, 2] = start + length - inward
-    return Ticks(
-        jnp.asarray(stages, dtype),
-        jnp.asarray(start, dtype),
-        jnp.asarray(length, dtype),
-        jnp.asarray(command),
-        jnp.asarray(command[:, 1] != before),
-    )
-
-
 def stored_times(
     duration_s: float, step_s: float, store_every: int, dtype: np.dtype
 ) -> Float[Array, " time"]:
@@ -467,44 +400,40 @@ def steps_in(duration_s: float, step_s: float) -> int:
     return max(1, int(np.ceil(ratio - 1e-9 * max(1.0, ratio))))
 
 
-class Each(eqx.Module):
-    """A value per vehicle of a batch: its arrays begin with the batch's axes.
+def is_own(value: Any, batch: tuple[int, ...]) -> bool:
+    """Return whether each vehicle of a batch has a value of its own.
 
-    It wraps a wind, a load or a controller; without `Each` all vehicles share one.
+    It has if all arrays of the value begin with the batch's axes; otherwise all
+    vehicles share one.
     """
-
-    value: Any
-
-
-def own(node: Any) -> Any:
-    """Return the value of an `Each`, or the node itself."""
-    return node.value if isinstance(node, Each) else node
+    arrays = [x for x in jax.tree.leaves(value) if eqx.is_array(x)]
+    begin = [x.shape[: len(batch)] == batch for x in arrays]
+    return bool(batch and arrays) and all(begin)
 
 
-def parted(arguments: PyTree, batch: tuple[int, ...]) -> tuple[PyTree, PyTree]:
-    """Separate the arrays of single vehicles from shared values.
+def parted(
+    simulator: Simulator, state: State, batch: tuple[int, ...]
+) -> tuple[PyTree, PyTree]:
+    """Separate the arrays of single vehicles from shared values (`is_own`).
 
     Args:
-        arguments: PyTree with some nodes wrapped in `Each`.
+        simulator: Steps of a batch.
+        state: Initial states.
         batch: Axes of the batch, which become one.
 
     Returns:
-        The arrays of `Each` nodes with one leading axis, None elsewhere; and the rest.
+        Arrays of single vehicles with one leading axis, None elsewhere; and the rest.
     """
-
-    def of_each(keep_each: bool) -> PyTree:
-        def part(node: Any) -> Any:
-            if not isinstance(node, Each):
-                return None if keep_each else node
-            arrays, rest = eqx.partition(node.value, eqx.is_array)
-            if not keep_each:
-                return rest
-            count = len(batch)
-            return jax.tree.map(lambda x: x.reshape(-1, *x.shape[count:]), arrays)
-
-        return jax.tree.map(part, arguments, is_leaf=lambda x: isinstance(x, Each))
-
-    return of_each(True), of_each(False)
+    values = (simulator, state)
+    containers = (values, simulator, simulator.loads)
+    own = jax.tree.map(
+        lambda value: eqx.is_array if is_own(value, batch) else False,
+        values,
+        is_leaf=lambda x: not any(x is part for part in containers),
+    )
+    lanes, shared = eqx.partition(values, own)
+    size = len(batch)
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[size:]), lanes), shared
 
 
 def over_lanes(

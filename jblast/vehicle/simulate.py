@@ -8,7 +8,7 @@ faster, on a GPU the kernel. Only JAX has derivatives.
 import dataclasses
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -21,22 +21,19 @@ from jaxtyping import Array, Float
 from jblast.errors import InputError, shown
 from jblast.kept_programs import WIDE, kept
 from jblast.vehicle.c_code import Untranslatable
-from jblast.vehicle.control.position_hold import Controller, Gains, PositionHold
+from jblast.vehicle.control.position_hold import Controller, Gains
 from jblast.vehicle.control.stability import step_limit
-from jblast.vehicle.loads.blast import BlastLoad
-from jblast.vehicle.loads.load import FriedlanderGust, Load, NWaveGust, Pulse, StepGust
+from jblast.vehicle.loads.load import Load, Pulse
 from jblast.vehicle.quadrotor import Vehicle, floats, in_precision
 from jblast.vehicle.rollout import (
     CHUNK_AXIS,
-    Each,
-    Flight,
+    Simulator,
     StoredRows,
-    Ticks,
-    fly,
+    is_own,
     over_lanes,
     parted,
+    steps_in,
     stored_times,
-    timetable,
 )
 from jblast.vehicle.state import State, Trajectory
 
@@ -47,14 +44,6 @@ A tenth of the shortest motor lag of the named vehicles (5 ms, Hummingbird). Ste
 2.8 lags are unstable (`control.stability`); shorter ones cost time in proportion.
 """
 Wind = Callable[[Float[Array, ""], Float[Array, "3"]], Float[Array, "3"]]
-VECTORS = {
-    StepGust: "velocity_m_s",
-    NWaveGust: "velocity_m_s",
-    FriedlanderGust: "velocity_m_s",
-    PositionHold: "target_m",
-    BlastLoad: "wind_m_s",
-}
-"""Name of the field of shape (3,) without a batch, by type."""
 
 
 def simulate(
@@ -63,34 +52,30 @@ def simulate(
     *,
     duration_s: float | int,
     step_s: float | int = STEP_S,
-    commands: Any = None,
-    command_step_s: float | int | None = None,
-    control: Controller | Each | None = None,
-    wind: Wind | Each | None = None,
-    loads: Sequence[Load | Pulse | Each] = (),
+    control: Controller | None = None,
+    control_period_s: float | int | None = None,
+    wind: Wind | None = None,
+    loads: Sequence[Load | Pulse] = (),
     ground_up_m: float | int | None = None,
     store_every: int = 1,
     backend: str = "auto",
 ) -> Trajectory:
     """Simulate the flight of a vehicle, or of a batch, through a wind and loads.
 
-    The stages at both ends of a step evaluate wind, loads and commands inside it, so
-    jumps at a step's ends are exact. A batch has leading axes in the state, and may
-    have the same in the vehicle and the commands; wind, loads and controller are shared
-    unless they are wrapped in `Each`. A vehicle that diverges does not affect others.
-    The precision is that of the state.
+    The stages at both ends of a step evaluate wind and loads inside it, so jumps at a
+    step's ends are exact. A batch has leading axes in the state. If all arrays of the
+    vehicle, the controller, the wind or a load begin with these axes, too, each vehicle
+    has its own; otherwise all share one. A vehicle that diverges does not affect
+    others. The precision is that of the state.
 
     Args:
         vehicle: The vehicle.
         state: Initial state; the first row of the trajectory.
         duration_s: Duration; the last step is shorter if necessary.
         step_s: Step of the integrator.
-        commands: Rotor speed commands, (..., time, 4) [rad/s], clipped to the motors'
-            limits; surplus rows are ignored. Default without a controller: the initial
-            speeds.
-        command_step_s: Duration of a command, and period of a controller, for which it
-            is a whole number of steps (default: one step).
-        control: Controller of the rotors, instead of `commands`.
+        control: Controller of the rotors; without one they keep their initial speeds.
+        control_period_s: Period of the controller, a whole number of steps (default:
+            one step).
         wind: Velocity of the air, east, north, up [m/s], from time [s] and position.
         loads: Other forces: functions (time_s, state, vehicle) that return force, world
             [N], and moment, body [N m], or pulses, which return their impulse.
@@ -103,78 +88,54 @@ def simulate(
 
     Raises:
         InputError: A number, a shape or an option is invalid; the start is below
-            ground; the commands end too early; the step is too large; the device is
-            unsupported.
+            ground; the step is too large; the device is unsupported.
 
     Warns:
         UserWarning: JAX is used instead of Warp, because an operation has no C code.
     """
     duration_s, step_s = float(duration_s), float(step_s)
-    command_step_s = None if command_step_s is None else float(command_step_s)
+    period_s = step_s if control_period_s is None else float(control_period_s)
     check_choices(backend, store_every)
-    check_times(duration_s, step_s, command_step_s, control is not None)
+    check_times(duration_s, step_s, period_s)
     batch, dtype = state.position_m.shape[:-1], jnp.result_type(*jax.tree.leaves(state))
-    period = step_s if command_step_s is None else command_step_s
-    if commands is not None:
-        commands = floats(commands)
-        check_commands(commands, batch, period, duration_s, control is not None)
     check_start(vehicle, state, ground_up_m)
-    check_shared({"control": [control], "wind": [wind], "loads": loads}, batch)
-    check_step(vehicle, control, step_s, period)
-
-    def one_each(value: Any, alone: int) -> Any:
-        """Wrap a value that has the batch's axes in front of its own."""
-        return Each(value) if batch and alone else value
-
-    flight = Flight(
+    held, steps = round(period_s / step_s), steps_in(duration_s, step_s)
+    check_step(vehicle, control, step_s, held, batch)
+    simulator = Simulator(
         # A name is static: every vehicle would compile the program once more.
-        one_each(dataclasses.replace(vehicle, name=""), vehicle.mass_kg.ndim),
-        one_each(state, len(batch)),
-        commands if commands is None else one_each(commands, commands.ndim - 2),
+        dataclasses.replace(vehicle, name=""),
+        jnp.asarray(step_s),
         control,
         wind,
         tuple(loads),
         None if ground_up_m is None else floats(ground_up_m),
+        held,
     )
-    ticks = timetable(duration_s, step_s, period, dtype)
     times = stored_times(duration_s, step_s, store_every, dtype)
-    flight = in_precision(flight, dtype)
-    held = period > 1.5 * step_s
-    if flies_on_warp(backend, flight, dtype):
+    # A remainder by rounding does not make the last step shorter.
+    last_s = duration_s - (steps - 1) * step_s
+    last_s = step_s if abs(last_s - step_s) <= 1e-9 * step_s else last_s
+    given = in_precision((simulator, state, jnp.asarray(last_s)), dtype)
+    options = {"steps": steps, "store_every": store_every, "batch": batch}
+    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(given))
+    if flies_on_warp(backend, traced, dtype):
         # Warp is imported only for a kernel.
         from jblast.vehicle import kernel
 
+        device = kernel.device_named(backend.partition(":")[2] or None)
         try:
-            return kernel.fly_on(
-                kernel.device_named(backend.partition(":")[2] or None),
-                flight,
-                ticks,
-                times,
-                jnp.asarray(period, dtype),
-                batch=batch,
-                store_every=store_every,
-                control_held=held,
-            )
+            return kernel.fly_on(device, *given, times, **options)
         except Untranslatable as missing:
             warnings.warn(f"{missing}: JAX is used instead of Warp", stacklevel=2)
-    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves((flight, ticks)))
     program = _FLY_WITHIN if traced else _FLY_EACH if batch else _FLY_ONE
-    rows = program(
-        flight,
-        ticks,
-        jnp.asarray(period, dtype),
-        batch=batch,
-        store_every=store_every,
-        control_held=held,
-        devices=1 if traced else jax.local_device_count(),
-    )
-    return _trajectory(times, rows)
+    devices = 1 if traced else jax.local_device_count()
+    return _trajectory(times, program(*given, devices=devices, **options))
 
 
 def _fly_all(
-    flight: Flight,
-    ticks: Ticks,
-    period_s: Float[Array, ""],
+    simulator: Simulator,
+    state: State,
+    last_s: Float[Array, ""],
     *,
     batch: tuple[int, ...],
     devices: int,
@@ -182,13 +143,13 @@ def _fly_all(
 ) -> StoredRows:
     """Simulate one vehicle, or each of a batch."""
     if not batch:
-        return fly(flight, ticks, period_s, **options)
-    lanes, shared = parted(flight, batch)
+        return simulator.rows(state, last_s, **options)
+    simulator = dataclasses.replace(simulator, axis=CHUNK_AXIS)
+    lanes, shared = parted(simulator, state, batch)
 
     def one(lane: Any) -> StoredRows:
-        return fly(
-            eqx.combine(lane, shared), ticks, period_s, axis=CHUNK_AXIS, **options
-        )
+        simulator, state = eqx.combine(lane, shared)
+        return simulator.rows(state, last_s, **options)
 
     rows = over_lanes(one, lanes, devices)
     return jax.tree.map(lambda x: x.reshape(*batch, *x.shape[1:]), rows)
@@ -236,59 +197,23 @@ def check_choices(backend: str, store_every: int) -> None:
         raise InputError(f"store_every: expected 1 or more steps, got {store_every}")
 
 
-def check_times(
-    duration_s: float, step_s: float, command_step_s: float | None, control: bool
-) -> None:
+def check_times(duration_s: float, step_s: float, control_period_s: float) -> None:
     """Reject times that are not positive and control periods of fractional steps.
 
     Raises:
         InputError: A time is invalid.
     """
     times = {"duration_s": duration_s, "step_s": step_s}
-    if command_step_s is not None:
-        times["command_step_s"] = command_step_s
-    for name, value in times.items():
+    for name, value in {**times, "control_period_s": control_period_s}.items():
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"{name}: expected a positive time [s], got {value}")
-    if control and command_step_s is not None:
-        ratio = command_step_s / step_s
-        # 1e-6 allows for decimal fractions, as 0.004 over 0.0005.
-        if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-6:
-            raise InputError(
-                "command_step_s: expected a whole number of steps of "
-                f"{step_s:g} s for a controller, got {command_step_s:g} s"
-            )
-
-
-def check_commands(
-    commands: Float[Array, "..."],
-    batch: tuple[int, ...],
-    command_step_s: float,
-    duration_s: float,
-    control: bool,
-) -> None:
-    """Reject commands of a wrong shape, or shorter than the flight.
-
-    Raises:
-        InputError: The commands are invalid, or there is a controller as well.
-    """
-    if control:
-        raise InputError("commands: expected commands or a controller, got both")
-    shape = commands.shape
-    if len(shape) < 2 or shape[-1] != 4 or shape[:-2] not in ((), batch):
+    ratio = control_period_s / step_s
+    # 1e-6 allows for decimal fractions, as 0.004 over 0.0005.
+    if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-6:
         raise InputError(
-            f"commands: expected the shape (time, 4), or {(*batch, 'time', 4)}, "
-            f"got {shape}"
+            f"control_period_s: expected a whole number of steps of {step_s:g} s, got "
+            f"{control_period_s:g} s"
         )
-    # Both products are rounded: 1e-9 allows for commands of exactly the flight's
-    # length.
-    if shape[-2] * command_step_s < duration_s * (1 - 1e-9):
-        raise InputError(
-            f"commands: expected {duration_s:g} s, got "
-            f"{shape[-2] * command_step_s:g} s ({shape[-2]} of {command_step_s:g} s)"
-        )
-    if not isinstance(commands, Tracer) and not np.all(np.isfinite(commands)):
-        raise InputError("commands: expected finite rotor speeds, got nan or inf")
 
 
 def check_start(
@@ -322,9 +247,10 @@ def check_start(
 
 def check_step(
     vehicle: Vehicle,
-    control: Controller | Each | None,
+    control: Controller | None,
     step_s: float,
-    period_s: float,
+    held: int,
+    batch: tuple[int, ...],
 ) -> None:
     """Reject a step at which the motors or the position controller are unstable.
 
@@ -333,12 +259,11 @@ def check_step(
     """
     # All controllers with gains, missions included, have this attribute. A batch of
     # gains is not checked: vehicles that diverge are reported one by one.
-    gains = None if isinstance(control, Each) else getattr(control, "gains", None)
+    gains = None if is_own(control, batch) else getattr(control, "gains", None)
     gains = gains if isinstance(gains, Gains) else None
     checked = jax.tree.leaves((vehicle.motor_lag_s, gains))
     if any(isinstance(x, Tracer) for x in checked):
         return
-    held = max(1, round(period_s / step_s))
     lags = np.unique(np.asarray(vehicle.motor_lag_s, float))
     # The limit is monotonic in the lag without a controller; with one both extremes are
     # checked.
@@ -346,59 +271,24 @@ def check_step(
     if step_s > limit:
         what = f"a motor lag of {lags[0]:g} s"
         if gains is not None:
-            what += f" and a position controller of period {period_s:g} s"
+            what += f" and a position controller of period {held * step_s:g} s"
         raise InputError(
             f"step_s: RK4 is stable up to {limit:.4g} s with {what}, got {step_s:g} s"
         )
 
 
-def check_shared(given: Mapping[str, Sequence[Any]], batch: tuple[int, ...]) -> None:
-    """Reject winds, loads and controllers of another batch than the state's.
-
-    Args:
-        given: Winds, loads and controllers by argument name.
-        batch: Axes of the state.
-
-    Raises:
-        InputError: The arrays of an `Each` do not begin with the batch's axes, or an
-            `Each` comes with a single vehicle, or a batch of arrays without `Each`.
-    """
-    # Unchecked, the kernel would read beyond the end of an `Each` of too few values.
-    for name, values in given.items():
-        for value in values:
-            if not isinstance(value, Each):
-                field = next(
-                    (n for kind, n in VECTORS.items() if isinstance(value, kind)), None
-                )
-                if field is not None and getattr(value, field).ndim != 1:
-                    raise InputError(
-                        f"{name}: expected {field} of the shape (3,), or a batch "
-                        f"wrapped in Each, got {getattr(value, field).shape}"
-                    )
-                continue
-            if not batch:
-                raise InputError(f"{name}: expected a batch for Each, got one state")
-            for array in filter(eqx.is_array, jax.tree.leaves(value)):
-                if array.shape[: len(batch)] != batch:
-                    raise InputError(
-                        f"{name}: expected Each of arrays that begin with {batch}, as "
-                        f"the state does, got {array.shape}"
-                    )
-
-
-def flies_on_warp(backend: str, flight: Flight, dtype: np.dtype) -> bool:
+def flies_on_warp(backend: str, traced: bool, dtype: np.dtype) -> bool:
     """Return whether the flight uses a Warp kernel.
 
     Args:
         backend: "auto" (the kernel in float32 on a GPU), "jax", "warp" or
             "warp:DEVICE".
-        flight: The flight.
+        traced: True inside jit, vmap or grad.
         dtype: Precision of the flight.
 
     Raises:
         InputError: Warp is requested inside jit, vmap or grad.
     """
-    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(flight))
     if backend == "auto":
         return jax.default_backend() == "gpu" and dtype == np.float32 and not traced
     if traced and backend != "jax":

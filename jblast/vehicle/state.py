@@ -147,16 +147,34 @@ class StateComponents(NamedTuple):
     rotor_speed: Four
 
 
-def three(array: Float[Array, "3"]) -> Vector:
-    """Return the components of a vector."""
-    x, y, z = array
+def three(array: Float[Array, "..."], name: str = "vector") -> Vector:
+    """Return the components of a vector.
+
+    Raises:
+        InputError: It has another shape.
+    """
+    x, y, z = _numbers(array, 3, name)
     return x, y, z
 
 
-def four(array: Float[Array, "4"]) -> Four:
-    """Return four components."""
-    a, b, c, d = array
+def four(array: Float[Array, "..."], name: str = "vector") -> Four:
+    """Return four components.
+
+    Raises:
+        InputError: The shape is another.
+    """
+    a, b, c, d = _numbers(array, 4, name)
     return a, b, c, d
+
+
+def _numbers(array: Float[Array, "..."], count: int, name: str) -> Float[Array, " n"]:
+    if array.shape != (count,):
+        raise InputError(
+            f"{name}: expected {count} numbers of a vehicle, got the shape "
+            f"{array.shape}; a wind, load or controller is one of each vehicle if all "
+            "of its arrays begin with the axes of the batch"
+        )
+    return array
 
 
 def rows(matrix: Float[Array, "3 3"]) -> MatrixRows:

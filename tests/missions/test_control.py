@@ -10,7 +10,6 @@ import pytest
 from jblast.missions import Mission, MissionControl, replay
 from jblast.missions.guidance import ENDED, FLYING
 from jblast.vehicle import (
-    Each,
     PositionHold,
     State,
     named,
@@ -83,7 +82,7 @@ def test_a_batch_flies_plans_of_different_lengths_as_each_alone():
     hold = control_of(many[0], "iris").hold
     holds = jax.tree.map(lambda x: jnp.stack([x, x]), hold)
     together = flown(
-        Each(MissionControl(guidance, holds)), state=standing(2), store_every=500
+        MissionControl(guidance, holds), state=standing(2), store_every=500
     )
     for n, one in enumerate(many):
         alone = flown(control_of(one, "iris"), store_every=500)

@@ -12,7 +12,6 @@ from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     Cascade,
-    Each,
     FriedlanderGust,
     PositionHold,
     State,
@@ -65,12 +64,10 @@ def everything(*others: Charge) -> dict:
         return blast_load(Scene(charges=(Charge(mass_kg=mass, name="a"), *others)))
 
     return {
-        "control": Each(
-            PositionHold(jnp.asarray(PLACES), many, jnp.zeros(BATCH) + 0.3)
-        ),
-        "wind": Each(FriedlanderGust(push, when, 0.02 + 0 * when, 1 + when)),
-        "loads": (Each(jax.vmap(loads)(jnp.linspace(0.5, 2.0, BATCH))),),
-        "command_step_s": 2e-3,
+        "control": PositionHold(jnp.asarray(PLACES), many, jnp.zeros(BATCH) + 0.3),
+        "wind": FriedlanderGust(push, when, 0.02 + 0 * when, 1 + when),
+        "loads": (jax.vmap(loads)(jnp.linspace(0.5, 2.0, BATCH)),),
+        "control_period_s": 2e-3,
         "ground_up_m": 0.0,
         "store_every": 7,
     }
@@ -116,8 +113,8 @@ def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
         state,
         duration_s=0.0503,
         control=Cascade([6.0, 1.0, 4.5], 40.0, 2.0),
-        command_step_s=1e-3,
-        wind=Each(StepGust(2 * state.velocity_m_s, jnp.full((2, BATCH), 0.01))),
+        control_period_s=1e-3,
+        wind=StepGust(2 * state.velocity_m_s, jnp.full((2, BATCH), 0.01)),
         loads=(
             blast_load(Scene(Charge(mass_kg=1.0)), drag=False),
             blast_load(Scene(second), front=False, rotors=False),
@@ -172,7 +169,7 @@ def test_same_flights_of_a_users_controller_wind_and_load():
         CRAFT,
         start(),
         control=Nudge(speeds),
-        command_step_s=2e-3,
+        control_period_s=2e-3,
         wind=shear,
         loads=(spring,),
         store_every=7,

@@ -4,7 +4,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import FriedlanderGust, NWaveGust, State, StepGust, named, simulate
+from jblast.vehicle import (
+    Commands,
+    FriedlanderGust,
+    NWaveGust,
+    State,
+    StepGust,
+    named,
+    simulate,
+)
 from tests.vehicle.flights import at_hover, by_scipy, hover_speed, tumbling
 
 HELD = 2e-3
@@ -59,8 +67,7 @@ def flown_and_truth(name, gust, duration, dtype=None):
         vehicle,
         state,
         duration_s=duration,
-        commands=commands,
-        command_step_s=HELD,
+        control=Commands(commands, HELD),
         wind=wind,
         store_every=4,
     )

@@ -12,7 +12,7 @@ import pytest
 
 from calibration.rotorpy_flights import DURATION, EVERY, FLIGHTS, HELD, HOVER, commands
 from jblast.vehicle import (
-    Each,
+    Commands,
     FriedlanderGust,
     NWaveGust,
     State,
@@ -82,8 +82,7 @@ def flown(flights, wind, dtype="float64", step=5e-4, **options):
         stacked(starts),
         duration_s=DURATION,
         step_s=step,
-        commands=np.stack(asked),
-        command_step_s=HELD,
+        control=Commands(np.stack(asked), np.full(len(asked), HELD)),
         wind=wind,
         store_every=round(EVERY / step),
         **options,
@@ -115,7 +114,7 @@ def test_short_steps_do_not_round_away_in_single_precision(flight, step):
 @pytest.mark.parametrize("step", [5e-4, pytest.param(2.5e-4, marks=pytest.mark.slow)])
 def test_flights_by_jax_are_those_of_rotorpy(step):
     winds = [in_gusts(gust) for _ in HOVER for _, gust in FLIGHTS.values()]
-    found = flown(FLIGHTS, Each(stacked(winds)), step=step)
+    found = flown(FLIGHTS, stacked(winds), step=step)
     places, turns = stored()
     assert (np.ptp(places, axis=2).max(axis=2) > 1).all()  # they go somewhere
     for ours, theirs in ((found.position_m, places), (found.quaternion, turns)):

@@ -11,7 +11,8 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
-    Each,
+    Cascade,
+    Commands,
     PositionHold,
     State,
     StepGust,
@@ -20,6 +21,8 @@ from jblast.vehicle import (
     named_gains,
     simulate,
 )
+from jblast.vehicle.loads.impulse_table import custom_profile
+from jblast.vehicle.rollout import is_own
 from tests.vehicle.flights import at_hover, tumbling
 
 VEHICLE = named("crazyflie")
@@ -48,7 +51,7 @@ def test_axes_of_a_batch_stay_and_each_may_have_its_own_wind_and_vehicle():
     )
     blows = jnp.arange(18.0).reshape(2, 3, 3)
     gusts = jax.vmap(jax.vmap(lambda blow: StepGust(blow, 0.01)))(blows)
-    together = simulate(heavier, states, wind=Each(gusts), **SHORT)
+    together = simulate(heavier, states, wind=gusts, **SHORT)
     assert together.position_m.shape == (2, 3, 11, 3)
     assert together.lost.shape == (2, 3)
     alone = simulate(
@@ -136,13 +139,10 @@ REFUSED = {
     "store_every: expected 1 or more": {"store_every": 0},
     "step_s: RK4 is stable up to 0.2005 s": {"step_s": 0.21},
     "stable up to 0.02106 s .* position controller": {"step_s": 0.022, "control": HOLD},
-    r"expected the shape \(time, 4\)": {"commands": np.zeros((10, 3))},
-    r"commands: expected 0.1 s, got 0.005 s \(10": {"commands": np.zeros((10, 4))},
-    "commands: expected finite": {"commands": np.full((400, 4), np.nan)},
-    "or a controller, got both": {"commands": np.zeros((400, 4)), "control": HOLD},
-    "whole number of steps": {"control": HOLD, "command_step_s": 7e-4},
+    "control: expected 4 numbers": {"control": Commands(np.zeros((9, 3)), 0.1)},
+    "whole number of steps": {"control": HOLD, "control_period_s": 7e-4},
     "at or above the ground, 6 m, got 5 m": {"ground_up_m": 6.0},
-    "wind: expected a function": {"wind": lambda time_s, position_m: time_s},
+    "wind: expected 3 numbers": {"wind": lambda time_s, position_m: time_s},
 }
 
 
@@ -151,6 +151,19 @@ def test_what_cannot_be_flown_is_refused(message):
     options = {"duration_s": 0.1, **REFUSED[message]}
     with pytest.raises(InputError, match=message):
         simulate(VEHICLE, at_hover(VEHICLE), **options)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5])
+def test_what_all_vehicles_share_is_not_taken_apart(count):
+    """Whatever the number of vehicles, every kind has a number without an axis."""
+    kinds = (
+        *(VEHICLE, HOLD, Commands(np.zeros((count, 4)), 0.1)),
+        *(Cascade([6.0, 1.0, 4.5], 40.0), load(count)),
+        *(StepGust(np.ones(3), 0.0), blast_load(Scene(Charge()))),
+        custom_profile(np.ones((1, 10)), (0.0, 0.0, 0.0)),
+    )
+    shared = [is_own(kind, (count,)) for kind in kinds]
+    assert shared == [kind is kinds[4] for kind in kinds]
 
 
 def test_a_batch_of_vehicles_goes_with_as_many_states():
@@ -181,13 +194,11 @@ def load(count: int):
 
 
 WRONG = {
-    "a wind for 3 of 5": (FIVE, {"wind": Each(gust(3))}, "wind: .*5,.*got .3, 3."),
-    "loads for 3 of 5": (FIVE, {"loads": (Each(load(3)),)}, "loads: .*5,.*got .3"),
-    "gains for all": (FIVE, {"control": Each(hold(5))}, "control: .*5,.*got .3,"),
-    "winds for one": (ALONE, {"wind": Each(gust(5))}, "wind: expected a batch"),
-    "winds not wrapped": (FIVE, {"wind": gust(5)}, "wind: .*wrapped in Each, got .5"),
-    "loads not wrapped": (FIVE, {"loads": (load(5),)}, "loads: .*wrapped in Each"),
-    "holds not wrapped": (FIVE, {"control": hold(5)}, "control: .*wrapped in Each"),
+    "winds for 3 of 5": (FIVE, {"wind": gust(3)}, "wind: .* got the shape .3, 3."),
+    "winds for one": (ALONE, {"wind": gust(5)}, "shapes"),
+    "loads for 3 of 5": (FIVE, {"loads": (load(3),)}, "shape"),
+    "loads for one": (ALONE, {"loads": (load(5),)}, "shape"),
+    "gains for all": (FIVE, {"control": hold(5)}, "numbers of a vehicle"),
     "ground that is nan": (FIVE, {"ground_up_m": np.nan}, "ground_up_m: .*got nan"),
 }
 
@@ -195,7 +206,7 @@ WRONG = {
 @pytest.mark.parametrize("backend", ["jax", "warp:cpu"])
 @pytest.mark.parametrize(("state", "options", "said"), WRONG.values(), ids=WRONG)
 def test_what_is_for_other_vehicles_is_refused(state, options, said, backend):
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(ValueError, match=said):
         simulate(CRAFT, state, duration_s=0.01, backend=backend, **options)
 
 

@@ -111,6 +111,35 @@ class Controller(Protocol):
         ...
 
 
+class Commands(eqx.Module):
+    """Commands given in advance; the last one is kept.
+
+    Attributes:
+        speeds_rad_s: Rotor speeds, one row per command.
+        period_s: Duration of a command; it changes at the steps next to its ends.
+    """
+
+    speeds_rad_s: Float[Array, "*batch command 4"] = eqx.field(converter=floats)
+    period_s: Float[Array, "*batch"] = eqx.field(converter=floats)
+
+    def start(self) -> PyTree[Array]:
+        """Return the empty state."""
+        return ()
+
+    def __call__(
+        self,
+        time_s: Float[Array, ""],
+        state: State,
+        vehicle: Vehicle,
+        memory: PyTree[Array],
+        period_s: Float[Array, ""],
+    ) -> tuple[Float[Array, "4"], PyTree[Array]]:
+        """Return the command in the middle of a period."""
+        n = jnp.floor((time_s + period_s / 2) / self.period_s).astype(jnp.int32)
+        last = self.speeds_rad_s.shape[0] - 1
+        return self.speeds_rad_s[jnp.minimum(n, last)], memory
+
+
 class Gains(eqx.Module):
     r"""Gains of the SE(3) position controller.
 

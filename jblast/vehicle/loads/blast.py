@@ -91,7 +91,7 @@ T = TypeVar("T")
 
 
 class BlastLoad(eqx.Module):
-    """Pulse of blasts on a vehicle; for a batch of scenes, wrap it in `Each`.
+    """Pulse of blasts on a vehicle.
 
     Attributes:
         waves: The charges, followed by the mirror images whose waves are the ground

@@ -45,7 +45,8 @@ class Gliding(Craft):
 def craft_at(*position: float, kind: type[Craft] = Gliding) -> Craft:
     spec = VehicleSpec("iris", position=jnp.array(position))
     scene = Scene(Charge(1.0, time_s=1000.0), vehicle=spec)
-    return kind(flight_of(scene, spec, blast_load(scene)), hold_of(spec, integral=True))
+    steps, start = flight_of(scene, spec, blast_load(scene))
+    return kind(steps, start, hold_of(spec, integral=True))
 
 
 def station_of(

@@ -236,10 +236,10 @@ def test_a_flight_in_blocks_is_that_of_a_mission():
     for _ in range(150):
         craft.advance()
         path.append(np.asarray(craft.state.position_m))
-    flight = craft._flight
+    flight = craft._simulator
     whole = simulate(
         flight.vehicle,
-        flight.state,
+        craft._start,
         duration_s=15.0,
         step_s=PERIOD_S,
         store_every=ground_station.BLOCK,

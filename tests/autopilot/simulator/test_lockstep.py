@@ -157,12 +157,12 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
     other.join()
     alone = simulate(
         vehicle,
-        turns.flight.state,
+        turns.state,
         duration_s=count * PERIOD_S,
         step_s=PERIOD_S,
         control=RoundedHold(hold, frame, rotors.of_motor),
-        wind=turns.flight.wind,
-        loads=turns.flight.loads,
+        wind=turns.simulator.wind,
+        loads=turns.simulator.loads,
         ground_up_m=0.0,
         backend="jax",
     )

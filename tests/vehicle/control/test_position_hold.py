@@ -95,7 +95,7 @@ def test_the_hold_is_stable_just_below_its_limit_and_not_above(name, held):
                 at_hover(vehicle, body_rate_rad_s=np.array([1e-6, 2e-6, 1e-6])),
                 duration_s=6000 * step,
                 step_s=step,
-                command_step_s=held * step,
+                control_period_s=held * step,
                 control=hold,
                 store_every=100,
             )

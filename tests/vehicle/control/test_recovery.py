@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import Each, PositionHold, named, named_gains, simulate
+from jblast.vehicle import PositionHold, named, named_gains, simulate
 from tests.vehicle.flights import at_hover
 
 HOME = np.array([0.0, 0.0, 10.0])
@@ -50,7 +50,7 @@ def flown():
         stacked(starts),
         duration_s=16.0,
         step_s=4e-3,
-        control=Each(stacked(holds)),
+        control=stacked(holds),
         ground_up_m=0.0,
         store_every=5,
     )

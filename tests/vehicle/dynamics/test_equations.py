@@ -7,7 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import NWaveGust, StepGust, from_parameters, named, simulate
+from jblast.vehicle import (
+    Commands,
+    NWaveGust,
+    StepGust,
+    from_parameters,
+    named,
+    simulate,
+)
 from jblast.vehicle.quadrotor import PARAMETERS
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed, tumbling
 
@@ -60,7 +67,7 @@ def test_it_hovers_where_four_thrusts_are_the_weight(name):
 def test_the_motors_follow_a_command_exponentially_and_no_faster_than_they_can():
     vehicle = named("iris")
     commands = np.tile([500.0, 5000.0, -100.0, 793.0], (2, 1))
-    answer = flown(vehicle, at_hover(vehicle), commands=commands, command_step_s=0.5)
+    answer = flown(vehicle, at_hover(vehicle), control=Commands(commands, 0.5))
     asked = np.clip(commands[0], 0, float(vehicle.rotor_speed_max_rad_s))
     left = np.exp(-answer.time_s / float(vehicle.motor_lag_s))[:, None]
     start = hover_speed(vehicle)
@@ -182,8 +189,7 @@ def test_the_ground_holds_what_falls_and_lets_go_what_lifts():
     answer = flown(
         vehicle,
         state,
-        commands=commands,
-        command_step_s=0.5,
+        control=Commands(commands, 0.5),
         duration_s=2.0,
         ground_up_m=0.25,
     )
