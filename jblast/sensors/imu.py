@@ -15,19 +15,27 @@ range and quantisation. These errors are the same in a record (`with_errors`) an
 loop of an autopilot (`sensors.flight_sensors`), which draws sample by sample.
 """
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from jblast.constants import FLIGHT_GRAVITY
+from jblast.kept_programs import kept
 from jblast.scene import Imu, quaternion_matrix
 from jblast.scene.camera import quaternion_product
 from jblast.sensors.instrument import quantised
-from jblast.vehicle import State, Trajectory
+from jblast.vehicle import State, Trajectory, Vehicle
+from jblast.vehicle.loads.load import Pulse
+
+ACTS_S = 0.5
+"""Time after its arrival for which a wave may act [s]: both phases of charges up to
+tonnes, and reflections."""
 
 
 class Inertial(NamedTuple):
@@ -53,6 +61,93 @@ def states_at(flight: Trajectory, times_s: Float[Array, " time"]) -> State:
     """
     at = jax.vmap(jnp.interp, (None, None, 1), 1)
     return jax.tree.map(lambda x: at(times_s, flight.time_s, x), flight.states)
+
+
+def with_wave_rows(
+    flight: Trajectory,
+    load: Pulse,
+    vehicle: Vehicle,
+    comes_s: Float[np.ndarray, " wave"],
+    period_s: float,
+) -> Trajectory:
+    r"""Return a flight with rows of a period while waves act on the vehicle.
+
+    A step of a flight has the whole impulse $J(T)$ of a wave as a constant force. In
+    its parts the velocity follows the impulse so far,
+
+    $$v(t) = v_0 + \frac tT\,(v_T - v_0) + \frac1m\Big(J(t) - \frac tT J(T)\Big)$$
+
+    and body rate and attitude follow the angular impulse likewise.
+
+    Args:
+        flight: Flight of one vehicle, all rows finite and at equal intervals.
+        load: Load of the waves.
+        vehicle: The vehicle.
+        comes_s: Arrivals of the waves at it [s].
+        period_s: Largest interval between the new rows [s].
+    """
+    times = np.asarray(flight.time_s)
+    row_s = float(times[1] - times[0]) if times.size > 1 else 0.0
+    parts = math.ceil(row_s / period_s - 1e-6)
+    since = times[:-1, None] - comes_s
+    acts = ((since > -2.0 * row_s) & (since < ACTS_S)).any(axis=1)
+    # the ground takes up what a wave does to a vehicle that stands on it
+    acts &= np.asarray(flight.position_m)[:-1, 2] > 0.0
+    begins = np.flatnonzero(acts)
+    if parts < 2 or not begins.size:
+        return flight
+    # padded to a power of two: few compiled programs serve all flights
+    padded = np.pad(begins, (0, 2 ** (begins.size - 1).bit_length() - begins.size))
+    share = np.arange(1, parts + 1) / parts
+    states = jax.tree.map(lambda x: x[padded], flight.states)
+    bows = _bows(
+        load, vehicle, flight.time_s[padded], jnp.asarray(row_s * share), states
+    )
+    gained, spun, turned = (x[: begins.size, :-1].reshape(-1, 3) for x in bows)
+    inner_s = jnp.asarray(np.add.outer(times[begins], row_s * share[:-1]).ravel())
+    columns = [name for name in flight.__dataclass_fields__ if name != "lost"]
+    at = jax.vmap(jnp.interp, (None, None, 1), 1)
+    added = {
+        name: at(inner_s, flight.time_s, getattr(flight, name)) for name in columns[1:]
+    }
+    added |= {"time_s": inner_s, "velocity_m_s": added["velocity_m_s"] + gained}
+    added["body_rate_rad_s"] = added["body_rate_rad_s"] + spun
+    added["quaternion"] = jax.vmap(quaternion_product)(
+        added["quaternion"], jax.vmap(rotation_quaternion)(turned)
+    )
+    order = np.argsort(np.append(times, inner_s), kind="stable")
+    whole = {
+        name: jnp.concatenate([getattr(flight, name), added[name]])[order]
+        for name in columns
+    }
+    return Trajectory(**whole, lost=flight.lost)
+
+
+@kept
+def _bows(
+    load: Pulse,
+    vehicle: Vehicle,
+    start_s: Float[Array, " row"],
+    after_s: Float[Array, " part"],
+    states: State,
+) -> tuple[Float[Array, "row part 3"], ...]:
+    """Return the deviations from a constant force of velocity, rate and attitude."""
+
+    def of(start_s: Array, state: State) -> tuple[Array, Array]:
+        return jax.vmap(lambda s: load.impulse(start_s, start_s + s, state, vehicle))(
+            after_s
+        )
+
+    push, turn = jax.vmap(of)(start_s, states)
+    share = (after_s / after_s[-1])[None, :, None]
+
+    def bow(x: Array) -> Array:
+        return x - share * x[:, -1:]
+
+    spun = bow(turn @ jnp.linalg.inv(vehicle.inertia_kg_m2).T)
+    # trapezoids: the deviation is zero at the beginning and at the end
+    turned = after_s[0] * (jnp.cumsum(spun, axis=1) - spun / 2)
+    return bow(push / vehicle.mass_kg), spun, bow(turned)
 
 
 def inertial_between(before: State, now: State, period_s: Float[Array, ""]) -> Inertial:

@@ -189,7 +189,7 @@ def _times(
     options: FilmOptions,
 ) -> np.ndarray:
     """Return the start times of the frames [s]."""
-    from jblast.waves.fireball import fireball_duration
+    from jblast.sensors.camera.explosion import shown_for_s
 
     # each charge has its own time: the film covers all fireballs
     bursts = [float(charge.time_s) for charge in scene.charges]
@@ -204,11 +204,7 @@ def _times(
         seconds = options.seconds
     else:
         bound = options.most_frames
-        if views is None:
-            masses = [c.tnt_mass("fireball_radius_m") for c in scene.charges]
-            lives = [float(fireball_duration(mass)) for mass in masses]
-        else:
-            lives = [float(views.duration(charge)) for charge in scene.charges]
+        lives = [shown_for_s(charge, views) for charge in scene.charges]
         stops = [burst + life for burst, life in zip(bursts, lives, strict=True)]
         seconds = max(stops) - start
     # rounding must not add a frame to a whole number of frame intervals

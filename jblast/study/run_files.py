@@ -21,6 +21,7 @@ from jblast.files import save, table_text, write_text, writing
 from jblast.observations import Observations, write
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.results import AMONG
+from jblast.sensors.camera.explosion import shown_for_s
 from jblast.sensors.camera.files.event_files import Written, write_events
 from jblast.sensors.camera.files.images import write_values
 from jblast.sensors.camera.film import RUN_ERROR, Film
@@ -50,7 +51,6 @@ from jblast.study.running import (
     Subscriber,
     record_run,
 )
-from jblast.waves.fireball import fireball_duration
 from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
 from jblast.world.drawn import CAMERA
 from jblast.world.perceived import camera_path
@@ -200,7 +200,7 @@ def record_files(
             path = None if run.flight is None else camera_path(run.flight)
             detectors = RunDetectors(world.scene, run.arrivals, names, path=path)
         record_run(run, [writer, *watched], detectors)
-        imu, notes = _write_imus(run.imus, directory, head)
+        imu = _write_imus(run.imus, directory, head)
         readings, more = _readings(run, writer, directory / SOUND)
         if readings is not None:
             write(directory / READINGS, readings, comments=head)
@@ -211,7 +211,7 @@ def record_files(
         imu=imu,
         camera=writer.film,
         detections=summary_of(run, writer.detections) if detect else None,
-        warnings=(*run.notes, *notes, *more),
+        warnings=(*run.notes, *more),
     )
 
 
@@ -462,7 +462,7 @@ def frames_in_view(run: Run, film: Film) -> Int[np.ndarray, " frame"]:
     kept = numbers < BEFORE
     for charge in run.world.charges:
         if charge.name not in run.unseen:
-            life = float(fireball_duration(charge.tnt_mass("fireball_radius_m")))
+            life = shown_for_s(charge, film.views)
             since = numbers - float(charge.time_s) * hz
             kept |= (since > -1 - BEFORE) & (since < life * hz + 1)
     return np.flatnonzero(kept)
@@ -470,10 +470,9 @@ def frames_in_view(run: Run, film: Film) -> Int[np.ndarray, " frame"]:
 
 def _write_imus(
     records: Sequence[ImuRecord], directory: Path, head: Sequence[str]
-) -> tuple[dict[str, ImuWritten] | None, list[str]]:
-    """Write the samples of every unit; return their entries and warnings."""
+) -> dict[str, ImuWritten] | None:
+    """Write the samples of every unit; return their entries."""
     entries: dict[str, ImuWritten] = {}
-    notes = []
     columns = [f"a{axis}_m_s2" for axis in "xyz"] + [f"g{axis}_rad_s" for axis in "xyz"]
     for record in records:
         name, rate = record.sensor.name, record.imu.rate
@@ -490,12 +489,7 @@ def _write_imus(
         table = table_text([["time_s", *columns], *cells], comments)
         save(directory / file, table)
         entries[name] = ImuWritten(file, rate, len(rows), record.clipped)
-        if record.row_s > 1.5 / rate:
-            notes.append(
-                f"{name}: its samples are interpolated linearly between the rows of "
-                f"the flight, {record.row_s:g} s apart"
-            )
-    return entries or None, notes
+    return entries or None
 
 
 def summary_of(run: Run, found: Sequence[RunDetection]) -> Detections:

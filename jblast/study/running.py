@@ -42,6 +42,7 @@ from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.camera.run_film import filmed_packets
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
 from jblast.signals.flash.fireball import Direction
+from jblast.study.filming import SHIPPED_SET, views_named
 from jblast.study.flight_results import (
     TOLERANCE_M,
     Encounter,
@@ -355,7 +356,7 @@ def prepare_run(
         late,
         unseen,
         listening,
-        imu_records(world, flight, seconds),
+        imu_records(world, flight, arrivals, seconds, load),
         _film_of(world, seconds, flight),
         notes,
         uncertain.place,
@@ -492,7 +493,8 @@ def _film_of(
     hz = float(camera.frames_hz)
     # 1e-6 of a frame: the product of a duration and a rate may round below an integer
     count = max(0, math.floor((seconds - float(camera.exposure_s)) * hz + 1e-6))
-    return Film(scene, camera, np.arange(count + 1) / hz, background, path=path)
+    views = views_named(SHIPPED_SET, scene, camera)
+    return Film(scene, camera, np.arange(count + 1) / hz, background, views, path=path)
 
 
 def listening_of(

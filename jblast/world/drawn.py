@@ -125,10 +125,10 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     """Return a scene for the fit of one of a world's blasts.
 
     The mass has the prior that it is sampled from, and so has the position in a box
-    about the origin. In a ring or about a vehicle the position is free (for a ring, on
-    the ground). The time is free unless it is fixed or the world has a single blast:
-    the prior of one time among several depends on the other times. Laws are those of
-    the world unless the scene names others.
+    about the origin. For a ring this is the box around it, on the ground. About a
+    vehicle the position is free. The time is free unless it is fixed or the world has a
+    single blast: the prior of one time among several depends on the other times. Laws
+    are those of the world unless the scene names others.
 
     Args:
         uncertain: The scene without random blasts.
@@ -145,16 +145,14 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
             "ambiguous"
         )
     beliefs: dict[str, Belief] = {}
-    region, place = world.region, [0.0, 0.0, 0.0]
+    low, high = _bounds(world.region)
+    # The median of the prior, as for every uncertain number of a scene.
+    place = 0.5 * (low + high)
     for axis, name in enumerate(CHARGE_POSITION):
-        if isinstance(region, Box) and world.about == "world":
-            low, high = region.low[axis], region.high[axis]
-            # The median of the prior, as for every uncertain number of a scene.
-            place[axis] = float(0.5 * (low + high))
-            if float(low) < float(high):
-                beliefs[name] = Uniform(low, high)
-        elif isinstance(region, Box) or axis < 2:
+        if world.about != "world" and (axis < 2 or isinstance(world.region, Box)):
             beliefs[name] = Free(positive=False)
+        elif low[axis] < high[axis]:
+            beliefs[name] = Uniform(low[axis], high[axis])
     mass, time = world.mass, world.time
     if isinstance(mass, Prior):
         beliefs["charge_mass_kg"] = mass
@@ -165,10 +163,18 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     if isinstance(time, Prior):
         beliefs["origin_time_s"] = time if independent else Free(positive=False)
         time = time.constrain(jnp.zeros(()))
-    charge = Charge(mass, tuple(place), time)
+    charge = Charge(mass, tuple(map(float, place)), time)
     laws = dict(scene.law) | record_laws(scene)
     scene = replace(scene, charges=(charge,), law=tuple(laws.items()))
     return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **beliefs})
+
+
+def _bounds(region: Box | Ring) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """Return the lowest and highest coordinates of a region."""
+    if isinstance(region, Box):
+        return region.low, region.high
+    high = region.outer * jnp.array([1.0, 1.0, 0.0])
+    return -high, high
 
 
 def read_run_scene(

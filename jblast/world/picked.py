@@ -16,9 +16,9 @@ variance of an arrival, and to that of a peak the corresponding decay of the pul
 
 import math
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.observations import Observations, observed
 from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.observations.table import stacked
-from jblast.scene import Charge, Imu, Sensor
+from jblast.scene import Charge, Imu, Scene, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.imu import (
     Inertial,
@@ -37,15 +37,17 @@ from jblast.sensors.imu import (
     inertial_of,
     states_at,
     with_errors,
+    with_wave_rows,
 )
 from jblast.sensors.jolt_pick import JoltPick, base_of, pick_jolt
 from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.pick_log import kept_quantities, log_value
-from jblast.vehicle import Trajectory, vehicle_of
+from jblast.vehicle import Trajectory, blast_load, vehicle_of
+from jblast.vehicle.loads.load import Pulse
 from jblast.vehicle.quadrotor import required_body
 from jblast.waves import kingery_bulmash_blast_wind
-from jblast.world.drawn import DrawnWorld
+from jblast.world.drawn import VEHICLE, DrawnWorld, with_nevers
 from jblast.world.perceived import Arrivals, interval_about
 
 MAX_DIRECTION_ERROR_RAD = 0.5
@@ -78,12 +80,6 @@ class ImuRecord(NamedTuple):
     def clipped(self) -> bool:
         """True if a sample is at a limit of the unit's range."""
         return bool(clipped(self.samples, self.imu).any())
-
-    @property
-    def row_s(self) -> float:
-        """Interval between rows of the flight, within which its path is linear."""
-        times = self.flight.time_s
-        return float(times[1] - times[0]) if times.size > 1 else np.inf
 
 
 def picked_jolts(
@@ -228,16 +224,16 @@ def _readings(
         crossing_s: Crossing time of the front over the vehicle [s].
         share: Speed of the vehicle over that of the wind of the blast.
     """
-    step, row = 1 / record.imu.rate, record.row_s
+    step = 1 / record.imu.rate
     onset = float(record.stamps_s[first + pick.onset])
-    # The start of a force within its sample and within its row of the flight is
-    # unknown: uniform errors of variance interval^2 / 12 each. The force begins when
-    # the front reaches the body, half a crossing time before it reaches the centre.
+    # The start of a force within its sample is unknown: a uniform error of variance
+    # step^2 / 12. The force begins when the front reaches the body, half a crossing
+    # time before it reaches the centre.
     readings = [
         (
             AIR,
-            onset + 0.5 * (step + row + crossing_s),
-            float(np.hypot(step, row) / np.sqrt(12.0)),
+            onset + 0.5 * (step + crossing_s),
+            step / math.sqrt(12.0),
             False,
         ),
         (
@@ -261,7 +257,11 @@ def _readings(
 
 
 def imu_records(
-    world: DrawnWorld, flight: Trajectory | None, seconds: float
+    world: DrawnWorld,
+    flight: Trajectory | None,
+    arrivals: Arrivals,
+    seconds: float,
+    load: Callable[[Scene], Any] = blast_load,
 ) -> list[ImuRecord]:
     """Return the record of every inertial measurement unit on the vehicle.
 
@@ -270,35 +270,43 @@ def imu_records(
     Args:
         world: The world.
         flight: Flight of its vehicle; None without one.
+        arrivals: Times of arrivals at the vehicle.
         seconds: Duration of the world.
+        load: Returns the load that a scene's blasts had on the flight.
     """
-    if flight is None:
+    spec = world.scene.vehicle
+    if flight is None or spec is None:
         return []
     known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
     whole = bool(np.all(known))
     flight = flight if whole else _first(flight, int(np.argmin(known)))
+    lasts = seconds if whole else min(seconds, float(flight.time_s[-1]))
+    comes = arrivals.times_s[AIR][arrivals.entities.index(VEHICLE)]
     records = []
     for sensor in world.scene.sensors:
         if sensor.kind != "imu" or not sensor.mount:
             continue
         imu = Imu() if sensor.imu is None else sensor.imu
         offset = float(sensor.clock_offset_s)
-        lasts = seconds if whole else min(seconds, float(flight.time_s[-1]))
         # 1e-6 of a sample: the product of a duration and a rate may round below an
         # integer.
         count = max(0, int(np.floor((lasts + offset) * imu.rate + 1e-6)))
         edges = np.arange(count + 1) / imu.rate
         if not count:
             continue
+        acting = load(with_nevers(world.scene))
+        path = flight
+        if isinstance(acting, Pulse):
+            path = with_wave_rows(flight, acting, vehicle_of(spec), comes, 1 / imu.rate)
         common = jnp.asarray(edges - offset)
         # Evaluated at the edges of samples, because a sample is the mean over its
         # interval.
-        true = inertial_of(flight, common, sensor.offset_m, sensor.quaternion)
+        true = inertial_of(path, common, sensor.offset_m, sensor.quaternion)
         # The key follows from the name, so other sensors do not change the noise.
         number = zlib.crc32(f"imu {sensor.name}".encode())
         key = jax.random.fold_in(world.noise_key, number)
         records.append(
-            ImuRecord(sensor, imu, edges[:-1], with_errors(key, imu, true), flight)
+            ImuRecord(sensor, imu, edges[:-1], with_errors(key, imu, true), path)
         )
     return records
 

@@ -121,6 +121,15 @@ def test_what_is_fixed_stays_fixed():
     np.testing.assert_allclose(high.scene.charge.up, 2)
 
 
+def test_a_ring_has_the_prior_of_the_box_around_it():
+    beliefs = one(world={"region_m": {"ring": [10, 20]}}).beliefs
+    assert "charge_up_m" not in beliefs
+    for name in ("charge_east_m", "charge_north_m"):
+        prior = beliefs[name]
+        assert isinstance(prior, Uniform)
+        assert (prior.lo, prior.hi) == (-20, 20)
+
+
 def test_places_about_a_vehicle_are_free():
     ring = one(world={"region_m": {"ring": [10, 20]}, "about": "vehicle"}).beliefs
     assert isinstance(ring["charge_east_m"], Free)

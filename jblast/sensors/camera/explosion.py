@@ -184,6 +184,11 @@ def life(charge: Charge) -> Float[Array, ""]:
     return fireball_duration(charge.tnt_mass("fireball_radius_m"))
 
 
+def shown_for_s(charge: Charge, views: ExplosionViews | None) -> float:
+    """Return the duration of a charge's fire in a film, without the fading [s]."""
+    return float(life(charge) if views is None else views.duration(charge))
+
+
 class Standing(NamedTuple):
     """Size and position of the pictures of a charge at an instant.
 

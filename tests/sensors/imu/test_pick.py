@@ -12,9 +12,9 @@ from calibration.jolts import LEVEL, OFFSET, PERFECT, SAMPLES, picked, scene_of
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.scene import Imu
 from jblast.sensors import planned_layout, record
-from jblast.sensors.imu import Inertial, with_errors
+from jblast.sensors.imu import Inertial, with_errors, with_wave_rows
 from jblast.sensors.jolt_pick import MODEL_SHARE, JoltPick, pick_jolt
-from jblast.vehicle import blast_load, named, start_of
+from jblast.vehicle import blast_load, named, simulate, start_of, vehicle_of
 
 SCENE = scene_of("hummingbird", 10.0, 15.0)
 assert SCENE.vehicle is not None
@@ -50,6 +50,30 @@ def pick_of(
 ) -> JoltPick | str:
     part = Inertial(*(column[:count] for column in samples))
     return pick_jolt(part, imu, WITHOUT_DRAG, start, ROTORS[:count], OFFSET, LEVEL)
+
+
+def test_rows_within_a_wave_are_those_of_a_fine_flight():
+    assert SCENE.vehicle is not None
+    load, vehicle = blast_load(SCENE), vehicle_of(SCENE.vehicle)
+    coarse, fine = (
+        simulate(vehicle, START, duration_s=0.4, step_s=step_s, loads=(load,))
+        for step_s in (0.004, 0.0005)
+    )
+    comes = np.asarray(load.arrival_time_s(START.position_m))
+    dense = with_wave_rows(coarse, load, vehicle, comes, 0.001)
+    steps = np.diff(dense.time_s[np.searchsorted(dense.time_s, comes[0]) :])
+    np.testing.assert_allclose(steps, 0.001, atol=1e-9)
+    for name, least in (("velocity_m_s", 0.3), ("body_rate_rad_s", 0.1)):
+        was, is_now, true = (
+            np.asarray(getattr(x, name)) for x in (coarse, dense, fine)
+        )
+        at = np.searchsorted(fine.time_s, np.asarray(dense.time_s) - 1e-6)
+        np.testing.assert_array_equal(is_now[np.isin(dense.time_s, coarse.time_s)], was)
+        linear = [np.interp(dense.time_s, coarse.time_s, column) for column in was.T]
+        off = np.abs(np.transpose(linear) - true[at]).max()
+        # of a constant force over 4 ms; the wave's course leaves the step's own error
+        assert np.abs(is_now - true[at]).max() < 0.1 * off
+        assert np.ptp(true, axis=0).max() > least
 
 
 def test_a_pulse_gives_its_integral_for_any_bias_and_heading():
