@@ -97,6 +97,7 @@ def film_of(
     """
     import jax
 
+    from jblast.sensors.camera.files.views import views_of
     from jblast.sensors.camera.film import Film
     from jblast.study.running import scene_to_run
 
@@ -114,7 +115,9 @@ def film_of(
                 "needs; got a range"
             )
     camera = _camera(uncertain.scene.camera, options)
-    views = views_named(options.views, scene, camera) if options.views else None
+    views = None
+    if options.views:
+        views = views_of(scene, camera, folder_named(options.views))
     times = _times(scene, float(camera.frames_hz), views, options)
     film = Film(
         scene,
@@ -282,32 +285,11 @@ def _direction(vector: np.ndarray) -> str:
     return f"{bearing:.0f} degrees from north, {above:.0f} degrees up"
 
 
-def views_named(word: str, scene: "Scene", camera: "Camera") -> "ExplosionViews":
-    """Return the images of an option.
-
-    For a fixed camera only those views are read that it needs.
-
-    Args:
-        word: "explosion" for the set that is part of jblast, also if a folder has this
-            name (which is ./explosion); else a folder.
-        scene: Scene with the charges.
-        camera: Camera.
-
-    Raises:
-        InputError: The images cannot be read; the message names the file.
-    """
-    from jblast.sensors.camera.files.views import explosion_views
-
-    folder = None if word == SHIPPED_SET else word
-    if camera.mount:
-        return explosion_views(folder)  # a moving camera may need any view
-    eye = np.asarray(camera.position, float)
-    places = np.array([[float(x) for x in c.position_m] for c in scene.charges])
-    return explosion_views(folder, towards=eye - places)
-
-
 def folder_named(word: str | None) -> str | None:
-    """Return the folder of a set of images; None for the one of jblast."""
+    """Return the folder of a set of images; None for the one of jblast.
+
+    "explosion" is that one, also if a folder has this name (which is ./explosion).
+    """
     return None if word == SHIPPED_SET else word
 
 

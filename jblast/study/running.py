@@ -37,12 +37,12 @@ from jblast.scene import (
 from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
 from jblast.sensors.camera import landscape
+from jblast.sensors.camera.files.views import views_of
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.camera.run_film import filmed_packets
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
 from jblast.signals.flash.fireball import Direction
-from jblast.study.filming import SHIPPED_SET, views_named
 from jblast.study.flight_results import (
     TOLERANCE_M,
     Encounter,
@@ -493,8 +493,8 @@ def _film_of(
     hz = float(camera.frames_hz)
     # 1e-6 of a frame: the product of a duration and a rate may round below an integer
     count = max(0, math.floor((seconds - float(camera.exposure_s)) * hz + 1e-6))
-    views = views_named(SHIPPED_SET, scene, camera)
-    return Film(scene, camera, np.arange(count + 1) / hz, background, views, path=path)
+    times, views = np.arange(count + 1) / hz, views_of(scene, camera)
+    return Film(scene, camera, times, background, views, path=path)
 
 
 def listening_of(

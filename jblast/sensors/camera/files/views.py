@@ -53,6 +53,7 @@ from jaxtyping import ArrayLike, Float, UInt8
 
 from jblast.errors import InputError, read_text, require, shown
 from jblast.parameters import POSITIVE, Bounds
+from jblast.scene import Camera, Scene
 from jblast.scene.values import (
     Number,
     Numbers,
@@ -184,6 +185,26 @@ def explosion_views(
         hot=hot,
         **found,
     )
+
+
+def views_of(
+    scene: Scene, camera: Camera, directory: str | Path | None = None
+) -> ExplosionViews:
+    """Read those views of a set that a camera needs: all, if it moves.
+
+    Args:
+        scene: Scene with the charges.
+        camera: The camera.
+        directory: As for `explosion_views`.
+
+    Raises:
+        InputError: As in `explosion_views`.
+    """
+    if camera.mount:
+        return explosion_views(directory)
+    places = [[float(axis) for axis in one.position_m] for one in scene.charges]
+    eye = np.asarray(camera.position, float)
+    return explosion_views(directory, towards=eye - np.array(places))
 
 
 def _index(directory: Path) -> tuple[Path, dict[str, Any]]:
