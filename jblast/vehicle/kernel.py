@@ -23,8 +23,8 @@ from jblast.vehicle.state import State, Trajectory
 
 wp.config.log_level = wp.LOG_ERROR
 """Warp prints a banner on stdout, which is for results, and warns without a GPU."""
-THREADS = 128
-"""Threads per block: four warps, so that several blocks share a multiprocessor."""
+THREADS = 256
+"""Threads per block; of 32 to 256 the fastest on an H200, by 6 % with blasts."""
 OPTIONS = {"enable_backward": False, "fast_math": True}
 """Compiler options; fast division and roots in float32 on a GPU are twice as fast, with
 relative errors near 1e-7."""
