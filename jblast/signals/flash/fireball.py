@@ -146,6 +146,9 @@ class Silhouette(NamedTuple):
         area_px: Number of its pixels.
         cut: True if the left or right edge of the image cuts it.
         sigma_px: Standard deviation of the radius [px].
+        reached_px: Radius of all that it has lit so far, with what soot hides now [px].
+        lit_px: Area of that [px].
+        beside: True if it touches what it had lit before.
     """
 
     time_s: float
@@ -155,6 +158,9 @@ class Silhouette(NamedTuple):
     area_px: float
     cut: bool
     sigma_px: float = RADIUS_ERROR_PX
+    reached_px: float = 0.0
+    lit_px: float = 0.0
+    beside: bool = True
 
 
 def growth(
@@ -315,7 +321,7 @@ def _at_zero(
 
 
 def silhouette(
-    time_s: float, share: Image, seed: Bool[np.ndarray, "height width"]
+    time_s: float, share: Image, seed: Bool[np.ndarray, "height width"], lit: Image
 ) -> Silhouette | None:
     """Return the silhouette about a seed; None without one.
 
@@ -324,11 +330,14 @@ def silhouette(
         share: Share of the fireball's light in each pixel, 0 to 1.
         seed: Pixels of which the silhouette must contain one; the largest connected
             spot of that kind is used.
+        lit: Largest share of each pixel in its silhouettes so far, which is updated.
     """
     spot = _spot(share, PIXEL_SHARE, seed)
     if spot is None:
         return None
     weight = _within(spot, share)
+    beside = bool((lit[weight > 0] > 0).any()) or not lit.any()
+    np.maximum(lit, weight, out=lit)
     columns, rows = weight.sum(axis=0), weight.sum(axis=1)
     middle, radius = _spread(columns, COLUMN_SHARE)
     low, high = (_spread(columns, share)[1] for share in OTHER_COLUMN_SHARES)
@@ -350,7 +359,10 @@ def silhouette(
     cut = bool(spot[:, 0].any() or spot[:, -1].any())
     row = float(rows @ np.arange(len(rows))) / float(weight.sum())
     area = float(spot.sum())
-    return Silhouette(time_s, radius, middle, row, area, cut, sigma)
+    reached = _spread(lit.sum(axis=0), COLUMN_SHARE)[1]
+    return Silhouette(
+        time_s, radius, middle, row, area, cut, sigma, reached, float(lit.sum()), beside
+    )
 
 
 def _spot(
@@ -463,13 +475,15 @@ def joined(
         before: Time of the frame before the first of them [s].
     """
     seen: list[Silhouette] = []
+    lit = np.zeros(seed.shape, np.float32)
     for time, share in zip(times, shares, strict=True):
-        one = silhouette(float(time), share, seed)
+        one = silhouette(float(time), share, seed, lit)
         if one is None:
             # after three silhouettes it is over or hidden; before, it was noise
             if len(seen) >= 3:
                 break
             seen, before = [], float(time)
+            lit[:] = 0.0
         else:
             seen.append(one)
     return seen, before

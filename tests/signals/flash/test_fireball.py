@@ -109,7 +109,7 @@ SEED = np.ones(SHAPE, bool)
 )
 @settings(max_examples=25, deadline=None)
 def test_disc_and_half_disc_have_their_radius(radius, x, y, half):
-    seen = silhouette(0.0, disc(x, y, radius, half=half), SEED)
+    seen = silhouette(0.0, disc(x, y, radius, half=half), SEED, np.zeros(SHAPE))
     assert seen is not None
     # the error that is told: its columns are few, and its lowest row is lit by half
     assert seen.radius_px == pytest.approx(radius, abs=0.3)
@@ -123,15 +123,15 @@ def test_only_the_spot_at_the_seed_counts():
     share = np.maximum(disc(20, 30, 6), disc(60, 30, 10))
     seed = np.zeros(SHAPE, bool)
     seed[30, 18:22] = True
-    seen = silhouette(0.0, share, seed)
+    seen = silhouette(0.0, share, seed, np.zeros(SHAPE))
     assert seen is not None
     assert seen.x_px == pytest.approx(20, abs=0.1)
-    assert silhouette(0.0, share, np.zeros(SHAPE, bool)) is None
-    assert silhouette(0.0, np.zeros(SHAPE), SEED) is None
+    assert silhouette(0.0, share, np.zeros(SHAPE, bool), np.zeros(SHAPE)) is None
+    assert silhouette(0.0, np.zeros(SHAPE), SEED, np.zeros(SHAPE)) is None
 
 
 def test_a_spot_at_the_edge_is_cut():
-    seen = silhouette(0.0, disc(3, 30, 10), SEED)
+    seen = silhouette(0.0, disc(3, 30, 10), SEED, np.zeros(SHAPE))
     assert seen is not None
     assert seen.cut
 

@@ -1,24 +1,37 @@
 """A bright spot has one cause by its radii: fireball, inflated object or flicker."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
+from PIL import Image
 
+from jblast.sensors.camera.image import srgb_to_linear
 from jblast.signals.flash import detect_flashes
 from jblast.signals.flash.fireball import Silhouette
 from jblast.signals.flash.search import flash_threshold, verdict
 from tests.signals.flash.films import disc
 
 SHAPE = 60, 90
+REFERENCE = os.environ.get("JBLAST_REFERENCE")
 
 
 def spots(radius, rate=1000.0, frames=70):
     """Silhouettes with a radius for each number of frames since the first light."""
     times = (np.arange(frames) + 1.0) / rate
-    radii = [radius(k + 0.6) for k in range(frames)]
-    return [
-        Silhouette(t, r, 40.0, 30.0, 9.0, False)
-        for t, r in zip(times, radii, strict=True)
-    ]
+    reached, found = 0.0, []
+    for k, time in enumerate(times):
+        one = radius(k + 0.6)
+        reached = max(reached, one)
+        found.append(
+            Silhouette(
+                *(time, one, 40.0, 30.0, 9.0, False),
+                reached_px=reached,
+                lit_px=np.pi * reached**2,
+            )
+        )
+    return found
 
 
 RNG = np.random.default_rng(0)
@@ -32,6 +45,8 @@ FIREBALLS = {
     "Taylor": lambda k: 26.0 * min(k / 12.0, 1.0) ** 0.4,
     "hidden by soot in turn": lambda k: -26.0 * np.expm1(-k / 4.0) * SOOT[int(k)],
     "one frame": lambda k: 12.0,
+    # the thesis's: it grows for 12 frames, then soot leaves bright parts of any size
+    "fuel": lambda k: 3.0 * k if k < 12 else 36.0 * np.exp(-1.0 - abs(SHAKEN[int(k)])),
 }
 INFLATED = {
     "constant speed": lambda k: 0.3 * k,
@@ -40,9 +55,10 @@ INFLATED = {
 }
 
 
+@pytest.mark.parametrize("rate", [1000.0, 30.0])
 @pytest.mark.parametrize("radius", FIREBALLS.values(), ids=FIREBALLS)
-def test_growth_that_slows_down_is_that_of_a_fireball(radius):
-    assert verdict(spots(radius), 0.0) == "fireball"
+def test_growth_that_slows_down_is_that_of_a_fireball(radius, rate):
+    assert verdict(spots(radius, rate), 0.0) == "fireball"
 
 
 @pytest.mark.parametrize("rate", [1000.0, 240.0, 30.0])
@@ -51,14 +67,15 @@ def test_growth_by_a_power_of_time_is_not(radius, rate):
     assert verdict(spots(radius, rate), 0.0) == "grows_on"
 
 
-def test_sizes_without_an_order_are_flicker():
-    assert verdict(spots(lambda k: 3.0 * np.exp(SHAKEN[int(k)])), 0.0) == "flicker"
+def test_sparkle_at_random_places_is_flicker():
+    """Spots of 10 px in a patch of 600 px, each where it is first seen by chance."""
+    rng, reached, lit, found = np.random.default_rng(0), 1.8, 0.0, []
+    for k, one in enumerate(spots(lambda k: 3.0 * np.exp(SHAKEN[int(k)]))):
+        beside = k == 0 or rng.random() < lit / 600.0
+        reached, lit = max(reached, 1.8 if k < 1 else 14.0), lit + 10.0 * (not beside)
+        found.append(one._replace(reached_px=reached, lit_px=lit, beside=beside))
+    assert verdict(found, 0.0) == "flicker"
     assert verdict([], 0.0) == "flicker"
-
-
-def test_a_fireball_of_a_slow_film_may_grow_for_two_frames():
-    seen = spots(lambda k: -20.0 * np.expm1(-k / 1.5), rate=30.0)
-    assert verdict(seen, 0.0) == "fireball"
 
 
 def searched(light, rate_hz=1000.0, false_alarms=1.0):
@@ -116,6 +133,22 @@ def test_a_fireball_in_the_dark_is_a_blast():
     seen = searched(film([FIREBALLS["1 ms"]], [(45.0, 30.0)], dark=0.02))
     assert [flash.frame for flash in seen.flashes] == [30]
     assert not seen.candidates
+
+
+@pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
+@pytest.mark.parametrize(("rate", "sky"), [(30.0, 0.2), (30.0, 0.5), (1000.0, 0.5)])
+def test_the_fireball_of_the_thesis_is_found_at_its_first_frame(rate, sky):
+    frames = sorted((Path(REFERENCE or "") / "blast_clip").glob("*.png"))
+    fire = np.stack([np.asarray(Image.open(one)) for one in frames]) / 255.0
+    # averaged over 4 x 4 pixels, 60 frames behind the first
+    fire = fire.reshape(len(fire), 80, 4, 80, 4, 4).mean(axis=(2, 4))
+    fire = np.concatenate([np.zeros((60, *fire.shape[1:])), fire])
+    cover, grey = fire[..., 3], fire[..., :3].mean(axis=-1)
+    first = int(np.flatnonzero(cover.max(axis=(1, 2)) > 0.5)[0])
+    grey = cover * grey + (1.0 - cover) * sky
+    seen = searched(srgb_to_linear(filmed(grey, 0.004)), rate)
+    (flash,) = seen.flashes
+    assert flash.growth.time_s * rate == pytest.approx(first, abs=1.5)
 
 
 PLACES = [(40.3, 60.2), (90.1, 50.4), (130.6, 80.7)]
