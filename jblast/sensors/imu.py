@@ -17,6 +17,7 @@ loop of an autopilot (`sensors.flight_sensors`), which draws sample by sample.
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -104,23 +105,21 @@ def with_wave_rows(
         load, vehicle, flight.time_s[padded], jnp.asarray(row_s * share), states
     )
     gained, spun, turned = (x[: begins.size, :-1].reshape(-1, 3) for x in bows)
-    inner_s = jnp.asarray(np.add.outer(times[begins], row_s * share[:-1]).ravel())
-    columns = [name for name in flight.__dataclass_fields__ if name != "lost"]
+    inner_s = np.add.outer(times[begins], row_s * share[:-1]).ravel()
+    whole_s = np.sort(np.append(times, inner_s))
+    inner = np.searchsorted(whole_s, inner_s)
     at = jax.vmap(jnp.interp, (None, None, 1), 1)
-    added = {
-        name: at(inner_s, flight.time_s, getattr(flight, name)) for name in columns[1:]
-    }
-    added |= {"time_s": inner_s, "velocity_m_s": added["velocity_m_s"] + gained}
-    added["body_rate_rad_s"] = added["body_rate_rad_s"] + spun
-    added["quaternion"] = jax.vmap(quaternion_product)(
-        added["quaternion"], jax.vmap(rotation_quaternion)(turned)
+    whole = replace(flight, time_s=jnp.asarray(whole_s)).of_rows(
+        lambda x: x if x.ndim == 1 else at(jnp.asarray(whole_s), flight.time_s, x)
     )
-    order = np.argsort(np.append(times, inner_s), kind="stable")
-    whole = {
-        name: jnp.concatenate([getattr(flight, name), added[name]])[order]
-        for name in columns
-    }
-    return Trajectory(**whole, lost=flight.lost)
+    turns = jax.vmap(rotation_quaternion)(turned)
+    attitude = jax.vmap(quaternion_product)(whole.quaternion[inner], turns)
+    return replace(
+        whole,
+        velocity_m_s=whole.velocity_m_s.at[inner].add(gained),
+        body_rate_rad_s=whole.body_rate_rad_s.at[inner].add(spun),
+        quaternion=whole.quaternion.at[inner].set(attitude),
+    )
 
 
 @kept

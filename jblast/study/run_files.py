@@ -54,7 +54,13 @@ from jblast.study.running import (
 from jblast.world import DrawnWorld, ImuRecord, picked_jolts, readings_of
 from jblast.world.drawn import CAMERA
 from jblast.world.perceived import camera_path
-from jblast.world.picked import joined, log_of, picked_readings, sampled_sensors
+from jblast.world.picked import (
+    Reading,
+    joined,
+    log_of,
+    picked_readings,
+    sampled_sensors,
+)
 
 Item = TypeVar("Item")
 BLASTS, PERCEIVED, READINGS = "blasts.csv", "perceived.csv", "observations.csv"
@@ -236,8 +242,8 @@ def _readings(
     names = [sensor.name for sensor in sampled]
     names += [one.sensor.name for one in run.imus if one.sensor.imu is not None]
     readings, late = readings_of(world, run.arrivals, run.seconds, names)
-    jolts, missed = picked_jolts(world, run.arrivals, run.imus)
-    readings = joined(joined(readings, jolts), _flashes(run, writer.detections))
+    rows, missed = picked_jolts(world, run.arrivals, run.imus)
+    rows += _flashes(run, writer.detections)
     if run.listening is not None and sampled:
         of = {record.sensor.name: record for record in records}
         recordings = {}
@@ -245,15 +251,15 @@ def _readings(
             scaling = Scaling(of[name].full_scale_pa, None)
             (recordings[name],) = open_record(directory / of[name].file, scaling)
         seconds = run.listening.seconds
-        found = picked_readings(world, run.arrivals, recordings, seconds)
-        readings, missed = joined(readings, found.readings), missed + found.missed
+        picks, poor = picked_readings(world, run.arrivals, recordings, seconds)
+        rows, missed = rows + picks, missed + poor
+    readings = joined(readings, log_of(rows))
     return readings, [*_warnings(run, readings is None, late, missed)]
 
 
-def _flashes(run: Run, found: Sequence[RunDetection]) -> Observations | None:
-    """Return time and direction of each detected flash; None without one."""
-    rows: list[tuple[str, str, float, float, str, bool]] = []
-    places: list[np.ndarray] = []
+def _flashes(run: Run, found: Sequence[RunDetection]) -> list[Reading]:
+    """Return time and direction of each detected flash with a direction."""
+    rows: list[Reading] = []
     names = [charge.name for charge in run.world.scene.charges]
     for one in found:
         if one.shot and one.direction is not None:
@@ -263,10 +269,10 @@ def _flashes(run: Run, found: Sequence[RunDetection]) -> Observations | None:
                 "bearing_rad": (bearing, bearing_sd),
                 "elevation_rad": (elevation, elevation_sd),
             }
-            rows += [(CAMERA, name, *x, one.shot, False) for name, x in values.items()]
             row = run.arrivals.entities.index(CAMERA), names.index(one.shot)
-            places += [run.arrivals.places_m["flash_time_s"][row]] * len(values)
-    return log_of(rows, places, "flashes that the camera's detector found")
+            place = run.arrivals.places_m["flash_time_s"][row]
+            rows += [Reading(CAMERA, q, *x, one.shot, place) for q, x in values.items()]
+    return rows
 
 
 def _warnings(run: Run, no_readings: bool, late: int, missed: int) -> Iterator[str]:

@@ -327,7 +327,7 @@ def prepare_run(
     )
     flight, motion, tracks = None, None, {}
     if flown is not None:
-        flight = _until_lost(flight_of(flown))
+        flight = flight_of(flown)
         motion = _motion_of(flown, flight)
         tracks = tracks_of(world.scene, flight)
     if arrivals is None or tracks:
@@ -599,35 +599,28 @@ def flown_in(
 
 
 def flight_of(flown: Flights | MissionFlight) -> Trajectory:
-    """Return the path of a mission, or of the first controller."""
+    """Return the path of a mission, or of the first controller, up to its loss."""
     if isinstance(flown, MissionFlight):
-        return flown.trajectory
-    return trajectory_of(flown, next(iter(flown.holds)))
+        flight = flown.trajectory
+    else:
+        flight = trajectory_of(flown, next(iter(flown.holds)))
+    # negated: the speed of a diverged vehicle is NaN
+    gone = ~(np.linalg.norm(flight.velocity_m_s, axis=-1) <= LOST_M_S)
+    if not gone.any():
+        return flight
+    rows = int(np.argmax(gone))
+    return replace(flight.of_rows(lambda x: x[:rows]), lost=jnp.asarray(True))
 
 
 def resting(flight: Trajectory, seconds: float) -> Trajectory:
-    """Return a flight that lasts to the end of the run: the vehicle stays at rest."""
-    if not float(flight.time_s[-1]) < seconds:
+    """Return a flight that lasts to the end of the run: the vehicle stays at rest.
+
+    That of a lost vehicle ends with its loss.
+    """
+    if bool(flight.lost) or not float(flight.time_s[-1]) < seconds:
         return flight
-    columns = {
-        name: jnp.concatenate([getattr(flight, name), getattr(flight, name)[-1:]])
-        for name in flight.__dataclass_fields__
-        if name != "lost"
-    }
-    columns["time_s"] = columns["time_s"].at[-1].set(seconds)
-    return Trajectory(**columns, lost=flight.lost)
-
-
-def _until_lost(flight: Trajectory) -> Trajectory:
-    """Return a flight whose rows are NaN from its loss on."""
-    fast = np.linalg.norm(flight.velocity_m_s, axis=-1) > LOST_M_S
-    lost = jnp.asarray(np.logical_or.accumulate(fast))[:, None]
-    columns = {
-        name: jnp.where(lost, jnp.nan, getattr(flight, name))
-        for name in flight.__dataclass_fields__
-        if name not in ("time_s", "lost")
-    }
-    return replace(flight, **columns)
+    longer = flight.of_rows(lambda x: jnp.concatenate([x, x[-1:]]))
+    return replace(longer, time_s=longer.time_s.at[-1].set(seconds))
 
 
 def _motion_of(flown: Flights | MissionFlight, flight: Trajectory) -> Motion:
@@ -640,9 +633,9 @@ def _motion_of(flown: Flights | MissionFlight, flight: Trajectory) -> Motion:
         error = np.asarray(path_error(flight, target_of(flown.vehicle)))
         followed = next(iter(flown.holds.values())).followed
     place = flight.position_m if followed is None else followed.shown.position_m
-    known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
     columns = [getattr(flight, name) for name in Motion._fields[:8]]
-    return Motion(*(np.asarray(x)[known] for x in (*columns, aim, error, place)))
+    rows = flight.time_s.size
+    return Motion(*(np.asarray(x)[:rows] for x in (*columns, aim, error, place)))
 
 
 def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:

@@ -5,6 +5,8 @@ an array over the vehicles, which XLA turns into vector instructions; rows of th
 would leave most of each register empty.
 """
 
+from collections.abc import Callable
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -126,6 +128,12 @@ class Trajectory(eqx.Module):
             self.body_rate_rad_s,
             self.rotor_speed_rad_s,
         )
+
+    def of_rows(self, function: Callable[[Array], Array]) -> "Trajectory":
+        """Return a flight of which a function selects the rows, column by column."""
+        names = [one.name for one in fields(self) if one.name != "lost"]
+        columns = {name: function(getattr(self, name)) for name in names}
+        return replace(self, **columns)
 
     def lost_places(self) -> list[tuple[int, ...]]:
         """Return the indices of the vehicles that diverged, along the batch's axes."""

@@ -57,11 +57,6 @@ VEHICLE, CAMERA = "vehicle", "camera"
 """Names of the scene's vehicle and of its camera among the observers."""
 SCENE_KEY, NOISE_KEY = 2**32 - 3, 2**32 - 4
 """Folded into a world's key; above all numbers of blasts, which count from 0."""
-INITIAL_BLASTS = 16
-"""Initial number of sampled blasts by rate or tick; doubled until they pass the window.
-
-Powers of two from here on give few compiled programs.
-"""
 WORLD_KEY = 2**32 - 1
 """Folded into a seed; splits and lanes of the seed count from 0 and never reach it."""
 
@@ -69,17 +64,13 @@ WORLD_KEY = 2**32 - 1
 def tracks_of(scene: Scene, flight: Trajectory) -> dict[str, Track]:
     """Return the paths of the vehicle and of the sensors and camera on it, by name.
 
-    Paths are linear between the rows of the flight, and end where a vehicle is lost.
-    No sensor is below the ground.
+    Paths are linear between the rows of the flight. No sensor is below the ground.
 
     Args:
         scene: The scene with the sensors.
-        flight: Flight of the scene's vehicle.
+        flight: Flight of the scene's vehicle, up to its loss.
     """
-    # Rows after a divergence are NaN and would make the whole interpolated path NaN.
-    known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
-    time = jnp.asarray(flight.time_s)[known]
-    place, turn = flight.position_m[known], flight.quaternion[known]
+    time, place, turn = flight.time_s, flight.position_m, flight.quaternion
     found = {VEHICLE: Track(time, place)}
     for sensor in scene.sensors:
         if sensor.mount:
@@ -372,20 +363,15 @@ def draw_blasts(
             gap = float(_common_number(key, world.gap, 0))
             check_fits(count, *world.window, gap, f"{where} (seed {seed})")
         return _blasts(key, world, about, count)
-    count, end = INITIAL_BLASTS, min(world.window[1], until_s)
-    while True:
-        blasts = _blasts(key, world, about, count)
-        times = np.asarray(blasts.time_s)
-        if times[-1] > end:
-            # The last sampled time is beyond the end, so no blast within it is missing.
-            happen = int(np.sum(times <= end))
-            return Blasts(*(numbers[:happen] for numbers in blasts))
-        if count > MAX_BLASTS:
-            raise InputError(
-                f"{where}: expected at most {MAX_BLASTS:,} blasts, got more until "
-                f"{end:g} s with seed {seed}"
-            )
-        count *= 2
+    blasts = _blasts(key, world, about, MAX_BLASTS + 1)
+    end = min(world.window[1], until_s)
+    happen = int(np.sum(np.asarray(blasts.time_s) <= end))
+    if happen > MAX_BLASTS:
+        raise InputError(
+            f"{where}: expected at most {MAX_BLASTS:,} blasts, got more until "
+            f"{end:g} s with seed {seed}"
+        )
+    return Blasts(*(numbers[:happen] for numbers in blasts))
 
 
 def world_key(seed: int) -> PRNGKeyArray:

@@ -57,14 +57,13 @@ def out_of_view(scene: Scene, flight: Trajectory | None = None) -> tuple[str, ..
 
     Args:
         scene: Charges and camera.
-        flight: Flight of the vehicle; None: a mounted camera is level at the target
-            position of the vehicle.
+        flight: Flight of the vehicle that carries the camera; None for a fixed one.
     """
     camera = scene.camera
     if camera is None:
         return ()
     bare = replace(scene, sensors=(), clocks=(), ambient=None)
-    path = _path(scene, flight) if camera.mount else None
+    path = camera_path(flight) if camera.mount and flight is not None else None
     unseen = []
     for charge in scene.charges:
         if charge.never:
@@ -78,22 +77,9 @@ def out_of_view(scene: Scene, flight: Trajectory | None = None) -> tuple[str, ..
     return tuple(unseen)
 
 
-def _path(scene: Scene, flight: Trajectory | None) -> CameraPath:
-    """Return the path of the vehicle, up to its loss."""
-    if flight is None:
-        held = jnp.zeros(3) if scene.vehicle is None else scene.vehicle.held
-        level = jnp.array([0.0, 0.0, 0.0, 1.0])
-        return CameraPath(
-            jnp.array([0.0, 1.0]), jnp.stack([held, held]), jnp.stack([level, level])
-        )
-    return camera_path(flight)
-
-
 def camera_path(flight: Trajectory) -> CameraPath:
-    """Return the path of a camera's carrier, up to its loss."""
-    known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
-    rows = (flight.time_s, flight.position_m, flight.quaternion)
-    return CameraPath(*(row[known] for row in rows))
+    """Return the path of a camera's carrier."""
+    return CameraPath(flight.time_s, flight.position_m, flight.quaternion)
 
 
 class Arrivals(NamedTuple):

@@ -82,9 +82,42 @@ class ImuRecord(NamedTuple):
         return bool(clipped(self.samples, self.imu).any())
 
 
+class Reading(NamedTuple):
+    """A reading of a blast, picked from a record.
+
+    Attributes:
+        sensor: Name of the sensor.
+        quantity: Quantity.
+        value: Value, times on the sensor's clock.
+        sigma: Its standard deviation.
+        shot: Name of the blast.
+        position: Position of the sensor at the reading [m].
+        lower_bound: True if the value is a lower bound.
+    """
+
+    sensor: str
+    quantity: str
+    value: float
+    sigma: float
+    shot: str
+    position: Float[np.ndarray, "3"]
+    lower_bound: bool = False
+
+
+def log_of(rows: Sequence[Reading]) -> Observations | None:
+    """Return a log of picked readings; None without any."""
+    if not rows:
+        return None
+    columns = dict(zip(Reading._fields, zip(*rows, strict=True), strict=True))
+    bounds, places = np.array(columns["lower_bound"]), np.stack(columns["position"])
+    comments = ("picked: readings of sensors with samples",)
+    columns |= {"position": places, "lower_bound": bounds, "comments": comments}
+    return observed(**columns)
+
+
 def picked_jolts(
     world: DrawnWorld, arrivals: Arrivals, records: Sequence[ImuRecord]
-) -> tuple[Observations | None, int]:
+) -> tuple[list[Reading], int]:
     """Return the jolts of the units with a specified sampling.
 
     Args:
@@ -93,17 +126,14 @@ def picked_jolts(
         records: Records of the units.
 
     Returns:
-        Log of times, sizes and directions, None without a row; and the number of waves
-        without a pick.
+        Times, sizes and directions; and the number of waves without a pick.
     """
-    rows: list[tuple[str, str, float, float, str, bool]] = []
-    places: list[Float[np.ndarray, 3]] = []
+    rows: list[Reading] = []
     missed, crossing_s = 0, _crossing_s(world)
     for record in records:
-        sensor = record.sensor
-        if sensor.imu is None:
+        if record.sensor.imu is None:
             continue
-        row = arrivals.entities.index(sensor.name)
+        row = arrivals.entities.index(record.sensor.name)
         comes = arrivals.times_s[AIR][row]
         ends = record.common_s[-1] + 1 / record.imu.rate
         for shot in np.flatnonzero(comes < ends).tolist():
@@ -115,39 +145,12 @@ def picked_jolts(
                 continue
             place = arrivals.places_m[AIR][row, shot]
             charge = world.scene.charges[shot]
-            name = charge.name
             share = _speed_share(record.flight, charge, comes[shot], place)
-            readings = _readings(record, pick, first, crossing_s, share)
-            rows += [(sensor.name, *one[:3], name, one[3]) for one in readings]
-            places += [place] * len(readings)
-    return log_of(rows, places, "picked: jolts of an imu with sampling options"), missed
-
-
-def log_of(
-    rows: Sequence[tuple[str, str, float, float, str, bool]],
-    places: Sequence[Float[np.ndarray, "3"]],
-    words: str,
-) -> Observations | None:
-    """Return a log of readings; None without a row.
-
-    Args:
-        rows: Sensor, quantity, value, sigma, blast, and a flag for lower bounds.
-        places: Position of the sensor at each reading.
-        words: Description of the readings.
-    """
-    if not rows:
-        return None
-    names, quantities, values, sigmas, shots, bounds = zip(*rows, strict=True)
-    return observed(
-        names,
-        quantities,
-        values,
-        sigmas,
-        position=np.stack(places),
-        shot=shots,
-        lower_bound=np.array(bounds),
-        comments=(words,),
-    )
+            rows += [
+                Reading(record.sensor.name, *one, charge.name, place, bound)
+                for *one, bound in _readings(record, pick, first, crossing_s, share)
+            ]
+    return rows, missed
 
 
 def _pick(
@@ -269,7 +272,7 @@ def imu_records(
 
     Args:
         world: The world.
-        flight: Flight of its vehicle; None without one.
+        flight: Flight of its vehicle, up to its loss; None without one.
         arrivals: Times of arrivals at the vehicle.
         seconds: Duration of the world.
         load: Returns the load that a scene's blasts had on the flight.
@@ -277,10 +280,7 @@ def imu_records(
     spec = world.scene.vehicle
     if flight is None or spec is None:
         return []
-    known = np.isfinite(np.asarray(flight.position_m)).all(axis=-1)
-    whole = bool(np.all(known))
-    flight = flight if whole else _first(flight, int(np.argmin(known)))
-    lasts = seconds if whole else min(seconds, float(flight.time_s[-1]))
+    lasts = min(seconds, float(flight.time_s[-1]))
     comes = arrivals.times_s[AIR][arrivals.entities.index(VEHICLE)]
     records = []
     for sensor in world.scene.sensors:
@@ -311,31 +311,8 @@ def imu_records(
     return records
 
 
-def _first(flight: Trajectory, rows: int) -> Trajectory:
-    """Return the first rows of a flight."""
-    lost = flight.lost
-    columns = {
-        name: getattr(flight, name)[:rows]
-        for name in flight.__dataclass_fields__
-        if name != "lost"
-    }
-    return Trajectory(**columns, lost=lost)
-
-
 AIR, PEAK = PICKED_QUANTITIES = ("air_arrival_s", "peak_overpressure_pa")
 """Quantities of a pick that are used."""
-
-
-class PickedReadings(NamedTuple):
-    """Readings picked from the records of a world.
-
-    Attributes:
-        readings: The rows; None: no sensor has a row.
-        missed: Number of air shocks without a pick, or with a poor one.
-    """
-
-    readings: Observations | None
-    missed: int
 
 
 def picked_readings(
@@ -343,7 +320,7 @@ def picked_readings(
     arrivals: Arrivals,
     recordings: Mapping[str, Recording],
     seconds: float,
-) -> PickedReadings:
+) -> tuple[list[Reading], int]:
     """Pick the records of the sensors of a world that have sampling options.
 
     Args:
@@ -351,6 +328,9 @@ def picked_readings(
         arrivals: Times and places of arrivals.
         recordings: By sensor.
         seconds: Duration of the records.
+
+    Returns:
+        The readings, and the number of air shocks without a pick, or with a poor one.
     """
     records: list[PressureRecord] = []
     of: list[tuple[Sensor, int]] = []
@@ -361,21 +341,18 @@ def picked_readings(
             recording = recordings[sensor.name]
             records.append(_interval_record(recording, sensor, comes, shot))
             of.append((sensor, shot))
-    rows: list[tuple[str, str, float, float, str, bool]] = []
-    places: list[np.ndarray] = []
+    rows: list[Reading] = []
     missed = 0
     for (sensor, shot), one in zip(of, pick_records(records), strict=True):
         kept = [q for q in kept_quantities(one)[0] if q in PICKED_QUANTITIES]
         missed += not kept
+        name = world.scene.charges[shot].name
+        place = arrivals.places_m[AIR][arrivals.entities.index(sensor.name), shot]
         for quantity in kept:
-            value, sigma = _value(one, quantity)
             bound = quantity == PEAK and one.pick.lower_bound
-            name = world.scene.charges[shot].name
-            rows.append((sensor.name, quantity, value, sigma, name, bound))
-            row = arrivals.entities.index(sensor.name)
-            places.append(arrivals.places_m[AIR][row, shot])
-    words = "picked: air shocks at sensors with sampling options"
-    return PickedReadings(log_of(rows, places, words), missed)
+            value = _value(one, quantity)
+            rows.append(Reading(sensor.name, quantity, *value, name, place, bound))
+    return rows, missed
 
 
 def sampled_sensors(world: DrawnWorld) -> tuple[Sensor, ...]:

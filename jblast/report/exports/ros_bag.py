@@ -192,26 +192,26 @@ class RosBag:
         # imported here: it takes 0.1 s, which a scene without a vehicle saves
         from scipy.spatial.transform import Rotation
 
-        # after the loss of a vehicle its rows are NaN
-        known = np.isfinite(np.hstack([motion.position_m, motion.quaternion])).all(1)
-        rows = Motion(*(column[known] for column in motion))
-        if not known.any():
+        if not len(motion.time_s):
             return
-        inverse = Rotation.from_quat(rows.quaternion).inv()
-        velocity, force = inverse.apply(rows.velocity_m_s), inverse.apply(rows.force_n)
-        for n in first_of_each(rows.time_s, MOTION_HZ):
-            time, place = float(rows.time_s[n]), rows.position_m[n]
-            self._pose(time, place, rows.quaternion[n])
-            twist = {"linear": velocity[n], "angular": rows.body_rate_rad_s[n]}
+        inverse = Rotation.from_quat(motion.quaternion).inv()
+        velocity, force = (
+            inverse.apply(motion.velocity_m_s),
+            inverse.apply(motion.force_n),
+        )
+        for n in first_of_each(motion.time_s, MOTION_HZ):
+            time, place = float(motion.time_s[n]), motion.position_m[n]
+            self._pose(time, place, motion.quaternion[n])
+            twist = {"linear": velocity[n], "angular": motion.body_rate_rad_s[n]}
             self._add(time, "/vehicle/twist", BODY, twist=twist)
-            target = {"position": rows.set_point_m[n], "orientation": LEVEL}
+            target = {"position": motion.set_point_m[n], "orientation": LEVEL}
             self._add(time, "/vehicle/set_point", WORLD, pose=target)
-            self._add(time, "/vehicle/estimate", WORLD, point=rows.estimate_m[n])
-            self._add(time, "/vehicle/path_error", data=rows.path_error_m[n])
-        group = np.floor((rows.time_s + 1e-6) * MOTION_HZ)
+            self._add(time, "/vehicle/estimate", WORLD, point=motion.estimate_m[n])
+            self._add(time, "/vehicle/path_error", data=motion.path_error_m[n])
+        group = np.floor((motion.time_s + 1e-6) * MOTION_HZ)
         for n in largest(np.linalg.norm(force, axis=1), group):
-            wrench = {"force": force[n], "torque": rows.moment_n_m[n]}
-            self._add(float(rows.time_s[n]), "/vehicle/wrench", BODY, wrench=wrench)
+            wrench = {"force": force[n], "torque": motion.moment_n_m[n]}
+            self._add(float(motion.time_s[n]), "/vehicle/wrench", BODY, wrench=wrench)
 
     def _pose(self, time: float, place: np.ndarray, turn: np.ndarray) -> None:
         """Write a pose; and the path and the latitude, if a second has passed."""
