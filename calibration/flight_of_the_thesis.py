@@ -28,7 +28,7 @@ from jblast.report.colours import BLUE, COLOURS, INK, MUTED, VERMILLION
 from jblast.report.figures import new_figure, quiet, titled, write_figure
 from jblast.report.view import aligned
 from jblast.report.world import run_world
-from jblast.study.missions import MissionFlight
+from jblast.study.missions import MissionOutcome
 from jblast.study.run_detectors import RunDetectors
 from jblast.study.run_files import summary_of
 from jblast.study.running import Run, packets_of, prepare_run
@@ -42,10 +42,11 @@ AFTER_S = 5.0
 """Time after a blast that the figure shows [s]."""
 
 
-def mission_of(run: Run) -> MissionFlight:
-    """Return the mission of a run."""
-    assert isinstance(run.flown, MissionFlight)
-    return run.flown
+def outcome_of(run: Run) -> MissionOutcome:
+    """Return the outcome of a run's mission."""
+    assert run.flown is not None
+    assert run.flown.outcome is not None
+    return run.flown.outcome
 
 
 def run_by(physics: Physics | None) -> Run:
@@ -68,21 +69,22 @@ def figures() -> str:
     for name in runs:
         head += [f"peak m, {name}", "recovery s"]
     rows = [head]
-    ours = mission_of(runs["jblast"])
-    for n, one in enumerate(ours.disturbances):
+    ours = runs["jblast"].flown
+    assert ours is not None
+    for n, one in enumerate(outcome_of(runs["jblast"]).disturbances):
         charge = runs["jblast"].world.charges[n]
-        away = float(ours.encounter.distance_m[n])
+        away = float(ours.first.encounter.distance_m[n])
         row = [one.charge, f"{float(charge.mass_kg):.2f}", f"{away:.1f}"]
         row.append(f"{one.error_before_m:.3f}")
         for run in runs.values():
-            found = mission_of(run).disturbances[n]
+            found = outcome_of(run).disturbances[n]
             row.append(f"{found.peak_deviation_m:.3f}")
             row.append(f"{found.recovery_time_s:.2f}")
         rows.append(row)
     ends = [
-        f"{name}: {sum(w.reached for w in mission_of(run).waypoints)} of "
-        f"{len(mission_of(run).waypoints)} items reached, "
-        f"{mission_of(run).crash or 'no crash'}"
+        f"{name}: {sum(w.reached for w in outcome_of(run).waypoints)} of "
+        f"{len(outcome_of(run).waypoints)} items reached, "
+        f"{outcome_of(run).crash or 'no crash'}"
         for name, run in runs.items()
     ]
     tolerance = ours.options.tolerance_m
@@ -96,13 +98,13 @@ def flight_figure(runs: dict[str, Run]) -> Figure:
     grid = figure.subplots(4, len(runs), squeeze=False)
     # a common scale, in which the differences of the physics are visible
     for column, (name, run) in zip(grid.T, runs.items(), strict=True):
-        motion = run.motion
+        motion = run.flight
         assert motion is not None
         sound = [p.samples["on_board"] for p in packets_of(replace(run, film=None))]
         pressure = np.concatenate([part.values[:, 0] for part in sound])
         times = np.arange(pressure.size) / sound[0].rate_hz
         path, wave, force, torque = column
-        path.plot(*motion.set_point_m.T[:2], color=MUTED, linewidth=1.0)
+        path.plot(*np.asarray(motion.set_point_m).T[:2], color=MUTED, linewidth=1.0)
         path.plot(*motion.position_m.T[:2], color=BLUE, linewidth=1.2)
         for charge in run.world.charges:
             path.plot(*map(float, charge.position_m[:2]), "o", color=VERMILLION)
@@ -132,10 +134,10 @@ def error_figure(runs: dict[str, Run]) -> Figure:
     figure = new_figure(12.0, 7.5)
     top, bottom = figure.subfigures(2, 1, squeeze=False)[:, 0]
     for n, (name, run) in enumerate(runs.items()):
-        motion = run.motion
+        motion = run.flight
         assert motion is not None
         axes = top.add_subplot(1, len(runs), n + 1, projection="3d")
-        axes.plot(*motion.set_point_m.T, color=MUTED, linewidth=0.8)
+        axes.plot(*np.asarray(motion.set_point_m).T, color=MUTED, linewidth=0.8)
         axes.plot(*motion.position_m.T, color=BLUE, linewidth=1.0)
         for charge in run.world.charges:
             axes.plot(*([float(x)] for x in charge.position_m), "o", color=VERMILLION)
@@ -143,11 +145,14 @@ def error_figure(runs: dict[str, Run]) -> Figure:
     axes = bottom.subplots()
     quiet(axes)
     for (name, run), colour in zip(runs.items(), COLOURS, strict=False):
-        motion, mission = run.motion, mission_of(run)
+        motion, flown = run.flight, run.flown
         assert motion is not None
+        assert flown is not None
         axes.plot(motion.time_s, motion.path_error_m, color=colour, label=name)
         for came, one in zip(
-            mission.encounter.arrival_s, mission.disturbances, strict=True
+            flown.first.encounter.arrival_s,
+            outcome_of(run).disturbances,
+            strict=True,
         ):
             if np.isfinite(one.recovery_time_s):
                 axes.plot(float(came) + one.recovery_time_s, 0.0, "|", color=colour)

@@ -57,7 +57,6 @@ from jblast.report.view import aligned
 from jblast.scene import Air, Charge, Scene, read_scene
 from jblast.study.flight_results import (
     Flights,
-    Options,
     flies_on,
     hold_words,
     metric,
@@ -396,8 +395,8 @@ def flown(vehicle: str, count: int) -> Flights:
         file = Path(folder) / "scene.toml"
         file.write_text(SCENE.format(vehicle=vehicle), encoding="utf-8")
         scene = read_scene(str(file))
-    options = Options(seconds=8.0, step_s=CONTROLLER_STEP_S, backend="jax")
-    return fly(scene, options, vehicles=count, controllers=tuple(CONTROLLERS))
+    options = {"seconds": 8.0, "step_s": CONTROLLER_STEP_S, "backend": "jax"}
+    return fly(scene, vehicles=count, controllers=tuple(CONTROLLERS), **options)
 
 
 def rows(flights: Flights) -> list[tuple[str, ...]]:
@@ -452,7 +451,6 @@ def estimator() -> None:
     start_jax(all_cores=True)
     from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
     from jblast.scene.uncertain import Normal
-    from jblast.study.flight_results import Options
     from jblast.study.flights import fly
 
     lines = [
@@ -470,8 +468,10 @@ def estimator() -> None:
         found = [
             fly(
                 uncertain,
-                Options(seconds=ESTIMATED_SECONDS, step_s=0.004, estimator=flown_by),
                 vehicles=vehicles,
+                seconds=ESTIMATED_SECONDS,
+                step_s=0.004,
+                estimator=flown_by,
             ).holds["with_integral"]
             for flown_by in ("ekf", "")
         ]

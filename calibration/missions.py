@@ -43,7 +43,6 @@ from jblast.autopilot.estimator import EstimatedControl
 from jblast.autopilot.lockstep import suite_of
 from jblast.cli.jax_start import start_jax
 from jblast.missions import (
-    GuidanceHistory,
     Item,
     Mission,
     MissionControl,
@@ -62,21 +61,15 @@ from jblast.report.figures import new_figure, quiet, titled
 from jblast.report.flights import mission_map
 from jblast.report.map_figures import draw_features, view_of
 from jblast.scene import Charge, Place, Scene, UncertainScene, VehicleSpec
-from jblast.study.flight_results import Options, Profile
-from jblast.study.flights import followed_along
-from jblast.study.missions import (
-    MISSION_STEP_S,
-    TOLERANCE_M,
-    MissionFlight,
-    fly_mission,
-)
+from jblast.study.flight_results import MISSION_STEP_S, Flights
+from jblast.study.flights import fly, followed_along
+from jblast.study.missions import MissionOutcome
 from jblast.vehicle import (
     PositionHold,
     State,
     Trajectory,
     named,
     named_gains,
-    read_custom_profile,
     simulate,
 )
 
@@ -112,8 +105,9 @@ def campus_plan() -> Plan:
 
 def passes(mission: Mission, model: str) -> list[tuple[float, np.ndarray, np.ndarray]]:
     """Return when a vehicle is half-way along each of `LEGS`, where, and which way."""
-    flight, guided = flown(mission, model, MISSION_STEP_S)
-    visit = np.asarray(mission.guidance.legs.visit)[np.asarray(guided.leg)]
+    flight = flown(mission, model, MISSION_STEP_S)
+    hold, period = mission.guidance, jnp.asarray(MISSION_STEP_S)
+    visit = np.asarray(replay(hold, flight, period)[1])
     found = []
     for _, to in LEGS:
         rows = np.flatnonzero(visit == to - 1)
@@ -124,14 +118,12 @@ def passes(mission: Mission, model: str) -> list[tuple[float, np.ndarray, np.nda
     return found
 
 
-def flown(
-    mission: Mission, model: str, step: float
-) -> tuple[Trajectory, GuidanceHistory]:
+def flown(mission: Mission, model: str, step: float) -> Trajectory:
     """Fly a mission in still air, from the ground at home."""
     hold = PositionHold(jnp.zeros(3), named_gains(model, integral=True))
     control = MissionControl(mission.guidance, hold)
     seconds = 20.0 * math.ceil(1.05 * planned_seconds(mission.guidance) / 20)
-    flight = simulate(
+    return simulate(
         named(model),
         at_home(mission),
         duration_s=seconds,
@@ -139,7 +131,6 @@ def flown(
         control=control,
         ground_up_m=0.0,
     )
-    return flight, replay(control.guidance, flight.states, jnp.asarray(step))
 
 
 def charges(passed: list) -> list[Charge]:
@@ -153,28 +144,32 @@ def charges(passed: list) -> list[Charge]:
     return found
 
 
-def through(
-    plan: Path, model: str, blasts: list[Charge], profile: Profile | None = None
-) -> MissionFlight:
-    """Fly the plan through blasts, as `jblast fly` does."""
+def through(plan: Path, model: str, blasts: list[Charge], **options: Any) -> Flights:
+    """Fly the plan through blasts, as `jblast fly` does with some options."""
     spec = VehicleSpec(model, np.zeros(3), mission=str(plan), placed=False)
     scene = Scene(tuple(blasts), vehicle=spec)
-    options = Options(step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M, profile=profile)
-    return fly_mission(UncertainScene(scene), options)
+    return fly(UncertainScene(scene), **options)
 
 
-def report(flight: MissionFlight, what: str) -> str:
+def outcome_of(flight: Flights) -> MissionOutcome:
+    """Return the outcome of a mission."""
+    assert flight.outcome is not None
+    return flight.outcome
+
+
+def report(flight: Flights, what: str) -> str:
     """Return a row of the table for each blast."""
     lines = []
-    reached = sum(one.reached for one in flight.waypoints)
-    for n, one in enumerate(flight.disturbances):
-        peak = float(flight.encounter.overpressure_pa[n]) / 1e3
+    reached = sum(one.reached for one in outcome_of(flight).waypoints)
+    outcome = outcome_of(flight)
+    for n, one in enumerate(outcome.disturbances):
+        peak = float(flight.first.encounter.overpressure_pa[n]) / 1e3
         back = f"{one.recovery_time_s:.2f}" if one.recovery_time_s < 99 else "-"
         lines.append(
             f"{flight.vehicle.model:<12} {what:<8} {one.charge or '-':<6} {peak:6.1f} "
             f"{1e3 * one.error_before_m:7.1f} {1e3 * one.peak_deviation_m:8.1f} "
-            f"{back:>6} {reached:3d} of {len(flight.waypoints)} "
-            f"{flight.disarmed_s:8.1f} {flight.crash or 'landed'}"
+            f"{back:>6} {reached:3d} of {len(outcome.waypoints)} "
+            f"{outcome.disarmed_s:8.1f} {outcome.crash or 'landed'}"
         )
     return "\n".join(lines)
 
@@ -204,8 +199,7 @@ def costs() -> str:
         taken, flight = [], None
         for _ in range(1 if step == FINEST_S else 3):
             begin = time.process_time()
-            flight, guided = flown(mission, "iris", step)
-            jax.block_until_ready((flight, guided))
+            flight = jax.block_until_ready(flown(mission, "iris", step))
             taken.append(time.process_time() - begin)
         assert flight is not None
         every = round(0.04 / step)
@@ -241,14 +235,14 @@ def main() -> None:
         flights = {model: through(file, model, blasts) for model in VEHICLES}
         by_profile = []
         if asked.profile:
-            cases = Profile(read_custom_profile(asked.profile), ARM_M)
+            options = {"profile": asked.profile, "profile_moments_about": ARM_M}
             for one, (when, place, _) in zip(blasts, passed, strict=True):
                 # it is level, and heads east, as it passes
                 east, north, up = (
                     float(a + b) for a, b in zip(place, CASE_M, strict=True)
                 )
                 charge = Charge(1.0, (east, north, up), when, name=one.name)
-                by_profile.append(through(file, "iris", [charge], cases))
+                by_profile.append(through(file, "iris", [charge], **options))
     print(
         f"Three charges of {MASS_KG:g} kg, {ASIDE_M:g} m beside the leg, flown "
         f"{UP_M:g} m up at {SPEED_M_S:g} m/s"
@@ -267,9 +261,7 @@ def main() -> None:
         print(costs())
 
 
-def figure(
-    flights: dict[str, MissionFlight], by_profile: list[MissionFlight]
-) -> Figure:
+def figure(flights: dict[str, Flights], by_profile: list[Flights]) -> Figure:
     """Draw the thesis's figures 4.5, 4.6 and 4.8 again."""
     drawn = new_figure(13.0, 9.6)
     rows = drawn.subfigures(2, 1, squeeze=False, height_ratios=[1.5, 1.0])
@@ -286,12 +278,12 @@ def figure(
     for n, (first, to) in enumerate(LEGS):
         part = parts[n]
         quiet(part)
-        came = float(iris.encounter.arrival_s[n])
+        came = float(iris.first.encounter.arrival_s[n])
         for model, colour in zip(VEHICLES, COLOURS, strict=False):
             off = across(flights[model], came)
             part.plot(*off, color=colour, linewidth=1.3, label=f"{model}, laws")
         if by_profile:
-            came_there = float(by_profile[n].encounter.arrival_s[0])
+            came_there = float(by_profile[n].first.encounter.arrival_s[0])
             off = across(by_profile[n], came_there)
             part.plot(
                 *off, color=INK, linewidth=1.3, linestyle="--", label="iris, profile"
@@ -308,9 +300,13 @@ def figure(
         rows = slice(None, None, 5)
         time_s = np.asarray(flight.trajectory.time_s)[rows]
         axes.plot(
-            time_s, flight.path_error_m[rows], color=colour, linewidth=1.0, label=model
+            time_s,
+            np.asarray(flight.trajectory.path_error_m)[rows],
+            color=colour,
+            linewidth=1.0,
+            label=model,
         )
-    for came in np.asarray(iris.encounter.arrival_s):
+    for came in np.asarray(iris.first.encounter.arrival_s):
         axes.axvline(came, color=VERMILLION, linewidth=1.0, linestyle="--")
     axes.set_xlabel("time [s]; dashed: a blast arrives")
     axes.set_ylabel("path error [m]")
@@ -320,12 +316,12 @@ def figure(
     return drawn
 
 
-def across(flight: MissionFlight, came: float) -> tuple[np.ndarray, np.ndarray]:
+def across(flight: Flights, came: float) -> tuple[np.ndarray, np.ndarray]:
     """Return way along the path and distance across it, about a blast's arrival [m]."""
     time_s = np.asarray(flight.trajectory.time_s)
     rows = (time_s > came - 0.5) & (time_s < came + 2.5)
     place = np.asarray(flight.trajectory.position_m)[rows]
-    aim = np.asarray(flight.guided.set_point_m)[rows]
+    aim = np.asarray(flight.trajectory.set_point_m)[rows]
     way = np.gradient(aim, axis=0)
     size = np.linalg.norm(way, axis=1, keepdims=True)
     way = way / np.where(size > 0, size, 1.0)
@@ -334,18 +330,6 @@ def across(flight: MissionFlight, came: float) -> tuple[np.ndarray, np.ndarray]:
     along = np.cumsum(size[:, 0])
     along -= np.interp(came, time_s[rows], along)
     return along, np.linalg.norm(off, axis=1)
-
-
-def fly_through(
-    plan: Path, model: str, blasts: list[Charge], estimator: str
-) -> MissionFlight:
-    """Fly the plan fly_through blasts, as `jblast fly --estimator` does."""
-    spec = VehicleSpec(model, np.zeros(3), mission=str(plan), placed=False)
-    scene = Scene(tuple(blasts), vehicle=spec)
-    options = Options(
-        step_s=MISSION_STEP_S, tolerance_m=TOLERANCE_M, estimator=estimator
-    )
-    return fly_mission(UncertainScene(scene), options)
 
 
 def flights() -> str:
@@ -363,19 +347,20 @@ def flights() -> str:
         write_plan(plan, file)
         for model in VEHICLES:
             for estimator in ("", "ekf"):
-                lines += rows(fly_through(file, model, blasts, estimator))
+                lines += rows(through(file, model, blasts, estimator=estimator))
     return "\n".join(lines)
 
 
-def rows(flight: MissionFlight) -> list[str]:
+def rows(flight: Flights) -> list[str]:
     """Return a line for each blast."""
-    reached = sum(one.reached for one in flight.waypoints)
-    end = f"{reached} of {len(flight.waypoints)}, {flight.crash or 'landed'}"
+    outcome = outcome_of(flight)
+    reached = sum(one.reached for one in outcome.waypoints)
+    end = f"{reached} of {len(outcome.waypoints)}, {outcome.crash or 'landed'}"
     found = []
-    for n, one in enumerate(flight.disturbances):
+    for n, one in enumerate(outcome.disturbances):
         cells = ["-"] * 3
-        if flight.thrown is not None:
-            values = [float(x[n]) for x in flight.thrown]
+        if flight.first.thrown is not None:
+            values = [float(x[n]) for x in flight.first.thrown]
             sizes = (1.0, 1.0, 1e3)
             cells = [
                 f"{size * values[2 * k]:.3g} -> {size * values[2 * k + 1]:.3g}"
@@ -412,7 +397,7 @@ def estimated_costs() -> str:
         )
 
     truly, told = timed(lambda: fly(control))
-    guided, _ = timed(lambda: replay(control.guidance, told.states, period))
+    guided, _ = timed(lambda: replay(control.guidance, told, period))
     estimated, flight = timed(lambda: fly(filtered))
     along, found = timed(lambda: followed_along(filtered, flight, period))
     off = np.linalg.norm(np.asarray(found.error)[:, 3:6], axis=1)

@@ -158,9 +158,8 @@ def given(scene: Scene, way: Physics) -> tuple[float, float]:
 
 def flown(uncertain: UncertainScene, way: Physics, count: int) -> Flown:
     """Return the flights of scenes by one load, with the scene's hold."""
-    options = Options(seconds=SECONDS, load=way.load)
-    flights = fly(uncertain, options, vehicles=count, seed=SEED)
-    return next(iter(flights.holds.values()))
+    options = {"seconds": SECONDS, "load": way.load}
+    return fly(uncertain, vehicles=count, seed=SEED, **options).first
 
 
 def single() -> list[list[str]]:

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from jblast.signals import detect as detect
     from jblast.signals.picks import pick as pick, pick_files as pick_files
     from jblast.study.flights import fly as fly
-    from jblast.study.running import fly_scene as fly_scene
     from jblast.waves.choice import choose as choose
 
 __version__ = "0.2.0"
@@ -53,7 +52,6 @@ __all__ = [
     "fit_each",
     "fit_many",
     "fly",
-    "fly_scene",
     "pick",
     "pick_files",
     "read",
@@ -77,7 +75,6 @@ _HOMES = {
     "fit_each": "jblast.inference",
     "fit_many": "jblast.inference",
     "fly": "jblast.study.flights",
-    "fly_scene": "jblast.study.running",
     "pick": "jblast.signals.picks",
     "pick_files": "jblast.signals.picks",
     "read": "jblast.observations",

@@ -16,7 +16,7 @@ from jblast.scene import scene_of
 NAMES = (
     *("fit", "fit_each", "fit_many", "read", "read_scene", "pick_files", "detect"),
     *("discover_law", "simulate", "record", "calculate", "bound", "choose", "render"),
-    *("events", "fly", "fly_scene", "pick", "Scene", "Charge"),
+    *("events", "fly", "pick", "Scene", "Charge"),
 )
 TOML = """
 [charge]

@@ -8,7 +8,6 @@ from jblast.lazy import lazy_face
 if TYPE_CHECKING:
     from jblast.missions.guidance import (
         Guidance as Guidance,
-        GuidanceHistory as GuidanceHistory,
         Legs as Legs,
         MissionControl as MissionControl,
         Progress as Progress,
@@ -32,10 +31,7 @@ if TYPE_CHECKING:
 
 HOMES = {
     **dict.fromkeys(
-        (
-            *("Guidance", "GuidanceHistory", "Legs", "MissionControl", "Progress"),
-            "replay",
-        ),
+        ("Guidance", "Legs", "MissionControl", "Progress", "replay"),
         "jblast.missions.guidance",
     ),
     **dict.fromkeys(

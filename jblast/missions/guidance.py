@@ -40,19 +40,18 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.types import as_numbers
-from jblast.vehicle import Gains, PositionHold, State, Vehicle
+from jblast.vehicle import Gains, PositionHold, State, Trajectory, Vehicle
 from jblast.vehicle.state import three
 
 IDLE_SHARE = 0.2
 """Idle speed of armed rotors over their hover speed; declared."""
 CALIBRATING, ARMED, FLYING, ENDED = range(4)
 """Phases in order."""
-PHASES = ("calibrating", "armed", "flying", "disarmed")
 CALIBRATE_S, IDLE_S = 2.0, 1.0
 """Durations of calibration and idling; declared (COM_SPOOLUP_TIME is 1 s)."""
 NEAR_M, FAR_M = 0.5, 2.0
@@ -130,25 +129,11 @@ class Legs(eqx.Module):
         return place, way + along_m * bend, bend
 
 
-class GuidanceHistory(NamedTuple):
-    """Output of the guidance at each row.
-
-    Attributes:
-        set_point_m: Position set point.
-        phase: Index into `PHASES`.
-        leg: Index of the leg.
-    """
-
-    set_point_m: Float[Array, "time 3"]
-    phase: Int[Array, " time"]
-    leg: Int[Array, " time"]
-
-
 class Progress(NamedTuple):
     """State of the guidance.
 
     Attributes:
-        phase: Index into `PHASES`.
+        phase: One of `CALIBRATING` to `ENDED`.
         leg: Index of the current leg.
         since_s: Time in the phase before flight; then waiting time or time on ground.
         along_m: Position of the set point along the leg.
@@ -246,21 +231,28 @@ class Guidance(eqx.Module):
 
 @kept
 def replay(
-    guidance: Guidance, states: State, period_s: Float[Array, ""]
-) -> GuidanceHistory:
-    """Return the output of the guidance along a flight.
+    guidance: Guidance, flight: Trajectory, period_s: Float[Array, ""]
+) -> tuple[Float[Array, "time 3"], Int[Array, " time"], Bool[Array, " time"]]:
+    """Return set points, items and arming of a flight, as in `vehicle.Trajectory`.
 
     Args:
         guidance: Guidance of the flight.
-        states: States passed to the guidance, one row per sample.
+        flight: States passed to the guidance, one row per sample.
         period_s: Period of the controller.
     """
 
-    def turn(now: Progress, state: State) -> tuple[Progress, GuidanceHistory]:
+    def turn(
+        now: Progress, state: State
+    ) -> tuple[Progress, tuple[Array, Array, Array]]:
         aim, after = guidance(state, now, period_s)
-        return after, GuidanceHistory(aim.position_m, now.phase, now.leg)
+        flies = now.phase == FLYING
+        item = jnp.where(flies, guidance.legs.visit[now.leg], -1)
+        return after, (aim.position_m, item, flies | (now.phase == ARMED))
 
-    return jax.lax.scan(turn, guidance.start(), states)[1]
+    # The rows of a diverged vehicle are NaN: its last state stays.
+    known = jnp.isfinite(flight.position_m[:, 0])
+    last = jax.lax.cummax(jnp.where(known, jnp.arange(known.size), 0))
+    return jax.lax.scan(turn, guidance.start(), flight.at(last).states)[1]
 
 
 Memory = tuple[Float[Array, "3"], Progress]

@@ -570,6 +570,7 @@ class Allowed(NamedTuple):
 # Ignoring a parameter would fly another mission than the one displayed.
 NOTHING = Allowed("0 or nothing (no other value is supported)", lambda x: x == 0)
 ANY = Allowed("a number", UNBOUNDED.allows)
+NONE = (NOTHING, NOTHING, NOTHING, NOTHING)
 AT_LEAST_0 = Allowed("0 or more", NOT_NEGATIVE.allows)
 TIMES = Allowed("0 to 1000 turns", lambda x: 0 <= x <= 1000)
 SECONDS = Allowed(
@@ -601,6 +602,7 @@ class Command(NamedTuple):
     needs: tuple[bool, bool, bool] = (True, True, True)
 
 
+NOWHERE = (False, False, False)
 COMMANDS: dict[int, Command] = {
     # hold [s], acceptance radius [m], -, yaw [degree, clockwise from north]
     Nav.WAYPOINT: Command("waypoint", (AT_LEAST_0, AT_LEAST_0, NOTHING, ANY)),
@@ -611,9 +613,9 @@ COMMANDS: dict[int, Command] = {
     Nav.TURNS: Command("loiter for turns", (TIMES, ANY, ANY, ANY)),
     # time [s], and the same three, which have no meaning on the spot
     Nav.LOITER_TIME: Command("loiter for a time", (AT_LEAST_0, ANY, ANY, ANY)),
-    Nav.RETURN: Command("return to launch", (NOTHING,) * 4, placed=False),
+    Nav.RETURN: Command("return to launch", NONE, placed=False),
     # yaw; it lands on the ground at any height parameter
-    Nav.LAND: Command("land", (NOTHING, NOTHING, NOTHING, ANY), needs=(False,) * 3),
+    Nav.LAND: Command("land", (NOTHING, NOTHING, NOTHING, ANY), needs=NOWHERE),
     # pitch (fixed wing only), -, -, yaw
     Nav.TAKEOFF: Command(
         "take-off", (ANY, NOTHING, NOTHING, ANY), needs=(False, False, True)

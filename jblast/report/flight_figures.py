@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from jblast.autopilot.estimator import PLACE
 from jblast.report.colours import COLOURS, GRID, INK, MUTED
 from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.report.flights import MAX_POINTS
@@ -16,11 +15,8 @@ from jblast.study.flight_results import (
     flies_on,
     hold_words,
     metric,
-    target_of,
-    trajectory_of,
 )
-from jblast.study.missions import MissionFlight, above_ground
-from jblast.vehicle import Trajectory, path_error
+from jblast.vehicle import Trajectory
 
 BEFORE_S, AFTER_S = 0.01, 0.05
 """Enlarged interval before and after the first blast's arrival [s]: the positive phases
@@ -30,7 +26,7 @@ BELOW |= {"bbox_to_anchor": (0.5, -0.16)}
 """Legend below the axes, as no corner is free of curves in every study."""
 
 
-def time_figure(flown: Flights | MissionFlight) -> Figure:
+def time_figure(flown: Flights) -> Figure:
     """Draw path error and height of one flight, and the loads of its first blast.
 
     Forces and moments are those with the first controller.
@@ -85,28 +81,27 @@ def time_figure(flown: Flights | MissionFlight) -> Figure:
 
 
 def _over_time(
-    flown: Flights | MissionFlight,
+    flown: Flights,
 ) -> tuple[dict[str, Trajectory], dict[str, np.ndarray], np.ndarray]:
-    """Return trajectories and path errors by their labels, and the height to hold."""
-    if isinstance(flown, MissionFlight):
-        errors = {"path error": np.asarray(flown.path_error_m)}
-        if flown.followed is not None:
-            off = np.asarray(flown.followed.error)[:, PLACE]
-            errors["error of the estimate"] = np.linalg.norm(off, axis=1)
-        aim = np.asarray(above_ground(flown.guided.set_point_m))[:, 2]
-        return {"": flown.trajectory}, errors, aim
-    target = target_of(flown.vehicle)
-    flights = {hold_words(name): trajectory_of(flown, name) for name in flown.holds}
-    errors = {n: np.asarray(path_error(one, target)) for n, one in flights.items()}
-    rows = next(iter(errors.values())).size
-    return flights, errors, np.full(rows, target[2])
+    """Return trajectories and path errors by their labels, and heights of the aim."""
+    flights = {
+        hold_words(name): one.trajectory
+        for name, one in flown.holds.items()
+        if one.trajectory is not None
+    }
+    errors = {name: np.asarray(one.path_error_m) for name, one in flights.items()}
+    first = flown.trajectory
+    if flown.mission is not None:
+        errors = {"path error": np.asarray(first.path_error_m)}
+    if flown.mission is not None and flown.options.estimator:
+        off = np.asarray(first.estimate_m) - np.asarray(first.position_m)
+        errors["error of the estimate"] = np.linalg.norm(off, axis=1)
+    return flights, errors, np.asarray(first.set_point_m)[:, 2]
 
 
-def _arrivals(flown: Flights | MissionFlight) -> Float[np.ndarray, " blast"]:
+def _arrivals(flown: Flights) -> Float[np.ndarray, " blast"]:
     """Return the arrivals of one flight; those of blasts without a time are absent."""
-    is_mission = isinstance(flown, MissionFlight)
-    met = (flown if is_mission else next(iter(flown.holds.values()))).encounter
-    arrivals = np.asarray(met.arrival_s)
+    arrivals = np.asarray(flown.first.encounter.arrival_s)
     return arrivals[(arrivals >= 0) & (arrivals <= flown.seconds)]
 
 
@@ -155,7 +150,7 @@ def distribution_figure(flights: Flights) -> Figure:
 
 def _distances(flights: Flights) -> tuple[Float[np.ndarray, " vehicle"], str]:
     """Return the distance of each vehicle from its first blast, and the axis label."""
-    encounter = next(iter(flights.holds.values())).encounter
+    encounter = flights.first.encounter
     first = np.argmin(encounter.arrival_s, axis=-1)[:, None]
     scaled = flights.options.profile is None
     where = np.asarray(encounter.scaled_distance if scaled else encounter.distance_m)

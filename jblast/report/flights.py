@@ -40,17 +40,13 @@ from jblast.study.flight_results import (
     past_threshold,
     quantiles,
     share_interval,
-    target_of,
 )
 from jblast.study.flight_tables import flight_csv, flights_csv
 from jblast.study.mavlink_servers import serve_autopilot, serve_ground_station
 from jblast.study.missions import (
     WATCHED_S,
     Disturbance,
-    MissionFlight,
     Waypoint,
-    above_ground,
-    mission_notes,
 )
 from jblast.vehicle.metrics import THRESHOLDS, Threshold
 from jblast.world.serve.service import serve_world
@@ -308,9 +304,7 @@ class MissionAnswer(FlownAnswer):
     peak_acceleration_m_s2: float
 
 
-def fly_answer(
-    flown: Flights | MissionFlight, *, scene: str = "", seed: int = 0
-) -> Answer:
+def fly_answer(flown: Flights, *, scene: str = "", seed: int = 0) -> Answer:
     """Return the answer on flights or on a mission: document, view and table.
 
     Args:
@@ -319,7 +313,7 @@ def fly_answer(
         seed: Seed of the sampled parameters.
     """
     over_time = Picture("flight.png", drawn_by("flight_figures.time_figure", flown))
-    if isinstance(flown, MissionFlight):
+    if flown.mission is not None:
         mission = mission_answer(flown, scene=scene, seed=seed)
         shown = mission_map(flown)
         title = f"Mission: {mission.mission}"
@@ -341,87 +335,78 @@ def fly_answer(
     return Answer(document, view, {"flights.csv": flights_csv(flown)})
 
 
-def mission_map(flight: MissionFlight) -> Map:
+def mission_map(flown: Flights) -> Map:
     """Return the map of a mission: plan, flown path, waypoints, home and blasts."""
-    flown = np.asarray(flight.trajectory.position_m)
-    paths = {
-        "planned": np.asarray(above_ground(flight.guided.set_point_m)),
-        # up to a divergence
-        "flown": flown[np.isfinite(flown).all(axis=1)],
-    }
+    mission, outcome, flight = flown.mission, flown.outcome, flown.trajectory
+    assert mission is not None
+    assert outcome is not None
+    place = np.asarray(flight.position_m)
+    # up to a divergence
+    paths = {"planned": flight.set_point_m, "flown": place[np.isfinite(place[:, 0])]}
     features = [
-        Feature(kind, kind, [[path[:: max(1, len(path) // MAX_POINTS)]]])
+        Feature(kind, kind, [[np.asarray(path)[:: max(1, len(path) // MAX_POINTS)]]])
         for kind, path in paths.items()
     ]
-    features.append(point("home", "home", flight.mission.home_m))
+    features.append(point("home", "home", mission.home_m))
     # one mark for an item that is flown again
-    for number, one in {one.item.number: one for one in flight.waypoints}.items():
+    for number, one in {one.item.number: one for one in outcome.waypoints}.items():
         kind, words = ("waypoint", "reached") if one.reached else ("missed", "missed")
         # the label of one at home would hide it
         label = str(number) * bool(np.hypot(*one.goal_m[:2]) > 0.5)
         name = f"{one.item.words}: {words}"
         features.append(point(kind, name, one.goal_m, label=label))
-    for one, place in zip(flight.disturbances, flight.places_m, strict=True):
-        features.append(point("blast", one.charge or "blast", place, label=one.charge))
-    title = f"Mission of the {flight.vehicle.model.capitalize()}"
-    return Map(features, flight.mission.frame, title, flight.crash)
+    for name, place in zip(flown.blasts, flown.places_m, strict=True):
+        features.append(point("blast", name or "blast", place, label=name))
+    title = f"Mission of the {flown.vehicle.model.capitalize()}"
+    return Map(features, mission.frame, title, outcome.crash)
 
 
-def flights_answer(
-    flights: Flights, *, scene: str = "", seed: int = 0
-) -> FlightsAnswer:
+def flights_answer(flown: Flights, *, scene: str = "", seed: int = 0) -> FlightsAnswer:
     """Return the document of flights; arguments as of `fly_answer`."""
-    vehicle, held = flights.vehicle, flights.holds
-    first = next(iter(held.values()))
+    vehicle, held = flown.vehicle, flown.holds
     return filled(
         FlightsAnswer,
-        _common(flights, scene, seed),
-        flights,
-        flights.options,
-        vehicles=flights.count,
+        _common(flown, scene, seed),
+        flown,
+        flown.options,
+        vehicles=flown.count,
         position_m=_place(vehicle.position),
-        target_m=_place(target_of(vehicle)),
+        target_m=_place(vehicle.held),
         yaw_rad=float(vehicle.yaw),
-        blasts=_each(BlastMet, first.encounter, flights.blasts),
         thresholds=THRESHOLDS[vehicle.model],
-        scene_hold=flights.own,
-        holds={name: _outcome(vehicle.model, flown) for name, flown in held.items()},
+        scene_hold=flown.own,
+        holds={name: _outcome(vehicle.model, one) for name, one in held.items()},
         estimates={
-            name: _each(EstimateThrown, flown.thrown, flights.blasts)
-            for name, flown in held.items()
-            if flown.thrown is not None
+            name: _each(EstimateThrown, one.thrown, flown.blasts)
+            for name, one in held.items()
+            if one.thrown is not None
         },
-        warnings=tuple(sentences_of(flight_notes(flights))),
     )
 
 
-def mission_answer(
-    flight: MissionFlight, *, scene: str = "", seed: int = 0
-) -> MissionAnswer:
+def mission_answer(flown: Flights, *, scene: str = "", seed: int = 0) -> MissionAnswer:
     """Return the document of a mission; arguments as of `fly_answer`."""
-    mission = flight.mission
-    charges = [one.charge for one in flight.disturbances]
-    judged = EXPOSURES[:2]
+    mission, outcome, judged = flown.mission, flown.outcome, EXPOSURES[:2]
+    assert mission is not None
+    assert outcome is not None
+    thrown, limits = flown.first.thrown, THRESHOLDS[flown.vehicle.model]
     return filled(
         MissionAnswer,
-        _common(flight, scene, seed),
-        {name: float(getattr(flight.exposure, name)) for name in judged},
-        flight,
-        flight.options,
+        _common(flown, scene, seed),
+        {name: float(metric(flown.first, name)) for name in judged},
+        outcome,
+        flown,
+        flown.options,
         mission=mission.plan.source,
         home=_place(geodetic(mission.frame, mission.home_m)),
         home_m=_place(mission.home_m),
-        crashed=bool(flight.crash),
-        blasts=_each(BlastMet, flight.encounter, charges),
-        estimates=_each(EstimateThrown, flight.thrown, charges)
-        if flight.thrown
-        else (),
-        thresholds={n: THRESHOLDS[flight.vehicle.model][n] for n in judged},
-        warnings=tuple(sentences_of(mission_notes(flight))),
+        crashed=bool(outcome.crash),
+        estimates=_each(EstimateThrown, thrown, flown.blasts) if thrown else (),
+        thresholds={name: limits[name] for name in judged},
     )
 
 
-def _common(flown: Flights | MissionFlight, scene: str, seed: int) -> dict[str, Any]:
+def _common(flown: Flights, scene: str, seed: int) -> dict[str, Any]:
     """Return the fields that flights and missions have in common."""
     return {
         "scene": scene,
@@ -430,6 +415,8 @@ def _common(flown: Flights | MissionFlight, scene: str, seed: int) -> dict[str, 
         "integrator": "rk4",
         "load": flown.options.load_words,
         "drawn": {name: _summary(values) for name, values in flown.drawn.items()},
+        "blasts": _each(BlastMet, flown.first.encounter, flown.blasts),
+        "warnings": tuple(sentences_of(flight_notes(flown))),
     }
 
 

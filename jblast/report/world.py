@@ -35,8 +35,6 @@ from jblast.report.provenance import provenance_of
 from jblast.report.view import Block, Column, Facts, Lines, Picture, Table, View
 from jblast.results import Document, filled, restored
 from jblast.scene import Scene
-from jblast.study.flight_results import Flights
-from jblast.study.missions import MissionFlight
 from jblast.study.run_files import (
     BLASTS,
     FILM,
@@ -208,11 +206,11 @@ def run_world(
         blasts=drawn_blasts(run.world),
         not_perceived=run.late,
         readings=0 if recorded.readings is None else len(recorded.readings),
-        flight=flights_answer(flown, **options) if isinstance(flown, Flights) else None,
-        sound=sound,
-        mission=mission_answer(flown, **options)
-        if isinstance(flown, MissionFlight)
+        flight=flights_answer(flown, **options)
+        if flown and not flown.mission
         else None,
+        sound=sound,
+        mission=mission_answer(flown, **options) if flown and flown.mission else None,
     )
     save(directory / RUN, document.to_json())
     return filled(WorldRun, recorded, document=document)

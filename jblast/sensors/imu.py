@@ -109,8 +109,11 @@ def with_wave_rows(
     whole_s = np.sort(np.append(times, inner_s))
     inner = np.searchsorted(whole_s, inner_s)
     at = jax.vmap(jnp.interp, (None, None, 1), 1)
-    whole = replace(flight, time_s=jnp.asarray(whole_s)).of_rows(
-        lambda x: x if x.ndim == 1 else at(jnp.asarray(whole_s), flight.time_s, x)
+    whole_s = jnp.asarray(whole_s)
+    # numbers only: a row between two has no item
+    path = replace(flight, time_s=whole_s, item=None, armed=None)
+    whole = jax.tree.map(
+        lambda x: at(whole_s, flight.time_s, x) if x.ndim > 1 else x, path
     )
     turns = jax.vmap(rotation_quaternion)(turned)
     attitude = jax.vmap(quaternion_product)(whole.quaternion[inner], turns)

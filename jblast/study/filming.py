@@ -99,7 +99,7 @@ def film_of(
 
     from jblast.sensors.camera.files.views import views_of
     from jblast.sensors.camera.film import Film
-    from jblast.study.running import scene_to_run
+    from jblast.study.flights import scene_to_run
 
     source, options = os.fspath(scene_file), options or FilmOptions()
     uncertain = scene_to_run(source, seed=options.seed)
@@ -308,6 +308,9 @@ def camera_path(
         InputError: A path is given for a fixed camera, it cannot be read or flown, or
             it is shorter than the film.
     """
+    from jblast.study.flights import fly
+    from jblast.world.perceived import camera_path as flight_path
+
     if not camera.mount:
         if options.flight is not None:
             raise InputError(
@@ -317,7 +320,9 @@ def camera_path(
         return None
     end = float(times[-1]) + float(camera.exposure_s)
     if options.flight is None:
-        path, source = _flown(uncertain, end, options.seed), scene
+        # the film may continue after the default end of the flight
+        flown = fly(uncertain, least_s=end, seed=options.seed)
+        path, source = flight_path(flown.trajectory), scene
     else:
         path, source = read_camera_path(options.flight), options.flight
     first, last = float(path.time[0]), float(path.time[-1])
@@ -327,26 +332,6 @@ def camera_path(
             f"{end:g} s, got one from {first:g} to {last:g} s"
         )
     return path
-
-
-def _flown(uncertain: "UncertainScene", end: float, seed: int) -> "CameraPath":
-    """Return the path of a simulated flight of the scene's vehicle."""
-    from jblast.study.flight_results import Options
-    from jblast.study.flights import checked_scene, drawn_scenes, flight_seconds
-    from jblast.study.running import flight_of, fly_scene, has_mission, resting
-    from jblast.world.perceived import camera_path as carrier_path
-
-    seconds = None
-    if not has_mission(uncertain):
-        vehicle = checked_scene(uncertain, 1, False)
-        scene = drawn_scenes(uncertain, 1, seed)
-        default = flight_seconds(scene, vehicle, uncertain.source, Options())
-        # the film may continue after the default end of the flight
-        seconds = max(default, math.ceil(10 * end) / 10)
-    trajectory = flight_of(fly_scene(uncertain, seconds=seconds, seed=seed))
-    if seconds is None:
-        trajectory = resting(trajectory, end)
-    return carrier_path(trajectory)
 
 
 def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":

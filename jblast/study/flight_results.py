@@ -10,20 +10,26 @@ nor are lost. A blast outside the range of its laws is reported: its load is fin
 not reliable.
 """
 
+import math
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
-from jblast.autopilot.estimator import Followed, Thrown
+from jblast.autopilot.estimator import Thrown
+from jblast.errors import InputError, argument
+from jblast.missions import Mission
 from jblast.results import Note, warning
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.sensors.camera.fireball import cloud
+from jblast.study.missions import MissionOutcome
 from jblast.study.statistics import wilson_interval
 from jblast.vehicle import (
     CONTROLLERS,
@@ -35,6 +41,9 @@ from jblast.vehicle import (
     Trajectory,
     Vehicle,
     blast_load,
+    flight_metrics,
+    path_error,
+    read_custom_profile,
     vehicle_of,
 )
 from jblast.vehicle.from_scene import free_air_at
@@ -46,6 +55,7 @@ from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
 
+T = TypeVar("T")
 METRICS = (
     "error_before_m",
     "error_at_blast_m",
@@ -59,6 +69,15 @@ QUANTILES = (0.05, 0.5, 0.95)
 """Median and 90 % interval."""
 TOLERANCE_M = 0.05
 """Default path error within which a vehicle has recovered [m], by declaration."""
+MISSION_STEP_S, MISSION_TOLERANCE_M = 0.004, 0.2
+"""Default time step of integrator and controller on a mission [s], PX4's 250 Hz, and
+default path error [m]: undisturbed, corners stay below it."""
+POSITIVE_OPTIONS = {"seconds": "seconds", "step_s": "step", "tolerance_m": "tolerance"}
+"""Options that are positive numbers, and their names in messages."""
+GROUND_UP_M = 0.0
+"""Height of the ground, from which scenes measure heights."""
+ROWS = 20_000
+"""Rows of a single flight: 10 s at the default step."""
 WINDOW_S = 5e-5
 """Averaging time of an acceleration [s]: a tenth of the time that a front takes to
 cross a vehicle, so that the peak is resolved."""
@@ -104,8 +123,7 @@ class Encounter(NamedTuple):
     in_range: Bool[Array, "*batch blast"]
 
 
-@dataclass(frozen=True)
-class Flown:
+class Flown(NamedTuple):
     """Flights with one controller; leading axes are those of the batch.
 
     Attributes:
@@ -114,10 +132,8 @@ class Flown:
         exposure: Exposure to the blasts.
         error_at_blast_m: Path error at the first arrival.
         lost: Whether the vehicle diverged.
-        trajectory: True states of a single flight; None for a batch.
+        trajectory: A single flight; None for a batch.
         thrown: Effect of the blasts on the state estimate; None without an estimator.
-        followed: State estimate of a single flight; None for a batch, or without an
-            estimator.
     """
 
     metrics: FlightMetrics
@@ -125,9 +141,8 @@ class Flown:
     exposure: Exposure
     error_at_blast_m: Float[Array, "*batch"]
     lost: Bool[Array, "*batch"]
-    trajectory: Trajectory | None
+    trajectory: Trajectory | None = None
     thrown: Thrown | None = None
-    followed: Followed | None = None
 
 
 def metric(flown: Flown, name: str) -> Float[np.ndarray, "*batch"]:
@@ -175,38 +190,33 @@ def share_interval(flags: Bool[np.ndarray, " vehicle"]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-class Profile(NamedTuple):
-    """Custom profile of loads, in place of the laws.
-
-    Attributes:
-        cases: Cases of `vehicle.read_custom_profile`.
-        moment_point_m: Vector from the reference point of the moments to the centre of
-            mass; None if they refer to the centre of mass.
-    """
-
-    cases: Float[np.ndarray, "case 10"]
-    moment_point_m: Sequence[float] | None = None
-
-
 @dataclass(frozen=True)
 class Options:
-    """Options of flights.
+    """Options of flights; those of `fly` that are None have other defaults.
 
     Attributes:
-        seconds: Duration; None for 5 s beyond the last arrival (`study.flights`).
-        step_s: Time step of the integrator.
-        backend: Backend of `vehicle.simulate`.
-        tolerance_m: Path error within which a vehicle has recovered.
-        profile: Custom profile in place of the laws.
+        seconds: Duration; None: until 5 s beyond the last arrival, of a mission until
+            the vehicle is disarmed.
+        least_s: Shortest duration of a flight without a given one.
+        step_s: Time step of the integrator; with an estimator or on a mission 4 ms.
+        backend: "auto", "jax", "warp", "warp:cpu" or "warp:cuda:0".
+        tolerance_m: Path error within which a vehicle has recovered; on a mission
+            0.2 m.
+        profile: Impulses of the blasts in place of the laws: a file, or the cases of
+            `vehicle.read_custom_profile`.
+        profile_moments_about: Vector from the reference point of the profile's moments
+            to the centre of mass, body axes [m]; None: they refer to it.
         load: Function from a scene to the load of its blasts on the vehicle.
         estimator: "ekf" for a Kalman filter of the instruments; "" for the true state.
     """
 
     seconds: float | None = None
+    least_s: float = 0.0
     step_s: float = STEP_S
     backend: str = "auto"
     tolerance_m: float = TOLERANCE_M
-    profile: Profile | None = None
+    profile: Float[np.ndarray, "case 10"] | None = None
+    profile_moments_about: Sequence[float] | None = None
     load: Callable[[Scene], FlightLoad] = blast_load
     estimator: str = ""
 
@@ -218,25 +228,59 @@ class Options:
         return "laws" if self.load is blast_load else self.load.__name__
 
 
+def options_of(*, on_mission: bool, **given: Any) -> Options:
+    """Return options with the defaults of a flight; None stands for a default.
+
+    Args:
+        on_mission: Whether the vehicle flies a mission.
+        given: Attributes of `Options`.
+
+    Raises:
+        InputError: A number is not positive, or the profile cannot be read.
+    """
+    known = {name: value for name, value in given.items() if value is not None}
+    for name, word in POSITIVE_OPTIONS.items():
+        value = known.get(name, 1.0)
+        if not (math.isfinite(value) and value > 0):
+            raise InputError(f"{word}: expected a positive number, got {value:g}")
+    if "profile" not in known and "profile_moments_about" in known:
+        raise InputError(
+            f"{argument('profile_moments_about')}: expected it with "
+            f"{argument('profile')} only, got no profile"
+        )
+    if isinstance(known.get("profile"), str | os.PathLike):
+        known["profile"] = read_custom_profile(known["profile"])
+    defaults: dict[str, Any] = (
+        {"tolerance_m": MISSION_TOLERANCE_M} if on_mission else {}
+    )
+    # an estimator samples its instruments at each step: PX4 has 250 Hz
+    if on_mission or known.get("estimator"):
+        defaults["step_s"] = MISSION_STEP_S
+    return Options(**defaults | known)
+
+
 @dataclass(frozen=True)
 class Flights:
-    """Flights through the blasts of a scene.
+    """Flights through the blasts of a scene, hovering or on a mission.
 
     Attributes:
         vehicle: Vehicle section of the scene.
+        mission: Mission as planned; None for a hovering vehicle.
         options: Options of the flights.
-        seconds: Duration of each flight.
+        seconds: Duration of each flight; of a mission until a second after disarming.
         count: Number of sampled scenes, each flown with each controller.
         drawn: Sampled parameters, by name of `scene.PARAMETERS`.
         blasts: Names of the charges; "" for a single one.
         places_m: Positions of the charges, east, north, up.
         wind_m_s: Wind velocity towards east, north.
-        holds: Flights by controller, a name in `vehicle.CONTROLLERS`.
+        holds: Flights by controller, a name in `vehicle.CONTROLLERS` or "mission".
         own: Controller that the scene specifies; None without one.
+        outcome: Outcome of the mission; None without one.
         notes: Remarks on the curve sets of the blasts.
     """
 
     vehicle: VehicleSpec
+    mission: Mission | None
     options: Options
     seconds: float
     count: int
@@ -246,25 +290,48 @@ class Flights:
     wind_m_s: Float[np.ndarray, "*batch 2"]
     holds: dict[str, Flown]
     own: str | None
+    outcome: MissionOutcome | None
     notes: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> Flown:
+        """Flights with the first controller."""
+        return next(iter(self.holds.values()))
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Trajectory of a single flight with the first controller."""
+        assert self.first.trajectory is not None, "a batch keeps no trajectories"
+        return self.first.trajectory
 
 
 def flight_notes(flights: Flights) -> list[Note]:
     """Return notes on the validity of the results, with the share of such flights."""
-    met = next(iter(flights.holds.values())).encounter
-    arrival = np.asarray(met.arrival_s)
-    late = (arrival > flights.seconds) & (arrival < np.inf)
+    met, outcome = flights.first.encounter, flights.outcome
     source = "laws" if flights.options.profile is None else "profile"
-    found: list[tuple[str, Any, dict[str, str]]] = [
-        ("blast_out_of_range", ~met.in_range.all(axis=-1), {"source": source}),
-        ("blast_never", np.isposinf(arrival).any(axis=-1), {}),
-        ("blast_late", late.any(axis=-1), {}),
-    ]
-    for name, flown in flights.holds.items():
-        away = flown.error_at_blast_m > flights.options.tolerance_m
-        controller = {"controller": hold_words(name)}
-        found += [("not_settled", away, controller), ("lost", flown.lost, controller)]
+    arrival, out_of_range = np.asarray(met.arrival_s), np.asarray(~met.in_range)
     notes = [warning("remark", text=text) for text in flights.notes]
+    found: list[tuple[str, Any, dict[str, str]]] = []
+    if outcome is not None and flights.mission is not None:
+        ignored, crash = flights.mission.plan.ignored, outcome.crash
+        missed = np.array([one.waypoint is None for one in outcome.disturbances], bool)
+        notes += [warning("remark", text=ignored)] if ignored else []
+        notes += [warning("vehicle_crashed", cause=crash)] if crash else []
+        if not crash and math.isnan(outcome.disarmed_s):
+            notes.append(warning("mission_unfinished"))
+        found.append(("blast_not_in_flight", missed.any(), {}))
+        out_of_range = out_of_range & ~missed
+    found.append(("blast_out_of_range", out_of_range.any(axis=-1), {"source": source}))
+    if outcome is None:
+        late = (arrival > flights.seconds) & (arrival < np.inf)
+        found += [
+            ("blast_never", np.isposinf(arrival).any(axis=-1), {}),
+            ("blast_late", late.any(axis=-1), {}),
+        ]
+        for name, flown in flights.holds.items():
+            away = flown.error_at_blast_m > flights.options.tolerance_m
+            by = {"controller": hold_words(name)}
+            found += [("not_settled", away, by), ("lost", flown.lost, by)]
     notes += [
         warning(kind, share=float(np.mean(flags)), **names)
         for kind, flags, names in found
@@ -273,76 +340,85 @@ def flight_notes(flights: Flights) -> list[Note]:
     return notes
 
 
-def target_of(vehicle: VehicleSpec) -> Float[np.ndarray, "3"]:
-    """Return the target position of a vehicle: east, north, up [m]."""
-    return np.asarray(vehicle.held)
-
-
-def trajectory_of(flights: Flights, name: str) -> Trajectory:
-    """Return the trajectory of a single flight with one controller."""
-    trajectory = flights.holds[name].trajectory
-    assert trajectory is not None, "a batch keeps no trajectories"
-    return trajectory
-
-
 def hold_words(name: str) -> str:
-    """Return the printed name of a controller."""
-    return CONTROLLERS[name].words
+    """Return the printed name of a controller; "" for that of a mission."""
+    return CONTROLLERS[name].words if name in CONTROLLERS else ""
 
 
-def with_bursts_at_start(
-    scenes: Scene, vehicle: VehicleSpec
-) -> tuple[Scene, tuple[str, ...]]:
-    """Return scenes with the curve sets that apply at the start of their vehicle.
+def mapped(function: Callable[[Scene], T], scenes: Scene) -> T:
+    """Return the value of a function of a scene, or of each of a batch."""
+    batch = scenes.air.wind_east.ndim > 0
+    return (eqx.filter_vmap(function) if batch else function)(scenes)
+
+
+def burst_remarks(scenes: Scene, vehicle: VehicleSpec) -> tuple[str, ...]:
+    """Return remarks on charges above the ground: their curves at a vehicle's start.
 
     These are the free-air curves if the ground reflection arrives there after the
-    positive phase, else the surface curves, which are stronger. A set that applies to
-    all vehicles of a batch becomes the charge's burst, for a smaller program.
-    Otherwise the load selects the set of each vehicle (`vehicle.blast_load`).
+    positive phase, else the surface curves, which are stronger (`vehicle.blast_load`).
 
     Args:
         scenes: One scene, or several with a leading axis in each array.
         vehicle: Vehicle section with the start position.
-
-    Returns:
-        Scenes, and remarks on charges above the ground.
     """
-    place = jnp.asarray(vehicle.position)[None, :]
-    charges, notes = [], []
+    place, notes = jnp.asarray(vehicle.position)[None, :], []
     for n, charge in enumerate(scenes.charges):
-        weight, height = np.zeros(1), np.zeros(1)
-        if np.any(np.asarray(charge.up) > 0.0):
-            weight, height = (np.ravel(x) for x in _each(scenes, n, place))
+        if not np.any(np.asarray(charge.up) > 0.0):
+            continue
+
+        def weight_and_height(scene: Scene, n: int = n) -> tuple[Array, Array]:
+            own: Charge = scene.charges[n]
+            return free_air_at(scene, own, place)[0], scaled_height(scene, own)
+
+        weight, height = map(np.ravel, mapped(weight_and_height, scenes))
+        span = float(height.min()), float(height.max())
+        (note,) = burst_notes(charge, span, weight, "vehicle")
         high = weight >= 1.0
-        burst = charge.burst
-        if burst is None and high.all():
-            burst = "free-air"
-        elif burst is None and not high.any():
-            burst = "surface"
-        if height.max() > 0.0:
-            span = float(height.min()), float(height.max())
-            (note,) = burst_notes(charge, span, weight, "vehicle")
+        burst = charge.burst or ("" if high.any() else "surface")
+        burst = burst or ("free-air" if high.all() else "")
+        which = f"all waves are those of a {burst} burst"
+        if not burst:
             which = (
-                f"all waves are those of a {burst} burst"
-                if burst
-                else f"waves are those of a free-air burst at {high.sum()} of "
-                f"{high.size} vehicles, else of a surface burst"
+                f"waves are those of a free-air burst at {high.sum()} of {high.size} "
+                "vehicles, else of a surface burst"
             )
-            notes.append(f"{note}; {which}")
-        charges.append(replace(charge, burst=burst))
-    scenes = replace(scenes, charges=tuple(charges))
-    return scenes, tuple(notes)
+        notes.append(f"{note}; {which}")
+    return tuple(notes)
 
 
-def _each(scenes: Scene, n: int, place: Array) -> tuple[Array, Array]:
-    def one(scene: Scene) -> tuple[Array, Array]:
-        charge: Charge = scene.charges[n]
-        return free_air_at(scene, charge, place)[0], scaled_height(scene, charge)
+def effects(
+    load: FlightLoad,
+    scene: Scene,
+    vehicle: Vehicle,
+    flight: Trajectory,
+    target_m: Float[Array, "..."],
+    tolerance_m: float,
+) -> Flown:
+    """Return the effects of the blasts on one flight.
 
-    one = eqx.filter_jit(one)
-    # all arrays of a batch have the leading axis: the first one shows it
-    batched = jax.tree.leaves(scenes)[0].ndim > 0
-    return eqx.filter_vmap(one)(scenes) if batched else one(scenes)
+    Args:
+        load: Loads of the blasts.
+        scene: Scene with the charges of the fireballs.
+        vehicle: Vehicle.
+        flight: The flight.
+        target_m: Target, or set point of each row.
+        tolerance_m: Path error within which the vehicle has recovered.
+    """
+    # blasts are evaluated at `ROWS` rows at most
+    some = flight.at(slice(None, None, -(-flight.time_s.size // ROWS)))
+    encounter = encounter_of(load, some.time_s, some.position_m, some.quaternion)
+    first, error = encounter.arrival_s.min(), path_error(flight, target_m)
+    metrics = flight_metrics(
+        flight,
+        target_m,
+        first,
+        tolerance_m=tolerance_m,
+        ground_up_m=GROUND_UP_M,
+    )
+    # the error of the last row before the blast: the effect of start and wind alone
+    last = jnp.maximum(jnp.sum(flight.time_s < first) - 1, 0)
+    exposure = exposed(scene, load, vehicle, encounter, some.time_s, some.states)
+    return Flown(metrics, encounter, exposure, error[last], flight.lost)
 
 
 def exposed(
@@ -418,35 +494,44 @@ def _in_fire(
     return jnp.sum(jnp.where(inside[:-1], jnp.diff(time_s), 0.0))
 
 
-def load_of(
-    scene: Scene,
-    profile: Profile | None,
-    by: Callable[[Scene], FlightLoad] = blast_load,
-) -> FlightLoad:
-    """Return the load of a scene's blasts by laws, or by a profile of its one charge.
+def load_of(scenes: Scene, options: Options) -> FlightLoad:
+    """Return the load of the blasts by laws, or by a profile of the one charge.
 
     Args:
-        scene: Scene.
-        profile: Custom profile; None for laws.
-        by: Laws, as in `Options.load`.
+        scenes: One scene, or several with a leading axis in each array.
+        options: Options with the laws or the profile.
 
     Raises:
         InputError: As in `vehicle.blast_load` and
             `vehicle.loads.impulse_table.custom_profile`.
     """
-    if profile is None:
-        return by(scene)
-    charge = scene.charge
-    load = custom_profile(
-        profile.cases,
+    if options.profile is None:
+        return _happening(mapped(options.load, scenes))
+    profile = custom_profile(
+        options.profile,
         (0.0, 0.0, 0.0),
-        moment_point_m=profile.moment_point_m,
-        vehicle=None if scene.vehicle is None else vehicle_of(scene.vehicle),
+        moment_point_m=options.profile_moments_about,
+        vehicle=None if scenes.vehicle is None else vehicle_of(scenes.vehicle),
     )
-    place = jnp.stack(charge.position_m)
-    return eqx.tree_at(
-        lambda p: (p.charge_m, p.time_s), load, (place, charge.time_s + 0 * load.time_s)
-    )
+
+    def at_charge(scene: Scene) -> CustomProfile:
+        place, time_s = jnp.stack(scene.charge.position_m), scene.charge.time_s
+        return replace(profile, charge_m=place, time_s=time_s + 0 * profile.time_s)
+
+    return mapped(at_charge, scenes)
+
+
+def _happening(load: FlightLoad) -> FlightLoad:
+    """Return a load without reflections that reach no vehicle of a batch.
+
+    Each would be one more wave in every step.
+    """
+    traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(load))
+    if traced or not isinstance(load, BlastLoad) or load.waves.time_s.ndim < 2:
+        return load
+    some = np.array(np.isfinite(load.waves.time_s).any(axis=0))
+    some[: load.charges] = True
+    return replace(load, waves=jax.tree.map(lambda x: x[:, some], load.waves))
 
 
 def arrival_at(

@@ -14,15 +14,12 @@ from jblast.files import table_text
 from jblast.study.flight_results import (
     EXPOSURES,
     METRICS,
+    ROWS,
     Flights,
     hold_words,
     metric,
-    target_of,
-    trajectory_of,
 )
-from jblast.study.missions import MissionFlight, above_ground
 from jblast.study.thinning import largest_since
-from jblast.vehicle import path_error
 
 AXES = ("east", "north", "up")
 COLUMNS = {
@@ -39,36 +36,29 @@ LOADS = ("force_n", "moment_n_m")
 """Parts of which a blast of some milliseconds must not fall between two rows."""
 MET = ("arrival_s", "distance_m", "scaled_distance", "in_range")
 """Numbers of an `Encounter` in a row of several vehicles."""
-ROW_S = 0.02
-"""Least interval of a mission's rows [s]: a mission of ten minutes has 30,000 rows."""
 
 
-def flight_csv(flown: Flights | MissionFlight) -> str:
+def flight_csv(flown: Flights) -> str:
     """Return the rows of one flight as CSV, up to its divergence if it diverged.
 
-    Of several controllers it has the first; of a mission rows at least `ROW_S` apart.
-    Force and moment of a row are the largest ones since the row before.
+    Of several controllers it has the first. A longer flight than of `ROWS` rows is
+    thinned: force and moment of a row are the largest ones since the row before.
     """
-    every, more = 1, {}
-    if isinstance(flown, MissionFlight):
-        every = max(1, round(ROW_S / flown.options.step_s))
-        comment, trajectory = "mission", flown.trajectory
-        error = np.asarray(flown.path_error_m)
-        aim = np.asarray(above_ground(flown.guided.set_point_m))
-        more = {f"set_point_{axis}_m": aim[:, n] for n, axis in enumerate(AXES)}
+    every, flight = -(-flown.trajectory.time_s.size // ROWS), flown.trajectory
+    kept, comment, more = slice(None, None, every), "mission", {}
+    if flown.mission is None:
+        comment = f"position hold {hold_words(next(iter(flown.holds)))}"
     else:
-        name = next(iter(flown.holds))
-        comment = f"position hold {hold_words(name)}"
-        trajectory = trajectory_of(flown, name)
-        error = np.asarray(path_error(trajectory, target_of(flown.vehicle)))
-    columns = {"time_s": np.asarray(trajectory.time_s)[::every]}
+        aim = np.asarray(flight.set_point_m)[kept]
+        more = {f"set_point_{axis}_m": aim[:, n] for n, axis in enumerate(AXES)}
+    columns = {"time_s": np.asarray(flight.time_s)[kept]}
     for part, names in COLUMNS.items():
-        values = np.asarray(getattr(trajectory, part))
-        kept = slice(None, None, every)
+        values = np.asarray(getattr(flight, part))
+        rows = kept
         if part in LOADS:
-            kept = largest_since(np.linalg.norm(values, axis=1), every)
-        columns |= zip(names, values[kept].T, strict=True)
-    columns["path_error_m"] = error[::every]
+            rows = largest_since(np.linalg.norm(values, axis=1), every)
+        columns |= zip(names, values[rows].T, strict=True)
+    columns["path_error_m"] = np.asarray(flight.path_error_m)[kept]
     rows = np.stack([*columns.values()])
     # the rows of a flight are not finite after its divergence
     known = np.isfinite(rows).all(axis=0)
@@ -76,8 +66,7 @@ def flight_csv(flown: Flights | MissionFlight) -> str:
     # SciPy has the scalar last, as the columns have
     turned = Rotation.from_quat(rows[first : first + 4, known].T).as_matrix()
     pull = {f"pull_{axis}": turned[:, n, 2] for n, axis in enumerate(AXES)}
-    whole = [*rows[:, known], *pull.values()]
-    whole += [values[::every][known] for values in more.values()]
+    whole = [*rows[:, known], *pull.values(), *(x[known] for x in more.values())]
     numbers = ([f"{value:.12g}" for value in row] for row in np.stack(whole).T)
     head = f"{flown.vehicle.model}, {comment}, clock of the scene"
     return table_text([[*columns, *pull, *more], *numbers], [head])

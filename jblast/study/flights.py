@@ -1,18 +1,23 @@
-"""Flights of a scene's vehicles with position controllers through its blasts.
+"""Flights of a scene's vehicles through its blasts, hovering or on a mission.
 
 One flight is simulated, or many that are sampled from the scene's priors. A flight
 begins at time 0 of the scene's clock, over level ground at height 0, in the scene's
-wind. Each vehicle flies once with each controller. If none is named, these are the
-SE(3) controller with and without integral action: without it wind leaves a permanent
-offset, and the vehicle does not recover. Vehicles with instruments are controlled by an
-estimate of their state.
+wind. A hovering vehicle flies once with each controller. If none is named, these are
+the SE(3) controller with and without integral action: without it wind leaves a
+permanent offset, and the vehicle does not recover. A mission has its own controller,
+which follows the set points of its guidance. Vehicles with instruments are controlled
+by an estimate of their state.
+
+Without a given duration the flight of a mission ends when the vehicle is disarmed. Its
+length is bounded beforehand by the undisturbed legs plus a recovery time for each
+blast; if that is too short, the mission is flown again with twice the length.
 """
 
 import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -22,14 +27,14 @@ from jaxtyping import Array, Float, Int, UInt
 
 from jblast.autopilot.estimator import (
     EstimatedControl,
-    Followed,
     Thrown,
     followed,
     thrown,
 )
 from jblast.autopilot.lockstep import suite_of
-from jblast.errors import InputError, argument
+from jblast.errors import InputError, argument, require
 from jblast.kept_programs import kept, kept_between_runs
+from jblast.missions import MissionControl, mission_of, read_plan, replay
 from jblast.progress import Progress, counted, reported
 from jblast.scene import (
     Place,
@@ -38,54 +43,54 @@ from jblast.scene import (
     VehicleSpec,
     draw_scene,
     parameter_named,
+    read_scene_or_world,
     scene_of,
 )
 from jblast.scene.uncertain import value_of
 from jblast.sensors.flight_sensors import Barometer
 from jblast.study.flight_results import (
+    GROUND_UP_M,
+    ROWS,
     FlightLoad,
     Flights,
     Flown,
     Options,
     arrival_at,
-    encounter_of,
-    exposed,
+    burst_remarks,
+    effects,
     load_of,
-    with_bursts_at_start,
+    options_of,
+)
+from jblast.study.missions import (
+    crash_of,
+    ended,
+    kept_rows,
+    longest_seconds,
+    outcome_of,
 )
 from jblast.vehicle import (
     Controller,
     State,
     StepGust,
     Trajectory,
+    Vehicle,
     controller_of,
-    flight_metrics,
     hold_of,
-    path_error,
     simulate,
     start_of,
     vehicle_of,
 )
 from jblast.vehicle.quadrotor import in_precision
+from jblast.vehicle.state import LENGTHS
+from jblast.world import draw_world, with_nevers
 
-GROUND_UP_M = 0.0
-"""Height of the ground, from which scenes measure heights."""
-CHUNK = {"cpu": 2048, "gpu": 16_384}
-"""Vehicles with `BATCH_ROWS` rows in memory: on a CPU some 2 GB in float64."""
-encounter_along = kept(encounter_of)
-_encounter_each = eqx.filter_jit(jax.vmap(encounter_of, (0, None, 0, 0)))
-exposed_along = kept(exposed)
-_exposed_each = eqx.filter_jit(
-    eqx.filter_vmap(exposed, in_axes=(0, 0, None, 0, None, 0))
-)
-followed_along = kept(followed)
-thrown_of = kept(thrown)
+CPU_ROWS, ROW_BYTES = 2048 * 500, 2048
+"""Rows of a chunk of vehicles on a CPU, and bytes of a row on a device with a memory of
+its own: 23 numbers in the precision of the flight and in float64, some times over."""
 AFTER_S = 5.0
 """Default time after the last arrival [s], declared."""
 MAX_STEPS = 4_000_000
 """Steps of a flight, by declaration: half an hour at the default step."""
-ROWS = 20_000
-"""Stored rows of a single flight: 10 s at the default step."""
 BATCH_ROWS = 500
 """Stored rows of each flight of a batch, which limit its memory."""
 ROW_S = 0.02
@@ -94,134 +99,233 @@ MAX_VEHICLES = 10_000_000
 """Largest number of vehicles, whose metrics take about a gigabyte."""
 BOTH_HOLDS = ("with_integral", "without_integral")
 """Default controllers."""
+MISSION = "mission"
+"""Name of the controller of a mission."""
+effects_along, followed_along, thrown_of = kept(effects), kept(followed), kept(thrown)
 
 
 @kept_between_runs()
 @reported("fly")
 def fly(
-    uncertain: UncertainScene | Scene | str | os.PathLike[str],
-    options: Options | None = None,
+    scene: UncertainScene | Scene | str | os.PathLike[str],
     *,
     vehicles: int = 1,
-    seed: int = 0,
     controllers: Sequence[str] | None = None,
+    seed: int = 0,
     progress: Progress = False,
+    **options: Any,
 ) -> Flights:
-    """Fly a scene's vehicle through its blasts.
+    """Fly a scene's vehicle through its blasts, on its mission if it has one.
 
     Args:
-        uncertain: Scene, or its file; parameters with a prior are sampled.
-        options: Options of the flights; None for the defaults.
+        scene: Scene, or its file; parameters with a prior are sampled.
         vehicles: Number of sampled scenes.
-        seed: Seed of the samples.
         controllers: Names in `vehicle.CONTROLLERS`, or "hold" for the SE(3) controller
             of the scene; None for that with and without integral action, the one of
             the scene first.
+        seed: Seed of the samples.
         progress: As for `jblast.fit`.
+        options: Attributes of `study.flight_results.Options`, for example `seconds`,
+            `step_s`, `estimator` or `profile`.
 
     Returns:
-        Flights by controller, with peak deviation, recovery and crash of each vehicle.
+        Flights by controller, with peak deviation, recovery and crash of each vehicle,
+        and the outcome of a mission.
 
     Raises:
-        InputError: The scene cannot be flown, a parameter cannot be sampled, or an
-            option is invalid.
+        InputError: The scene or its plan cannot be flown, a parameter cannot be
+            sampled, or an option is invalid.
 
     Example:
-        `flights = jblast.fly("scene.toml", vehicles=100)`
+        `jblast.fly("scene.toml", vehicles=100, controllers=["cascade"])`
     """
-    options = Options() if options is None else options
-    uncertain = scene_of(uncertain)
-    vehicle = checked_scene(uncertain, vehicles, options.profile is not None)
+    if isinstance(scene, str | os.PathLike):
+        scene = scene_to_run(scene, seconds=options.get("seconds"), seed=seed)
+    uncertain = scene_of(scene)
+    on_mission = has_mission(uncertain)
+    if on_mission:
+        _check_alone(vehicles, controllers)
+    chosen = options_of(on_mission=on_mission, **options)
+    spec = checked_scene(uncertain, vehicles, chosen.profile is not None)
+    single, mission, own = vehicles == 1, None, None
+    if spec.mission is not None:
+        mission = mission_of(
+            read_plan(spec.mission),
+            place=uncertain.place,
+            position_m=np.asarray(spec.position, float) if spec.placed else None,
+            yaw_rad=float(spec.yaw),
+            may_hover_on=chosen.seconds is not None,
+        )
+        # the plan may place a vehicle that the scene does not place
+        spec = replace(spec, position=jnp.asarray(mission.home_m))
+        uncertain = replace(uncertain, scene=replace(uncertain.scene, vehicle=spec))
+        # the position controller of a hovering vehicle follows the set points here
+        hold = hold_of(replace(spec, mission=None), integral=spec.integral is not False)
+        controls = {MISSION: MissionControl(mission.guidance, hold)}
+    else:
+        own = None if spec.integral is None else BOTH_HOLDS[not spec.integral]
+        names = named_controllers(controllers, own)
+        controls = {name: controller_of(spec, name) for name in names}
+        own = own if own in names else None
     scenes = drawn_scenes(uncertain, vehicles, seed)
-    notes = ()
-    if options.profile is None:
-        scenes, notes = with_bursts_at_start(scenes, vehicle)
-    seconds = flight_seconds(scenes, vehicle, uncertain.source, options)
-    own = None if vehicle.integral is None else BOTH_HOLDS[not vehicle.integral]
-    names = named_controllers(controllers, own)
-    for name in names:
-        controller_of(vehicle, name)  # rejects an unknown name before the work
-    flown: dict[str, list[Flown]] = {name: [] for name in names}
-    most = CHUNK["cpu" if jax.default_backend() == "cpu" else "gpu"]
-    rows = rows_stored(seconds, vehicles, options)
-    if rows > BATCH_ROWS:
-        most = max(1, most * BATCH_ROWS // rows)
-    # equal chunks instead of full ones and a remainder: one size, one program
-    chunks = math.ceil(vehicles / most)
-    size = math.ceil(vehicles / chunks)
-    through = counted(vehicles, "vehicles")
-    for n in range(chunks):
-        # the last chunk is padded: another size would compile everything again
-        lanes = np.minimum(np.arange(n * size, (n + 1) * size), vehicles - 1)
-        some = scenes if vehicles == 1 else lanes_of(scenes, lanes)
-        carried = {}
-        if options.estimator:
-            drawn = lanes if vehicles > 1 else lanes[0]
-            instruments = instruments_of(uncertain.place, seed, drawn, options.step_s)
-            carried = {"instruments": instruments}
-        for nth, name in enumerate(names, start=1):
-            flown[name].append(
-                flown_by(some, vehicle, name, seconds, vehicles, options, **carried)
-            )
-            here = min(size, vehicles - n * size)
-            through(n * size + nth / len(names) * here)
     charges = scenes.charges
+    notes = () if chosen.profile is not None else burst_remarks(scenes, spec)
+    if single and chosen.profile is None:
+        # one program for several numbers of blasts
+        scenes = with_nevers(scenes)
+    load = load_of(scenes, chosen)
+    if mission is None:
+        source = uncertain.source or "scene"
+        seconds = flight_seconds(load, spec, source, chosen, single=single)
+    else:
+        seconds = chosen.seconds or longest_seconds(mission, len(charges))
+    flown: dict[str, list[Flown]] = {name: [] for name in controls}
+    place = uncertain.place or (mission and mission.plan.home)
+    through = counted(vehicles, "vehicles")
+    for lanes in _chunks(vehicles, rows_stored(seconds, chosen, single=single)):
+        some, part = scenes, load
+        if not single:
+            some, part = _of_lanes((scenes, load), lanes)
+        seeds = None
+        if chosen.estimator:
+            seeds = seeds_of(seed, lanes[0] if single else lanes, chosen.step_s)
+        for nth, (name, control) in enumerate(controls.items(), start=1):
+            one = flown_by(
+                some, part, spec, control, seconds, chosen, single, place, seeds
+            )
+            flown[name].append(one)
+            first, last = lanes[0], min(lanes[0] + lanes.size, vehicles)
+            through(first + nth / len(controls) * (last - first))
+    # A charge that never detonates, as in a scene without [charge], is not reported by
+    # a mission, and those of the padding by no flight.
+    shown = [n for n, c in enumerate(charges) if mission is None or not c.never]
+    holds = {
+        name: _of_blasts(joined(parts, vehicles), shown)
+        for name, parts in flown.items()
+    }
+    charges, outcome = [charges[n] for n in shown], None
+    names = tuple(charge.name for charge in charges)
+    places = [np.stack(charge.position_m, axis=-1) for charge in charges]
+    if mission is not None:
+        (one,) = holds.values()
+        assert one.trajectory is not None
+        seconds = float(one.trajectory.time_s[-1])
+        arrival_s, tolerance_m = one.encounter.arrival_s, chosen.tolerance_m
+        outcome = outcome_of(mission, one.trajectory, names, arrival_s, tolerance_m)
     return Flights(
-        vehicle=vehicle,
-        options=options,
+        vehicle=spec,
+        mission=mission,
+        options=chosen,
         seconds=seconds,
         count=vehicles,
         drawn=drawn_values(uncertain, scenes),
-        blasts=tuple(charge.name for charge in charges),
-        places_m=np.stack([np.stack(c.position_m, axis=-1) for c in charges], axis=-2),
+        blasts=names,
+        places_m=np.stack(places, axis=-2) if places else np.zeros((0, 3)),
         wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
-        holds={name: joined(parts, vehicles) for name, parts in flown.items()},
-        own=own if own in names else None,
+        holds=holds,
+        own=own,
+        outcome=outcome,
         notes=notes,
     )
 
 
-class Instruments(NamedTuple):
-    """Instruments of the state estimator.
+def scene_to_run(
+    path: str | os.PathLike[str], *, seconds: float | None = None, seed: int = 0
+) -> UncertainScene:
+    """Read a scene for a simulation; random blasts are sampled as by `jblast world`.
 
-    Attributes:
-        place: Geographic position of the origin, for the magnetic field; None for PX4's
-            default home.
-        seeds: Seed of the noise of each vehicle.
+    Args:
+        path: Scene file; without [charge] its blast never detonates.
+        seconds: End of the world [s].
+        seed: Seed of random blasts.
+
+    Returns:
+        The scene; with random blasts all of its priors are sampled too.
+
+    Raises:
+        InputError: As in `read_scene` and `draw_world`.
     """
+    uncertain, world = read_scene_or_world(path, needs_charge=False)
+    if world is None:
+        return uncertain
+    until = math.inf if seconds is None else seconds
+    drawn = draw_world(uncertain, world, seed, until_s=until)
+    return replace(uncertain, scene=drawn.scene, beliefs={})
 
-    place: Place | None
-    seeds: UInt[Array, "*batch"]
+
+def has_mission(uncertain: UncertainScene) -> bool:
+    """Return whether the scene's vehicle has a mission."""
+    vehicle = uncertain.scene.vehicle
+    return vehicle is not None and vehicle.mission is not None
+
+
+def _check_alone(vehicles: int, controllers: Sequence[str] | None) -> None:
+    """Check that a mission is flown by one vehicle with its own controller.
+
+    Raises:
+        InputError: Controllers or several vehicles are requested.
+    """
+    words = "none on a mission, which has its own controller"
+    got = ",".join(controllers or ())
+    require(controllers is None, argument("controllers"), words, got)
+    words, got = (
+        "1 on a mission",
+        f"{vehicles}; for several use MissionControl, in Python",
+    )
+    require(vehicles == 1, argument("vehicles"), words, got)
+
+
+def _chunks(vehicles: int, rows: int) -> list[Int[np.ndarray, " lane"]]:
+    """Return the numbers of the vehicles that are flown together.
+
+    The chunks have one size, because another one would compile another program: the
+    last repeats the last vehicle.
+
+    Args:
+        vehicles: Number of vehicles.
+        rows: Stored rows of each.
+    """
+    memory = (jax.local_devices()[0].memory_stats() or {}).get("bytes_limit")
+    fit = CPU_ROWS if memory is None else memory // ROW_BYTES
+    count = math.ceil(vehicles / max(1, fit // rows))
+    size = math.ceil(vehicles / count)
+    lanes = np.minimum(np.arange(count * size), vehicles - 1)
+    return np.split(lanes, count)
 
 
 def flown_by(
     scenes: Scene,
+    load: FlightLoad,
     spec: VehicleSpec,
-    hold: str,
+    control: Any,
     seconds: float,
-    vehicles: int,
     options: Options,
-    instruments: Instruments | None = None,
+    single: bool = False,
+    place: Place | None = None,
+    seeds: UInt[Array, "*batch"] | None = None,
 ) -> Flown:
-    """Return flights of some vehicles with one controller.
+    """Return flights with one controller.
 
     Args:
         scenes: One scene, or several with a leading axis in each array.
+        load: Loads of the blasts, with the axis of the scenes.
         spec: Vehicle section of the scene.
-        hold: Name in `vehicle.CONTROLLERS`.
+        control: Controller.
         seconds: Duration of each flight [s].
-        vehicles: Number of vehicles in all chunks; a single one keeps its trajectory.
         options: Options of the flights.
-        instruments: Instruments of the state estimator; None without one.
+        single: Whether it is one vehicle, which keeps its trajectory.
+        place: Geographic position of the origin, for the magnetic field; None for PX4's
+            default home.
+        seeds: Seeds of the instruments of each vehicle; None without an estimator.
     """
-    single = vehicles == 1
-    control = controller_of(spec, hold)
-    start, load = start_of(spec), _load(scenes, options, single)
-    flown_control: Any = control
-    if options.estimator:
-        assert instruments is not None
-        flown_control = by_instruments(
-            control, scenes, start, load, instruments, 1 / options.step_s
+    start, controller = start_of(spec), control
+    on_mission = isinstance(control, MissionControl)
+    if on_mission:
+        # a mission begins on the ground with its rotors at rest
+        start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
+    if seeds is not None:
+        controller = by_instruments(
+            control, scenes, place, start, load, seeds, 1 / options.step_s
         )
     wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
     if not single:
@@ -230,68 +334,105 @@ def flown_by(
     # GPUs and Warp are several times faster in single precision
     if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
         start = in_precision(start, np.dtype("float32"))
-    steps = math.ceil(seconds / options.step_s)
-    trajectory = simulate(
-        vehicle_of(spec),
-        start,
-        duration_s=seconds,
-        step_s=options.step_s,
-        control=flown_control,
-        wind=wind,
-        loads=(load,),
-        ground_up_m=GROUND_UP_M,
-        # whole steps between rows: their number is at most `rows_stored`
-        store_every=math.ceil(steps / rows_stored(seconds, vehicles, options)),
-        backend=options.backend,
-    )
-    # back to the default precision, in which metrics are computed
-    trajectory = in_precision(trajectory, jnp.zeros(()).dtype)
-    places = trajectory.position_m, trajectory.quaternion
-    encounter = (encounter_along if single else _encounter_each)(
-        load, trajectory.time_s, *places
-    )
-    first = encounter.arrival_s.min(axis=-1)
-    metrics = flight_metrics(
-        trajectory,
-        control.target_m,
-        first,
-        tolerance_m=options.tolerance_m,
-        ground_up_m=GROUND_UP_M,
-    )
-    error = path_error(trajectory, control.target_m)
-    # the error of the last row before the blast: the effect of start and wind alone
-    times = jnp.broadcast_to(trajectory.time_s, error.shape)
-    last = jnp.sum(times < first[..., None], axis=-1, keepdims=True) - 1
-    before = jnp.take_along_axis(error, jnp.maximum(last, 0), axis=-1)[..., 0]
-    exposure = (exposed_along if single else _exposed_each)(
-        unwatched(scenes),
-        load,
-        vehicle_of(spec),
-        encounter,
-        trajectory.time_s,
-        trajectory.states,
-    )
-    found = Flown(
-        metrics,
-        encounter,
-        exposure,
-        before,
-        trajectory.lost,
-        trajectory if single else None,
-    )
-    if flown_control is control:
-        return found
-    thrown, estimated = thrown_by_blasts(
-        flown_control, trajectory, encounter.arrival_s, options.step_s
-    )
-    return replace(found, thrown=thrown, followed=estimated if single else None)
+    period = jnp.asarray(options.step_s, float)
 
+    def flight_of(seconds: float) -> tuple[Trajectory, Any]:
+        steps = math.ceil(seconds / options.step_s)
+        longest = f"{MAX_STEPS * options.step_s:g} s in steps of {options.step_s:g} s"
+        few = steps <= MAX_STEPS
+        require(few, "seconds", f"at most {longest}", f"{seconds:g} s")
+        rows = steps if on_mission else rows_stored(seconds, options, single=single)
+        flight = simulate(
+            vehicle_of(spec),
+            start,
+            duration_s=seconds,
+            step_s=options.step_s,
+            control=controller,
+            wind=wind,
+            loads=(load,),
+            ground_up_m=GROUND_UP_M,
+            # whole steps between rows: their number is at most `rows_stored`
+            store_every=math.ceil(steps / rows),
+            backend=options.backend,
+        )
+        # back to the default precision, in which metrics are computed
+        flight = in_precision(flight, jnp.zeros(()).dtype)
+        return _described(flight, controller, period) if single else (flight, None)
 
-def _load(scenes: Scene, options: Options, single: bool) -> FlightLoad:
+    flight, estimate = flight_of(seconds)
+    if on_mission and options.seconds is None:
+        if not ended(flight).any() and not crash_of(flight)[0]:
+            # not disarmed in time: flown again from the start, for twice as long
+            flight, estimate = flight_of(2 * seconds)
+        until = slice(kept_rows(flight))
+        flight, estimate = flight.at(until), jax.tree.map(lambda x: x[until], estimate)
+    seen, vehicle = unwatched(scenes), vehicle_of(spec)
+    target: Any = flight.set_point_m if single else control.target_m
+    known = load, seen, vehicle, flight, target, options.tolerance_m
+    found = (effects_along if single else _effects_each)(*known)
+    arrival_s = found.encounter.arrival_s
     if single:
-        return load_of(scenes, options.profile, options.load)
-    each = eqx.filter_vmap(lambda one: load_of(one, options.profile, options.load))
-    return each(scenes)
+        found = found._replace(trajectory=lasting(flight, options.least_s))
+    if estimate is not None:
+        return found._replace(thrown=thrown_of(estimate, flight.time_s, arrival_s))
+    if seeds is not None:
+        each = _thrown_each(controller, flight, arrival_s, period)
+        return found._replace(thrown=each)
+    return found
+
+
+def _described(
+    flight: Trajectory, control: Any, period: Float[Array, ""]
+) -> tuple[Trajectory, Any]:
+    """Return a flight with set point, estimate, item and arming, and its estimate."""
+    shown, estimate = flight, None
+    if isinstance(control, EstimatedControl):
+        estimate, control = followed_along(control, flight, period), control.control
+        states = {name: getattr(estimate.shown, name) for name in LENGTHS}
+        shown = replace(flight, **states)
+    item, armed = None, None
+    if isinstance(control, MissionControl):
+        aim, item, armed = replay(control.guidance, shown, period)
+        # for landing a set point is below the ground
+        aim = aim.at[:, 2].max(GROUND_UP_M)
+    else:
+        aim = jnp.broadcast_to(control.target_m, flight.position_m.shape)
+    columns = {"set_point_m": aim, "estimate_m": shown.position_m}
+    return replace(flight, **columns, item=item, armed=armed), estimate
+
+
+def lasting(flight: Trajectory, seconds: float) -> Trajectory:
+    """Return a flight that lasts for some time: the vehicle stays where it is."""
+    if not float(flight.time_s[-1]) < seconds:
+        return flight
+    flight = flight.at(np.append(np.arange(flight.time_s.size), -1))
+    return replace(flight, time_s=flight.time_s.at[-1].set(seconds))
+
+
+def _axes(flight: Trajectory) -> Trajectory:
+    """Return the axes of a batch: the times of its rows are common to all."""
+    return replace(jax.tree.map(lambda x: 0, flight), time_s=None)
+
+
+@eqx.filter_jit
+def _effects_each(
+    load: FlightLoad, scenes: Scene, vehicle: Vehicle, flights: Trajectory, *rest: Any
+) -> Flown:
+    own = eqx.if_array(0)
+    axes = (own, own, None, _axes(flights), None, None)
+    each = eqx.filter_vmap(effects, in_axes=axes)
+    return each(load, scenes, vehicle, flights, *rest)
+
+
+@eqx.filter_jit
+def _thrown_each(
+    control: EstimatedControl, flights: Trajectory, arrival_s: Array, period_s: Array
+) -> Thrown:
+    def one(control: EstimatedControl, flight: Trajectory, came_s: Array) -> Thrown:
+        return thrown(followed(control, flight, period_s), flight.time_s, came_s)
+
+    axes = (eqx.if_array(0), _axes(flights), 0)
+    return eqx.filter_vmap(one, in_axes=axes)(control, flights, arrival_s)
 
 
 def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
@@ -309,8 +450,8 @@ def unwatched(scenes: Scene) -> Scene:
     return replace(scenes, charges=(first, *others), **removed)
 
 
-def lanes_of(scenes: Scene, lanes: Int[np.ndarray, " lane"]) -> Scene:
-    """Return some of a batch of scenes."""
+def _of_lanes(scenes: Any, lanes: Int[np.ndarray, " lane"]) -> Any:
+    """Return some of a batch."""
     return jax.tree.map(lambda x: x[lanes], scenes)
 
 
@@ -323,31 +464,22 @@ def joined(parts: list[Flown], vehicles: int) -> Flown:
     """
     if vehicles == 1:
         return parts[0]
-
-    def whole(*chunks: Array) -> Array:
-        return jnp.concatenate(chunks)[:vehicles]
-
-    return Flown(
-        jax.tree.map(whole, *(part.metrics for part in parts)),
-        jax.tree.map(whole, *(part.encounter for part in parts)),
-        jax.tree.map(whole, *(part.exposure for part in parts)),
-        whole(*(part.error_at_blast_m for part in parts)),
-        whole(*(part.lost for part in parts)),
-        None,
-        jax.tree.map(whole, *(part.thrown for part in parts)),
-    )
+    return jax.tree.map(lambda *x: jnp.concatenate(x)[:vehicles], *parts)
 
 
-def instruments_of(
-    place: Place | None,
-    seed: int,
-    lanes: Int[np.ndarray, "*batch"] | np.integer,
-    step_s: float,
-) -> Instruments:
-    """Return the instruments of vehicles.
+def _of_blasts(flown: Flown, blasts: list[int]) -> Flown:
+    """Return flights with some of their blasts."""
+    parts, some = (flown.encounter, flown.thrown), np.array(blasts, int)
+    encounter, thrown = jax.tree.map(lambda x: x[..., some], parts)
+    return flown._replace(encounter=encounter, thrown=thrown)
+
+
+def seeds_of(
+    seed: int, lanes: Int[np.ndarray, "*batch"] | np.integer, step_s: float
+) -> UInt[Array, "*batch"]:
+    """Return the seeds of the instruments of vehicles.
 
     Args:
-        place: Geographic position of the origin, if the scene has one.
         seed: Seed of all samples.
         lanes: Numbers of the vehicles.
         step_s: Sampling interval of the inertial unit [s].
@@ -357,22 +489,21 @@ def instruments_of(
     """
     # a slower inertial unit would skip readings of the barometer
     longest = 1 / Barometer().rate
-    if step_s > longest * (1 + 1e-9):
-        raise InputError(
-            f"step: expected at most {longest:g} s with an estimator, the sampling "
-            f"interval of its barometer, got {step_s:g} s"
-        )
+    words = f"at most {longest:g} s with an estimator, the sampling interval of its "
+    slow = step_s > longest * (1 + 1e-9)
+    require(not slow, "step", words + "barometer", f"{step_s:g} s")
     # a prime above the size of usual batches: seeds of two runs do not coincide
     seeds = (seed * 1_000_003 + np.asarray(lanes, np.int64)) % 2**32
-    return Instruments(place, jnp.asarray(seeds, jnp.uint32))
+    return jnp.asarray(seeds, jnp.uint32)
 
 
 def by_instruments(
     control: Controller,
     scenes: Scene,
+    place: Place | None,
     start: State,
     load: FlightLoad,
-    instruments: Instruments,
+    seeds: UInt[Array, "*batch"],
     rate: float,
 ) -> EstimatedControl:
     """Return a controller that uses the estimated state, for one vehicle or a batch.
@@ -380,114 +511,62 @@ def by_instruments(
     Args:
         control: Controller.
         scenes: One scene, or several with a leading axis in each array.
+        place: Geographic position of the origin.
         start: Initial state of each vehicle.
         load: Loads of the blasts, with the axis of the scenes.
-        instruments: Instruments of the vehicles.
+        seeds: Seeds of the instruments of each vehicle.
         rate: Rate of the controller [Hz].
     """
 
     def one(scene: Scene, load: FlightLoad, seed: Array) -> EstimatedControl:
-        suite = suite_of(scene, instruments.place, load, rate)
+        suite = suite_of(scene, place, load, rate)
         return EstimatedControl(control, suite, start, seed)
 
-    seeds = instruments.seeds
     if not seeds.ndim:
         return one(scenes, load, seeds)
     return eqx.filter_vmap(one)(scenes, load, seeds)
 
 
-def thrown_by_blasts(
-    control: EstimatedControl, trajectory: Trajectory, arrival_s: Array, step_s: float
-) -> tuple[Thrown, Followed | None]:
-    """Return the effect of blasts on the estimates, and the estimate of one flight.
-
-    Args:
-        control: Controller of the flights.
-        trajectory: All rows of the flights.
-        arrival_s: Arrival of the blasts at each vehicle.
-        step_s: Time between two rows.
-    """
-    period = jnp.asarray(step_s, float)
-    if arrival_s.ndim == 1:
-        estimate = followed_along(control, trajectory, period)
-        return thrown_of(estimate, trajectory.time_s, arrival_s), estimate
-    # the times of the rows are common to all flights: no axis
-    rows = eqx.tree_at(
-        lambda flight: flight.time_s, jax.tree.map(lambda x: 0, trajectory), None
-    )
-
-    def one(
-        control: EstimatedControl, flight: Trajectory, came_s: Array, period_s: Array
-    ) -> Thrown:
-        return thrown(followed(control, flight, period_s), flight.time_s, came_s)
-
-    several = eqx.filter_jit(
-        eqx.filter_vmap(one, in_axes=(eqx.if_array(0), rows, 0, None))
-    )
-    return several(control, trajectory, arrival_s, period), None
-
-
 def flight_seconds(
-    scenes: Scene, vehicle: VehicleSpec, source: str, options: Options
+    load: FlightLoad,
+    vehicle: VehicleSpec,
+    source: str,
+    options: Options,
+    *,
+    single: bool = False,
 ) -> float:
     """Return the duration of each flight: 5 s beyond the last blast, in tenths.
 
     Args:
-        scenes: One scene, or a batch.
+        load: Loads of the blasts on one vehicle, or on each of a batch.
         vehicle: Vehicle section, whose start and target the blasts reach.
         source: Name of the scene file, for messages.
         options: Options of the flights.
+        single: Whether it is one vehicle.
 
     Raises:
-        InputError: A time is invalid, a blast arrives before the flight, or no blast
-            arrives in it.
+        InputError: A blast arrives before the flight, or no blast arrives in it.
     """
-    for name, value in (
-        ("seconds", options.seconds),
-        ("step", options.step_s),
-        ("tolerance", options.tolerance_m),
-    ):
-        if value is not None and not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name}: expected a positive number, got {value:g}")
-    turned = start_of(vehicle).quaternion
-    target = hold_of(vehicle, integral=False).target_m
-    places = jnp.stack([vehicle.position, target])
-
-    def arrivals(scene: Scene):
-        load = load_of(scene, options.profile)
-        return _arrivals(load, places, turned)
-
-    batch = scenes.air.wind_east.ndim > 0
-    came = np.asarray((eqx.filter_vmap(arrivals) if batch else arrivals)(scenes))
-    source = source or "scene"
-    if np.isposinf(came).all(axis=-1).any() and options.seconds is None:
-        raise InputError(
-            f"{source}: [charge] time_s: expected a charge with a finite time, or "
-            f"{argument('seconds')} for a flight without a blast, got inf for all "
-            "charges"
-        )
-    if not came.min() >= 0:
-        raise InputError(
-            f"{source}: [charge] time_s: expected arrivals at the vehicle after 0 s, "
-            f"when the flight begins, got one at {came.min():.4g} s"
-        )
-    seconds = options.seconds
+    turned, target = start_of(vehicle).quaternion, hold_of(vehicle, integral=False)
+    places = jnp.stack([vehicle.position, target.target_m])
+    each = eqx.filter_vmap(_arrivals, in_axes=(eqx.if_array(0), None, None))
+    came = np.asarray((_arrivals if single else each)(load, places, turned))
+    seconds, at = options.seconds, f"{source}: [charge] time_s"
+    words = (
+        f"a charge with a finite time, or {argument('seconds')} for a flight without a "
+        "blast"
+    )
+    never = np.isposinf(came).all(axis=-1).any()
+    require(seconds is not None or not never, at, words, "inf for all charges")
+    words = "arrivals at the vehicle after 0 s, when the flight begins"
+    require(came.min() >= 0, at, words, f"one at {came.min():.4g} s")
     if seconds is None:
         # a charge that never explodes does not extend the flight
         last = came.max(where=came < np.inf, initial=0.0)
-        seconds = math.ceil(10 * (last + AFTER_S)) / 10
-    first = came.min(axis=-1).max()
-    if seconds <= first < np.inf:
-        raise InputError(
-            f"seconds: expected more than {first:.4g} s, the"
-            f"{' latest' if batch else ''} arrival of a first blast, "
-            f"got {seconds:g} s"
-        )
-    if seconds / options.step_s > MAX_STEPS:
-        raise InputError(
-            f"seconds: expected at most {MAX_STEPS * options.step_s:g} s in steps of "
-            f"{options.step_s:g} s, got {seconds:g} s"
-        )
+        seconds = math.ceil(10 * max(last + AFTER_S, options.least_s)) / 10
+    first, of = came.min(axis=-1).max(), "" if single else " latest"
+    words = f"more than {first:.4g} s, the{of} arrival of a first blast"
+    require(not seconds <= first < np.inf, "seconds", words, f"{seconds:g} s")
     return seconds
 
 
@@ -498,11 +577,11 @@ def _arrivals(
     return jax.vmap(lambda place: arrival_at(load, place, turned))(places)
 
 
-def rows_stored(seconds: float, vehicles: int, options: Options | None = None) -> int:
+def rows_stored(seconds: float, options: Options, *, single: bool) -> int:
     """Return the largest number of stored rows of a flight; all with an estimator."""
-    if options is not None and options.estimator:
+    if options.estimator:
         return math.ceil(seconds / options.step_s)
-    return max(ROWS if vehicles == 1 else BATCH_ROWS, math.ceil(seconds / ROW_S))
+    return max(ROWS if single else BATCH_ROWS, math.ceil(seconds / ROW_S))
 
 
 def checked_scene(
@@ -521,41 +600,26 @@ def checked_scene(
             vehicles.
     """
     scene, source = uncertain.scene, uncertain.source or "scene"
-    if scene.vehicle is None:
-        raise InputError(
-            f"{source}: [vehicle]: expected a vehicle with its model and position_m, "
-            "got none"
-        )
-    if not 1 <= vehicles <= MAX_VEHICLES:
-        raise InputError(
-            f"vehicles: expected a whole number from 1 to {MAX_VEHICLES:,}, "
-            f"got {vehicles}"
-        )
-    if any(charge.range_m is not None for charge in scene.charges):
-        raise InputError(
-            f"{source}: [charge] range_m: expected position_m, from which the "
-            "vehicle's own distance follows, got a range"
-        )
-    if by_profile and len(scene.charges) > 1:
-        raise InputError(
-            f"{source}: [[charge]]: expected one charge for a custom profile, got "
-            f"{len(scene.charges)}"
-        )
     spec = scene.vehicle
-    for key, place in (
-        ("position_m", spec.position),
-        ("control target_m", spec.target),
-    ):
-        if place is not None and float(place[2]) < 0:
-            raise InputError(
-                f"{source}: [vehicle] {key}: expected a height of 0 m (the ground) or "
-                f"more, got {float(place[2]):g} m"
-            )
-    if vehicles > 1 and not uncertain.beliefs:
-        raise InputError(
-            f"{source}: expected a prior to sample {vehicles} scenes from, got none: "
-            "all flights would be equal"
-        )
+    words = "a vehicle with its model and position_m"
+    require(spec is not None, f"{source}: [vehicle]", words, "none")
+    assert spec is not None
+    words = f"a whole number from 1 to {MAX_VEHICLES:,}"
+    require(1 <= vehicles <= MAX_VEHICLES, "vehicles", words, vehicles)
+    placed = all(charge.range_m is None for charge in scene.charges)
+    words = "position_m, from which the vehicle's own distance follows"
+    require(placed, f"{source}: [charge] range_m", words, "a range")
+    one, words = len(scene.charges) == 1, "one charge for a custom profile"
+    got = len(scene.charges)
+    require(one or not by_profile, f"{source}: [[charge]]", words, got)
+    places = {"position_m": spec.position, "control target_m": spec.target}
+    for key, place in places.items():
+        up = 0.0 if place is None else float(place[2])
+        words, got = "a height of 0 m (the ground) or more", f"{up:g} m"
+        require(up >= 0, f"{source}: [vehicle] {key}", words, got)
+    words = f"a prior to sample {vehicles} scenes from"
+    got = "none: all flights would be equal"
+    require(vehicles == 1 or uncertain.beliefs, source, words, got)
     return spec
 
 
@@ -606,7 +670,6 @@ def named_controllers(
     if controllers is None:
         # the controller of the scene comes first
         return BOTH_HOLDS[::-1] if own == BOTH_HOLDS[1] else BOTH_HOLDS
-    if not controllers:
-        raise InputError("controllers: expected one or more, got none")
+    require(controllers, "controllers", "one or more", "none")
     hold = BOTH_HOLDS[0] if own is None else own
     return tuple(dict.fromkeys(hold if x == "hold" else x for x in controllers))

@@ -39,8 +39,8 @@ from jblast.study.flight_results import (
     FlightLoad,
     Options,
     arrival_at,
+    burst_remarks,
     load_of,
-    with_bursts_at_start,
 )
 from jblast.study.flights import (
     GROUND_UP_M,
@@ -632,9 +632,8 @@ def drawn_flights(
         InputError: A parameter cannot be sampled, or no blast arrives in the flight.
     """
     scenes = drawn_scenes(uncertain, vehicles, seed)
-    scenes, notes = with_bursts_at_start(scenes, spec)
-    seconds = flight_seconds(scenes, spec, uncertain.source, options)
-    load = eqx.filter_vmap(lambda scene: load_of(scene, None))(scenes)
+    load, source = load_of(scenes, options), uncertain.source or "scene"
+    seconds = flight_seconds(load, spec, source, options)
     start = start_of(spec)
     came = jax.vmap(arrival_at, (0, None, None))(load, spec.held, start.quaternion)
     return (
@@ -651,7 +650,7 @@ def drawn_flights(
             options=options,
             controller=controller,
         ),
-        notes,
+        burst_remarks(scenes, spec),
     )
 
 

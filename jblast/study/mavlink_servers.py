@@ -35,9 +35,8 @@ from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 from jblast.results import Document, filled
 from jblast.scene import Place, UncertainScene, VehicleSpec
-from jblast.study.flight_results import with_bursts_at_start
-from jblast.study.flights import checked_scene, drawn_scenes
-from jblast.study.running import scene_to_run
+from jblast.study.flight_results import burst_remarks
+from jblast.study.flights import checked_scene, drawn_scenes, scene_to_run
 from jblast.vehicle import blast_load, hold_of, vehicle_of
 
 AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
@@ -209,8 +208,8 @@ def serve_ground_station(
             station.report_text(text)
 
         with link.beating(heartbeat(armed=False, mode=MODE_HOLD)):
-            drawn, notes = with_bursts_at_start(drawn_scenes(uncertain, 1, seed), spec)
-            for note in notes:
+            drawn = drawn_scenes(uncertain, 1, seed)
+            for note in burst_remarks(drawn, spec):
                 report(note)
             hold = hold_of(
                 replace(spec, mission=None), integral=spec.integral is not False

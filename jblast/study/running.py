@@ -18,13 +18,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from jblast.errors import InputError, argument
-from jblast.kept_programs import kept_between_runs
-from jblast.progress import Progress, reported
 from jblast.scene import (
     Charge,
     Instrument,
@@ -32,7 +30,6 @@ from jblast.scene import (
     Scene,
     UncertainScene,
     read_scene_or_world,
-    scene_of,
 )
 from jblast.scene.sensor_kinds import sampling_kinds
 from jblast.sensors import Track
@@ -43,25 +40,9 @@ from jblast.sensors.camera.image import BACKGROUND
 from jblast.sensors.camera.run_film import filmed_packets
 from jblast.sensors.listening import Listening, packets, plan, with_ambient
 from jblast.signals.flash.fireball import Direction
-from jblast.study.flight_results import (
-    TOLERANCE_M,
-    Encounter,
-    FlightLoad,
-    Flights,
-    Options,
-    Profile,
-    target_of,
-    trajectory_of,
-)
-from jblast.study.flights import fly
-from jblast.study.missions import (
-    MISSION_STEP_S,
-    TOLERANCE_M as MISSION_TOLERANCE_M,
-    MissionFlight,
-    above_ground,
-    fly_mission,
-)
-from jblast.vehicle import STEP_S, Trajectory, path_error, read_custom_profile
+from jblast.study.flight_results import FlightLoad, Flights, Options
+from jblast.study.flights import fly, has_mission, lasting
+from jblast.vehicle import Trajectory
 from jblast.world import (
     Arrivals,
     DrawnWorld,
@@ -73,7 +54,6 @@ from jblast.world import (
     perceived,
     read_run_scene,
     tracks_of,
-    with_nevers,
 )
 from jblast.world.perceived import camera_path, out_of_view
 
@@ -86,36 +66,6 @@ fast, and at the speed of sound it would meet its blasts several times."""
 PACKET_S = 0.2
 """Duration of a packet [s]: 20 frames at 100 Hz, which are rendered together; the delay
 of a live view is hardly noticed."""
-
-
-class Motion(NamedTuple):
-    """Rows of the vehicle's motion, in order of time.
-
-    Attributes:
-        time_s: Time on the common clock.
-        position_m: Position: east, north, up.
-        velocity_m_s: Velocity: east, north, up.
-        quaternion: Rotation from body (forward, left, up) to world axes, scalar last.
-        body_rate_rad_s: Angular velocity along body axes.
-        rotor_speed_rad_s: Speeds of the rotors.
-        force_n: Sum of thrust, weight, air and blasts, world axes; without the ground.
-        moment_n_m: Moment likewise, body axes.
-        set_point_m: Set point of the position controller.
-        path_error_m: Distance from the set point.
-        estimate_m: Estimated position; the true one without an estimator.
-    """
-
-    time_s: Float[np.ndarray, " row"]
-    position_m: Float[np.ndarray, "row 3"]
-    velocity_m_s: Float[np.ndarray, "row 3"]
-    quaternion: Float[np.ndarray, "row 4"]
-    body_rate_rad_s: Float[np.ndarray, "row 3"]
-    rotor_speed_rad_s: Float[np.ndarray, "row 4"]
-    force_n: Float[np.ndarray, "row 3"]
-    moment_n_m: Float[np.ndarray, "row 3"]
-    set_point_m: Float[np.ndarray, "row 3"]
-    path_error_m: Float[np.ndarray, " row"]
-    estimate_m: Float[np.ndarray, "row 3"]
 
 
 class Samples(NamedTuple):
@@ -204,7 +154,7 @@ class Packet:
         end_s: End, the beginning of the next packet.
         blasts: Charges that detonate within it.
         perceived: First perceptions within it.
-        motion: Rows of the vehicle; None without one.
+        motion: Flight of the vehicle, as NumPy arrays; None without one.
         samples: Samples of each sampling sensor, by name.
         frames: Frames; None without a camera.
         events: Camera events; None without a camera.
@@ -215,7 +165,7 @@ class Packet:
     end_s: float
     blasts: tuple[Charge, ...] = ()
     perceived: tuple[Perceived, ...] = ()
-    motion: Motion | None = None
+    motion: Trajectory | None = None
     samples: dict[str, Samples] = field(default_factory=dict)
     frames: Frames | None = None
     events: CameraEvents | None = None
@@ -243,8 +193,7 @@ class Run:
         world: The world, with its blasts sampled.
         seconds: Duration.
         flown: Flights with the controllers, or the mission; None without a vehicle.
-        flight: True path of the vehicle; None without one.
-        motion: The same as rows of packets.
+        flight: The recorded flight, up to the loss of the vehicle; None without one.
         tracks: Paths of the vehicle and of all that it carries, by name.
         arrivals: Arrivals of all waves.
         perceived: First perceptions in order of time.
@@ -259,9 +208,8 @@ class Run:
 
     world: DrawnWorld
     seconds: float
-    flown: Flights | MissionFlight | None
+    flown: Flights | None
     flight: Trajectory | None
-    motion: Motion | None
     tracks: Mapping[str, Track]
     arrivals: Arrivals
     perceived: tuple[Perceived, ...]
@@ -317,27 +265,26 @@ def prepare_run(
     if seconds is None and not on_mission:
         arrivals = arrivals_of(world.scene)
         seconds = _seconds(world, arrivals)
-    flown = flown_in(
-        world,
-        uncertain,
-        seconds=seconds,
-        estimator=estimator,
-        controllers=controllers,
-        load=load,
-    )
-    flight, motion, tracks = None, None, {}
-    if flown is not None:
-        flight = flight_of(flown)
-        motion = _motion_of(flown, flight)
+    flown, flight, tracks = None, None, {}
+    if world.scene.vehicle is not None and (world.shots or on_mission):
+        flown = fly(
+            replace(uncertain, scene=world.scene, beliefs={}),
+            seconds=seconds,
+            estimator=estimator,
+            controllers=controllers,
+            load=load,
+            seed=world.seed,
+        )
+        flight = _until_lost(flown.trajectory)
         tracks = tracks_of(world.scene, flight)
     if arrivals is None or tracks:
         arrivals = arrivals_of(world.scene, tracks)
     if seconds is None:
-        assert flight is not None
-        lands = math.ceil(float(flight.time_s[-1]))
-        seconds = max(_seconds(world, arrivals), float(lands))
-    if flight is not None and on_mission:
-        flight = resting(flight, seconds)
+        assert flown is not None
+        seconds = max(_seconds(world, arrivals), float(math.ceil(flown.seconds)))
+    if flown and flight is not None and float(flight.time_s[-1]) >= flown.seconds:
+        # after its landing the vehicle stays at rest
+        flight = lasting(flight, seconds)
     unseen = out_of_view(world.scene, flight)
     seen, late = perceived(world.scene, arrivals, seconds, unseen)
     listening = None
@@ -349,7 +296,6 @@ def prepare_run(
         seconds,
         flown,
         flight,
-        motion,
         tracks,
         arrivals,
         seen,
@@ -361,122 +307,6 @@ def prepare_run(
         notes,
         uncertain.place,
     )
-
-
-def scene_to_run(
-    path: str | os.PathLike[str], *, seconds: float | None = None, seed: int = 0
-) -> UncertainScene:
-    """Read a scene for a simulation; random blasts are sampled as by `jblast world`.
-
-    Args:
-        path: Scene file; without [charge] its blast never detonates.
-        seconds: End of the world [s].
-        seed: Seed of random blasts.
-
-    Returns:
-        The scene; with random blasts all of its priors are sampled too.
-
-    Raises:
-        InputError: As in `read_scene` and `draw_world`.
-    """
-    uncertain, world = read_scene_or_world(path, needs_charge=False)
-    if world is None:
-        return uncertain
-    until = math.inf if seconds is None else seconds
-    drawn = draw_world(uncertain, world, seed, until_s=until)
-    return replace(uncertain, scene=drawn.scene, beliefs={})
-
-
-@kept_between_runs()
-@reported("fly_scene")
-def fly_scene(
-    scene: UncertainScene | str | os.PathLike[str],
-    *,
-    vehicles: int = 1,
-    controllers: Sequence[str] | None = None,
-    seconds: float | None = None,
-    step_s: float | None = None,
-    backend: str = Options.backend,
-    estimator: str = Options.estimator,
-    load: Callable[[Scene], FlightLoad] = Options.load,
-    tolerance_m: float | None = None,
-    profile: str | os.PathLike[str] | None = None,
-    profile_moments_about: tuple[float, float, float] | None = None,
-    seed: int = 0,
-    progress: Progress = False,
-) -> Flights | MissionFlight:
-    """Fly a scene's vehicle through its blasts, on its mission if it has one.
-
-    Args:
-        scene: Scene, or its file; parameters with a prior are sampled.
-        vehicles: Number of sampled scenes.
-        controllers: As for `jblast.fly`.
-        seconds: Duration of the flight; default: until 5 s after the last arrival, of a
-            mission until the vehicle is disarmed.
-        step_s: Time step of the integrator; default: 0.5 ms, with an estimator or on a
-            mission 4 ms.
-        backend: "auto", "jax", "warp", "warp:cpu" or "warp:cuda:0".
-        estimator: "ekf" for the state of a Kalman filter; "" for the true state.
-        load: As in `Options`.
-        tolerance_m: Path error within which the vehicle has recovered; default: 0.05 m,
-            of a mission 0.2 m.
-        profile: File of the impulses of blasts, in place of the laws.
-        profile_moments_about: Vector from the reference point of the profile's moments
-            to the centre of mass, body axes [m].
-        seed: Seed of the samples.
-        progress: As for `jblast.fit`.
-
-    Returns:
-        Flights by controller, or the flight of the mission.
-
-    Raises:
-        InputError: The scene cannot be flown, or an argument cannot be used.
-
-    Example:
-        `jblast.fly_scene("scene.toml", vehicles=100, controllers=["cascade"])`
-    """
-    if isinstance(scene, str | os.PathLike):
-        scene = scene_to_run(scene, seconds=seconds, seed=seed)
-    uncertain = scene_of(scene)
-    on_mission = has_mission(uncertain)
-    if on_mission and controllers is not None:
-        raise InputError(
-            f"{argument('controllers')}: expected none on a mission, which has its own "
-            f"controller, got {','.join(controllers)}"
-        )
-    if on_mission and vehicles != 1:
-        raise InputError(
-            f"{argument('vehicles')}: expected 1 on a mission, got {vehicles}; for "
-            "several use jblast.missions.MissionControl, in Python"
-        )
-    # an estimator samples its instruments at each step: PX4 has 250 Hz
-    default_step = MISSION_STEP_S if on_mission or estimator else STEP_S
-    default_tolerance = MISSION_TOLERANCE_M if on_mission else TOLERANCE_M
-    options = Options(
-        seconds=seconds,
-        step_s=default_step if step_s is None else step_s,
-        backend=backend,
-        tolerance_m=default_tolerance if tolerance_m is None else tolerance_m,
-        profile=_profile(profile, profile_moments_about),
-        estimator=estimator,
-        load=load,
-    )
-    if on_mission:
-        return fly_mission(uncertain, options, seed=seed)
-    return fly(
-        uncertain, options, vehicles=vehicles, seed=seed, controllers=controllers
-    )
-
-
-def _profile(
-    path: str | os.PathLike[str] | None, about: tuple[float, float, float] | None
-) -> Profile | None:
-    if path is None and about is not None:
-        raise InputError(
-            f"{argument('profile_moments_about')}: expected it with "
-            f"{argument('profile')} only, got no profile"
-        )
-    return None if path is None else Profile(read_custom_profile(path), about)
 
 
 def _film_of(
@@ -531,12 +361,6 @@ def listening_of(
     return run.listening, tuple(run.notes)
 
 
-def has_mission(uncertain: UncertainScene) -> bool:
-    """Return whether the scene's vehicle has a mission."""
-    vehicle = uncertain.scene.vehicle
-    return vehicle is not None and vehicle.mission is not None
-
-
 def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
     """Return the duration of a world: until after its last wave, in tenths of seconds.
 
@@ -548,94 +372,12 @@ def _seconds(world: DrawnWorld, arrivals: Arrivals) -> float:
     return float(math.ceil(last + AFTER_FLIGHT_S))
 
 
-def flown_in(
-    world: DrawnWorld,
-    uncertain: UncertainScene,
-    *,
-    seconds: float | None,
-    estimator: str = "",
-    controllers: Sequence[str] | None = None,
-    load: Callable[[Scene], FlightLoad] = Options.load,
-) -> Flights | MissionFlight | None:
-    """Fly the vehicle of a world through its blasts.
-
-    Args:
-        world: The world.
-        uncertain: The scene before its parameters were sampled.
-        seconds: Duration; None for a mission until it is disarmed.
-        estimator: As for `prepare_run`.
-        controllers: As for `prepare_run`.
-        load: As in `Options`.
-
-    Returns:
-        The flight; None without a vehicle, or without a blast at a hovering one.
-
-    Raises:
-        InputError: The vehicle cannot be flown.
-    """
-    if world.scene.vehicle is None or not (world.shots or has_mission(uncertain)):
-        return None
-    padded = replace(uncertain, scene=with_nevers(world.scene), beliefs={})
-    flown = fly_scene(
-        padded,
-        seconds=seconds,
-        estimator=estimator,
-        controllers=controllers,
-        load=load,
-        seed=world.seed,
-    )
-    if isinstance(flown, MissionFlight):
-        return flown
-    # `with_nevers` pads the charges, so that one program serves several counts
-    count = len(world.scene.charges)
-    holds = {
-        name: replace(
-            hold, encounter=Encounter(*(x[..., :count] for x in hold.encounter))
-        )
-        for name, hold in flown.holds.items()
-    }
-    blasts, places = flown.blasts[:count], flown.places_m[..., :count, :]
-    return replace(flown, blasts=blasts, places_m=places, holds=holds)
-
-
-def flight_of(flown: Flights | MissionFlight) -> Trajectory:
-    """Return the path of a mission, or of the first controller, up to its loss."""
-    if isinstance(flown, MissionFlight):
-        flight = flown.trajectory
-    else:
-        flight = trajectory_of(flown, next(iter(flown.holds)))
-    # negated: the speed of a diverged vehicle is NaN
-    gone = ~(np.linalg.norm(flight.velocity_m_s, axis=-1) <= LOST_M_S)
-    if not gone.any():
-        return flight
-    rows = int(np.argmax(gone))
-    return replace(flight.of_rows(lambda x: x[:rows]), lost=jnp.asarray(True))
-
-
-def resting(flight: Trajectory, seconds: float) -> Trajectory:
-    """Return a flight that lasts to the end of the run: the vehicle stays at rest.
-
-    That of a lost vehicle ends with its loss.
-    """
-    if bool(flight.lost) or not float(flight.time_s[-1]) < seconds:
-        return flight
-    longer = flight.of_rows(lambda x: jnp.concatenate([x, x[-1:]]))
-    return replace(longer, time_s=longer.time_s.at[-1].set(seconds))
-
-
-def _motion_of(flown: Flights | MissionFlight, flight: Trajectory) -> Motion:
-    """Return the rows of a flight, up to its loss."""
-    if isinstance(flown, MissionFlight):
-        aim = above_ground(flown.guided.set_point_m)
-        error, followed = flown.path_error_m, flown.followed
-    else:
-        aim = np.broadcast_to(target_of(flown.vehicle), flight.position_m.shape)
-        error = np.asarray(path_error(flight, target_of(flown.vehicle)))
-        followed = next(iter(flown.holds.values())).followed
-    place = flight.position_m if followed is None else followed.shown.position_m
-    columns = [getattr(flight, name) for name in Motion._fields[:8]]
-    rows = flight.time_s.size
-    return Motion(*(np.asarray(x)[:rows] for x in (*columns, aim, error, place)))
+def _until_lost(flight: Trajectory) -> Trajectory:
+    """Return the rows of a flight before the loss of the vehicle."""
+    speed = np.linalg.norm(flight.velocity_m_s, axis=-1)
+    # negated, because NaN, after a divergence, compares as false
+    lost = ~(speed <= LOST_M_S)
+    return flight.at(slice(int(np.argmax(lost)))) if lost.any() else flight
 
 
 def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:
@@ -651,6 +393,9 @@ def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:
     count = max(math.ceil(run.seconds / packet_s - 1e-9), 1)
     streams = _streams(run, packet_s)
     film = _filmed(run, packet_s * np.arange(count + 1))
+    # NumPy: JAX would compile a program for each packet; a copy, because SciPy does not
+    # take read-only arrays
+    flight = None if run.flight is None else jax.tree.map(np.array, run.flight)
     for number in range(count):
         # products, not sums: rounding does not accumulate
         start, end = number * packet_s, (number + 1) * packet_s
@@ -661,7 +406,7 @@ def packets_of(run: Run, packet_s: float = PACKET_S) -> Iterator[Packet]:
             run.seconds if last else end,
             tuple(c for c in run.world.charges if start <= float(c.time_s) < stop),
             tuple(one for one in run.perceived if start <= one.time_s < stop),
-            None if run.motion is None else _within(run.motion, start, stop),
+            None if flight is None else _within(flight, start, stop),
             {
                 name: samples
                 for name, stream in streams.items()
@@ -686,9 +431,9 @@ def _filmed(
         )
 
 
-def _within(motion: Motion, start: float, stop: float) -> Motion:
-    some = slice(*np.searchsorted(motion.time_s, [start, stop]).tolist())
-    return Motion(*(column[some] for column in motion))
+def _within(flight: Trajectory, start: float, stop: float) -> Trajectory:
+    time = np.asarray(flight.time_s)
+    return flight.at(slice(*np.searchsorted(time, [start, stop]).tolist()))
 
 
 def _streams(run: Run, packet_s: float) -> dict[str, Iterator[Samples]]:

@@ -5,15 +5,14 @@ an array over the vehicles, which XLA turns into vector instructions; rows of th
 would leave most of each register empty.
 """
 
-from collections.abc import Callable
-from dataclasses import fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jblast.errors import InputError
 from jblast.vehicle.quadrotor import floats
@@ -106,6 +105,11 @@ class Trajectory(eqx.Module):
             before the jump; at the first row, the force after it.
         moment_n_m: Total moment about the centre of mass, body axes [N m].
         lost: True if a vehicle diverged; its rows are NaN from then on.
+        set_point_m: Set point of the controller, east, north, up [m]; None: none known.
+        estimate_m: Position that the controller uses [m].
+        item: Index of the item of a mission that is flown, in the order of execution;
+            -1 before the flight and after it.
+        armed: True while the rotors are armed on a mission.
     """
 
     time_s: Float[Array, " time"]
@@ -117,6 +121,21 @@ class Trajectory(eqx.Module):
     force_n: Float[Array, "*batch time 3"]
     moment_n_m: Float[Array, "*batch time 3"]
     lost: Bool[Array, "*batch"]
+    set_point_m: Float[Array, "*batch time 3"] | None = None
+    estimate_m: Float[Array, "*batch time 3"] | None = None
+    item: Int[Array, "*batch time"] | None = None
+    armed: Bool[Array, "*batch time"] | None = None
+
+    def at(self, rows: Any) -> "Trajectory":
+        """Return some rows of a single flight; also one of NumPy arrays."""
+        return jax.tree.map(lambda x: x[rows] if np.ndim(x) else x, self)
+
+    @property
+    def path_error_m(self) -> Float[Array, " time"]:
+        """Distance from the set point at each row [m]; NaN after a divergence."""
+        assert self.set_point_m is not None, "flights of a controller have set points"
+        away = self.position_m - self.set_point_m
+        return (away * away).sum(axis=-1) ** 0.5
 
     @property
     def states(self) -> State:
@@ -128,12 +147,6 @@ class Trajectory(eqx.Module):
             self.body_rate_rad_s,
             self.rotor_speed_rad_s,
         )
-
-    def of_rows(self, function: Callable[[Array], Array]) -> "Trajectory":
-        """Return a flight of which a function selects the rows, column by column."""
-        names = [one.name for one in fields(self) if one.name != "lost"]
-        columns = {name: function(getattr(self, name)) for name in names}
-        return replace(self, **columns)
 
     def lost_places(self) -> list[tuple[int, ...]]:
         """Return the indices of the vehicles that diverged, along the batch's axes."""

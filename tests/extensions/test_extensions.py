@@ -181,9 +181,9 @@ def test_a_record_is_differentiable_and_batched(extension):
 @pytest.mark.slow
 def test_a_controller_is_flown_by_its_name(extension):
     with pytest.raises(InputError, match="controller 'brake': expected one of"):
-        fly(scene(), SHORT, controllers=("brake",))
+        fly(scene(), **SHORT, controllers=("brake",))
     extension("brake")
-    flights = fly(scene(), SHORT, controllers=("brake", "hold"))
+    flights = fly(scene(), **SHORT, controllers=("brake", "hold"))
     assert tuple(flights.holds) == ("brake", "with_integral")
     assert "by a brake" in terminal(fly_answer(flights).view)
     peaks = [float(one.metrics.peak_deviation_m) for one in flights.holds.values()]
@@ -193,8 +193,7 @@ def test_a_controller_is_flown_by_its_name(extension):
 
 @pytest.mark.slow
 def test_a_users_load_is_flown():
-    short = replace(SHORT, seconds=0.1, load=coded_load)
-    (flown, *_) = fly(scene(), short).holds.values()
+    flown = fly(scene(), seconds=0.1, step_s=2e-3, load=coded_load).first
     # 5.39 m at 300 m/s; from the laws of the package no other number is known
     assert float(flown.encounter.arrival_s[0]) == pytest.approx(29**0.5 / 300.0)
     assert np.isnan(flown.encounter.scaled_distance).all()

@@ -65,8 +65,7 @@ def run(options: argparse.Namespace) -> int:
     start_jax(all_cores=options.vehicles > 1)
     from jblast.report.flights import FILES, fly_answer
     from jblast.report.output import deliver
-    from jblast.study.missions import MissionFlight
-    from jblast.study.running import fly_scene, has_mission, scene_to_run
+    from jblast.study.flights import fly, has_mission, scene_to_run
 
     if options.out:
         check_out(options.out, ("fly.json", *FILES), force=options.force)
@@ -82,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
         refuse_existing(options.plan_out, force=options.force)
         check_form(options.plan_out)
     begin("flying")
-    flown = fly_scene(
+    flown = fly(
         uncertain,
         vehicles=options.vehicles,
         controllers=tuple(options.controllers) or None,
@@ -97,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     )
     begin("writing")
     answer = fly_answer(flown, scene=options.scene, seed=options.seed)
-    if isinstance(flown, MissionFlight) and options.plan_out:
+    if flown.mission is not None and options.plan_out:
         text = plan_text(flown.mission.plan, options.plan_out)
         answer = replace(answer, saved={options.plan_out: text})
     return deliver(answer, options, folder=options.out, names=FILES)

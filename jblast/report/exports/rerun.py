@@ -22,8 +22,9 @@ from jaxtyping import Float
 
 from jblast.errors import InputError, needed
 from jblast.scene import SENSOR_KINDS, Camera, Charge, Scene
-from jblast.study.running import CameraEvents, Motion, Packet, RunDetection
+from jblast.study.running import CameraEvents, Packet, RunDetection
 from jblast.study.thinning import extremes, first_of_each
+from jblast.vehicle import Trajectory
 from jblast.waves.fireball import LARGEST_RADIUS
 
 CLOCK = "time"
@@ -192,22 +193,23 @@ class Viewer:
         rows = extremes(values, columns)
         self._rows(path, time[rows], self._rr.Scalars.columns(scalars=values[rows]))
 
-    def _motion(self, motion: Motion, columns: int) -> None:
+    def _motion(self, motion: Trajectory, columns: int) -> None:
         """Show rows of the vehicle's motion."""
-        rr, kept = self._rr, first_of_each(motion.time_s, POSES_HZ)
-        time, position = motion.time_s[kept], motion.position_m[kept]
-        turned = motion.quaternion[kept]
+        rr, whole = self._rr, np.asarray(motion.time_s)
+        kept = motion.at(first_of_each(whole, POSES_HZ))
+        time, position = np.asarray(kept.time_s), np.asarray(kept.position_m)
+        turned = np.asarray(kept.quaternion)
         pose = rr.Transform3D.columns(translation=position, quaternion=turned)
         self._rows("world/vehicle", time, pose)
-        points = rr.Points3D.columns(positions=motion.set_point_m[kept])
+        points = rr.Points3D.columns(positions=np.asarray(kept.set_point_m))
         self._rows("world/set_point", time, points)
         # each part of the path begins at the end of the one before
         strip = np.concatenate([self._trail, position])
-        self._log("world/path", motion.time_s[-1], rr.LineStrips3D([strip]))
+        self._log("world/path", whole[-1], rr.LineStrips3D([strip]))
         self._trail = strip[-1:]
         values = (*motion.force_n.T, *motion.moment_n_m.T, motion.path_error_m)
         for path, part in zip(_flight_paths(), values, strict=True):
-            self._plot(path, motion.time_s, part, columns)
+            self._plot(path, whole, np.asarray(part), columns)
 
     def _events(
         self, events: CameraEvents, camera: Camera, ticks: Float[np.ndarray, " tick"]

@@ -30,8 +30,9 @@ from jblast.observations.places import Frame
 from jblast.scene import Camera, Charge, Place, Scene, Sensor
 from jblast.sensors.camera.files.evt3 import MAX_SIDE, Encoder
 from jblast.sensors.camera.files.images import COMPRESSION
-from jblast.study.running import CameraEvents, Frames, Motion, Packet, Samples
+from jblast.study.running import CameraEvents, Frames, Packet, Samples
 from jblast.study.thinning import first_of_each, largest
+from jblast.vehicle import Trajectory
 from jblast.waves.propagation import ambient
 
 Message = dict[str, Any]
@@ -187,31 +188,31 @@ class RosBag:
         self._add(time, "/jblast/log", **line)
         self._add(time, "/jblast/records", data=json.dumps({"type": what} | row))
 
-    def _motion(self, motion: Motion) -> None:
+    def _motion(self, rows: Trajectory) -> None:
         """Write the vehicle, thinned; velocity and load along its own axes."""
         # imported here: it takes 0.1 s, which a scene without a vehicle saves
         from scipy.spatial.transform import Rotation
 
-        if not len(motion.time_s):
+        if not rows.time_s.size:
             return
-        inverse = Rotation.from_quat(motion.quaternion).inv()
-        velocity, force = (
-            inverse.apply(motion.velocity_m_s),
-            inverse.apply(motion.force_n),
-        )
-        for n in first_of_each(motion.time_s, MOTION_HZ):
-            time, place = float(motion.time_s[n]), motion.position_m[n]
-            self._pose(time, place, motion.quaternion[n])
-            twist = {"linear": velocity[n], "angular": motion.body_rate_rad_s[n]}
+        inverse = Rotation.from_quat(rows.quaternion).inv()
+        velocity, force = inverse.apply(rows.velocity_m_s), inverse.apply(rows.force_n)
+        times, error = np.asarray(rows.time_s), np.asarray(rows.path_error_m)
+        places, turns = np.asarray(rows.position_m), np.asarray(rows.quaternion)
+        targets, estimates = np.asarray(rows.set_point_m), np.asarray(rows.estimate_m)
+        for n in first_of_each(times, MOTION_HZ):
+            time, place = float(times[n]), places[n]
+            self._pose(time, place, turns[n])
+            twist = {"linear": velocity[n], "angular": rows.body_rate_rad_s[n]}
             self._add(time, "/vehicle/twist", BODY, twist=twist)
-            target = {"position": motion.set_point_m[n], "orientation": LEVEL}
+            target = {"position": targets[n], "orientation": LEVEL}
             self._add(time, "/vehicle/set_point", WORLD, pose=target)
-            self._add(time, "/vehicle/estimate", WORLD, point=motion.estimate_m[n])
-            self._add(time, "/vehicle/path_error", data=motion.path_error_m[n])
-        group = np.floor((motion.time_s + 1e-6) * MOTION_HZ)
+            self._add(time, "/vehicle/estimate", WORLD, point=estimates[n])
+            self._add(time, "/vehicle/path_error", data=error[n])
+        group = np.floor((times + 1e-6) * MOTION_HZ)
         for n in largest(np.linalg.norm(force, axis=1), group):
-            wrench = {"force": force[n], "torque": motion.moment_n_m[n]}
-            self._add(float(motion.time_s[n]), "/vehicle/wrench", BODY, wrench=wrench)
+            wrench = {"force": force[n], "torque": rows.moment_n_m[n]}
+            self._add(float(times[n]), "/vehicle/wrench", BODY, wrench=wrench)
 
     def _pose(self, time: float, place: np.ndarray, turn: np.ndarray) -> None:
         """Write a pose; and the path and the latitude, if a second has passed."""

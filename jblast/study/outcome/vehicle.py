@@ -3,12 +3,11 @@
 Each sample is one flight under position control in the sample's wind, with integral
 action unless the scene excludes it. It begins at 0 on the scene's clock and ends
 `study.flights.AFTER_S` after the latest arrival among the pilot samples of the study.
-These samples determine the duration and the curve sets of the blasts for all samples. A
-sample whose blast arrives after the end has no answer.
+These samples determine the duration of all flights. A sample whose blast arrives after
+the end has no answer.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,7 +20,8 @@ from jblast.study.flight_results import (
     TOLERANCE_M,
     Flown,
     Options,
-    with_bursts_at_start,
+    burst_remarks,
+    load_of,
 )
 from jblast.study.flights import checked_scene, flight_seconds, flown_by
 from jblast.study.outcome.family import (
@@ -34,6 +34,7 @@ from jblast.study.outcome.family import (
     register_family,
     yes_no,
 )
+from jblast.vehicle import controller_of
 from jblast.vehicle.metrics import THRESHOLDS
 
 STEP_S = 1e-3
@@ -44,8 +45,6 @@ OPTIONS = {
     "flight_tolerance_m": "path error within which a vehicle has recovered [m] "
     f"(default: {TOLERANCE_M:g})",
 }
-SEVERAL = 2
-"""Number of flights for `flown_by`: more than one, so that few rows are stored."""
 
 
 def prepare(setting: Setting) -> Prepared:
@@ -67,25 +66,22 @@ def prepare(setting: Setting) -> Prepared:
     spec = checked_scene(uncertain, 1, False)
     pilot = {name: jnp.asarray(values) for name, values in setting.pilot.items()}
     some = _scenes(uncertain.scene, pilot)
-    some, notes = with_bursts_at_start(some, spec)
-    seconds = flight_seconds(some, spec, uncertain.source, options)
+    load, source = load_of(some, options), uncertain.source or "scene"
+    seconds = flight_seconds(load, spec, source, options)
     hold = "without_integral" if spec.integral is False else "with_integral"
-    bursts = [charge.burst for charge in some.charges]
+    control = controller_of(spec, hold)
 
     def batched(keys, numbers) -> Answers:
         # without parameters all samples are equal; the batch axis must still exist
         count = {"": jnp.zeros(keys.shape[0])}
         scenes = _scenes(uncertain.scene, numbers or count)
-        charges = [
-            replace(charge, burst=burst)
-            for charge, burst in zip(scenes.charges, bursts, strict=True)
-        ]
-        scenes = replace(scenes, charges=tuple(charges))
-        flown = flown_by(scenes, spec, hold, seconds, SEVERAL, options)
+        load = load_of(scenes, options)
+        flown = flown_by(scenes, load, spec, control, seconds, options)
         return {name: _answers(flown, spec, seconds)[name] for name in setting.names}
 
     words = hold.replace("_", " ")
     flights = f"flights of {seconds:g} s in steps of {options.step_s:g} s, {words}"
+    notes = burst_remarks(some, spec)
     return Prepared(batched, notes=(f"{flights} action", *notes))
 
 

@@ -24,7 +24,7 @@ from jblast.sensors.camera.film_writer import write_film
 from jblast.signals.detect_files import SoundDetections
 from jblast.study.filming import FilmOptions, film_of
 from jblast.study.flight_results import Flights
-from jblast.study.running import has_mission, scene_to_run
+from jblast.study.flights import has_mission, scene_to_run
 from tests.cli.cli_files import HEADER, TWO
 from tests.cli.verbs.infer.detect.sounds import recording, template, write
 from tests.cli.verbs.simulate.render.scenes import CAMERA, CHARGE
@@ -163,7 +163,7 @@ def test_a_vehicle_flies_as_by_the_command(jblast):
     path = jblast.file("scene.toml", FLIGHT)
     words = ("--seconds", "0.6", "--step", "0.002")
     _, out, _ = jblast("fly", path, *words, "--json")
-    flights = library.fly_scene(path, seconds=0.6, step_s=0.002)
+    flights = library.fly(path, seconds=0.6, step_s=0.002)
     assert isinstance(flights, Flights)
     answer = flights_answer(flights, scene=path, seed=0)
     same({"schema": 1} | answer.to_dict(), json.loads(out))
@@ -176,9 +176,9 @@ def test_several_vehicles_or_controllers_on_a_mission_are_refused(jblast):
     path = jblast.file("scene.toml", FLOWN_CHARGE + mission)
     assert has_mission(scene_to_run(path))
     with pytest.raises(InputError, match=r"^vehicles: expected 1 on a mission, got 2"):
-        library.fly_scene(path, vehicles=2)
+        library.fly(path, vehicles=2)
     with pytest.raises(InputError, match=r"^controllers: expected none on a mission"):
-        library.fly_scene(path, controllers=["cascade"])
+        library.fly(path, controllers=["cascade"])
 
 
 def test_a_world_is_written_as_by_the_command(jblast):

@@ -4,6 +4,8 @@ import io
 import json
 import math
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from mcap.reader import make_reader
@@ -27,11 +29,11 @@ from jblast.scene import (
 from jblast.study.running import (
     CameraEvents,
     Frames,
-    Motion,
     Packet,
     RunDetection,
     Samples,
 )
+from jblast.vehicle import Trajectory
 from jblast.world import Perceived
 
 PACKETS, LENGTH_S, SECONDS = 20, 0.1, 2.0
@@ -84,7 +86,7 @@ def motion(start_s):
     count = len(time)
     force = np.zeros((count, 3))
     force[24] = [30.0, 0.0, 0.0]
-    return Motion(
+    rows = (
         time,
         np.stack([time, 2 * time, 3 + 0 * time], 1),
         np.tile([1.0, 2.0, 0.0], (count, 1)),
@@ -93,10 +95,11 @@ def motion(start_s):
         np.full((count, 4), 500.0),
         force,
         np.tile([0.01, 0.02, 0.03], (count, 1)),
-        np.tile([5.0, 0.0, 3.0], (count, 1)),
-        np.full(count, 0.25),
+        np.bool(False),
+        np.stack([time, 2 * time, 3.25 + 0 * time], 1),
         np.tile([5.5, 0.5, 3.5], (count, 1)),
     )
+    return jax.tree.map(np.array, Trajectory(*map(jnp.asarray, rows)))
 
 
 def packet(number):
@@ -262,7 +265,7 @@ def test_the_vehicle_has_its_pose_in_the_world_and_velocity_and_load_in_its_axes
     assert (moved.header.frame_id, moved.child_frame_id) == ("map", "base_link")
     assert xyz(moved.transform.translation) == xyz(pose.pose.position)
     assert xyzw(moved.transform.rotation) == pytest.approx(YAW)
-    assert xyz(bag["/vehicle/set_point"][0][1].pose.position) == [5.0, 0.0, 3.0]
+    assert xyz(bag["/vehicle/set_point"][0][1].pose.position) == [0.0, 0.0, 3.25]
     assert xyz(bag["/vehicle/estimate"][0][1].point) == [5.5, 0.5, 3.5]
     assert bag["/vehicle/path_error"][0][1].data == 0.25
 
@@ -446,8 +449,8 @@ def test_blasts_perceptions_and_detections_are_shown_logged_and_recorded(bag):
 
 
 def test_a_lost_vehicle_is_left_out_and_a_run_without_anything_is_a_file(tmp_path):
-    lost = Motion(*(column[:10] for column in motion(0.0)))
-    gone = Motion(*(column[:0] for column in motion(0.1)))
+    # 10 rows at 500 Hz, and none in the next packet
+    lost, gone = motion(0.0).at(slice(10)), motion(0.1).at(slice(0))
     bag = RosBag(path=tmp_path / "a.mcap", scene=Scene(), seconds=1.0)
     bag.take(Packet(0.0, 0.1, motion=lost))
     bag.take(Packet(0.1, 0.2, motion=gone))

@@ -149,7 +149,7 @@ def test_samples_of_packets_are_those_of_the_whole_record(run, parts):
 
 def test_each_row_of_the_flight_and_each_frame_is_in_one_packet(run, parts):
     rows = np.concatenate([p.motion.time_s for p in parts])
-    np.testing.assert_array_equal(rows, run.motion.time_s)
+    np.testing.assert_array_equal(rows, run.flight.time_s)
     for p in parts:
         assert np.all((p.motion.time_s >= p.start_s) & (p.motion.time_s <= p.end_s))
     frames = np.concatenate([p.frames.time_s for p in parts])
@@ -222,7 +222,8 @@ def test_a_mission_flies_through_random_blasts_with_an_estimator(folder):
     assert document["seconds"] >= mission["disarmed_s"]
     assert [one["charge"] for one in mission["disturbances"]] == list(came.world.shots)
     assert document["detections"]["missed"] == 0
-    motion = came.run.motion
+    motion = came.run.flight
     assert motion is not None
+    assert motion.estimate_m is not None
     off = np.linalg.norm(motion.estimate_m - motion.position_m, axis=1)
     assert 0.0 < off.max() < 3.0

@@ -3,6 +3,7 @@
 import io
 from itertools import pairwise
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from PIL import Image
@@ -13,12 +14,12 @@ from jblast.scene import Camera, Charge, Scene, Sensor, VehicleSpec, look_at
 from jblast.study.running import (
     CameraEvents,
     Frames,
-    Motion,
     Packet,
     RunDetection,
     Samples,
 )
 from jblast.study.thinning import extremes
+from jblast.vehicle import Trajectory
 from jblast.world import Perceived
 
 rerun = pytest.importorskip("rerun")
@@ -58,19 +59,9 @@ def packet_of(start, end):
     turned = np.tile([0.0, 0.0, 0.0, 1.0], (now.size, 1))
     error = np.where(np.abs(now - ARRIVAL_S) < 1e-9, 0.7, 0.01 * now)
     force = np.stack([now, -now, 2.0 * now], axis=1)
-    motion = Motion(
-        now,
-        position,
-        zero,
-        turned,
-        zero,
-        turned,
-        force,
-        zero,
-        position,
-        error,
-        position,
-    )
+    aim = position - np.stack([error, 0.0 * now, 0.0 * now], axis=1)
+    rows = (now, position, zero, turned, zero, turned, force, zero, np.bool(False))
+    motion = Trajectory(*map(jnp.asarray, (*rows, aim, position)))
     sound = np.where(np.abs(heard - ARRIVAL_S) < 1e-9, 100.0, np.sin(heard))
     levels = np.rint(100.0 * exposed).astype(np.uint8)[:, None, None, None]
     images = np.tile(levels, (1, HEIGHT, WIDTH, 3))

@@ -1,13 +1,14 @@
 """A charge and a Crazyflie beside it, flown for a short while."""
 
+from typing import Any
+
 import jax.numpy as jnp
 
 from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
-from jblast.study.flights import Options
 
 PLACE = jnp.array([5.0, 0.0, 2.0])
 SPEC = VehicleSpec("crazyflie", PLACE)
-SHORT = Options(seconds=0.6, step_s=2e-3)
+SHORT: dict[str, Any] = {"seconds": 0.6, "step_s": 2e-3}
 
 
 def scene(spec: VehicleSpec | None = SPEC, **parts) -> UncertainScene:

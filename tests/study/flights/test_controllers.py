@@ -8,7 +8,6 @@ import pytest
 from jblast.errors import InputError
 from jblast.report.flights import fly_answer
 from jblast.report.view import terminal
-from jblast.study.flight_results import Options
 from jblast.study.flights import fly, named_controllers
 from tests.study.flights.scenes import scene
 
@@ -38,7 +37,8 @@ def test_one_that_is_none_ends_it_with_the_nearest_before_any_flies():
 def test_all_fly_through_the_same_blast():
     flights = fly(
         scene(),
-        Options(seconds=6.0, step_s=2e-3),
+        seconds=6.0,
+        step_s=2e-3,
         controllers=("hold", "cascade", "without_integral"),
     )
     assert tuple(flights.holds) == ("with_integral", "cascade", "without_integral")

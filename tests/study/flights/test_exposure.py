@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jblast.scene import Charge, Scene
-from jblast.study.flight_results import Profile, encounter_at, exposed, load_of
+from jblast.study.flight_results import Options, encounter_at, exposed, load_of
 from jblast.vehicle import State, blast_load, named
 
 CRAZYFLIE = named("crazyflie")
@@ -33,7 +33,7 @@ def exposure(scene, load, place):
 def test_a_pulse_of_a_millisecond_accelerates_by_its_impulse():
     case = np.array([0.1, 8.0, np.pi / 2, np.pi, 3e-3, 0.0, 4e-3, 0.0, 0.0, 0.0])
     made = Scene(Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0)))
-    load = load_of(made, Profile(case[None]))
+    load = load_of(made, Options(profile=case[None]))
     found = exposure(made, load, jnp.array([5.0, 0.0, 2.0]))
     # 5 mN s over 1 ms on 30 g; it is pushed 0.1 mm away while it lasts
     assert float(found.peak_acceleration_m_s2) == pytest.approx(5.0 / 0.03, rel=1e-3)

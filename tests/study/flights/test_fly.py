@@ -6,22 +6,21 @@ import pytest
 from scipy.stats import binomtest
 
 from jblast.scene import Charge, Scene
-from jblast.study import flights as flights_module
 from jblast.study.flight_results import (
-    Profile,
+    Options,
     encounter_at,
     load_of,
     quantiles,
     share_interval,
 )
-from jblast.study.flights import Options, fly
+from jblast.study.flights import flight_seconds, fly
 from jblast.vehicle import blast_load, flight_metrics
 from tests.study.flights.scenes import PLACE, SHORT, SPEC, scene
 
 
 @pytest.fixture(scope="module")
 def flights():
-    return fly(scene(), SHORT)
+    return fly(scene(), **SHORT)
 
 
 @pytest.mark.slow
@@ -60,9 +59,8 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
     )
     for uncertain, blast in ((one, 2.0), (both, 3.0)):
         arrival = blast + 0.0092  # at 5.4 m
-        seconds = flights_module.flight_seconds(
-            uncertain.scene, SPEC, "scene.toml", Options()
-        )
+        load = load_of(uncertain.scene, Options())
+        seconds = flight_seconds(load, SPEC, "scene.toml", Options(), single=True)
         assert arrival + 5.0 <= seconds < arrival + 5.1
 
 
@@ -83,7 +81,7 @@ def test_the_interval_of_a_share_is_an_interval_about_the_share():
 def test_a_custom_profile_takes_the_place_of_the_charge():
     case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])
     made = Scene(Charge(mass_kg=1.0, position_m=(-3.0, 0.0, 2.0), time_s=0.3))
-    load = load_of(made, Profile(case[None]))
+    load = load_of(made, Options(profile=case[None]))
     level = jnp.array([0.0, 0.0, 0.0, 1.0])
     encounter = encounter_at(load, PLACE, level)
     assert float(encounter.arrival_s[0]) == pytest.approx(0.31)

@@ -8,8 +8,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Charge, Free, Normal, VehicleSpec
-from jblast.study.flight_results import Profile
-from jblast.study.flights import Options, fly
+from jblast.study.flights import fly
 from tests.study.flights.scenes import SHORT, SPEC, scene
 
 REFUSED = {
@@ -48,18 +47,18 @@ REFUSED = {
     ),
     "too short": (
         scene,
-        {"options": Options(seconds=0.005)},
+        {"seconds": 0.005},
         ["seconds: expected more than 0.0092 s", "got 0.005 s"],
     ),
-    "too long": (scene, {"options": Options(seconds=1e6)}, ["seconds", "at most"]),
+    "too long": (scene, {"seconds": 1e6}, ["seconds", "at most"]),
     "a step too large": (
         scene,
-        {"options": Options(seconds=2.0, step_s=0.3)},
+        {"seconds": 2.0, "step_s": 0.3},
         ["step_s: RK4 is stable up to"],
     ),
     "a negative tolerance": (
         scene,
-        {"options": Options(tolerance_m=-1.0)},
+        {"tolerance_m": -1.0},
         ["tolerance: expected a positive number"],
     ),
 }
@@ -79,11 +78,10 @@ def test_draws_that_cannot_be_are_refused():
     with pytest.raises(
         InputError, match=r"a prior of charge_mass_kg .* got -.* of 10000 samples"
     ):
-        fly(uncertain, SHORT, vehicles=10_000)
+        fly(uncertain, **SHORT, vehicles=10_000)
 
 
 def test_a_profile_whose_moments_are_about_another_place_is_not_flown():
     case = np.array([0.01, 8.0, np.pi / 2, np.pi, 1e-3, 0.0, 0.0, 0.0, 0.1, 0.0])
-    asked = dataclasses.replace(SHORT, profile=Profile(case[None]))
     with pytest.raises(InputError, match=r"a lever of 100 m; expected at most 0\.13 m"):
-        fly(scene(), asked)
+        fly(scene(), **SHORT, profile=case[None])

@@ -7,7 +7,6 @@ from jblast.scene import UncertainScene, read_scene
 from jblast.scene.uncertain import with_values
 from jblast.study import run
 from jblast.study.engine.launch import mesh_of
-from jblast.study.flight_results import Options
 from jblast.study.flights import fly
 from tests.study.example import study_in
 
@@ -43,7 +42,8 @@ def test_flights_are_those_of_fly_on_one_device_as_on_all(tmp_path):
     )
     alone = fly(
         UncertainScene(scene),
-        Options(step_s=STEP_S, backend="jax"),
+        step_s=STEP_S,
+        backend="jax",
         controllers=["with_integral"],
     ).holds["with_integral"]
     # rows of a sample are up to 20 ms apart: its peak is a little below
