@@ -196,12 +196,20 @@ class RunDetectors:
         ]
 
     def direction(self, flash: Flash) -> Direction | None:
-        """Return the direction of a burst from the camera at first light."""
-        camera, path = self._camera, self._path
-        if camera is None or not camera.mount:
-            return camera and direction_of(camera, flash.growth)
-        if path is None:
+        """Return the direction of a burst from the camera at first light.
+
+        It is unknown if an edge of the image may cut the first silhouette, so that its
+        middle is not that of the fireball.
+        """
+        camera, path, one = self._camera, self._path, flash.silhouettes[0]
+        if camera is None or (camera.mount and path is None):
             return None
+        size = np.array([camera.width, camera.height])
+        middle = np.array([one.x_px, one.y_px])
+        if np.minimum(middle, size - 1 - middle).min() < one.radius_px:
+            return None
+        if not camera.mount:
+            return direction_of(camera, flash.growth)
 
         def at(time_s: float) -> Camera:
             return carried_camera(camera, path, jnp.asarray(time_s))

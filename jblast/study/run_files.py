@@ -258,17 +258,15 @@ def _readings(
 
 
 def _flashes(run: Run, found: Sequence[RunDetection]) -> list[Reading]:
-    """Return time and direction of each detected flash with a direction."""
+    """Return time and direction of each detected flash."""
     rows: list[Reading] = []
     names = [charge.name for charge in run.world.scene.charges]
     for one in found:
-        if one.shot and one.direction is not None:
-            (bearing, bearing_sd, elevation, elevation_sd) = one.direction
-            values = {
-                "flash_time_s": (one.time_s, one.sigma_s),
-                "bearing_rad": (bearing, bearing_sd),
-                "elevation_rad": (elevation, elevation_sd),
-            }
+        if one.kind == "flash" and one.shot:
+            values = {"flash_time_s": (one.time_s, one.sigma_s)}
+            if one.direction is not None:
+                values |= {"bearing_rad": one.direction[:2]}
+                values |= {"elevation_rad": one.direction[2:]}
             row = run.arrivals.entities.index(CAMERA), names.index(one.shot)
             place = run.arrivals.places_m["flash_time_s"][row]
             rows += [Reading(CAMERA, q, *x, one.shot, place) for q, x in values.items()]

@@ -186,6 +186,9 @@ def test_a_flash_has_its_direction_though_the_camera_turns(scene):
     assert found.bearing_rad == pytest.approx(np.pi / 2 - 0.9, abs=2e-3)
     assert found.elevation_rad == pytest.approx(-np.arctan(0.1), abs=2e-3)
     assert RunDetectors(carried, arrivals(), SHOTS).direction(flash) is None
+    # an edge of the image cuts it: its middle is not that of the fireball
+    cut = flash._replace(silhouettes=(seen[0]._replace(y_px=2.0), *seen[1:]))
+    assert RunDetectors(carried, arrivals(), SHOTS, path=path).direction(cut) is None
 
 
 @pytest.mark.slow

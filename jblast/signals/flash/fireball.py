@@ -301,12 +301,13 @@ def _at_zero(
     since: Float[np.ndarray, " n"],
 ) -> tuple[float, float]:
     """Return the middle extrapolated to radius 0, and its standard deviation [px]."""
-    # the centre of a half disc is 4/(3 pi) = 0.42 R above the burst
-    if len(middle) == 1:
-        return float(middle[0]), float(np.hypot(0.42 * radius[0], POSITION_ERROR_PX))
     columns = [np.ones_like(radius)]
+    # the centre of a half disc is 4/(3 pi) = 0.42 R above the burst: a slope, or an
+    # error where few radii, or equal ones, do not give it
+    offset = 0.42 * radius.max()
     if len(middle) > 3 and np.ptp(radius) > 1.0:
         columns.append(radius)
+        offset = 0.0
     if len(middle) > 6:
         columns.append(since)
     design = np.stack(columns, axis=1)
@@ -316,7 +317,7 @@ def _at_zero(
     square = (design * weight[:, None]).T @ (design * weight[:, None])
     inflation = float(left @ left) / max(len(middle) - len(columns), 1)
     sd = np.sqrt(np.linalg.pinv(square)[0, 0] * max(inflation, RADIUS_ERROR_PX**2))
-    errors = sd, POSITION_ERROR_PX, ASYMMETRY * radius.max()
+    errors = sd, POSITION_ERROR_PX, ASYMMETRY * radius.max(), offset
     return float(found[0]), float(np.linalg.norm(errors))
 
 
