@@ -170,7 +170,7 @@ def program_of(
 
     def row(arrays: Any, now: FlightState, n: Array) -> PyTree[Array]:
         simulator, _, _ = one(arrays)
-        return now.motion, simulator.wrench(now.motion, now.impulse_wrench, n)
+        return now.motion, simulator.wrench(now.motion, now.row_wrench, n)
 
     arrays = [jax.ShapeDtypeStruct(*kind) for kind in kinds]
     real = ctype(kinds[-1][1])

@@ -13,6 +13,7 @@ distributed over the devices. On a CPU a chunk whose state stays in the L1 cache
 fastest; a GPU processes the whole batch as one chunk.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
 
@@ -33,6 +34,7 @@ from jblast.vehicle.state import (
     StateComponents,
     Vector,
     components,
+    dot,
     four,
     joined,
     three,
@@ -78,6 +80,8 @@ class FlightState(NamedTuple):
         memory: State of the controller.
         impulse_wrench: Mean force and moment of the pulses over the step.
         inactive_until_s: Time before which each pulse is zero.
+        strongest: Strongest `impulse_wrench` since the last stored row; () if each step
+            has a row or rows show the last step.
     """
 
     motion: StateComponents
@@ -86,6 +90,12 @@ class FlightState(NamedTuple):
     memory: PyTree[Array]
     impulse_wrench: Wrench
     inactive_until_s: tuple[Number, ...]
+    strongest: tuple[()] | Wrench = ()
+
+    @property
+    def row_wrench(self) -> Wrench:
+        """Mean force and moment of the pulses that a stored row shows."""
+        return self.strongest or self.impulse_wrench
 
 
 class Tick(NamedTuple):
@@ -131,6 +141,7 @@ class Simulator(eqx.Module):
         loads: Loads and pulses.
         ground_up_m: Height of the ground [m], or None.
         held: Steps per evaluation of the controller.
+        row_steps: Steps of a row that shows the strongest of their pulses.
         axis: Name of the `vmap` axis of a chunk of vehicles; None: a single vehicle.
     """
 
@@ -141,20 +152,22 @@ class Simulator(eqx.Module):
     loads: tuple[Any, ...] = ()
     ground_up_m: Float[Array, ""] | None = None
     held: int = eqx.field(static=True, default=1)
+    row_steps: int = eqx.field(static=True, default=1)
     axis: str | None = eqx.field(static=True, default=None)
 
     def start(self, state: State) -> FlightState:
         """Return the state of the flight before the first step."""
         motion = normal(components(state))
         zero = jnp.zeros_like(self.step_s)
-        single = zero.dtype == jnp.float32
+        single, none = zero.dtype == jnp.float32, ((zero, zero, zero),) * 2
         return FlightState(
             motion,
             (zero, zero, zero, zero) if single else None,
             motion.rotor_speed,
             jax.tree.map(_split, self._memory()),
-            ((zero, zero, zero), (zero, zero, zero)),
+            none,
             tuple(-jnp.inf + zero for _ in self._pulses()),
+            none if self.row_steps > 1 and self._pulses() else (),
         )
 
     def step(
@@ -186,6 +199,12 @@ class Simulator(eqx.Module):
         now = now._replace(
             impulse_wrench=impulse_wrench, inactive_until_s=inactive_until_s
         )
+        if now.strongest:
+            force, least = impulse_wrench[0], now.strongest[0]
+            new = (n % self.row_steps == 0) | (dot(force, force) > dot(least, least))
+            choose = functools.partial(jnp.where, new)
+            strongest = jax.tree.map(choose, impulse_wrench, now.strongest)
+            now = now._replace(strongest=strongest)
         if command is not None:
             now = now._replace(command=command)
         elif self.control is not None:
@@ -271,10 +290,10 @@ class Simulator(eqx.Module):
             now: FlightState, numbers: Int[Array, " step"]
         ) -> tuple[FlightState, tuple[StateComponents, Wrench]]:
             now, _ = jax.lax.scan(advance, now, numbers)
-            return now, (now.motion, now.impulse_wrench)
+            return now, (now.motion, now.row_wrench)
 
         now = self.start(state)
-        first = (now.motion, now.impulse_wrench)
+        first = (now.motion, now.row_wrench)
         even = steps // store_every * store_every
         numbers = jnp.arange(steps, dtype=jnp.int32)
         whole = numbers[:even].reshape(-1, store_every)

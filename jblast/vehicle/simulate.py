@@ -110,6 +110,7 @@ def simulate(
         tuple(loads),
         None if ground_up_m is None else floats(ground_up_m),
         held,
+        1 if batch else store_every,
     )
     times = stored_times(duration_s, step_s, store_every, dtype)
     # A remainder by rounding does not make the last step shorter.

@@ -102,7 +102,8 @@ class Trajectory(eqx.Module):
         rotor_speed_rad_s: Speeds of the four rotors [rad/s].
         force_n: Total force including weight, without that of the ground: mass times
             acceleration, east, north, up [N]. If a load jumps at a row, the force
-            before the jump; at the first row, the force after it.
+            before the jump; at the first row, the force after it. A row of several
+            steps has the strongest pulse of its steps; in a batch, that of the last.
         moment_n_m: Total moment about the centre of mass, body axes [N m].
         lost: True if a vehicle diverged; its rows are NaN from then on.
         set_point_m: Set point of the controller, east, north, up [m]; None: none known.

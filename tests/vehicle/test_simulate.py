@@ -127,6 +127,8 @@ def test_a_pulse_shorter_than_the_step_gives_its_whole_impulse(step):
         store_every=100,
     )
     np.testing.assert_allclose(answer.velocity_m_s[-1, 0], 0.1, rtol=1e-9)
+    # the row has the force of its strongest step, which is not its last
+    np.testing.assert_allclose(answer.force_n[-1, 0], 0.003 / step, rtol=1e-9)
     spin = 3e-6 / float(VEHICLE.inertia_kg_m2[0, 0])
     np.testing.assert_allclose(answer.body_rate_rad_s[-1, 0], spin, rtol=1e-9)
 
