@@ -43,9 +43,9 @@ from jblast.scene import (
 from jblast.sensors import recording, waves
 from jblast.sensors.simulated_readings import Noise
 from jblast.signals.arrival_log import log_of
-from jblast.signals.matched_filter import matched_kernel
+from jblast.signals.matched_filter import SAME_FRONT, matched_kernel
 from jblast.signals.noise import noise_spectrum
-from jblast.signals.sound_watch import SAME_FRONT, Channel, Searched, search
+from jblast.signals.sound_watch import Channel, Searched, search
 from jblast.signals.templates import blast_template
 
 SCENES, SEED = 200, 19

@@ -28,10 +28,10 @@ from jblast.signals.detect_files import (
     FilmDetections,
     SoundDetections,
 )
+from jblast.signals.detection import Detection, PulseFit
 from jblast.signals.flash.fireball import Direction, Growth, Silhouette
 from jblast.signals.flash.search import SLOW_HZ, Candidate, Flash
-from jblast.signals.matched_filter import Detection, in_decibels
-from jblast.signals.pulse_fit import PulseFit
+from jblast.signals.matched_filter import in_decibels
 from jblast.signals.sound_watch import Searched
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
         SoundDetections as SoundDetections,
         detect as detect,
     )
+    from jblast.signals.detection import Detection as Detection
     from jblast.signals.matched_filter import (
-        Detection as Detection,
         MatchedKernel as MatchedKernel,
         false_alarms_at as false_alarms_at,
         filtered as filtered,
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 HOMES = {
     "Channel": "jblast.signals.sound_watch",
-    "Detection": "jblast.signals.matched_filter",
+    "Detection": "jblast.signals.detection",
     "Direction": "jblast.signals.arrays",
     "FilmDetections": "jblast.signals.detect_files",
     "MatchedKernel": "jblast.signals.matched_filter",

@@ -63,7 +63,7 @@ from jaxtyping import Complex, Float
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError
-from jblast.signals.matched_filter import Detection
+from jblast.signals.detection import Detection
 from jblast.signals.noise import checked_samples
 
 MIN_MICROPHONES, MAX_MICROPHONES = 2, 8

@@ -26,7 +26,7 @@ from jblast.signals.arrays import (
     direction,
     relative_times,
 )
-from jblast.signals.matched_filter import Detection
+from jblast.signals.detection import Detection
 from jblast.signals.noise import bin_variances
 from jblast.signals.sound_watch import Searched
 

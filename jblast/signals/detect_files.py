@@ -27,15 +27,14 @@ from jblast.progress import Progress, counted, each, reported, stages
 from jblast.scene import Camera, Scene, UncertainScene, scene_of
 from jblast.signals.arrival_log import Log, log_of
 from jblast.signals.detect_arguments import Kind, check_arguments, kind_of
-from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
-from jblast.signals.picked_arrivals import picked_arrivals
-from jblast.signals.sound_watch import (
+from jblast.signals.detection import Detection
+from jblast.signals.matched_filter import (
+    FALSE_ALARMS_PER_HOUR,
     OTHER_FRONT,
     SAME_FRONT,
-    Channel,
-    Searched,
-    search,
 )
+from jblast.signals.picked_arrivals import picked_arrivals
+from jblast.signals.sound_watch import Channel, Searched, search
 from jblast.signals.templates import DURATIONS, bank_of_pulses, blast_template
 
 # sound does without the search of films
@@ -349,8 +348,9 @@ def _detect_sound(
         arrivals, others = one.detections, one.others
         if all_sounds:
             arrivals, others = tuple(sorted(arrivals + others)), ()
-        # an arrival of a template is the time of its first sample, perhaps no front
-        if not target.is_sound:
+        # an arrival of a template is that of its first sample, perhaps no front; those
+        # of a bank are picked already
+        if not (target.is_sound or target.is_bank):
             arrivals = picked_arrivals(arrivals, channel.samples, channel.rate_hz)
         if Path(channel.record).suffix.lower() in VIDEOS:
             arrivals = tuple(

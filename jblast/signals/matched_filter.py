@@ -62,7 +62,6 @@ from jblast.signals.noise import (
     fast_length,
     whitening_taps,
 )
-from jblast.signals.pulse_fit import PulseFit
 
 MEMORY_LINES = 0.5
 """Length of the whitening filter over the period of the finest step in frequency: half
@@ -92,6 +91,15 @@ _WINDOWED = np.sinc(_AWAY) * np.cos(0.5 * np.pi * _AWAY / (HALF_WIDTH + 1)).clip
 _INTERPOLATION = _WINDOWED / _WINDOWED.sum(axis=1, keepdims=True)
 """Matrix from samples to parts of a sample. A window less smooth than the cube of a
 cosine has ripples that move the flat maximum of a slow pulse by a tenth of a sample."""
+
+
+SAME_FRONT = 0.1
+"""Error of an arrival of exactly the template's form, by the position of the front
+between samples [samples]. Measured for 5 kg at 100 m, 48 kHz, 40 dB and more."""
+OTHER_FRONT = 0.5
+"""The same for a template by the laws, whose front differs from a real one's [samples].
+Measured there: 0.68 with a template for a quarter of the distance, 0.55 with clipping
+at two fifths of the peak."""
 
 
 class MatchedKernel(NamedTuple):
@@ -239,34 +247,6 @@ def false_alarms_at(kernel: MatchedKernel, threshold: float) -> float:
 def in_decibels(statistic: float) -> float:
     """Return the signal-to-noise ratio 2E/N0 of a statistic in sigmas [dB]."""
     return 20 * math.log10(statistic)
-
-
-class Detection(NamedTuple):
-    """One detected sound.
-
-    Attributes:
-        time_s: Arrival of the template's first sample, from the first sample on [s].
-        sigma_s: Standard deviation of that time [s].
-        snr_db: Estimate of 2E/N0 [dB].
-        statistic: The same, in standard deviations of the noise.
-        template_s: Length of the template [s].
-        spread_s: Range of the times by all templates of a bank, each at its loudest
-            [s]: none for a sound of their form, large for any other.
-        fit: Comparison with the form of a blast; None in a search without that test.
-    """
-
-    time_s: float
-    sigma_s: float
-    snr_db: float
-    statistic: float
-    template_s: float = 0.0
-    spread_s: float = 0.0
-    fit: PulseFit | None = None
-
-    @property
-    def is_blast(self) -> bool:
-        """False if the form is not that of a blast, or the noise before it as loud."""
-        return self.fit is None or self.fit.blast_form
 
 
 def between_samples(near: Float[np.ndarray, " sample"]) -> tuple[float, float]:

@@ -1,8 +1,9 @@
 r"""Goodness of fit of a blast pulse to an arrival, against other impulsive sounds.
 
 A matched filter responds to any loud sound. The test here compares an arrival with a
-blast pulse sample by sample, after a causal whitening filter that leaves the noise
-independent with variance 1. In the window $w$ of $n$ samples around the arrival the
+blast pulse sample by sample. The ambient sound is noise with the spectrum of the second
+before the window, be it a gust, a bird or a voice, and a causal whitening filter leaves
+it independent with variance 1. In the window $w$ of $n$ samples around the arrival the
 model is a pulse of the bank through a low-pass, its positive phase $h^+$, and one
 reflection,
 
@@ -10,7 +11,10 @@ $$m(t) = a\,h_{T,b}(t - t_0) + p\,h^+_{T,b}(t - t_0) + r\,h_{T,b}(t - t_0 - \tau
 
 with seven free numbers: arrival, duration $T$, bandwidth $b$ (absorption and rise
 time), size of the suction, $a$, and of the positive phase, $a + p$, and size and delay
-of the reflection (ground, facade). With $E = |m|^2$ and $\chi^2 = |w - m|^2$:
+of the reflection (ground, facade). What may be a blast is picked as a record is
+(`picks`), and rejected if it cannot be. Where the pulse of the pick fits its samples it
+is a further pulse of the model: that of a loud blast is far nearer than any of a bank.
+With $E = |m|^2$ and $\chi^2 = |w - m|^2$:
 
 - *Misfit* $(\chi^2 - \nu)/E$ with $\nu = n - 7$ degrees of freedom: energy that the
   pulse leaves unexplained, per energy that it explains. In Gaussian noise a perfect
@@ -22,12 +26,12 @@ of the reflection (ground, facade). With $E = |m|^2$ and $\chi^2 = |w - m|^2$:
 - *Likelihood ratio* against ringing: the best decaying oscillation
   $e^{-\pi f t / Q}\,(c \cos 2\pi f t + s \sin 2\pi f t)$ explains an energy
   $E_\mathrm{ring}$ of the same window with five free numbers: $c$, $s$, arrival,
-  frequency $f$ and quality $Q \ge 3$. A second one from the same onset explains more
-  with four further numbers. In Gaussian noise
-  $\ln(L/L_\mathrm{ring}) = (E - E_\mathrm{ring})/2$, and for two oscillations, which
-  have two numbers more than the pulse, $\ln n$ is added (Schwarz 1978). The smaller one
-  counts. Doors, drums, hammers, hail, clicks through a resonance and voiced
-  sounds belong to this class.
+  frequency $f$ and quality $Q \ge 3$. A second and a third one from the same onset
+  explain more with four further numbers each. In Gaussian noise
+  $\ln(L/L_\mathrm{ring}) = (E - E_\mathrm{ring})/2$. Two and three oscillations have
+  two and six numbers more than the pulse, for each of which $\tfrac12 \ln n$ is added
+  (Schwarz 1978). The smallest counts. Doors, drums, hammers, hail, clicks through a
+  resonance and voiced sounds belong to this class.
 
 The window begins `BEFORE_S` before the arrival and ends `AFTER_S` after the pulse of
 the bank that found it: noise bursts, gusts, and peals in a roll of thunder do not rise
@@ -37,23 +41,32 @@ quiet surroundings has the form of a blast and is accepted.
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from jblast.signals.noise import NoiseSpectrum, correlated, fast_length, whitening_taps
+from jblast.errors import InputError
+from jblast.observations.records.recording import PressureRecord
+from jblast.signals.detection import PulseFit
+from jblast.signals.noise import (
+    NoiseSpectrum,
+    bin_variances,
+    fast_length,
+    noise_spectrum,
+    whitening_taps,
+)
+from jblast.signals.picks.pick import LEAST_SAMPLES, FittedPulse
+from jblast.signals.picks.record_picks import NO_PULSE, RecordPick, pick_records
 
 BEFORE_S, AFTER_S = 0.05, 0.1
 """Window before the arrival and after the pulse [s]: a cycle of 20 Hz, and the next
 peal, drop or syllable. A longer end counts the reverberation of blasts as misfit."""
-LEVEL_S = 1.0
-"""Time before the window in which the noise level is measured [s]: the level of a gust,
-a bird or a voice, which may be far above the mean of the recording."""
-LEAST_LEVEL_S = 0.1
-"""Smallest part of it, at the beginning of a recording [s]; with less the level is the
-mean of the recording."""
+NOISE_S = 1.0
+"""Time before the window in which the noise is measured [s]: that of a gust, a bird or
+a voice, which may be far above the mean of the recording."""
+LEAST_NOISE_S = 0.3
+"""Smallest part of it, at the beginning of a recording [s]; with less the noise is that
+of the recording."""
 NEIGHBOUR_TEMPLATES = 1
 """Durations of the bank that are fitted on either side of the one that found the
 arrival. With three, 2 of 104 struck plates and drums in white noise are accepted as
@@ -77,13 +90,14 @@ the lowest quality."""
 QUALITIES = (3.0, 6.0, 15.0)
 """Qualities of the oscillations. At a quality of 3 the second cycle has a third of the
 first one's amplitude; one of lower quality is nearly a blast's pulse and suction."""
-MAX_WINDOWS = 4
-"""Largest number of pulses whose models are stored, up to 20 MB each at 48 kHz."""
 LEAD_S = 0.002
 """Time before the front at which a Gaussian low-pass of 600 Hz begins [s]: 7 sd."""
 FITTED_NUMBERS = 7
 """Number of fitted parameters: template, band, arrival and two sizes of the pulse,
 delay and size of the second one."""
+OSCILLATIONS = 3
+"""Largest number of oscillations of one onset, with five free numbers and four more for
+each further one: a struck plate or drum has several modes."""
 MAX_MISFIT = 1.25
 """Largest misfit of a blast. It accepts 98 of 104 simulated blasts after absorption,
 reflection, reverberation, high-pass and clipping, and 8 of 585 other arrivals; 1.0
@@ -93,55 +107,14 @@ LEAST_LOG_LIKELIHOOD_RATIO = float(np.log(100.0))
 """Smallest log likelihood ratio of a blast. Everyday impulsive sounds are assumed to be
 a hundred times as frequent as blasts; the posterior odds are then even."""
 
-
-class PulseFit(NamedTuple):
-    """Fit of an arrival by a blast pulse.
-
-    Attributes:
-        blast_form: Whether the arrival has the form of a blast pulse, and exceeds the
-            threshold in the noise just before it.
-        misfit: Unexplained energy over that of the pulse.
-        log_likelihood_ratio: Natural logarithm of the likelihood of the pulse over that
-            of the best decaying oscillation, or two.
-        fit_p: Probability of a larger chi-squared for the largest accepted misfit.
-        fit_dof: Degrees of freedom of chi-squared.
-        noise_level: Rms noise in the pulse's band before the arrival over that of the
-            whole recording.
-    """
-
-    blast_form: bool
-    misfit: float
-    log_likelihood_ratio: float
-    fit_p: float
-    fit_dof: int
-    noise_level: float
-
-
-class _Window(NamedTuple):
-    """Models for the arrivals of one pulse of the bank.
-
-    Attributes:
-        length: Number of samples of the window.
-        before: Number of samples before the arrival.
-        size: Length of the Fourier transforms.
-        pulses: Whitened pulses of unit energy, each from `lead` samples before its
-            front.
-        positive: Their positive phases.
-        transforms: Transforms of the pulses.
-        rings: Transforms of orthonormal pairs of whitened oscillations.
-    """
-
-    length: int
-    before: int
-    size: int
-    pulses: Float[np.ndarray, "pulse tap"]
-    positive: Float[np.ndarray, "pulse tap"]
-    transforms: np.ndarray
-    rings: np.ndarray
+PICKED_BEFORE_S, PICKED_AFTER_S, PICKED_LENGTHS = 0.25, 0.1, 3.0
+"""Interval before an arrival that is picked [s], and after it [s] or in lengths of its
+template: quiet enough to measure the noise, and the whole pulse if it is longer than
+the template, but few of the sounds that follow."""
 
 
 class PulseTest:
-    """Test of a channel's arrivals against the pulses of a bank.
+    """Test of a channel's arrivals against the pulses of a bank, and their picks.
 
     Args:
         templates: Pulses of the bank in order of duration, at the channel's rate.
@@ -156,94 +129,191 @@ class PulseTest:
         noise: NoiseSpectrum,
     ):
         self._templates, self._rate_hz, self._noise = templates, rate_hz, noise
-        self._taps = whitening_taps(noise, rate_hz)
         self._lead = max(round(LEAD_S * rate_hz), 1)
         self._shift = max(round(SHIFT_S * rate_hz), 1)
-        # models of a window are computed once for all arrivals of one template
-        self._window = lru_cache(MAX_WINDOWS)(self._models)
+        self._before = max(round(BEFORE_S * rate_hz), self._shift + self._lead)
 
     def __call__(
         self,
         samples: Float[np.ndarray, " sample"],
         time_s: float,
         nth: int,
-        over: float = math.inf,
-    ) -> PulseFit:
-        """Fit an arrival.
+        threshold: float = 0.0,
+    ) -> tuple[PulseFit, RecordPick | None]:
+        """Fit an arrival; return the test, and the pick of what may be a blast.
 
         Args:
             samples: Samples of the channel.
             time_s: Arrival [s].
             nth: Number of the template that found it.
-            over: Its statistic over the threshold in the noise of the whole recording.
+            threshold: Smallest statistic of a blast [standard deviations].
         """
-        window = self._window(nth)
-        at = round(time_s * self._rate_hz)
-        earlier, w = self._whitened(samples, at, window)
-        spectrum = np.fft.rfft(w, window.size)
-        lags = window.before + np.arange(-self._shift, self._shift + 1)
-        pulse, model = self._pulse(w, spectrum, window, lags)
-        level, power = 1.0, 1.0
-        if earlier.size >= pulse.size + LEAST_LEVEL_S * self._rate_hz:
-            power = float(np.mean(earlier**2))
-            level = float(np.sqrt(np.mean(correlated(earlier, pulse) ** 2)))
-        energy = float(model @ model)
-        chi2 = float(np.sum((w - model) ** 2))
-        one, two = self._ringing(w, spectrum, window, lags)
-        begin = at - window.before
-        dof = min(begin + window.length, samples.size) - max(begin, 0) - FITTED_NUMBERS
-        # louder noise before the window does not excuse a misfit: it may have ended, or
-        # belong to the same sound
-        least = min(power, 1.0)
+        rate, long = self._rate_hz, self._templates[nth].size
+        begin = round(time_s * rate) - self._before
+        noise = self._noise_before(samples[: max(begin, 0)])
+        room = long + max(round(AFTER_S * rate), 1)
+        window = _Window(samples, begin, self._before + room, noise, rate)
+        near = slice(max(nth - NEIGHBOUR_TEMPLATES, 0), nth + NEIGHBOUR_TEMPLATES + 1)
+        lead, length = np.zeros(self._lead), self._lead + room
+        shapes = [np.append(lead, one)[:length] for one in self._templates[near]]
+        lags = np.arange(-self._shift, self._shift + 1) + self._before - self._lead
+        model, statistic = window.pulse(shapes, lags)
+        likely = window.misfit(model) <= MAX_MISFIT and statistic > threshold
+        picked = pick_near(time_s, long / rate, samples, rate) if likely else None
+        if picked is not None and (own := fitted_pulse(picked)) is not None:
+            at = round(picked.pick.air_arrival_s * rate) - self._lead
+            shape = own.means((at - 0.5 + np.arange(length + 1)) / rate)
+            # it is where it was picked, but for the parts of a sample
+            places = np.arange(at - begin - 2, at - begin + 3).clip(0, self._before)
+            refit, _ = window.pulse([shape], places)
+            model = max(model, refit, key=lambda one: float(one @ one))
+        energy, dof, misfit = float(model @ model), window.dof, window.misfit(model)
+        log_ratio = min(
+            0.5 * (energy - other) + max(2 * nth - 1, 0) * math.log(dof)
+            for nth, other in enumerate(window.ringing(lags + self._lead))
+        )
         accepted = MAX_MISFIT * energy
         # normal limit of the noncentral chi-squared, at hundreds of degrees of freedom
-        spread = np.sqrt(2 * least * (dof * least + 2 * accepted))
-        z = (chi2 - dof * least - accepted) / spread
-        misfit = (chi2 - dof * least) / energy
-        log_ratio = min(
-            (energy - one) / (2 * max(level, 1.0) ** 2),
-            (energy - two) / (2 * max(level, 1.0) ** 2) + math.log(dof),
+        z = (misfit * energy - accepted) / np.sqrt(2 * (dof + 2 * accepted))
+        return PulseFit(
+            picked is not None and log_ratio >= LEAST_LOG_LIKELIHOOD_RATIO,
+            misfit,
+            log_ratio,
+            fit_p=0.5 * math.erfc(z / math.sqrt(2)),
+            fit_dof=dof,
+            noise_level=self._level(nth, noise),
+        ), picked
+
+    def _noise_before(self, samples: np.ndarray) -> NoiseSpectrum:
+        """Return the spectrum of the sound before a window, or of the recording."""
+        earlier = samples[-round(NOISE_S * self._rate_hz) :]
+        if earlier.size < LEAST_NOISE_S * self._rate_hz:
+            return self._noise
+        try:
+            noise = noise_spectrum(earlier, self._rate_hz)
+        except InputError:  # digital silence
+            return self._noise
+        # mean of inverse densities over n windows (Reed, Mallett and Brennan 1974)
+        windows = 2 * earlier.size / self._rate_hz * float(noise.frequency_hz[1])
+        return noise._replace(density=noise.density / (1.0 - 1.0 / windows))
+
+    def _level(self, nth: int, noise: NoiseSpectrum) -> float:
+        """Return the rms of a noise in the band of a pulse over the channel's."""
+        size = fast_length(self._templates[nth].size)
+        power = np.abs(np.fft.rfft(self._templates[nth], size)) ** 2
+        here, mean = (
+            np.sum(power / bin_variances(one, size, self._rate_hz))
+            for one in (noise, self._noise)
         )
-        is_pulse = misfit <= MAX_MISFIT and log_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
-        p = 0.5 * math.erfc(z / math.sqrt(2))
-        return PulseFit(is_pulse and over > level, misfit, log_ratio, p, dof, level)
+        return float(np.sqrt(mean / here))
 
-    def _whitened(
-        self, samples: np.ndarray, at: int, window: _Window
-    ) -> tuple[Float[np.ndarray, " earlier"], Float[np.ndarray, " sample"]]:
-        """Return the whitened samples before an arrival's window, and the window.
 
-        The first result has only samples of the recording; the window is zero outside.
-        """
-        begin = at - window.before
+def pick_near(
+    time_s: float,
+    template_s: float,
+    samples: Float[np.ndarray, " sample"],
+    rate_hz: float,
+    spread_s: float = 0.0,
+) -> RecordPick | None:
+    """Return the pick of the sound at an arrival; None for a poor one or another sound.
+
+    Args:
+        time_s: Arrival, from the first sample on [s].
+        template_s: Length of its template [s].
+        samples: The samples about it, in any unit.
+        rate_hz: Sampling rate [Hz].
+        spread_s: Range of the times by all templates [s].
+    """
+    last_s = time_s + max(PICKED_AFTER_S, PICKED_LENGTHS * template_s)
+    whole = np.array([time_s - PICKED_BEFORE_S, last_s]) * rate_hz
+    begin, end = np.clip(whole, 0, samples.size).astype(int).tolist()
+    if end - begin < LEAST_SAMPLES or not np.ptp(samples[begin:end]) > 0:
+        return None
+    record = PressureRecord(
+        name="",
+        samples=samples[begin:end],
+        rate_hz=rate_hz,
+        start_s=begin / rate_hz,
+        calibrated=False,
+    )
+    (picked,) = pick_records([record])
+    # a short pulse can be loudest within a longer sound, at which others begin
+    reach_s = max(template_s, spread_s)
+    near = abs(picked.pick.air_arrival_s - time_s) <= reach_s
+    return picked if picked.quality != "poor" and near else None
+
+
+def fitted_pulse(picked: RecordPick) -> FittedPulse | None:
+    """Return the pulse of a pick that fits its samples; None without one."""
+    others = NO_PULSE | {"reversed_polarity"}
+    return None if others & set(picked.notes) else picked.pick.pulse
+
+
+class _Window:
+    """Whitened samples about an arrival, and models of them.
+
+    Attributes:
+        dof: Degrees of freedom of its samples within the recording.
+    """
+
+    def __init__(
+        self,
+        samples: np.ndarray,
+        begin: int,
+        length: int,
+        noise: NoiseSpectrum,
+        rate_hz: float,
+    ):
+        self._rate_hz, self._taps = rate_hz, whitening_taps(noise, rate_hz)
         memory = self._taps.size - 1
-        start = begin - round(LEVEL_S * self._rate_hz) - memory
-        stop = begin + window.length
-        first, last = max(start, 0), min(stop, samples.size)
-        size = fast_length(last - first + memory)
-        inside = np.fft.rfft(samples[first:last] - self._noise.offset, size)
-        product = np.fft.irfft(inside * np.fft.rfft(self._taps, size), size)
+        first, last = max(begin - memory, 0), min(begin + length, samples.size)
+        start = max(begin, 0)
+        white = self._whitened(samples[first:last] - noise.offset)
         # zero outside: the response to the end of the recording is no sound
-        white = np.zeros(stop - start)
-        white[first - start : last - start] = product[: last - first]
-        return white[first - start + memory : begin - start], white[begin - start :]
+        self._white = np.zeros(length)
+        self._white[start - begin : last - begin] = white[start - first :]
+        self._size = fast_length(length + 2 * max(round(SHIFT_S * rate_hz), 1))
+        self._spectrum = np.fft.rfft(self._white, self._size)
+        self.dof = last - start - FITTED_NUMBERS
 
-    def _pulse(
-        self, w: np.ndarray, spectrum: np.ndarray, window: _Window, lags: np.ndarray
-    ) -> tuple[Float[np.ndarray, " tap"], Float[np.ndarray, " sample"]]:
-        """Return the best pulse, and the window of it and its reflection."""
-        starts = lags - self._lead
-        around = np.fft.irfft(spectrum * np.conj(window.transforms), window.size)
+    def misfit(self, model: Float[np.ndarray, " sample"]) -> float:
+        """Return the energy that a model leaves over that of the model."""
+        left = float(np.sum((self._white - model) ** 2))
+        return (left - self.dof) / float(model @ model)
+
+    def pulse(
+        self, shapes: Sequence[np.ndarray], starts: Int[np.ndarray, " start"]
+    ) -> tuple[Float[np.ndarray, " sample"], float]:
+        """Return the best pulse and its reflection, and the statistic of the pulse.
+
+        Args:
+            shapes: Pulses of equal length.
+            starts: Possible numbers of their first sample in the window.
+        """
+        length = self._white.size
+        rows = np.zeros((2, len(shapes), max(one.size for one in shapes)))
+        for nth, one in enumerate(shapes):
+            rows[0, nth, : one.size] = one / np.abs(one).max()
+            end = np.argmax(one) + np.argmax(np.append(one[np.argmax(one) :], -1.0) < 0)
+            rows[1, nth, :end] = rows[0, nth, :end]
+        wide = fast_length(rows.shape[-1] + self._taps.size)
+        f = np.fft.rfftfreq(wide, 1 / self._rate_hz)
+        bands = np.array([np.exp(-0.5 * (f / band) ** 2) for band in BANDS_HZ])
+        gain = np.fft.rfft(self._taps, wide) * bands
+        spectra = np.fft.rfft(rows, wide)[:, :, None] * gain
+        white = np.fft.irfft(spectra, wide)[..., : rows.shape[-1]]
+        white = white.reshape(2, -1, rows.shape[-1])
+        pulses, positive = white / np.linalg.norm(white, axis=-1, keepdims=True)
+        transforms = np.fft.rfft(pulses, self._size)
+        around = np.fft.irfft(self._spectrum * np.conj(transforms), self._size)
         nth, lag = np.unravel_index(
-            np.argmax(around[:, starts]), (len(around), lags.size)
+            np.argmax(around[:, starts]), (len(around), starts.size)
         )
         start = int(starts[lag])
-        pulse = window.pulses[nth]
-        direct = _placed(pulse, start, w.size)
+        pulse = pulses[nth]
         later = np.arange(3, max(round(REFLECTION_S * self._rate_hz), 4))
         # autocorrelation of the pulse by its power spectrum
-        power = np.abs(window.transforms[nth]) ** 2
-        likeness = np.fft.irfft(power, window.size)[later]
+        likeness = np.fft.irfft(np.abs(transforms[nth]) ** 2, self._size)[later]
         one, two = around[nth, start], around[nth, start + later]
         # least squares for two pulses of unit energy at every delay, in closed form
         first = (one - likeness * two) / (1 - likeness**2)
@@ -252,79 +322,57 @@ class PulseTest:
         allowed = (second > 0) & (second <= first)
         gain = np.where(allowed, one * first + two * second, 0.0)
         best = int(np.argmax(gain))
-        columns = [direct, _placed(window.positive[nth], start, w.size)]
+        columns = [_placed(pulse, start, length), _placed(positive[nth], start, length)]
         if gain[best] > one**2:
-            columns.append(_placed(pulse, start + int(later[best]), w.size))
+            columns.append(_placed(pulse, start + int(later[best]), length))
         basis = np.stack(columns, axis=1)
-        sizes, *_ = np.linalg.lstsq(basis, w, rcond=None)
-        return pulse, basis @ sizes
+        sizes, *_ = np.linalg.lstsq(basis, self._white, rcond=None)
+        return basis @ sizes, float(one)
 
-    def _ringing(
-        self, w: np.ndarray, spectrum: np.ndarray, window: _Window, lags: np.ndarray
-    ) -> tuple[float, float]:
-        """Return the energies explained by the best oscillation, and by two."""
-        around = np.fft.irfft(spectrum * np.conj(window.rings), window.size)[..., lags]
-        energies = np.sum(around**2, axis=1)
-        nth, at = np.unravel_index(np.argmax(energies), energies.shape)
-        turn = np.exp(2j * np.pi / window.size * lags[at] * np.arange(spectrum.size))
-        first = np.fft.irfft(window.rings[nth] / turn, window.size)[:, : w.size]
-        rest = np.fft.rfft(w - first.T @ (first @ w), window.size)
-        products = (np.conj(window.rings) @ (rest * turn)).real
-        other = window.rings[np.argmax(np.sum(products**2, axis=1))]
-        second = np.fft.irfft(other / turn, window.size)[:, : w.size]
-        basis = np.concatenate([first, second]).T
-        sizes, *_ = np.linalg.lstsq(basis, w, rcond=None)
-        return float(energies[nth, at]), float(np.sum((basis @ sizes) ** 2))
+    def ringing(self, starts: Int[np.ndarray, " start"]) -> list[float]:
+        """Return the energies explained by the best oscillation, and by more of them.
 
-    def _models(self, nth: int) -> _Window:
-        rate = self._rate_hz
-        before = max(round(BEFORE_S * rate), self._shift + self._lead)
-        room = self._templates[nth].size + max(round(AFTER_S * rate), 1)
-        taps = room + self._lead
-        size = fast_length(before + room + 2 * self._shift)
-        wide = fast_length(taps + self._taps.size)
-        gain = np.fft.rfft(self._taps, wide)
-        f = np.fft.rfftfreq(wide, 1 / rate)
-        near = self._templates[
-            max(nth - NEIGHBOUR_TEMPLATES, 0) : nth + NEIGHBOUR_TEMPLATES + 1
-        ]
-        shapes = np.zeros((2, len(near), wide))
-        for nth_near, template in enumerate(near):
-            part = template[:room] / np.abs(template).max()
-            positive = np.argmax(np.append(part, -1.0) < 0)
-            shapes[0, nth_near, self._lead : self._lead + part.size] = part
-            shapes[1, nth_near, self._lead : self._lead + positive] = part[:positive]
-        bands = np.array([np.exp(-0.5 * (f / band) ** 2) for band in BANDS_HZ])
-        spectra = np.fft.rfft(shapes)[:, :, None] * (gain * bands)
-        rows = np.fft.irfft(spectra, wide)[..., :taps].reshape(2, -1, taps)
-        pulses, positive = rows / np.linalg.norm(rows, axis=-1, keepdims=True)
-        return _Window(
-            length=before + room,
-            before=before,
-            size=size,
-            pulses=pulses,
-            positive=positive,
-            transforms=np.fft.rfft(pulses, size),
-            rings=np.fft.rfft(self._rings(room, wide, gain), size),
-        )
+        Args:
+            starts: Possible numbers of their first sample in the window.
+        """
+        length, size = self._white.size, self._size
+        rings = np.fft.rfft(self._rings(length - int(starts[0])), size)
+        around = np.fft.irfft(self._spectrum * np.conj(rings), size)[..., starts]
+        at = np.unravel_index(np.argmax(np.sum(around**2, axis=1)), around[:, 0].shape)
+        angle = 2 * np.pi / size * starts[at[1]] * np.arange(self._spectrum.size)
+        rings *= np.exp(-1j * angle)
+        left, basis, energies = self._white, np.zeros((length, 0)), []
+        for _ in range(OSCILLATIONS):
+            # each is the one that explains most of what is left
+            products = (np.conj(rings) @ np.fft.rfft(left, size)).real
+            best = rings[np.argmax(np.sum(products**2, axis=1))]
+            basis = np.append(basis, np.fft.irfft(best, size)[:, :length].T, axis=1)
+            sizes, *_ = np.linalg.lstsq(basis, self._white, rcond=None)
+            left = self._white - basis @ sizes
+            energies.append(float(np.sum((basis @ sizes) ** 2)))
+        return energies
 
-    def _rings(
-        self, room: int, wide: int, gain: np.ndarray
-    ) -> Float[np.ndarray, "ring 2 tap"]:
+    def _rings(self, count: int) -> Float[np.ndarray, "ring 2 tap"]:
         """Return whitened decaying oscillations, orthonormal pairs."""
         low, high = FREQUENCIES_HZ
         # below half the rate, where an oscillation is still sampled
         high = min(high, 0.45 * self._rate_hz)
-        count = max(round(PER_OCTAVE * np.log2(high / low)), 2)
-        t = np.arange(room) / self._rate_hz
-        frequency = np.repeat(np.geomspace(low, high, count), len(QUALITIES))
-        quality = np.tile(QUALITIES, count)
+        many = max(round(PER_OCTAVE * np.log2(high / low)), 2)
+        t = np.arange(count) / self._rate_hz
+        frequency = np.repeat(np.geomspace(low, high, many), len(QUALITIES))
+        quality = np.tile(QUALITIES, many)
         decay = -np.pi * frequency / quality
         fall, turn = np.exp(decay[:, None] * t), 2 * np.pi * frequency[:, None] * t
         pairs = np.stack([fall * np.sin(turn), fall * np.cos(turn)], axis=1)
-        whitened = np.fft.irfft(np.fft.rfft(pairs, wide) * gain, wide)[..., :room]
         # orthonormal: explained energies then add up for any phase
-        return np.linalg.qr(whitened.swapaxes(1, 2))[0].swapaxes(1, 2)
+        return np.linalg.qr(self._whitened(pairs).swapaxes(1, 2))[0].swapaxes(1, 2)
+
+    def _whitened(
+        self, rows: Float[np.ndarray, "*row sample"]
+    ) -> Float[np.ndarray, "*row sample"]:
+        wide = fast_length(rows.shape[-1] + self._taps.size)
+        product = np.fft.rfft(rows, wide) * np.fft.rfft(self._taps, wide)
+        return np.fft.irfft(product, wide)[..., : rows.shape[-1]]
 
 
 def _placed(pulse: np.ndarray, start: int, count: int) -> Float[np.ndarray, " sample"]:

@@ -12,8 +12,8 @@ sound found by a bank of pulses is compared with the form of a blast (`pulse_fit
 
 The noise is given, or learnt from the first second by the median over windows, which a
 blast in it hardly changes. It is then refined as more of it is known
-(`noise.NoiseFollower`), without the sound around arrivals. In addition a blast must
-exceed the threshold in the noise just before it (`PulseTest`).
+(`noise.NoiseFollower`), without the sound around arrivals. In addition the pulse of a
+blast must exceed the threshold in the noise just before it (`PulseTest`).
 
 An estimate of the noise over few seconds has an error, which would increase the rate of
 false alarms. An output in true standard deviations crosses $u$ upwards at a rate
@@ -44,10 +44,11 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from jblast.errors import InputError
+from jblast.signals.detection import Detection
 from jblast.signals.matched_filter import (
     FALSE_ALARMS_PER_HOUR,
     HALF_WIDTH,
-    Detection,
+    OTHER_FRONT,
     MatchedKernel,
     between_samples,
     in_decibels,
@@ -65,10 +66,11 @@ from jblast.signals.noise import (
     white_noise,
     window_size,
 )
+from jblast.signals.picked_arrivals import timed
 from jblast.signals.pulse_fit import (
     AFTER_S,
     BEFORE_S as FITTED_BEFORE_S,
-    LEVEL_S,
+    NOISE_S,
     PulseTest,
 )
 
@@ -78,13 +80,6 @@ and lengths of the longest template after it, for reverberation."""
 LEAST_QUIET = 0.5
 """Smallest share of a recording in which the noise is measured without its sounds; with
 less left, the spectrum of the whole recording is the better estimate."""
-SAME_FRONT = 0.1
-"""Error of an arrival of exactly the template's form, by the position of the front
-between samples [samples]. Measured for 5 kg at 100 m, 48 kHz, 40 dB and more."""
-OTHER_FRONT = 0.5
-"""The same for a template by the laws, whose front differs from a real one's [samples].
-Measured there: 0.68 with a template for a quarter of the distance, 0.55 with clipping
-at two fifths of the peak."""
 LEARN_S = 1.0
 """First part of a stream, in which the noise is learnt [s]: its median is worth the
 mean of ten windows. The first thresholds of short pulses are 1.1 times as high as later
@@ -210,7 +205,7 @@ class SoundWatch:
         self._block = size * max(1, min(longest // (2 * size) + 1, 2))
         self._learn = self._block * math.ceil(LEARN_S * rate_hz / self._block)
         # the form test uses samples after the pulse, too, and long before it
-        after, earlier = (AFTER_S, LEVEL_S + FITTED_BEFORE_S) if forms else (0.0, 0.0)
+        after, earlier = (AFTER_S, NOISE_S + FITTED_BEFORE_S) if forms else (0.0, 0.0)
         self._wait = max(longest, round(after * rate_hz) + 1, HALF_WIDTH)
         self._keep = round(earlier * rate_hz) + 2 * (size + longest + self._block)
         self._keep += self._wait
@@ -372,20 +367,20 @@ class SoundWatch:
         loud = beside.max(axis=1) > self.thresholds
         times = beside[loud].argmax(axis=1)
         kernel, time_s = self.kernels[nth], (peak + shift) / rate
-        fit = None
-        if self._forms:
-            first, samples = self.latest
-            over = height / float(self.thresholds[nth])
-            fit = self._test(samples, time_s - first / rate, nth, over)
-        return Detection(
+        found = Detection(
             time_s=time_s,
             sigma_s=math.hypot(1 / (kernel.timing_rad_s * height), self._front_s),
             snr_db=in_decibels(height),
             statistic=height,
             template_s=(kernel.reach + 1) / rate,
             spread_s=float(np.ptp(times)) / rate if times.size else 0.0,
-            fit=fit,
         )
+        if not self._forms:
+            return found
+        first, samples = self.latest
+        at_s, least = time_s - first / rate, float(self.thresholds[nth])
+        fit, picked = self._test(samples, at_s, nth, least)
+        return timed(found._replace(fit=fit), picked, rate, first / rate)
 
     def _follow(self, follower: NoiseFollower, filtered: int) -> None:
         """Update the noise by blocks whose neighbourhood is filtered."""

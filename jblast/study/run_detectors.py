@@ -25,11 +25,11 @@ from jblast.sensors.camera.geometry import (
     project,
     unproject,
 )
+from jblast.signals.detection import Detection
 from jblast.signals.flash import Flash, FlashWatch
 from jblast.signals.flash.fireball import Direction, direction_of, growth
 from jblast.signals.flash.watch import DRIFT, MIN_PIXELS
-from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR, Detection
-from jblast.signals.picked_arrivals import picked_arrivals
+from jblast.signals.matched_filter import FALSE_ALARMS_PER_HOUR
 from jblast.signals.sound_watch import LEAST_NOISE, SoundWatch
 from jblast.signals.templates import bank_of_pulses
 from jblast.study.running import Frames, Packet, RunDetection, Samples
@@ -150,15 +150,13 @@ class RunDetectors:
 
     def _sounds(self, name: str, found: Iterable[Detection]) -> list[RunDetection]:
         """Return the detections of the last push to a microphone's search."""
-        watch, start_s = self._ears[name]
-        first, samples = watch.latest
-        arrivals = [one for one in found if one.is_blast]
-        rate_hz = watch.rate_hz
+        _, start_s = self._ears[name]
         return [
             self._detection(
                 name, "sound", start_s + one.time_s, one.sigma_s, one.statistic
             )
-            for one in picked_arrivals(arrivals, samples, rate_hz, first / rate_hz)
+            for one in found
+            if one.is_blast
         ]
 
     def _looked(self, frames: Frames) -> list[RunDetection]:

@@ -16,7 +16,7 @@ from jblast.signals import (
     search,
     white_noise,
 )
-from jblast.signals.sound_watch import SAME_FRONT
+from jblast.signals.matched_filter import SAME_FRONT
 from jblast.signals.templates import DURATIONS, blast_templates
 
 RATE = 48_000.0

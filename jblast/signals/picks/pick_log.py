@@ -30,7 +30,7 @@ from jblast.observations.table import (
 from jblast.progress import each
 from jblast.quantities import CLOCK_TIMES
 from jblast.signals.arrays import bangs
-from jblast.signals.matched_filter import Detection
+from jblast.signals.detection import Detection
 from jblast.signals.picks.gathered import Gathered, gathered
 from jblast.signals.picks.pick import NOTES, NoteKind
 from jblast.signals.picks.record_picks import RecordPick

@@ -1,7 +1,7 @@
 """Arrivals sorted by bang."""
 
 from jblast.signals.arrays import bangs
-from jblast.signals.matched_filter import Detection
+from jblast.signals.detection import Detection
 
 PLACES = {"a": (0.0, 0.0, 0.0), "b": (30.0, 0.0, 0.0)}  # 0.1 s apart
 
