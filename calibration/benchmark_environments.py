@@ -29,8 +29,16 @@ from jblast.environments import (
 )
 from jblast.environments.lanes import in_chunks
 from jblast.kept_programs import WIDE
+from jblast.scene import ByCount, Ring, Uniform, WorldSpec
 
 STEPS, REPEATS = 200, 5
+WORLD = WorldSpec(
+    occurrence=ByCount(2),
+    region=Ring(12.0, 40.0),
+    about="vehicle",
+    mass=Uniform(5.0, 15.0),
+    time=Uniform(0.5, 8.0),
+)
 CPU_LANES, CPU_CHUNKS = 4096, (128, 512, 1024, 2048)
 GPU_LANES = (2**16, 2**18, 2**20)
 
@@ -102,7 +110,7 @@ def environments_text() -> str:
     before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", False)
     try:
-        params = environment_params("Hover", command="hold")
+        params = environment_params("Hover", command="hold", world=WORLD)
         kind, devices = jax.default_backend(), len(jax.devices())
         lines = [
             f"Environments: {jax.devices()[0].device_kind}, {os.cpu_count()} cores, "

@@ -1,8 +1,8 @@
 """Environments for reinforcement learning: vehicles in blasts (Gymnasium)."""
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from jblast.environments import registration
 from jblast.errors import InputError
 from jblast.lazy import lazy_face
 
@@ -43,8 +43,34 @@ _HOMES = {
     "step_lanes": "jblast.environments.lanes",
 }
 
-registration.register_environments()
+NAMES = ("Hover", "Rates", "Mission")
+"""Tasks, registered with Gymnasium as `jblast/Hover-v0` and so on."""
 _imported, __dir__ = lazy_face(__name__, _HOMES)
+
+
+def _register() -> None:
+    """Register the environments if Gymnasium is installed.
+
+    Gymnasium imports this package for
+    `gymnasium.make("jblast.environments:jblast/Hover-v0")`.
+    """
+    try:
+        registration = import_module("gymnasium.envs.registration")
+    except ModuleNotFoundError:
+        return
+    classes = "jblast.environments.gymnasium_classes:"
+    for name in NAMES:
+        # A repeated registration would warn.
+        if f"jblast/{name}-v0" not in registration.registry:
+            registration.register(
+                f"jblast/{name}-v0",
+                entry_point=classes + "QuadrotorEnv",
+                vector_entry_point=classes + "QuadrotorBlast",
+                kwargs={"task": name},
+            )
+
+
+_register()
 
 
 def __getattr__(name: str) -> Any:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from jblast.environments.episode import (
     COMMANDS,
@@ -23,24 +23,18 @@ from jblast.environments.episode import (
     commanded,
     default_world,
     draw_episode,
-    load_of,
-    may_push,
+    episode_key,
     simulator_of,
-    vehicle_in,
-    window_of,
 )
-from jblast.environments.tasks import TASKS, distance
+from jblast.environments.tasks import TASKS, default_guidance, distance
 from jblast.errors import InputError, nearest
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec
 from jblast.scene.uncertain import Prior
 from jblast.vehicle import named, named_gains, step_limit
 from jblast.vehicle.controllers import gains_controller
-from jblast.vehicle.dynamics import Wrench
-from jblast.vehicle.loads.load import pulse_wrench
 from jblast.vehicle.quadrotor import in_precision
-from jblast.vehicle.rollout import FlightState, tick_of
-from jblast.world import Blasts
+from jblast.vehicle.rollout import tick_of
 
 STEP_S = 0.01
 """Default step; declared: 100 actions per second."""
@@ -59,7 +53,8 @@ def environment_params(
     guidance: Guidance | None = None,
     controller: str = "with_integral",
     target_m: tuple[float, float, float] | None = None,
-    spread_m: float = 0.0,
+    scale: float | None = None,
+    spread_m: float = 0.5,
     far_m: float = 8.0,
     rate_rad_s: float = 6.0,
     speed_m_s: float = 5.0,
@@ -73,15 +68,18 @@ def environment_params(
         task: "Hover", "Rates" or "Mission".
         vehicle: Name of the vehicle.
         command: Meaning of an action, a name of `COMMANDS`; None: the task's default.
-        world: Distribution of the blasts, with a fixed number; None: two of 5 to 15
-            kg at 12 to 40 m.
+        world: Distribution of the blasts, with a fixed number; None: three of 10 to 40
+            kg, 5 to 15 m from the target along the ground.
         air: Ambient air.
         randomisation: Other random parameters of episodes; None: none.
-        guidance: Guidance of the mission, for the task "Mission" only.
+        guidance: Guidance of the mission, for the task "Mission" only; None: that of
+            `default_guidance`.
         controller: Name in `vehicle.CONTROLLERS` with the loops of the SE(3)
             controller, for the commands "velocity" and "hold".
         target_m: Hover target: east, north, up; None: the task's default.
-        spread_m: Maximum initial distance from the target along each axis.
+        scale: Error at which the reward of a step is 1/e, in the task's unit (m or
+            rad/s); None: the task's default.
+        spread_m: Maximum initial distance from the hover target along each axis.
         far_m: Distance from the target at which an episode ends.
         rate_rad_s: Maximum commanded body rate.
         speed_m_s: Maximum commanded velocity.
@@ -90,8 +88,8 @@ def environment_params(
         step_s: Step of environment and integrator.
 
     Raises:
-        InputError: A name is unknown, a number is out of range, a mission has no
-            guidance, or the number of blasts is random.
+        InputError: A name is unknown, a number is out of range, a task other than
+            "Mission" has a guidance, or the number of blasts is random.
     """
     for what, name, known in (
         ("task", task, TASKS),
@@ -103,11 +101,10 @@ def environment_params(
             )
     kind = TASKS[task]
     command = command or kind.command
-    if (guidance is None) == (task == "Mission"):
-        raise InputError(
-            "guidance: expected a guidance for the task Mission and none for others, "
-            f"got {'none' if guidance is None else 'one'} for {task}"
-        )
+    if task == "Mission":
+        guidance = default_guidance() if guidance is None else guidance
+    elif guidance is not None:
+        raise InputError(f"guidance: expected none but for Mission, got one for {task}")
     world = default_world() if world is None else world
     if not isinstance(world.occurrence, ByCount) or world.occurrence.count < 1:
         raise InputError(
@@ -116,14 +113,17 @@ def environment_params(
         )
     flies = named(vehicle)
     gains = named_gains(vehicle, integral=True)
+    gains_controller(controller)  # an unknown one is an error here
+    numbers = {
+        "scale": kind.scale if scale is None else scale,
+        "far_m": far_m,
+        "rate_rad_s": rate_rad_s,
+        "speed_m_s": speed_m_s,
+        "reach_m": reach_m,
+        "step_s": step_s,
+    }
     episode_s = kind.episode_s if episode_s is None else episode_s
-    for name, value in (
-        ("step_s", step_s),
-        ("episode_s", episode_s),
-        ("far_m", far_m),
-        ("rate_rad_s", rate_rad_s),
-        ("speed_m_s", speed_m_s),
-    ):
+    for name, value in {**numbers, "episode_s": episode_s}.items():
         if not value > 0:
             raise InputError(f"{name}: expected a positive number, got {value:g}")
     limit = step_limit(float(flies.motor_lag_s), gains, 1)
@@ -136,23 +136,19 @@ def environment_params(
     target = jnp.asarray(kind.target_m if target_m is None else target_m, float)
     found = EnvironmentParams(
         vehicle=flies,
-        hold=gains_controller(controller)(target, gains, 0.0),
+        gains=gains,
         world=world,
         air=Air() if air is None else air,
         randomisation=randomisation,
         guidance=guidance,
         target_m=target,
         spread_m=spread_m,
-        far_m=far_m,
-        rate_rad_s=rate_rad_s,
-        speed_m_s=speed_m_s,
-        reach_m=reach_m,
-        ground_up_m=0.0,
-        step_s=step_s,
         episode_steps=round(episode_s / step_s),
         task=task,
         command=command,
+        controller=controller,
         most_delay=_max_delay(randomisation.delay_s, step_s),
+        **numbers,
     )
     # One precision in the whole PyTree: a float64 leaf would promote float32 lanes.
     return in_precision(found, jnp.result_type(float))
@@ -163,7 +159,7 @@ class Step(NamedTuple):
 
     Attributes:
         state: State after the step.
-        observation: Observation of that state.
+        observation: Observation of that state; a tuple of its numbers in `moved`.
         reward: Reward of the step.
         terminated: True if the task, a NaN or an infinity ended the episode.
         truncated: True if its time is over.
@@ -173,7 +169,7 @@ class Step(NamedTuple):
     """
 
     state: EnvironmentState
-    observation: Float[Array, " seen"]
+    observation: Any
     reward: Float[Array, ""]
     terminated: Bool[Array, ""]
     truncated: Bool[Array, ""]
@@ -198,46 +194,27 @@ def reset(
 
 
 def begin(
-    key: PRNGKeyArray, number: Array, params: EnvironmentParams
+    lane: PRNGKeyArray, number: Array, params: EnvironmentParams
 ) -> tuple[EnvironmentState, Float[Array, " seen"]]:
     """Begin any episode of a lane."""
-    # An episode has the key of its lane and number, so that it does not depend on the
-    # number of lanes, nor on the length of earlier episodes.
-    own = jax.random.fold_in(key, number)
-    episode = draw_episode(own, params)
-    motion, task = TASKS[params.task].start(jax.random.fold_in(own, 2**31), params)
+    kind = TASKS[params.task]
+    key = jax.random.fold_in(episode_key(lane, number), 2**31)
+    start, task = kind.start(key, params)
+    episode = draw_episode(lane, number, start.position_m, params)
+    now = simulator_of(params, episode).start(start)
     zero = jnp.zeros_like(params.step_s)
-    none = (zero, zero, zero)
-    # Only float32 has the compensated sums that `excess` carries.
-    single = zero.dtype == jnp.float32
-    now = FlightState(
-        motion=motion,
-        excess=(zero, zero, zero, zero) if single else None,
-        command=motion.rotor_speed,
-        memory=none,
-        impulse_wrench=(none, none),
-        inactive_until_s=(),
-    )
-    windows = jax.vmap(
-        lambda blast: window_of(
-            load_of(params, episode.wind_m_s, blast), params, motion.position
-        )
-    )(episode.blasts)
     idle = (zero,) * COMMANDS[params.command]
     state = EnvironmentState(
-        now=now,
+        episode=episode,
+        now=now._replace(memory=(zero, zero, zero)),
         steps=jnp.zeros((), jnp.int32),
         queue=(idle,) * params.most_delay,
-        episode=episode,
-        windows=windows,
-        start_m=motion.position,
         task=task,
         farthest_m=zero,
         ended=jnp.zeros((), bool),
-        key=key,
-        number=number,
     )
-    return state, jnp.stack(TASKS[params.task].observe(params, state))
+    aim, _ = kind.aim(params, state)
+    return state, jnp.stack(kind.observe(params, state, aim))
 
 
 def step(
@@ -253,132 +230,25 @@ def step(
             ends the episode.
         params: Parameters of the environment.
     """
-    zero = jnp.zeros_like(params.step_s)
-
-    def add(total: Wrench, row: tuple[Array, Blasts]) -> tuple[Wrench, None]:
-        pushes, blast = row
-        # A branch: most steps have no blast, and a load costs more than the step
-        # itself.
-        wrench = jax.lax.cond(
-            pushes,
-            lambda: pushed_by(state, blast, params),
-            lambda: ((zero, zero, zero), (zero, zero, zero)),
-        )
-        return jax.tree.map(jnp.add, total, wrench), None
-
-    none: Wrench = ((zero, zero, zero), (zero, zero, zero))
-    rows = (in_blast(state, params), state.episode.blasts)
-    wrench, _ = jax.lax.scan(add, none, rows)
-    return step_of(state, moved(state, tuple(action), params, wrench))
-
-
-def in_blast(
-    state: EnvironmentState, params: EnvironmentParams
-) -> Bool[Array, " blast"]:
-    """Return whether each blast may act on a lane in its next step."""
-    tick, place = tick_of(state.steps, params.step_s), state.now.motion.position
-    x, y, z = (a - b for a, b in zip(place, state.start_m, strict=True))
-    # No gradient is taken of this distance: it only selects blasts, so that the root at
-    # zero is harmless.
-    off = jnp.sqrt(x * x + y * y + z * z)
-    return may_push(state.windows, off, tick.start, tick.start + tick.length)
-
-
-def pushed_by(
-    state: EnvironmentState, blast: Blasts, params: EnvironmentParams
-) -> Wrench:
-    """Return mean force and moment of a blast on a lane in its next step.
-
-    Args:
-        state: State of the lane.
-        blast: One blast of its episode.
-        params: Parameters of the environment.
-    """
     tick = tick_of(state.steps, params.step_s)
-    wrench, _ = pulse_wrench(
-        [load_of(params, state.episode.wind_m_s, blast)],
-        tick.start,
-        tick.length,
-        state.now.motion,
-        vehicle_in(params, state.episode),
-        # No inactive interval is stored between steps: `in_blast` has tested this one.
-        (jnp.full_like(tick.start, -jnp.inf),),
-        None,
-    )
-    return wrench
+    now = simulator_of(params, state.episode).pushed(state.now, tick)
+    found = moved(state._replace(now=now), tuple(action), params)
+    return found._replace(observation=jnp.stack(found.observation))
 
 
-class Moved(NamedTuple):
-    """Parts of the state that change in a step, and its results, as scalars.
-
-    Attributes:
-        now: Vehicle, command and controller state after the step.
-        steps: Number of steps in this episode.
-        queue: Pending actions.
-        task: State of the task.
-        farthest_m: Maximum distance from the target so far.
-        ended: True if the episode has ended.
-        seen: Numbers of the observation.
-        reward: Reward of the step; 0 for a diverged lane.
-        terminated: True if the task, a NaN or an infinity ended the episode.
-        truncated: True if its time is over.
-        info: `bad_action`, `diverged`, `deviation_m`, `peak_deviation_m`.
-    """
-
-    now: FlightState
-    steps: Array
-    queue: tuple[Action, ...]
-    task: PyTree[Array]
-    farthest_m: Array
-    ended: Array
-    seen: tuple[Array, ...]
-    reward: Array
-    terminated: Array
-    truncated: Array
-    info: dict[str, Array]
-
-
-def step_of(state: EnvironmentState, found: Moved) -> Step:
-    """Return the result of a step, with the unchanged parts of the state.
+def moved(state: EnvironmentState, action: Action, params: EnvironmentParams) -> Step:
+    """Take a step with the blasts' force and moment in the state.
 
     Args:
-        state: State before the step, of one lane or of many.
-        found: Changed parts.
-    """
-    after = state._replace(
-        now=found.now,
-        steps=found.steps,
-        queue=found.queue,
-        task=found.task,
-        farthest_m=found.farthest_m,
-        ended=found.ended,
-    )
-    return Step(
-        after,
-        jnp.stack(found.seen, axis=-1),
-        found.reward,
-        found.terminated,
-        found.truncated,
-        found.info,
-    )
-
-
-def moved(
-    state: EnvironmentState,
-    action: Action,
-    params: EnvironmentParams,
-    wrench: Wrench,
-) -> Moved:
-    """Take a step with given force and moment of the blasts.
-
-    Args:
-        state: State before the step.
+        state: State before the step, with `now.impulse_wrench` of the step.
         action: Numbers of the action.
         params: Parameters of the environment.
-        wrench: Mean force and moment of the blasts over the step.
+
+    Returns:
+        The step; its observation is a tuple of numbers. A stack would be an array per
+        lane.
     """
     task = TASKS[params.task]
-    # Component by component: a stack of an action would be an array per lane.
     bad = ~reduce(jnp.logical_and, map(jnp.isfinite, action))
     dtype = params.step_s.dtype
     clipped: Action = tuple(
@@ -388,13 +258,9 @@ def moved(
     late = _delayed(queue, state.episode.delay_steps)
     aim, memory = task.aim(params, state)
     command, integral = commanded(params, state, late, aim)
-    now = state.now._replace(
-        command=command,
-        memory=integral,
-        impulse_wrench=wrench,
-    )
-    simulator = simulator_of(params, state.episode)
-    now = simulator.moved(now, tick_of(state.steps, params.step_s))
+    now = state.now._replace(command=command, memory=integral)
+    tick = tick_of(state.steps, params.step_s)
+    now = simulator_of(params, state.episode).moved(now, tick)
     off = distance(now.motion, aim)
     after = state._replace(
         now=now,
@@ -403,23 +269,18 @@ def moved(
         task=memory,
         farthest_m=jnp.maximum(state.farthest_m, off),
     )
-    judged = task.judge(params, after, aim)
+    error, over = task.judge(params, after, aim)
     diverged = ~jnp.isfinite(sum(jax.tree.leaves(now.motion)))
     lost = bad | diverged
-    terminated = judged.terminated | lost
+    terminated = over | lost
     # Gymnasium distinguishes an end by the task from one by time, for bootstrapping.
     truncated = (after.steps >= params.episode_steps) & ~terminated
-    after = after._replace(task=judged.task, ended=terminated | truncated)
-    return Moved(
-        now=after.now,
-        steps=after.steps,
-        queue=after.queue,
-        task=after.task,
-        farthest_m=after.farthest_m,
-        ended=after.ended,
-        seen=task.observe(params, after),
+    return Step(
+        state=after._replace(ended=terminated | truncated),
+        # With the aim of the next step, which depends on the state after this one.
+        observation=task.observe(params, after, task.aim(params, after)[0]),
         # A NaN reward would spoil the mean over a batch.
-        reward=jnp.where(lost, 0.0, judged.reward),
+        reward=jnp.where(lost, 0.0, jnp.exp(-error / params.scale)),
         terminated=terminated,
         truncated=truncated,
         info={

@@ -4,9 +4,9 @@ Actions lie within -1 and 1 and are clipped to these bounds. Their meaning by mo
 command:
 
 - `rotor_speeds` (4): from the minimum to the maximum speed of each rotor;
-- `thrust_rates` (4): collective thrust $T = m g (1 + a_0)$ and body rates
-  $\omega_d = a \omega_{max}$, followed by $M = J k_\omega (\omega_d - \omega) + \omega
-  \times J \omega$ with the controller's $k_\omega$;
+- `thrust_rates` (4): collective thrust $T = m g (1 + a_0)$ and rates about the body
+  axes ahead, left, up $\omega_d = a \omega_{max}$, followed by $M = J k_\omega
+  (\omega_d - \omega) + \omega \times J \omega$ with the controller's $k_\omega$;
 - `velocity` (3): $a v_{max}$, east, north, up, followed by the position controller
   without its position term;
 - `hold` (3): the controller's target is displaced by $a$ times `reach_m` from that of
@@ -14,13 +14,6 @@ command:
 
 Mass, inertia and allocation of controllers are the nominal ones, without the episode's
 random factors.
-
-Most steps are outside all blasts, and a bound on the times of a wave is cheaper than
-the load. At the start of the episode a front arrives at $t_0$ and its wave lasts $D$.
-At a distance $d$ from there it arrives between $t_0 - d/c$ and $t_0 + 4.7 d/c$
-(`BlastLoad.quiet_until`). If $d$ is less than half of the start's distance from the
-charge, the wave lasts no longer than the longest one at 0.5, 1 and 2 times that
-distance. Farther away the load is always evaluated.
 """
 
 from dataclasses import replace
@@ -34,14 +27,14 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int, PRNGKeyArray, PyTree
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.missions import Guidance
 from jblast.missions.guidance import SetPoint, as_if_at_rest
-from jblast.scene import Air, Charge, Ring, Scene, Uniform, WorldSpec
+from jblast.scene import Air, Charge, Ring, Scene, Uniform, VehicleSpec, WorldSpec
 from jblast.scene.random_blasts import ByCount
 from jblast.scene.uncertain import Prior, draw
 from jblast.types import as_numbers
-from jblast.vehicle import BlastLoad, Controller, Gains, Vehicle, blast_load
+from jblast.vehicle import BlastLoad, Gains, Vehicle, blast_load
 from jblast.vehicle.control.allocation import speeds_within
-from jblast.vehicle.loads.blast_wave import crossing_time
-from jblast.vehicle.quadrotor import required_body
+from jblast.vehicle.controllers import gains_controller
+from jblast.vehicle.quadrotor import in_precision
 from jblast.vehicle.rollout import FlightState, Simulator
 from jblast.vehicle.state import (
     Four,
@@ -55,19 +48,15 @@ from jblast.vehicle.state import (
     three,
     times,
 )
-from jblast.world import Blasts, blast_sequence
+from jblast.world import blast_sequence
 
 COMMANDS = {"rotor_speeds": 4, "thrust_rates": 4, "velocity": 3, "hold": 3}
 """Length of an action by the name of its mode."""
 Action = tuple[Number, ...]
 BLASTS_KEY, VEHICLE_KEY = range(2)
 """Folded into an episode's key, one number per use."""
-MAX_DELAY_PER_METRE = 4.7
-"""Maximum increase of the end of a wave per metre, in units of 1/c; see
-`BlastLoad.quiet_until`."""
-DURATION_MARGIN = 1.05
-"""Factor on a wave's duration: 5 % for the error of its table between the three
-distances."""
+GROUND_UP_M = 0.0
+"""Height of the ground."""
 NumberOrPrior = Float[Array, ""] | Prior
 """A number for all episodes, or the prior of each episode's number."""
 
@@ -115,119 +104,94 @@ class EnvironmentParams(eqx.Module):
 
     Attributes:
         vehicle: Nominal vehicle.
-        hold: Position controller.
+        gains: Gains of the position controller.
         world: Distribution of an episode's blasts, with a fixed number.
         air: Ambient air.
         randomisation: Other random parameters of episodes.
         guidance: Guidance of the mission; None without one.
         target_m: Hover target.
+        scale: Error at which the reward of a step is 1/e, in the task's unit.
         spread_m: Maximum initial distance from the target along each axis.
         far_m: Distance from the target at which an episode ends.
         rate_rad_s: Maximum commanded body rate.
         speed_m_s: Maximum commanded velocity.
         reach_m: Maximum displacement of the target by a command.
-        ground_up_m: Height of the ground.
         step_s: Step of environment and integrator.
         episode_steps: Maximum number of steps of an episode.
         task: Name of the task.
         command: Meaning of an action, a name of `COMMANDS`.
+        controller: Name of the position controller.
         most_delay: Maximum delay of an action in steps.
     """
 
     vehicle: Vehicle
-    hold: Controller
+    gains: Gains
     world: WorldSpec
     air: Air
     randomisation: Randomisation
     guidance: Guidance | None
     target_m: Float[Array, "3"] = eqx.field(converter=as_numbers)
+    scale: Float[Array, ""] = eqx.field(converter=as_numbers)
     spread_m: Float[Array, ""] = eqx.field(converter=as_numbers)
     far_m: Float[Array, ""] = eqx.field(converter=as_numbers)
     rate_rad_s: Float[Array, ""] = eqx.field(converter=as_numbers)
     speed_m_s: Float[Array, ""] = eqx.field(converter=as_numbers)
     reach_m: Float[Array, ""] = eqx.field(converter=as_numbers)
-    ground_up_m: Float[Array, ""] = eqx.field(converter=as_numbers)
     step_s: Float[Array, ""] = eqx.field(converter=as_numbers)
     episode_steps: Int[Array, ""] = eqx.field(
         converter=lambda x: jnp.asarray(x, jnp.int32)
     )
     task: str = eqx.field(static=True)
     command: str = eqx.field(static=True)
-    most_delay: int = eqx.field(static=True, default=0)
-
-    @property
-    def gains(self) -> Gains:
-        """Gains of the position controller."""
-        return self.hold.gains  # pyright: ignore[reportAttributeAccessIssue] (of `with_gains`)
+    controller: str = eqx.field(static=True)
+    most_delay: int = eqx.field(static=True)
 
 
 class Episode(NamedTuple):
     """Sampled parameters of an episode.
 
     Attributes:
+        key: Key of the lane; each episode folds its number into it.
+        number: Number of the episode, from 0.
         mass_factor: Factor on the vehicle's mass.
         inertia_factor: Factor on its inertia.
         gain_factor: Factor on its controller gains.
         wind_m_s: East, north, up.
         delay_steps: Delay from action to command.
-        blasts: Blasts of the episode.
+        load: Load of the episode's blasts.
     """
 
+    key: PRNGKeyArray
+    number: Int[Array, ""]
     mass_factor: Number
     inertia_factor: Number
     gain_factor: Number
     wind_m_s: Vector
     delay_steps: Int[Array, ""]
-    blasts: Blasts
-
-
-class Windows(NamedTuple):
-    """Bounds on the times of each blast near the start of an episode.
-
-    Attributes:
-        came_s: Arrival of the front at the start; infinite: never.
-        lasts_s: Bound on the duration of the wave.
-        crossing_s: Crossing time of the front over the vehicle.
-        near_m: Distance from the start up to which the bounds are valid.
-        slowness_s_m: Inverse of the minimum speed of sound, against the wind.
-    """
-
-    came_s: Float[Array, "*blast"]
-    lasts_s: Float[Array, "*blast"]
-    crossing_s: Float[Array, "*blast"]
-    near_m: Float[Array, "*blast"]
-    slowness_s_m: Float[Array, "*blast"]
+    load: BlastLoad
 
 
 class EnvironmentState(NamedTuple):
     """State of a lane between two steps, as scalars: one array each in a batch.
 
     Attributes:
-        now: Vehicle, command, controller integral and pulse, as in a flight
+        episode: Sampled parameters, constant until the next episode.
+        now: Vehicle, command, controller integral and blasts, as in a flight
             (`vehicle/rollout`).
         steps: Number of steps in this episode.
         queue: Pending actions, the newest first.
-        episode: Sampled parameters of the episode.
-        windows: Bounds on the times of its blasts.
-        start_m: Initial position.
         task: State of the task.
         farthest_m: Maximum distance from the target so far.
         ended: True if the next step begins another episode.
-        key: Key of the lane; each episode folds its number into it.
-        number: Number of the episode, from 0.
     """
 
+    episode: Episode
     now: FlightState
     steps: Int[Array, ""]
     queue: tuple[tuple[Float[Array, ""], ...], ...]
-    episode: Episode
-    windows: Windows
-    start_m: Vector
     task: PyTree[Array]
     farthest_m: Float[Array, ""]
     ended: Bool[Array, ""]
-    key: PRNGKeyArray
-    number: Int[Array, ""]
 
 
 def commanded(
@@ -293,11 +257,7 @@ def _by_hold(
     else:
         place = with_action(three(aim.point.position_m), params.reach_m)
         shown = as_if_at_rest(params.vehicle, gains, flown, aim.point)
-    hold = eqx.tree_at(
-        lambda hold: (hold.target_m, hold.yaw_rad, hold.gains),
-        params.hold,
-        (place, aim.yaw_rad, gains),
-    )
+    hold = gains_controller(params.controller)(place, gains, aim.yaw_rad)
     start = jnp.zeros_like(params.step_s)
     speeds, gained = hold(
         start, shown, params.vehicle, jnp.stack(state.now.memory), params.step_s
@@ -305,55 +265,80 @@ def _by_hold(
     return four(speeds), three(gained)
 
 
-def draw_episode(key: PRNGKeyArray, params: EnvironmentParams) -> Episode:
+def draw_episode(
+    lane: PRNGKeyArray,
+    number: Array,
+    start_m: Float[Array, "3"],
+    params: EnvironmentParams,
+) -> Episode:
     """Sample the parameters of an episode.
 
     Args:
-        key: Key of the episode.
+        lane: Key of the lane.
+        number: Number of the episode.
+        start_m: Initial position of the vehicle.
         params: Parameters of the environment, with priors.
     """
+    key = episode_key(lane, number)
     one = params.randomisation
     # All six are split at once, fixed numbers included: a new prior leaves the draws of
     # the others unchanged.
     keys = iter(jax.random.split(jax.random.fold_in(key, VEHICLE_KEY), 6))
     dtype = params.step_s.dtype
 
-    def number(value: NumberOrPrior) -> Float[Array, ""]:
+    def drawn(value: NumberOrPrior) -> Float[Array, ""]:
         own = next(keys)
         return (draw(own, value) if isinstance(value, Prior) else value).astype(dtype)
 
     mass, inertia, gain = map(
-        number, (one.mass_factor, one.inertia_factor, one.gain_factor)
+        drawn, (one.mass_factor, one.inertia_factor, one.gain_factor)
     )
-    east, north = number(one.wind_east_m_s), number(one.wind_north_m_s)
+    east, north = drawn(one.wind_east_m_s), drawn(one.wind_north_m_s)
     # A delay acts in whole steps, as the queue of actions does.
-    late = jnp.round(number(one.delay_s) / params.step_s).astype(jnp.int32)
+    late = jnp.round(drawn(one.delay_s) / params.step_s).astype(jnp.int32)
     occurrence = params.world.occurrence
     assert isinstance(occurrence, ByCount), "checked by environment_params"
+    centre = params.target_m if params.world.about == "vehicle" else jnp.zeros(3, dtype)
     blasts = blast_sequence(
-        jax.random.fold_in(key, BLASTS_KEY),
-        params.world,
-        about(params),
-        occurrence.count,
+        jax.random.fold_in(key, BLASTS_KEY), params.world, centre, occurrence.count
     )
-    none = jnp.zeros((), dtype)
+    # A ring is on the ground, where no wave is reflected: half of the waves.
+    burst = "surface" if isinstance(params.world.region, Ring) else None
+    charges = tuple(
+        Charge(charge_kg, tuple(place), time, burst=burst)
+        for time, place, charge_kg in zip(*blasts, strict=True)
+    )
+    # The waves travel in the same wind in which the vehicle flies.
+    air = replace(params.air, wind_east=east, wind_north=north)
+    vehicle = VehicleSpec(params.vehicle.name, start_m)
+    load = blast_load(Scene(charges, air=air, vehicle=vehicle))
     return Episode(
+        key=lane,
+        number=number,
         mass_factor=mass,
         inertia_factor=inertia,
         gain_factor=gain,
-        wind_m_s=(east, north, none),
+        wind_m_s=(east, north, jnp.zeros((), dtype)),
         # `most_delay` is rounded in float64: in float32 a sample next to the upper
         # bound may round to one more step, for which the queue has no room.
         delay_steps=jnp.minimum(late, params.most_delay),
-        blasts=jax.tree.map(lambda x: x.astype(dtype), blasts),
+        load=in_precision(load, dtype),
     )
 
 
-def about(params: EnvironmentParams) -> Float[Array, "3"]:
-    """Return the centre of the blasts' region."""
-    if params.world.about == "world":
-        return jnp.zeros_like(params.target_m)
-    return params.target_m
+def episode_key(lane: PRNGKeyArray, number: Array) -> PRNGKeyArray:
+    """Return the key of an episode.
+
+    It depends on lane and number only, not on the number of lanes nor on the length of
+    earlier episodes.
+    """
+    return jax.random.fold_in(lane, number)
+
+
+def one_wave(load: BlastLoad, number: int | Array) -> BlastLoad:
+    """Return the load of one of the waves, a pulse of its own."""
+    wave = jax.tree.map(lambda x: x[number][None], load.waves)
+    return replace(load, waves=wave, charges=1)
 
 
 def vehicle_in(params: EnvironmentParams, episode: Episode) -> Vehicle:
@@ -371,98 +356,31 @@ def vehicle_in(params: EnvironmentParams, episode: Episode) -> Vehicle:
     )
 
 
-def load_of(params: EnvironmentParams, wind: Vector, blast: Blasts) -> BlastLoad:
-    """Return the load of one blast of an episode.
-
-    Args:
-        params: Parameters of the environment.
-        wind: Wind of the episode.
-        blast: A single blast.
-    """
-    east, north, _ = wind
-    charge = Charge(
-        blast.mass_kg, three(blast.position_m), blast.time_s, burst="surface"
-    )
-    # The waves travel in the same wind in which the vehicle flies.
-    air = replace(params.air, wind_east=east, wind_north=north)
-    return blast_load(Scene(charge, air=air))
-
-
 def simulator_of(params: EnvironmentParams, episode: Episode) -> Simulator:
-    """Return the steps of an episode's vehicle, without blasts."""
+    """Return the steps of an episode's vehicle; each wave is a pulse of its own."""
 
     def steady(time_s: Array, position_m: Array) -> Array:
         return jnp.stack(episode.wind_m_s)
 
+    waves = episode.load.waves.time_s.shape[-1]
     return Simulator(
         vehicle_in(params, episode),
         params.step_s,
         wind=steady,
-        ground_up_m=params.ground_up_m,
+        loads=tuple(one_wave(episode.load, number) for number in range(waves)),
+        ground_up_m=jnp.full_like(params.step_s, GROUND_UP_M),
     )
-
-
-def window_of(load: BlastLoad, params: EnvironmentParams, start: Vector) -> Windows:
-    """Return the bounds on the times of a blast near a position.
-
-    Args:
-        load: Load of the single blast.
-        params: Parameters of the environment.
-        start: Initial position of the episode.
-    """
-    blast = jax.tree.map(lambda x: x[0], load.blasts)
-    place, body = jnp.stack(start), required_body(params.vehicle.body)
-    way = place - blast.position_m
-    # The duration is not monotonic in distance near the charge, so three distances are
-    # compared.
-    shares = jnp.asarray([0.5, 1.0, 2.0], way.dtype)
-    waves = blast.wave(load.air, blast.position_m[None] + shares[:, None] * way[None])
-    slowest = jax.tree.map(lambda x: jnp.broadcast_to(x, shares.shape)[-1], waves)
-    wind = jnp.sqrt(jnp.sum(jnp.square(load.wind_m_s)))
-    # Twice the wind as in `quiet_until`; 1 m/s avoids a division by zero.
-    sound = jnp.maximum(load.sound_speed_m_s - 2 * wind, 1.0)
-    found = Windows(
-        load.arrival_time_s(place)[0],
-        DURATION_MARGIN * jnp.max(waves.duration_s + waves.suction_s),
-        crossing_time(body, slowest),
-        jnp.sqrt(jnp.sum(jnp.square(way))) / 2,
-        1 / sound,
-    )
-    # The bounds only select which loads to evaluate; their gradient is no part of the
-    # physics.
-    return jax.lax.stop_gradient(found)
-
-
-def may_push(
-    windows: Windows, off_m: Number, start_s: Number, end_s: Number
-) -> Bool[Array, "*blast"]:
-    """Return whether each blast may act on a vehicle between two times.
-
-    Args:
-        windows: Bounds of the episode's blasts.
-        off_m: Distance of the vehicle from the start.
-        start_s: Beginning of the interval.
-        end_s: End of the interval.
-    """
-    off = off_m * windows.slowness_s_m
-    first = windows.came_s - windows.crossing_s - off
-    last = (
-        windows.came_s
-        + windows.crossing_s
-        + MAX_DELAY_PER_METRE * off
-        + windows.lasts_s
-    )
-    inside = (end_s >= first) & (start_s <= last)
-    # The negation also holds for a NaN distance.
-    return inside | ~(off_m < windows.near_m)
 
 
 def default_world() -> WorldSpec:
-    """Return the default distribution: two blasts around the vehicle."""
+    """Return the default distribution: three blasts around the vehicle.
+
+    They change the velocity of a vehicle at a height of 10 m by 0.1 to 2.5 m/s.
+    """
     return WorldSpec(
-        occurrence=ByCount(2),
-        region=Ring(12.0, 40.0),
+        occurrence=ByCount(3),
+        region=Ring(5.0, 15.0),
         about="vehicle",
-        mass=Uniform(5.0, 15.0),
+        mass=Uniform(10.0, 40.0),
         time=Uniform(0.5, 8.0),
     )

@@ -10,114 +10,14 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from jblast.environments.core import actions_of, environment_params, reset, step
+from jblast.environments.core import actions_of, environment_params
 from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
-from jblast.environments.tasks import default_guidance
 from jblast.errors import InputError, shown
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.progress import Progress, in_words, shown_by
 
-_RESET, _STEP = kept(reset), kept(step)
-_RESET_LANES, _STEP_LANES = kept(reset_lanes), kept(step_lanes)
-
-
-class _Programs:
-    """Programs of an environment, kept between runs.
-
-    Without a stored program the first step of `QuadrotorEnv` compiles for 17 s; that
-    is reported.
-    """
-
-    def __init__(self, task: str, progress: Progress, **programs: Any) -> None:
-        self._programs, self._waiting = programs, set(programs)
-        self._task, self._progress = task, progress
-
-    def __call__(self, name: str, *arguments: Any) -> Any:
-        """Run a program; the first call loads or compiles it."""
-        program = self._programs[name]
-        if name not in self._waiting:
-            return program(*arguments)
-        with kept_between_runs(), shown_by(self._progress, self._task):
-            report = in_words()
-            report(f"compiling {name}")
-            answer = jax.block_until_ready(program(*arguments))
-        self._waiting.remove(name)
-        return answer
-
-
-class QuadrotorEnv(gymnasium.Env):
-    """A single quadrotor in blasts: lane 0 of a `QuadrotorBlast` of the same seed.
-
-    Args:
-        task: "Hover", "Rates" or "Mission".
-        params: Parameters of the environment; they replace `task` and `options`.
-        render_mode: None: the environments are not rendered.
-        progress: True prints on stderr while the first `reset` and `step` compile; or
-            as for `jblast.fit`.
-        options: As in `environment_params`.
-
-    Raises:
-        InputError: As in `environment_params`, or a render mode was requested.
-    """
-
-    def __init__(
-        self,
-        task: str = "Hover",
-        params: EnvironmentParams | None = None,
-        render_mode: str | None = None,
-        progress: Progress = True,
-        **options: Any,
-    ):
-        _check_render_mode(render_mode)
-        self.params = params_of(task, params, options)
-        fps = round(1.0 / float(self.params.step_s))
-        self.metadata = {"render_modes": [], "render_fps": fps}
-        # Only shapes are evaluated; a reset would compile its program.
-        _, seen = jax.eval_shape(lambda: reset(jax.random.key(0), self.params))
-        self.action_space = action_space(self.params)
-        self.observation_space = observation_space(seen.shape[-1])
-        self._state = None
-        self._run = _Programs(self.params.task, progress, reset=_RESET, step=_STEP)
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Begin an episode.
-
-        Args:
-            seed: Of all draws; None: another one each time.
-            options: None is known.
-        """
-        super().reset(seed=seed)
-        if seed is None:
-            seed = int(self.np_random.integers(2**31))
-        # Lane 0 of the batch with this seed, so that both classes give the same
-        # episodes.
-        key = jax.random.fold_in(jax.random.key(seed), 0)
-        self._state, seen = self._run("reset", key, self.params)
-        return np.asarray(seen, np.float32), {}
-
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Take a step.
-
-        Raises:
-            InputError: The action has another shape, or nothing was reset.
-        """
-        if self._state is None:
-            raise InputError("step: expected a reset before it, got none")
-        # A wrong shape would broadcast or compile another program.
-        taken = checked_actions(action, self.action_space.shape or ())
-        found = self._run("step", self._state, jnp.asarray(taken), self.params)
-        self._state = found.state
-        info = {name: value.item() for name, value in found.info.items()}
-        return (
-            np.asarray(found.observation, np.float32),
-            float(found.reward),
-            bool(found.terminated),
-            bool(found.truncated),
-            info,
-        )
+PROGRAMS = {"reset": kept(reset_lanes), "step": kept(step_lanes)}
 
 
 class QuadrotorBlast(VectorEnv):
@@ -154,7 +54,11 @@ class QuadrotorBlast(VectorEnv):
         progress: Progress = True,
         **options: Any,
     ):
-        _check_render_mode(render_mode)
+        if render_mode is not None:
+            raise InputError(
+                f"render_mode: expected None, got {shown(render_mode)}: the "
+                "environments are not rendered"
+            )
         whole = isinstance(num_envs, int | np.integer) and not isinstance(
             num_envs, bool
         )
@@ -169,20 +73,19 @@ class QuadrotorBlast(VectorEnv):
             "render_modes": [],
             "render_fps": round(1.0 / float(self.params.step_s)),
         }
-        lanes = jax.ShapeDtypeStruct((1,), jnp.int32)
+        # Only shapes are evaluated; a reset would compile its program.
         _, seen = jax.eval_shape(
-            lambda lanes: reset_lanes(jax.random.key(0), lanes, self.params), lanes
+            lambda: reset_lanes(jax.random.key(0), jnp.arange(1), self.params)
         )
-        self.single_action_space = action_space(self.params)
-        self.single_observation_space = observation_space(seen.shape[-1])
+        self.single_action_space = Box(-1.0, 1.0, (actions_of(self.params),))
+        # No bounds: a displaced vehicle has any distance and speed.
+        self.single_observation_space = Box(-np.inf, np.inf, (seen.shape[-1],))
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(
             self.single_observation_space, self.num_envs
         )
         self._states = None
-        self._run = _Programs(
-            self.params.task, progress, reset=_RESET_LANES, step=_STEP_LANES
-        )
+        self._progress, self._compiled = progress, set()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -224,6 +127,61 @@ class QuadrotorBlast(VectorEnv):
             infos,
         )
 
+    def _run(self, name: str, *arguments: Any) -> Any:
+        """Run a program; the first call loads or compiles it, which is reported."""
+        program = PROGRAMS[name]
+        if name in self._compiled:
+            return program(*arguments)
+        with kept_between_runs(), shown_by(self._progress, self.params.task):
+            in_words()(f"compiling {name}")
+            answer = jax.block_until_ready(program(*arguments))
+        self._compiled.add(name)
+        return answer
+
+
+class QuadrotorEnv(gymnasium.Env):
+    """A single quadrotor in blasts: a `QuadrotorBlast` of one lane.
+
+    Args:
+        task: "Hover", "Rates" or "Mission".
+        options: As in `QuadrotorBlast`.
+
+    Raises:
+        InputError: As in `QuadrotorBlast`.
+    """
+
+    def __init__(self, task: str = "Hover", **options: Any):
+        self.lanes = QuadrotorBlast(1, task, **options)
+        self.params = self.lanes.params
+        self.metadata = {**self.lanes.metadata}
+        del self.metadata["autoreset_mode"]
+        self.action_space = self.lanes.single_action_space
+        self.observation_space = self.lanes.single_observation_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Of all draws; None: another one each time.
+            options: None is known.
+        """
+        super().reset(seed=seed)
+        seen, info = self.lanes.reset(seed=seed)
+        return seen[0], info
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Take a step.
+
+        Raises:
+            InputError: The action has another shape, or nothing was reset.
+        """
+        taken = checked_actions(action, self.action_space.shape or ())
+        seen, reward, terminated, truncated, infos = self.lanes.step(taken[None])
+        info = {name: value[0].item() for name, value in infos.items()}
+        return seen[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
+
 
 def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any:
     """Return given params, or those of `environment_params` from options.
@@ -237,20 +195,7 @@ def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any
                 f"params: expected no other options, got {', '.join(options)}"
             )
         return params
-    if task == "Mission" and "guidance" not in options:
-        options = {**options, "guidance": default_guidance()}
     return environment_params(task, **options)
-
-
-def action_space(params: EnvironmentParams) -> Box:
-    """Return the action space of one lane."""
-    return Box(-1.0, 1.0, (actions_of(params),), np.float32)
-
-
-def observation_space(seen: int) -> Box:
-    """Return the observation space of one lane."""
-    # No bounds: a displaced vehicle has any distance and speed.
-    return Box(-np.inf, np.inf, (seen,), np.float32)
 
 
 def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
@@ -266,11 +211,3 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     if array.shape != shape:
         raise InputError(f"action: expected the shape {shape}, got {array.shape}")
     return array
-
-
-def _check_render_mode(render_mode: str | None) -> None:
-    if render_mode is not None:
-        raise InputError(
-            f"render_mode: expected None, got {shown(render_mode)}: the environments "
-            "are not rendered"
-        )

@@ -11,28 +11,28 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key, PRNGKeyArray, PyTree
 
-from jblast.environments.core import (
-    Moved,
-    Step,
-    begin,
-    in_blast,
-    moved,
-    pushed_by,
-    reset,
-    step_of,
+from jblast.environments.core import Step, begin, moved, reset
+from jblast.environments.episode import (
+    EnvironmentParams,
+    EnvironmentState,
+    one_wave,
+    vehicle_in,
 )
-from jblast.environments.episode import EnvironmentParams, EnvironmentState
 from jblast.errors import InputError
+from jblast.vehicle import BlastLoad, State, Vehicle
 from jblast.vehicle.dynamics import Wrench
-from jblast.vehicle.rollout import CHUNK_BYTES, over_devices
+from jblast.vehicle.rollout import CHUNK_BYTES, over_devices, tick_of
+from jblast.vehicle.state import joined, three
 
 T = TypeVar("T")
-PUSHED_SHARE, BEGUN_SHARE, LEAST_BLOCK = 128, 256, 8
-"""Block sizes: pairs of lane and blast over 128, lanes over 256, and at least 8.
+SHARES = {"tested": 48, "pushed": 128, "begun": 256}
+"""Block sizes: rows over this number, and at least `LEAST_BLOCK`.
 
-About the shares of lanes in a blast and at a beginning in a step: larger blocks compute
-empty rows, smaller ones need more iterations.
+About the shares of pairs of lane and wave that are tested and that push in a step, and
+of lanes that begin: larger blocks compute empty rows, smaller ones need more
+iterations.
 """
+LEAST_BLOCK = 8
 
 
 def in_chunks(
@@ -101,116 +101,119 @@ def step_lanes(
         actions: Actions, one row per lane.
         params: Parameters of the environment.
     """
-    wrench = _pushed(states, params)
-    taken = step_of(states, _moved(states, actions, params, wrench))
-
     fresh = states.ended
+    found = _moved(_pushed(states, params), actions, params)
     state, seen = for_some(
         fresh,
-        lambda lane: begin(states.key[lane], states.number[lane] + 1, params),
-        lambda all_, lanes, begun: jax.tree.map(
-            lambda x, some: x.at[lanes].set(some, mode="drop"), all_, begun
+        "begun",
+        lambda lane: begin(
+            states.episode.key[lane], states.episode.number[lane] + 1, params
         ),
-        (taken.state, taken.observation),
-        BEGUN_SHARE,
+        (found.state, found.observation),
     )
-    none = jnp.zeros_like(taken.reward)
-    info = {
-        name: jnp.where(fresh, jnp.zeros_like(value), value)
-        for name, value in taken.info.items()
-    }
-    return Step(
-        state,
-        seen,
-        jnp.where(fresh, none, taken.reward),
-        taken.terminated & ~fresh,
-        taken.truncated & ~fresh,
-        info,
+    results = jax.tree.map(
+        lambda x: jnp.where(fresh, jnp.zeros_like(x), x), tuple(found[2:])
     )
+    return Step(state, seen, *results)
 
 
 def _moved(
     states: EnvironmentState,
     actions: Float[Array, "lane action"],
     params: EnvironmentParams,
-    wrench: PyTree[Array],
-) -> Moved:
-    """Return the changed parts of the state of all lanes."""
+) -> Step:
+    """Take a step of all lanes with given force and moment of the blasts."""
     # On a CPU, XLA runs a program of small arrays sequentially in one thread, which is
     # fastest for many small loops, and a branch is a separate program. So the step is
     # taken in pieces of `CHUNK_BYTES` per number, each in a branch whose condition is
     # always true but unknown to XLA.
-    given = (states, tuple(actions.T), wrench)
+    given = (states, tuple(actions.T))
     lanes, number = actions.shape[0], states.farthest_m
     piece = CHUNK_BYTES // number.dtype.itemsize
 
-    def take(given: PyTree[Array]) -> Moved:
-        state, action, wrench = given
-        return jax.vmap(moved, (0, 0, None, 0))(state, action, params, wrench)
+    def take(given: PyTree[Array]) -> PyTree[Array]:
+        state, action = given
+        found = jax.vmap(moved, (0, 0, None))(state, action, params)
+        # The constant part of the state is not copied.
+        return found._replace(state=found.state._replace(episode=()))
 
-    def in_order(given: PyTree[Array]) -> Moved:
+    def in_order(given: PyTree[Array]) -> PyTree[Array]:
         shapes = jax.eval_shape(take, given)
         none = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
-        always = jnp.all(given[0].number >= 0)
+        always = jnp.all(given[0].episode.number >= 0)
         return jax.lax.cond(always, lambda: take(given), lambda: none)
 
-    if jax.default_backend() != "cpu":
-        return take(given)
-    if lanes <= piece:
-        return in_order(given)
-    if lanes % piece:
-        return take(given)
-    parts = jax.tree.map(lambda x: x.reshape(-1, piece, *x.shape[1:]), given)
-    # A sequential map: `vmap` over pieces would undo the small arrays.
-    found = jax.lax.map(in_order, parts)
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
+    if jax.default_backend() != "cpu" or (lanes > piece and lanes % piece):
+        found = take(given)
+    elif lanes <= piece:
+        found = in_order(given)
+    else:
+        parts = jax.tree.map(lambda x: x.reshape(-1, piece, *x.shape[1:]), given)
+        # A sequential map: `vmap` over pieces would undo the small arrays.
+        found = jax.lax.map(in_order, parts)
+        found = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), found)
+    return found._replace(
+        state=found.state._replace(episode=states.episode),
+        observation=jnp.stack(found.observation, axis=-1),
+    )
 
 
-def _pushed(states: EnvironmentState, params: EnvironmentParams) -> PyTree[Array]:
-    """Return force and moment of the blasts, one row per lane."""
-    pushes = jax.vmap(in_blast, (0, None))(states, params) & ~states.ended[:, None]
-    zero = jnp.zeros_like(states.farthest_m)
+def _pushed(states: EnvironmentState, params: EnvironmentParams) -> EnvironmentState:
+    """Return the states with force and moment of the blasts in their next step."""
+    now, lanes = states.now, states.ended.shape[0]
+    tick = tick_of(states.steps, params.step_s)
+    start_s, end_s = tick.start, tick.start + tick.length
 
-    def one(place: Array) -> Wrench:
-        lane, blast = place // pushes.shape[1], place % pushes.shape[1]
+    def pulse(pair: Array) -> tuple[BlastLoad, Array, State, Vehicle]:
+        wave, lane = pair // lanes, pair % lanes
         state = jax.tree.map(lambda x: x[lane], states)
-        which = jax.tree.map(lambda x: x[blast], state.episode.blasts)
-        return pushed_by(state, which, params)
+        load, motion = one_wave(state.episode.load, wave), joined(state.now.motion)
+        return load, lane, motion, vehicle_in(params, state.episode)
 
-    return for_some(
-        pushes.ravel(),
-        one,
-        lambda total, places, given: jax.tree.map(
-            lambda x, some: x.at[places // pushes.shape[1]].add(some, mode="drop"),
-            total,
-            given,
-        ),
-        ((zero, zero, zero), (zero, zero, zero)),
-        PUSHED_SHARE,
+    def until(pair: Array) -> Array:
+        load, lane, motion, vehicle = pulse(pair)
+        return load.quiet_until(start_s[lane], motion, vehicle)
+
+    def push(pair: Array) -> Wrench:
+        load, lane, motion, vehicle = pulse(pair)
+        force, moment = load.impulse(start_s[lane], end_s[lane], motion, vehicle)
+        return three(force / params.step_s), three(moment / params.step_s)
+
+    quiet_s = jnp.concatenate(now.inactive_until_s)
+    waves = len(now.inactive_until_s)
+    flies = jnp.tile(~states.ended, waves)
+    ends_s = jnp.tile(end_s, waves)
+    # The negations also hold for NaN.
+    due = flies & ~(ends_s <= quiet_s)
+    # The bounds only select the loads to evaluate: their gradient is no physics.
+    quiet_s = jax.lax.stop_gradient(for_some(due, "tested", until, quiet_s))
+    acts = due & ~(ends_s <= quiet_s)
+    zero = jnp.zeros_like(quiet_s)
+    none = ((zero, zero, zero), (zero, zero, zero))
+    wrench = jax.tree.map(
+        lambda x: x.reshape(waves, -1).sum(axis=0), for_some(acts, "pushed", push, none)
+    )
+    inactive_until_s = tuple(quiet_s.reshape(waves, -1))
+    return states._replace(
+        now=now._replace(impulse_wrench=wrench, inactive_until_s=inactive_until_s)
     )
 
 
 def for_some(
-    mask: Bool[Array, " row"],
-    function: Callable[[Array], PyTree],
-    put: Callable[[T, Array, PyTree], T],
-    start: T,
-    share: int,
+    mask: Bool[Array, " row"], what: str, function: Callable[[Array], T], start: T
 ) -> T:
-    """Apply a function to selected rows, in blocks, and store its results.
+    """Return values of all rows, computed in blocks for selected ones.
 
     Args:
         mask: Selected rows.
-        function: Function of a row number.
-        put: Function of the accumulated value, row numbers and results, which returns
-            the next value. It has to drop row numbers beyond the end.
-        start: Initial value.
-        share: A block has a `share`-th of the rows, and at least `LEAST_BLOCK`.
+        what: Name in `SHARES`.
+        function: Function of a row's number.
+        start: Values of the remaining rows.
     """
     # A loop over blocks with a data-dependent count: the cost follows the number of
-    # selected rows, where a masked `vmap` would compute all rows.
+    # selected rows, where a masked `vmap` would compute all.
     count = mask.shape[0]
-    size = min(count, max(LEAST_BLOCK, count // share))
+    size = min(count, max(LEAST_BLOCK, count // SHARES[what]))
     # The n-th selected row is found by bisection of the cumulative count.
     so_far = jnp.cumsum(mask, dtype=jnp.int32)
 
@@ -220,11 +223,12 @@ def for_some(
     def block(carried: tuple[Array, T]) -> tuple[Array, T]:
         done, found = carried
         ranks = done + jnp.arange(1, size + 1, dtype=jnp.int32)
-        places = jnp.searchsorted(so_far, ranks, method="scan_unrolled")
-        given = jax.vmap(function)(jnp.minimum(places, count - 1))
-        # Padding of a block gets the largest integer, which stays beyond the end even
-        # after a division by the number of blasts.
-        past = jnp.where(places < count, places, jnp.iinfo(places.dtype).max)
-        return done + size, put(found, past, given)
+        rows = jnp.searchsorted(so_far, ranks, method="scan_unrolled")
+        some = jax.vmap(function)(jnp.minimum(rows, count - 1))
+        # Padding of a block is beyond the end and dropped.
+        found = jax.tree.map(
+            lambda x, new: x.at[rows].set(new, mode="drop"), found, some
+        )
+        return done + size, found
 
     return jax.lax.while_loop(more, block, (jnp.zeros((), jnp.int32), start))[1]

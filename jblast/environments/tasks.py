@@ -1,21 +1,27 @@
-r"""The tasks of environments: start, aim, observations and reward of each, by name.
+r"""The tasks of environments: start, aim, observations and error of each, by name.
+
+The reward of a step is $e^{-E/s}$ with the task's error $E$ and the scale $s$ of the
+disturbance: 1 without an error, 1/e at the scale, and never negative, so that an early
+end of an episode never pays.
+
+The axes of the world are east, north, up; those of the body ahead, left, up.
 
 **Hover**: hold a position through blasts. Observations: position and velocity relative
-to the target (3, 3), attitude as a matrix (9), body rates (3). Reward of a step: $1 -
-|e|$ with the distance $e$ in metres, less 0.02 times the body rate in rad/s. An episode
-ends if the vehicle is farther away than `far_m`, or on the ground.
+to the target (3, 3), attitude as a matrix (9), body rates (3). Error: distance from the
+target [m]. An episode ends if the vehicle is farther away than `far_m`, or on the
+ground.
 
 **Rates**: follow requested body rates, the task of GymFC. An episode draws body rates,
 uniform within `rate_rad_s` about each axis; the position is free. Observations:
 requested less actual rates (3), actual rates (3), both over `rate_rad_s`, and rotor
-speeds over the maximum (4). Reward of a step: 1 less the mean of the absolute errors
-over `rate_rad_s`.
+speeds over the maximum (4). Error: mean of the absolute errors about the three axes
+[rad/s].
 
 **Mission**: follow the set point of a plan's legs (`jblast.missions`). An episode
-begins on the ground at home, armed. Observations: position and velocity relative to the
-set point (3, 3), attitude (9), body rates (3), and the vector from the set point to the
-leg's goal (3). Reward of a step: $1 - |e|$. An episode ends where the vehicle is
-farther off than `far_m`, or has landed at the mission's end.
+begins on the ground at home, armed. Observations: those of Hover relative to the set
+point, and the vector from the set point to the leg's goal (3). Error: distance from the
+set point [m]. An episode ends where the vehicle is farther off than `far_m`, or has
+landed at the mission's end.
 """
 
 from collections.abc import Callable
@@ -23,15 +29,16 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.environments.episode import (
+    GROUND_UP_M,
     Aim,
     EnvironmentParams,
     EnvironmentState,
 )
-from jblast.missions import Guidance, Limits, Progress, grid_plan, mission_of
+from jblast.missions import Guidance, Limits, grid_plan, mission_of
 from jblast.missions.guidance import ENDED, FLYING, SetPoint
 from jblast.scene import Place
 from jblast.vehicle import State
@@ -39,31 +46,14 @@ from jblast.vehicle.state import (
     Number,
     StateComponents,
     Vector,
-    components,
     dot,
     joined,
     rotation,
     three,
 )
 
-BODY_RATE_COST = 0.02
-"""Cost of a body rate of 1 rad/s in a step; declared: small against the distance."""
 Seen = tuple[Number, ...]
-Started = tuple[StateComponents, PyTree[Array]]
-
-
-class Judged(NamedTuple):
-    """Result of a step.
-
-    Attributes:
-        reward: Reward of the step.
-        terminated: True if the task has ended the episode.
-        task: State of the task after the step.
-    """
-
-    reward: Float[Array, ""]
-    terminated: Bool[Array, ""]
-    task: PyTree[Array]
+Started = tuple[State, PyTree[Array]]
 
 
 class Task(NamedTuple):
@@ -73,19 +63,22 @@ class Task(NamedTuple):
         command: Default mode of command.
         target_m: Target: east, north, up.
         episode_s: Duration of an episode.
-        start: Function of key and params: initial motion and task state.
+        scale: Error at which the reward of a step is 1/e [m or rad/s].
+        start: Function of key and params: initial state and task state.
         aim: Function of params and state: target in this step and next task state.
-        observe: Function of params and state: observations.
-        judge: Function of params, state after the step and target.
+        observe: Function of params, state and its target: observations.
+        judge: Function of params, state after the step and its target: error, and
+            whether the task has ended the episode.
     """
 
     command: str
     target_m: tuple[float, float, float]
     episode_s: float
+    scale: float
     start: Callable[[PRNGKeyArray, EnvironmentParams], Started]
     aim: Callable[[EnvironmentParams, EnvironmentState], tuple[Aim, PyTree[Array]]]
-    observe: Callable[[EnvironmentParams, EnvironmentState], Seen]
-    judge: Callable[[EnvironmentParams, EnvironmentState, Aim], Judged]
+    observe: Callable[[EnvironmentParams, EnvironmentState, Aim], Seen]
+    judge: Callable[[EnvironmentParams, EnvironmentState, Aim], tuple[Array, Array]]
 
 
 def _start_hover(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
@@ -94,20 +87,24 @@ def _start_hover(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
     return _at_rest(params, params.target_m + params.spread_m * off), ()
 
 
-def _observe_hover(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+def _observe_motion(
+    params: EnvironmentParams, state: EnvironmentState, aim: Aim
+) -> Seen:
     motion = state.now.motion
-    place, speed = _error_from(motion, _at_target(params, state)[0])
-    return (*place, *speed, *_attitude_and_rates(motion))
+    x, y, z = rotation(motion.quaternion)
+    speed = _minus(motion.velocity, aim.point.velocity_m_s)
+    return (*_away(motion, aim), *speed, *x, *y, *z, *motion.body_rate)
 
 
 def _judge_hover(
     params: EnvironmentParams, state: EnvironmentState, aim: Aim
-) -> Judged:
-    motion = state.now.motion
-    off = distance(motion, aim)
-    reward = 1.0 - off - BODY_RATE_COST * _length(motion.body_rate)
-    down = motion.position[2] <= params.ground_up_m
-    return Judged(reward, (off > params.far_m) | down, ())
+) -> tuple[Array, Array]:
+    off, down = distance(state.now.motion, aim), _down(state)
+    return off, (off > params.far_m) | down
+
+
+def _down(state: EnvironmentState) -> Array:
+    return state.now.motion.position[2] <= GROUND_UP_M
 
 
 def _start_rates(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
@@ -117,30 +114,20 @@ def _start_rates(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
     return _at_rest(params, params.target_m), three(wanted)
 
 
-def _rate_errors(params: EnvironmentParams, state: EnvironmentState) -> Vector:
-    x, y, z = (
-        (requested - actual) / params.rate_rad_s
-        for requested, actual in zip(
-            state.task, state.now.motion.body_rate, strict=True
-        )
-    )
-    return x, y, z
-
-
-def _observe_rates(params: EnvironmentParams, state: EnvironmentState) -> Seen:
+def _observe_rates(
+    params: EnvironmentParams, state: EnvironmentState, aim: Aim
+) -> Seen:
     motion, most = state.now.motion, params.vehicle.rotor_speed_max_rad_s
-    rates = (rate / params.rate_rad_s for rate in motion.body_rate)
-    speeds = (speed / most for speed in motion.rotor_speed)
-    return (*_rate_errors(params, state), *rates, *speeds)
+    errors = _minus(state.task, motion.body_rate)
+    rates = (rate / params.rate_rad_s for rate in (*errors, *motion.body_rate))
+    return (*rates, *(speed / most for speed in motion.rotor_speed))
 
 
 def _judge_rates(
     params: EnvironmentParams, state: EnvironmentState, aim: Aim
-) -> Judged:
-    x, y, z = _rate_errors(params, state)
-    reward = 1.0 - (jnp.abs(x) + jnp.abs(y) + jnp.abs(z)) / 3
-    down = state.now.motion.position[2] <= params.ground_up_m
-    return Judged(reward, down, state.task)
+) -> tuple[Array, Array]:
+    x, y, z = map(jnp.abs, _minus(state.task, state.now.motion.body_rate))
+    return (x + y + z) / 3, _down(state)
 
 
 def default_guidance() -> Guidance:
@@ -167,25 +154,23 @@ def _start_mission(key: PRNGKeyArray, params: EnvironmentParams) -> Started:
 def _aim_mission(
     params: EnvironmentParams, state: EnvironmentState
 ) -> tuple[Aim, PyTree[Array]]:
-    progress: Progress = state.task
-    point, after = _guidance(params)(joined(state.now.motion), progress, params.step_s)
-    return Aim(point, progress.yaw_rad), after
+    motion = joined(state.now.motion)
+    point, after = _guidance(params)(motion, state.task, params.step_s)
+    return Aim(point, state.task.yaw_rad), after
 
 
-def _observe_mission(params: EnvironmentParams, state: EnvironmentState) -> Seen:
-    # The set point of the next step: it depends on the state after this one.
-    aim, motion = _aim_mission(params, state)[0], state.now.motion
-    place, speed = _error_from(motion, aim)
+def _observe_mission(
+    params: EnvironmentParams, state: EnvironmentState, aim: Aim
+) -> Seen:
     goal = _guidance(params).legs.goal_m[state.task.leg] - aim.point.position_m
-    return (*place, *speed, *_attitude_and_rates(motion), *goal)
+    return (*_observe_motion(params, state, aim), *goal)
 
 
 def _judge_mission(
     params: EnvironmentParams, state: EnvironmentState, aim: Aim
-) -> Judged:
+) -> tuple[Array, Array]:
     off = distance(state.now.motion, aim)
-    over = (off > params.far_m) | (state.task.phase == ENDED)
-    return Judged(1.0 - off, over, state.task)
+    return off, (off > params.far_m) | (state.task.phase == ENDED)
 
 
 def _at_target(
@@ -199,7 +184,7 @@ def _at_target(
 
 def _at_rest(
     params: EnvironmentParams, place: Float[Array, "3"], *, stands: bool = False
-) -> StateComponents:
+) -> State:
     """Return a level vehicle at rest, with rotors at hover speed or at rest."""
     vehicle = params.vehicle
     weight = vehicle.mass_kg * FLIGHT_GRAVITY / 4
@@ -207,31 +192,23 @@ def _at_rest(
     still = jnp.zeros_like(place)
     level = jnp.asarray([0.0, 0.0, 0.0, 1.0], place.dtype)
     speeds = jnp.broadcast_to(0 * speed if stands else speed, (4,))
-    return components(State(place, still, level, still, speeds))
+    return State(place, still, level, still, speeds)
 
 
-def _attitude_and_rates(motion: StateComponents) -> Seen:
-    """Return the attitude matrix by rows (body to world) and body rates [rad/s]."""
-    x, y, z = rotation(motion.quaternion)
-    return (*x, *y, *z, *motion.body_rate)
+def _minus(vector: Vector, other: Vector | Float[Array, "3"]) -> Vector:
+    x, y, z = (a - b for a, b in zip(vector, other, strict=True))
+    return x, y, z
 
 
-def _error_from(motion: StateComponents, aim: Aim) -> tuple[Vector, Vector]:
-    """Return the position and velocity of a vehicle relative to its aim [m, m/s]."""
-    place, speed = aim.point.position_m, aim.point.velocity_m_s
-    x, y, z = (a - b for a, b in zip(motion.position, place, strict=True))
-    u, v, w = (a - b for a, b in zip(motion.velocity, speed, strict=True))
-    return (x, y, z), (u, v, w)
+def _away(motion: StateComponents, aim: Aim) -> Vector:
+    """Return the position of a vehicle relative to its aim [m]."""
+    return _minus(motion.position, aim.point.position_m)
 
 
 def distance(motion: StateComponents, aim: Aim) -> Float[Array, ""]:
     """Return the distance of a vehicle from its aim [m], with a gradient of 0 at 0."""
-    return _length(_error_from(motion, aim)[0])
-
-
-def _length(vector: Vector) -> Float[Array, ""]:
-    """Return the length of a vector, with a gradient of 0 at 0."""
-    square = dot(vector, vector)
+    away = _away(motion, aim)
+    square = dot(away, away)
     some = square > 0
     return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
 
@@ -241,15 +218,17 @@ TASKS: dict[str, Task] = {
         "thrust_rates",
         (0.0, 0.0, 10.0),
         10.0,
+        0.2,
         _start_hover,
         _at_target,
-        _observe_hover,
+        _observe_motion,
         _judge_hover,
     ),
     "Rates": Task(
         "rotor_speeds",
         (0.0, 0.0, 60.0),
         2.0,
+        1.0,
         _start_rates,
         _at_target,
         _observe_rates,
@@ -259,6 +238,7 @@ TASKS: dict[str, Task] = {
         "hold",
         (0.0, 0.0, 0.0),
         60.0,
+        0.2,
         _start_mission,
         _aim_mission,
         _observe_mission,

@@ -187,23 +187,12 @@ class Simulator(eqx.Module):
             length_s: Length of the step, if it is another than that of all.
         """
         tick = tick_of(n, self.step_s, length_s)
-        impulse_wrench, inactive_until_s = pulse_wrench(
-            self._pulses(),
-            tick.start,
-            tick.length,
-            now.motion,
-            self.vehicle,
-            now.inactive_until_s,
-            self.axis,
-        )
-        now = now._replace(
-            impulse_wrench=impulse_wrench, inactive_until_s=inactive_until_s
-        )
+        now = self.pushed(now, tick)
         if now.strongest:
-            force, least = impulse_wrench[0], now.strongest[0]
+            force, least = now.impulse_wrench[0], now.strongest[0]
             new = (n % self.row_steps == 0) | (dot(force, force) > dot(least, least))
             choose = functools.partial(jnp.where, new)
-            strongest = jax.tree.map(choose, impulse_wrench, now.strongest)
+            strongest = jax.tree.map(choose, now.impulse_wrench, now.strongest)
             now = now._replace(strongest=strongest)
         if command is not None:
             now = now._replace(command=command)
@@ -224,6 +213,21 @@ class Simulator(eqx.Module):
         """
         return self.step(
             now, n, length_s=jnp.where(n == steps - 1, last_s, self.step_s)
+        )
+
+    def pushed(self, now: FlightState, tick: Tick) -> FlightState:
+        """Return the state with the wrench of the pulses in a step."""
+        impulse_wrench, inactive_until_s = pulse_wrench(
+            self._pulses(),
+            tick.start,
+            tick.length,
+            now.motion,
+            self.vehicle,
+            now.inactive_until_s,
+            self.axis,
+        )
+        return now._replace(
+            impulse_wrench=impulse_wrench, inactive_until_s=inactive_until_s
         )
 
     def moved(self, now: FlightState, tick: Tick) -> FlightState:

@@ -25,6 +25,7 @@ def params_of(task: str = "Hover", **options) -> EnvironmentParams:
     given = {
         "command": "hold",
         "episode_s": EPISODE_S,
+        "spread_m": 0.0,
         "world": WorldSpec(
             occurrence=ByCount(1),
             region=Ring(12.0, 20.0),

@@ -28,7 +28,7 @@ from jblast.scene.random_blasts import ByCount, ByRate
         ),
         ({"step_s": 0.0}, "step_s: expected a positive number, got 0"),
         ({"episode_s": math.nan}, "episode_s: expected a positive number, got nan"),
-        ({"task": "Mission"}, "guidance: expected a guidance"),
+        ({"scale": -1.0}, "scale: expected a positive number, got -1"),
         ({"world": WorldSpec(ByRate(0.2))}, "expected ByCount of 1 or more"),
         ({"world": WorldSpec(ByCount(0))}, "expected ByCount of 1 or more"),
         (
@@ -51,7 +51,9 @@ def test_what_cannot_be_used_is_named(given, message):
 
 
 def test_guidance_is_refused_where_there_is_no_mission():
-    with pytest.raises(InputError, match="none for others, got one for Hover"):
+    with pytest.raises(
+        InputError, match="expected none but for Mission, got one for Hover"
+    ):
         environment_params(guidance=default_guidance())
 
 
@@ -67,8 +69,7 @@ PAGE = Path(__file__).parents[2] / "docs/howto/environments.md"
 def test_the_page_lists_every_observation(task):
     rows = re.findall(rf"^\| {task} \| (\d+)(?:-(\d+))? \|", PAGE.read_text(), re.M)
     listed = [n for a, b in rows for n in range(int(a), int(b or a) + 1)]
-    guidance = default_guidance() if task == "Mission" else None
-    params = environment_params(task, guidance=guidance)
+    params = environment_params(task)
     _, seen = jax.eval_shape(partial(reset, params=params), jax.random.key(0))
     assert listed == list(range(seen.shape[0]))
 

@@ -60,7 +60,7 @@ def test_the_last_observation_of_an_episode_is_shown_before_the_next_begins():
     assert not np.array(after.truncated | after.terminated).any()
     assert (np.array(after.reward) == 0).all()
     assert (np.array(after.state.steps) == 0).all()
-    assert (np.array(after.state.number) == 1).all()
+    assert (np.array(after.state.episode.number) == 1).all()
     # the last of an episode is where it ended; the next is at rest at its start
     assert np.abs(rows[STEPS][:, 3:6]).max() > 0.05
     np.testing.assert_array_equal(rows[STEPS + 1][:, :6], 0.0)
@@ -71,7 +71,7 @@ def test_the_last_observation_of_an_episode_is_shown_before_the_next_begins():
 def test_another_episode_draws_another_blast():
     _, found = batch(3, STEPS + 1)
     first, second = found[0].state.episode, found[-1].state.episode
-    assert (np.array(first.blasts.mass_kg) != np.array(second.blasts.mass_kg)).all()
+    assert (np.array(first.load.waves.mass_kg != second.load.waves.mass_kg)).all()
 
 
 @pytest.mark.slow

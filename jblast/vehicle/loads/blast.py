@@ -81,11 +81,11 @@ from jblast.vehicle.state import (
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance
 
-MAX_ACCELERATION_M_S2 = 1e3
+MAX_ACCELERATION_M_S2 = 300.0
 """Bound on a vehicle's acceleration outside waves, in `quiet_until`.
 
-Far above that of any rotors (some 20 m/s2); a larger bound only shortens the intervals
-in which a wave is not evaluated.
+Far above that of the models' rotors (some 20 m/s2) and of a racing vehicle (150); a
+larger bound only shortens the intervals in which a wave is not evaluated.
 """
 T = TypeVar("T")
 
@@ -231,24 +231,25 @@ class BlastLoad(eqx.Module):
     def quiet_until(
         self, start_s: Float[Array, ""], state: State, vehicle: Vehicle
     ) -> Float[Array, ""]:
-        """Return a time until which no wave reaches the vehicle, whatever its motion.
+        r"""Return a time until which no wave reaches the vehicle, whatever its motion.
 
-        A front arrives earlier by at most 1/c for each metre nearer to the charge. A
-        vehicle at a speed v therefore does not meet it before the share c/(c + v) of
-        the time left at its position. The end of a wave arrives later by at most 4.7/c
-        for each metre farther from the charge, whatever the burst, so a vehicle slower
-        than c/5 does not overtake a wave. Both bounds hold while the vehicle gains
-        speed by at most `MAX_ACCELERATION_M_S2`.
+        A front arrives earlier by at most 1/c for each metre nearer to the charge, and
+        the end of a wave later by at most 4.7/c for each metre farther, whatever the
+        burst. With this slowness $s$, speed $v$, acceleration up to $a$
+        (`MAX_ACCELERATION_M_S2`) and the time $q$ to the front or since the end, a
+        vehicle meets the wave no earlier than after $t$ with
+        $q = s\,(v t + a t^2/2) \pm t$.
         """
         # Twice the wind speed also covers a wind across the line to the charge.
-        sound = jnp.maximum(self.sound_speed_m_s - 2 * _length(self.wind_m_s), 0.0)
-        speed, most = _length(state.velocity_m_s), MAX_ACCELERATION_M_S2
+        sound = jnp.maximum(self.sound_speed_m_s - 2 * _length(self.wind_m_s), 1.0)
         begins_s, ends_s = self.span_s(state.position_m, vehicle)
-        left = jnp.maximum(begins_s - start_s, 0)
-        wait = left * sound / (sound + speed + most * left)
-        slow = jnp.maximum(sound / 5 - speed, 0) / most
-        until = start_s + jnp.where(start_s > ends_s, slow, wait)
-        return jnp.min(jnp.where(begins_s == jnp.inf, jnp.inf, until))
+        gone = start_s > ends_s
+        left = jnp.where(gone, start_s - ends_s, jnp.maximum(begins_s - start_s, 0))
+        slowness = jnp.where(gone, 4.7, 1.0) / sound
+        linear = slowness * _length(state.velocity_m_s) + jnp.where(gone, -1.0, 1.0)
+        square = slowness * MAX_ACCELERATION_M_S2
+        wait = (jnp.sqrt(linear**2 + 2 * square * left) - linear) / square
+        return start_s + jnp.min(wait)
 
     def span_s(
         self, position_m: Float[Array, "3"], vehicle: Vehicle

@@ -9,8 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
-from jblast.environments import QuadrotorBlast, QuadrotorEnv
-from jblast.environments.registration import NAMES
+from jblast.environments import NAMES, QuadrotorBlast, QuadrotorEnv
 from jblast.errors import InputError
 from tests.environments.lanes_of_one_blast import PARAMS
 

@@ -161,8 +161,8 @@ def test_no_impulse_comes_while_a_load_says_it_is_quiet(speed):
     load, state = blast_load(scene()), hovering(CRAZYFLIE, (5, 0, 2.0), (speed, 0, 0))
     assert quiet_until(load, 0.0, state) > 1e-3
     assert quiet_until(load, 0.012, state) <= 0.012  # the wave is there
-    # it has gone by; a vehicle fast enough to catch it again is asked for ever
-    assert (quiet_until(load, 0.04, state) > 0.04) == (abs(speed) < 68)
+    # it has gone by; a vehicle slower than c/4.7 does not soon catch it again
+    assert (quiet_until(load, 0.04, state) > 0.1) == (abs(speed) < 70)
     whole = np.linalg.norm(impulse(load, 0.0, 0.04, state, CRAZYFLIE)[0])
     for start in (0.0, 2e-3, 5e-3, 0.03, 0.04):
         until = jnp.minimum(quiet_until(load, start, state), start + 0.01)
@@ -174,7 +174,7 @@ def test_no_impulse_comes_while_a_load_says_it_is_quiet(speed):
 def test_a_vehicle_that_gains_speed_does_not_meet_a_quiet_front():
     """It flies to meet it, ever faster; the front comes after the time that is told."""
     load = blast_load(scene())
-    for speed, gain in [(0.0, 0.0), (0.0, 900.0), (150.0, 500.0), (400.0, 0.0)]:
+    for speed, gain in [(0.0, 0.0), (0.0, 290.0), (150.0, 200.0), (400.0, 0.0)]:
         state = hovering(CRAZYFLIE, (40.0, 0.0, 0.0), (-speed, 0.0, 0.0))
         until = float(quiet_until(load, 0.0, state))
         east = 40.0 - speed * until - gain * until**2 / 2
