@@ -15,7 +15,7 @@ of the Earth's surface below the plane (8 cm in a kilometre) is neglected both w
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -79,9 +79,7 @@ def grid_plan(
     width_m: float,
     depth_m: float,
     spacing_m: float,
-    up_m: float,
-    centre_m: tuple[float, float] = (0.0, 0.0),
-    speed_m_s: float | None = None,
+    **pattern: Any,
 ) -> Plan:
     """Return a plan of parallel lanes over a field, with return and landing.
 
@@ -90,9 +88,7 @@ def grid_plan(
         width_m: Length of the lanes, east to west.
         depth_m: Extent of the field, north to south; 0: one lane.
         spacing_m: Maximum distance between two lanes.
-        up_m: Height above home.
-        centre_m: Centre of the field, east and north of home.
-        speed_m_s: Cruise speed; None: the vehicle's.
+        pattern: Height, centre and speed as in `pattern_plan`.
 
     Raises:
         InputError: There are too many lanes, or an argument is out of its range.
@@ -112,9 +108,8 @@ def grid_plan(
         # Every second lane is flown backwards, so that the way between lanes is short.
         east = (0.5 if n % 2 else -0.5) * width_m
         places += [(east, north), (-east, north)]
-    corners = np.array(places) + centre_m
     first = (0.0, 0.0, 0.0, None)
-    return _pattern(home, corners, up_m, speed_m_s, Nav.WAYPOINT, first)
+    return pattern_plan(home, places, Nav.WAYPOINT, first, **pattern)
 
 
 def orbit_plan(
@@ -122,9 +117,7 @@ def orbit_plan(
     *,
     radius_m: float,
     turns: float,
-    up_m: float,
-    centre_m: tuple[float, float] = (0.0, 0.0),
-    speed_m_s: float | None = None,
+    **pattern: Any,
 ) -> Plan:
     """Return a plan of clockwise circles around a position, with return and landing.
 
@@ -132,9 +125,7 @@ def orbit_plan(
         home: Position of the take-off.
         radius_m: Radius of the circle; negative: counter-clockwise.
         turns: Number of circles.
-        up_m: Height above home.
-        centre_m: Centre of the circle, east and north of home.
-        speed_m_s: Cruise speed; None: the vehicle's.
+        pattern: Height, centre and speed as in `pattern_plan`.
 
     Raises:
         InputError: An argument is out of its range.
@@ -146,29 +137,35 @@ def orbit_plan(
         f"{radius_m:g},{turns:g}",
     )
     first = (turns, 0.0, radius_m, 0.0)
-    return _pattern(home, np.array([centre_m]), up_m, speed_m_s, Nav.TURNS, first)
+    return pattern_plan(home, [(0.0, 0.0)], Nav.TURNS, first, **pattern)
 
 
-def _pattern(
+def pattern_plan(
     home: Place,
-    places_m: Float[np.ndarray, "place 2"],
-    up_m: float,
-    speed_m_s: float | None,
+    places_m: Sequence[tuple[float, float]],
     command: int,
     first: tuple[float, float, float, float | None],
+    *,
+    up_m: float,
+    centre_m: tuple[float, float] = (0.0, 0.0),
+    speed_m_s: float | None = None,
 ) -> Plan:
     """Return a plan of take-off, positions, and return.
 
     Args:
         home: Position of the take-off.
-        places_m: Positions, east and north of home.
-        up_m: Height above home.
-        speed_m_s: Cruise speed; None: the vehicle's.
+        places_m: Positions, east and north of the centre.
         command: Command of each position.
         first: Its first four parameters.
+        up_m: Height above home.
+        centre_m: Centre of the pattern, east and north of home.
+        speed_m_s: Cruise speed; None: the vehicle's.
+
+    Raises:
+        InputError: The home is out of range.
     """
     check_place(home, argument("home"))
-    points = np.column_stack([places_m, 0 * places_m[:, 0]])
+    points = np.pad(np.array(places_m) + centre_m, ((0, 0), (0, 1)))
     # 1e-9 degree is 0.1 mm; MAVLink's resolution is 1e-7 degree, 1 cm.
     places = np.round(geodetic(Frame(*home), points), 9).tolist()
     begin = (0.0, 0.0, 0.0, None, home.lat_deg, home.lon_deg, up_m)
