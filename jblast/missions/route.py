@@ -369,13 +369,19 @@ def stops_of(
     got = plan.items[moving[0]].words if moving else "nothing to fly"
     got = f"{got}: a mission that starts in the air"
     require(starts, where, "a take-off (22) first, from the ground", got)
-    speeds: dict[str, Any] = {
-        "speed_m_s": plan.hover_speed_m_s or limits.speed_m_s,
-        "climb_m_s": limits.climb_m_s,
-        "descent_m_s": limits.descent_m_s,
-    }
+    # the last position, with the limits and the heading of the following items
+    base = Stop(
+        0,
+        np.array(home_m if grounded else start_m, float),
+        plan.hover_speed_m_s or limits.speed_m_s,
+        limits.climb_m_s,
+        limits.descent_m_s,
+        limits.acceptance_m,
+        yaw_rad=yaw_rad,
+        visit=-1,
+    )
     stops: list[Stop] = []
-    at, ended, turned = np.array(home_m if grounded else start_m, float), False, False
+    ended, turned = False, False
     for n in order:
         item = plan.items[n]
         require(
@@ -390,32 +396,23 @@ def stops_of(
         if item.command == Nav.SPEED:
             kind, speed = int(item.number_of(1)), item.number_of(2, -1.0)
             if speed > 0:
-                speeds[CHANGED[kind]] = speed
+                base = replace(base, **{CHANGED[kind]: speed})
             continue
         # A turn holds for all following items, as in ArduCopter, which alone has this
         # command and does not use the heading of a waypoint.
         if item.command == Nav.HEADING:
-            turned = True
-            yaw_rad = _turned(item, yaw_rad)
+            turned, base = True, replace(base, yaw_rad=_turned(item, base.yaw_rad))
             continue
         yaw_deg = item.params[3] if item.command in FACING else None
         if yaw_deg is not None and not turned:
-            yaw_rad = _from_north(yaw_deg)
-        visit = 1 + stops[-1].visit if stops else 0
-        base = Stop(
-            n,
-            at,
-            **speeds,
-            acceptance_m=limits.acceptance_m,
-            yaw_rad=yaw_rad,
-            visit=visit,
-        )
-        goal = _goal(item, at, home_m, frame)
+            base = replace(base, yaw_rad=_from_north(yaw_deg))
+        base = replace(base, item=n, visit=base.visit + 1)
+        goal = _goal(item, base.goal_m, home_m, frame)
         found = _stops_for(item, base, goal, home_m, limits)
         for stop in found:
             check_reach(stop, home_m, f"{where}: {item.words}")
         stops += found
-        at = stops[-1].goal_m
+        base = replace(base, goal_m=found[-1].goal_m)
         ended = item.command in (Nav.LAND, Nav.RETURN, Nav.LOITER)
     if not ended:
         stops.append(replace(stops[-1], hold_s=math.inf))
