@@ -35,11 +35,12 @@ from jaxtyping import Array, Float
 from calibration.timing import best_of
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
-    FriedlanderGust,
+    Gust,
     PositionHold,
     State,
     Trajectory,
     blast_load,
+    friedlander,
     named,
     named_gains,
     simulate,
@@ -98,7 +99,7 @@ def models() -> dict[str, dict[str, Any]]:
         "hold, gust": {
             "control": hold,
             "control_period_s": HELD_S,
-            "wind": FriedlanderGust([30.0, 0.0, 0.0], 0.01, 0.02),
+            "wind": Gust([30.0, 0.0, 0.0], 0.01, 0.02, friedlander),
         },
         "hold, blast": {
             "control": hold,

@@ -51,8 +51,8 @@ from jblast.sensors.flight_sensors import (
 )
 from jblast.vehicle import (
     BlastLoad,
+    Gust,
     State,
-    StepGust,
     Vehicle,
     blast_load,
     start_of,
@@ -420,7 +420,7 @@ def flight_of(
     simulator = Simulator(
         vehicle_of(spec),
         jnp.asarray(PERIOD_S),
-        wind=StepGust(wind, 0 * wind[0]),
+        wind=Gust(wind, 0 * wind[0]),
         loads=(load,),
         ground_up_m=jnp.zeros(()),
     )

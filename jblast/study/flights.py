@@ -70,8 +70,8 @@ from jblast.study.missions import (
 )
 from jblast.vehicle import (
     Controller,
+    Gust,
     State,
-    StepGust,
     Trajectory,
     Vehicle,
     controller_of,
@@ -327,7 +327,7 @@ def flown_by(
         controller = by_instruments(
             control, scenes, place, start, load, seeds, 1 / options.step_s
         )
-    wind = StepGust(steady_wind(scenes), 0 * scenes.air.wind_east)
+    wind = Gust(steady_wind(scenes), 0 * scenes.air.wind_east)
     if not single:
         count = scenes.air.wind_east.shape
         start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)

@@ -52,8 +52,8 @@ from jblast.study.flights import (
 from jblast.vehicle import (
     STEP_S,
     FlightMetrics,
+    Gust,
     State,
-    StepGust,
     Trajectory,
     Vehicle,
     controller_of,
@@ -667,7 +667,7 @@ def flown_with(gains: Gains, flights: DrawnFlights) -> Trajectory:
         duration_s=flights.seconds,
         step_s=options.step_s,
         control=controlled(flights.target_m, gains, flights.yaw_rad),
-        wind=StepGust(flights.wind, 0 * flights.arrival_s),
+        wind=Gust(flights.wind, 0 * flights.arrival_s),
         loads=(flights.load,),
         ground_up_m=GROUND_UP_M,
         store_every=max(1, round(ROW_S / options.step_s)),

@@ -31,11 +31,12 @@ from jblast.vehicle.loads.impulse_table import (
     read_custom_profile as read_custom_profile,
 )
 from jblast.vehicle.loads.load import (
-    FriedlanderGust as FriedlanderGust,
+    Gust as Gust,
     Load as Load,
-    NWaveGust as NWaveGust,
     Pulse as Pulse,
-    StepGust as StepGust,
+    friedlander as friedlander,
+    n_wave as n_wave,
+    steady as steady,
 )
 from jblast.vehicle.metrics import (
     FlightMetrics as FlightMetrics,

@@ -14,7 +14,7 @@ fastest; a GPU processes the whole batch as one chunk.
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -24,6 +24,7 @@ import numpy as np
 from jax.sharding import AxisType, PartitionSpec
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jblast.constants import FLIGHT_GRAVITY
 from jblast.vehicle.dynamics import Wrench, net_wrench, normal, rates, rk4_step
 from jblast.vehicle.loads.load import Pulse, load_wrench, pulse_wrench
 from jblast.vehicle.quadrotor import Vehicle
@@ -50,6 +51,11 @@ INWARD = 1e-9
 
 It selects the side of a jump at a step's end. 1e-9 of a step changes no digit of a
 flight and is above the rounding of float64 times; float32 has its own distance.
+"""
+STROKE_M = 0.02
+"""Stroke of the landing gear [m], declared: the give of feet, arms and ground.
+
+A landing at 0.7 m/s (PX4's MPC_LAND_SPEED) brakes at 12 m/s2.
 """
 T = TypeVar("T")
 CHUNK_BYTES = 512
@@ -240,7 +246,9 @@ class Simulator(eqx.Module):
 
             gain = rk4_step(stage_rates, now.motion, tick.length)
             motion, excess = _sum(now.motion, now.excess, gain)
-            motion = _grounded(self.ground_up_m, normal(motion))
+            motion = _grounded(
+                self.ground_up_m, now.motion, normal(motion), tick.length
+            )
             return now._replace(motion=motion, excess=excess)
 
         # The condition is always true. A branch is a separate program of small arrays,
@@ -308,14 +316,14 @@ class Simulator(eqx.Module):
             _, end = advance_row(now, numbers[even:])
             parts.append(jax.tree.map(lambda x: x[None], end))
             taken.append(steps)
-        rows = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
+        motion, pulses = jax.tree.map(lambda *x: jnp.concatenate(x), *parts)
         # Of the stored rows only, not of every step.
-        forces = jax.vmap(self.wrench)(*rows, jnp.asarray(taken, jnp.int32))
+        forces = jax.vmap(self.wrench)(motion, pulses, jnp.asarray(taken, jnp.int32))
         # A vehicle that diverged once stays lost, even if its numbers become finite
         # again.
-        lost = ~jnp.isfinite(sum(jax.tree.leaves((rows, forces))))
+        lost = ~jnp.isfinite(sum(jax.tree.leaves((motion, pulses, forces))))
         alive = jnp.cumsum(lost) == 0
-        ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (rows[0], forces))
+        ended = jax.tree.map(lambda x: jnp.where(alive, x, jnp.nan), (motion, forces))
         return StoredRows(ended[0], ended[1], alive)
 
     def _pulses(self) -> list[Pulse]:
@@ -387,14 +395,48 @@ def _joined(numbers: tuple[Array, ...], like: Array) -> Array:
 
 
 def _grounded(
-    ground: Float[Array, ""] | None, motion: StateComponents
+    ground: Float[Array, ""] | None,
+    before: StateComponents,
+    motion: StateComponents,
+    length: Number,
 ) -> StateComponents:
-    """Stop a vehicle that descends below the ground; it rests at its position."""
+    r"""Stop a vehicle that descends to the ground; it rests at its position.
+
+    The landing gear has a stroke $s$ above the position at rest. A vehicle that sinks
+    at $v$ is brought to rest on its remaining height $h$ by the constant acceleration
+    $v^2/2h$, at most $v^2/2s$; one slower than $\sqrt{2gh}$ falls freely. Its other
+    velocities and its body rate decrease in the same proportion.
+
+    Args:
+        ground: Height of the ground.
+        before: State at the beginning of the step.
+        motion: State at its end without the ground.
+        length: Length of the step.
+    """
     if ground is None:
         return motion
-    below = motion.position[2] < ground
-    x, y, z = motion.position
-    still = below & (motion.velocity[2] < 0)
+    height, speed = before.position[2] - ground, -before.velocity[2]
+    falls = (speed > 0) & (height > 0)
+    # Guards of the quotients: a division by zero would give NaN gradients.
+    height, speed = jnp.where(falls, height, 1), jnp.where(falls, speed, 1)
+    brakes = (height - speed * length < STROKE_M) & (
+        speed * speed > 2 * FLIGHT_GRAVITY * height
+    )
+    left = jnp.maximum(1 - length * speed / (2 * height), 0)
+    # The ground only pushes: rotors may lift the vehicle more than that.
+    held = falls & brakes & (motion.velocity[2] < -left * speed)
+    way = jnp.minimum(length, 2 * height / speed) * (1 + left) / 2
+
+    def braked(free: Vector, slow: Iterable[Number]) -> Vector:
+        a, b, c = (jnp.where(held, x, y) for x, y in zip(slow, free, strict=True))
+        return a, b, c
+
+    velocity = braked(motion.velocity, [left * v for v in before.velocity])
+    body_rate = braked(motion.body_rate, [left * w for w in before.body_rate])
+    places = zip(before.position, before.velocity, strict=True)
+    x, y, z = braked(motion.position, [at + v * way for at, v in places])
+    below = z < ground
+    still = below & (velocity[2] < 0)
 
     def stopped(vector: Vector) -> Vector:
         a, b, c = (jnp.where(still, 0, part) for part in vector)
@@ -402,8 +444,8 @@ def _grounded(
 
     return motion._replace(
         position=(x, y, jnp.where(below, ground, z)),
-        velocity=stopped(motion.velocity),
-        body_rate=stopped(motion.body_rate),
+        velocity=stopped(velocity),
+        body_rate=stopped(body_rate),
     )
 
 

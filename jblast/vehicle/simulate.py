@@ -116,7 +116,8 @@ def simulate(
     # A remainder by rounding does not make the last step shorter.
     last_s = duration_s - (steps - 1) * step_s
     last_s = step_s if abs(last_s - step_s) <= 1e-9 * step_s else last_s
-    given = in_precision((simulator, state, jnp.asarray(last_s)), dtype)
+    last_s = jnp.asarray(last_s)
+    given = simulator, state, last_s = in_precision((simulator, state, last_s), dtype)
     options = {"steps": steps, "store_every": store_every, "batch": batch}
     traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(given))
     if flies_on_warp(backend, traced, dtype):
@@ -125,7 +126,7 @@ def simulate(
 
         device = kernel.device_named(backend.partition(":")[2] or None)
         try:
-            return kernel.fly_on(device, *given, times, **options)
+            return kernel.fly_on(device, simulator, state, last_s, times, **options)
         except Untranslatable as missing:
             warnings.warn(f"{missing}: JAX is used instead of Warp", stacklevel=2)
     program = _FLY_WITHIN if traced else _FLY_EACH if batch else _FLY_ONE

@@ -7,8 +7,8 @@ import pytest
 
 from jblast.vehicle import (
     CONTROLLERS,
+    Gust,
     PositionHold,
-    StepGust,
     named,
     named_gains,
     simulate,
@@ -82,7 +82,7 @@ def test_it_is_back_long_before_an_integral_is(name):
             duration_s=10.0,
             step_s=2e-3,
             control=control,
-            wind=StepGust([3.0, 0.0, 0.0], 0.0),
+            wind=Gust([3.0, 0.0, 0.0], 0.0),
             store_every=10,
         )
         error = np.linalg.norm(np.asarray(flown.position_m) - HOME, axis=-1)

@@ -12,11 +12,11 @@ from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     Cascade,
-    FriedlanderGust,
+    Gust,
     PositionHold,
     State,
-    StepGust,
     blast_load,
+    friedlander,
     kernel,
     named,
     named_gains,
@@ -65,7 +65,7 @@ def everything(*others: Charge) -> dict:
 
     return {
         "control": PositionHold(jnp.asarray(PLACES), many, jnp.zeros(BATCH) + 0.3),
-        "wind": FriedlanderGust(push, when, 0.02 + 0 * when, 1 + when),
+        "wind": Gust(push, when, 0.02 + 0.01 * when, friedlander),
         "loads": (jax.vmap(loads)(jnp.linspace(0.5, 2.0, BATCH)),),
         "control_period_s": 2e-3,
         "ground_up_m": 0.0,
@@ -114,7 +114,7 @@ def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
         duration_s=0.0503,
         control=Cascade([6.0, 1.0, 4.5], 40.0, 2.0),
         control_period_s=1e-3,
-        wind=StepGust(2 * state.velocity_m_s, jnp.full((2, BATCH), 0.01)),
+        wind=Gust(2 * state.velocity_m_s, jnp.full((2, BATCH), 0.01)),
         loads=(
             blast_load(Scene(Charge(mass_kg=1.0)), drag=False),
             blast_load(Scene(second), front=False, rotors=False),

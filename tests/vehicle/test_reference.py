@@ -6,20 +6,22 @@ import pytest
 
 from jblast.vehicle import (
     Commands,
-    FriedlanderGust,
-    NWaveGust,
+    Gust,
     State,
-    StepGust,
+    friedlander,
+    n_wave,
     named,
     simulate,
+    steady,
 )
+from jblast.vehicle.quadrotor import in_precision
 from tests.vehicle.flights import at_hover, by_scipy, hover_speed, tumbling
 
 HELD = 2e-3
 GUSTS = {
-    "step": StepGust([4.0, -3.0, 1.0], 0.05),
-    "n-wave": NWaveGust([20.0, 10.0, -5.0], 0.04, 0.02),
-    "friedlander": FriedlanderGust([25.0, 0.0, 5.0], 0.03, 0.01),
+    "step": Gust([4.0, -3.0, 1.0], 0.05),
+    "n-wave": Gust([20.0, 10.0, -5.0], 0.04, 0.02, n_wave),
+    "friedlander": Gust([25.0, 0.0, 5.0], 0.03, 0.01, friedlander),
 }
 
 
@@ -32,10 +34,10 @@ def plain(gust):
         since = time - start
         if since < 0:
             return np.zeros(3)
-        if isinstance(gust, StepGust):
+        if gust.shape is steady:
             return velocity
         phase = since / float(gust.duration_s)
-        if isinstance(gust, NWaveGust):
+        if gust.shape is n_wave:
             return velocity * (1 - 2 * phase) * (phase <= 1)
         return velocity * (1 - phase) * np.exp(-phase)
 
@@ -62,7 +64,7 @@ def flown_and_truth(name, gust, duration, dtype=None):
     truth = by_scipy(vehicle, state, commands, HELD, duration, plain(wind), edges)
     if dtype is not None:
         state = State(*(part.astype(dtype) for part in vars(state).values()))
-        wind = type(wind)(*(part.astype(dtype) for part in vars(wind).values()))
+        wind = in_precision(wind, dtype)
     flown = simulate(
         vehicle,
         state,
@@ -107,7 +109,7 @@ def test_an_n_wave_moves_a_crazyflie_by_half_a_millimetre():
     vehicle = named("crazyflie")
     speed = 1900.0  # a little above hover; at hover it is 0.49 mm
     state = at_hover(vehicle, rotor_speed_rad_s=np.full(4, speed))
-    gust = NWaveGust([30.0, 0.0, 0.0], 0.1, 0.02)
+    gust = Gust([30.0, 0.0, 0.0], 0.1, 0.02, n_wave)
     flown = simulate(vehicle, state, duration_s=1.5, wind=gust, store_every=20)
     moved = float(jnp.max(flown.position_m[:, 0]))
     # x'' = -k (x' - wind), k T << 1: a T^2/6
@@ -119,7 +121,7 @@ def test_an_n_wave_moves_a_crazyflie_by_half_a_millimetre():
 @pytest.mark.slow
 def test_a_wind_frozen_for_two_milliseconds_moves_it_forty_times_as_far():
     vehicle = named("crazyflie")
-    gust = NWaveGust([30.0, 0.0, 0.0], 0.1, 0.02)
+    gust = Gust([30.0, 0.0, 0.0], 0.1, 0.02, n_wave)
 
     def frozen(time_s, position_m):
         # an instant early, so that no rounding says which end of the wave is in it

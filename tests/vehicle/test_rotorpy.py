@@ -13,10 +13,10 @@ import pytest
 from calibration.rotorpy_flights import DURATION, EVERY, FLIGHTS, HELD, HOVER, commands
 from jblast.vehicle import (
     Commands,
-    FriedlanderGust,
-    NWaveGust,
+    Gust,
     State,
-    StepGust,
+    friedlander,
+    n_wave,
     named,
     simulate,
 )
@@ -24,10 +24,10 @@ from jblast.vehicle import (
 TABLE = Path(__file__).parents[2] / "calibration/data/rotorpy_flights.csv"
 GUSTS = {
     "calm": lambda gust: None,
-    "step": lambda gust: StepGust(gust.velocity, gust.start),
-    "n-wave": lambda gust: NWaveGust(gust.velocity, gust.start, gust.duration),
-    "friedlander": lambda gust: FriedlanderGust(
-        gust.velocity, gust.start, gust.duration
+    "step": lambda gust: Gust(gust.velocity, gust.start),
+    "n-wave": lambda gust: Gust(gust.velocity, gust.start, gust.duration, n_wave),
+    "friedlander": lambda gust: Gust(
+        gust.velocity, gust.start, gust.duration, friedlander
     ),
 }
 
@@ -35,7 +35,7 @@ GUSTS = {
 class Gusts(eqx.Module):
     """A wind of every kind, of which a flight meets one: the others are still air."""
 
-    parts: tuple[StepGust, NWaveGust, FriedlanderGust]
+    parts: tuple[Gust, Gust, Gust]
 
     def __call__(self, time_s, position_m):
         return sum(part(time_s, position_m) for part in self.parts)

@@ -13,9 +13,9 @@ from jblast.scene import Charge, Scene
 from jblast.vehicle import (
     Cascade,
     Commands,
+    Gust,
     PositionHold,
     State,
-    StepGust,
     blast_load,
     named,
     named_gains,
@@ -50,14 +50,14 @@ def test_axes_of_a_batch_stay_and_each_may_have_its_own_wind_and_vehicle():
         0.03 + 0.001 * jnp.arange(6.0).reshape(2, 3)
     )
     blows = jnp.arange(18.0).reshape(2, 3, 3)
-    gusts = jax.vmap(jax.vmap(lambda blow: StepGust(blow, 0.01)))(blows)
+    gusts = jax.vmap(jax.vmap(lambda blow: Gust(blow, 0.01)))(blows)
     together = simulate(heavier, states, wind=gusts, **SHORT)
     assert together.position_m.shape == (2, 3, 11, 3)
     assert together.lost.shape == (2, 3)
     alone = simulate(
         lane(heavier, 1, 2),
         lane(states, 1, 2),
-        wind=StepGust(blows[1, 2], 0.01),
+        wind=Gust(blows[1, 2], 0.01),
         **SHORT,
     )
     np.testing.assert_allclose(alone.position_m, together.position_m[1, 2], atol=1e-13)
@@ -161,7 +161,7 @@ def test_what_all_vehicles_share_is_not_taken_apart(count):
     kinds = (
         *(VEHICLE, HOLD, Commands(np.zeros((count, 4)), 0.1)),
         *(Cascade([6.0, 1.0, 4.5], 40.0), load(count)),
-        *(StepGust(np.ones(3), 0.0), blast_load(Scene(Charge()))),
+        *(Gust(np.ones(3), 0.0), blast_load(Scene(Charge()))),
         custom_profile(np.ones((1, 10)), (0.0, 0.0, 0.0)),
     )
     shared = [is_own(kind, (count,)) for kind in kinds]
@@ -179,8 +179,8 @@ ALONE = at_hover(CRAFT)
 FIVE = jax.tree.map(lambda x: jnp.broadcast_to(x, (5, *x.shape)), ALONE)
 
 
-def gust(count: int) -> StepGust:
-    return StepGust(np.ones((count, 3)), np.zeros(count))
+def gust(count: int) -> Gust:
+    return Gust(np.ones((count, 3)), np.zeros(count))
 
 
 def hold(count: int) -> PositionHold:

@@ -11,9 +11,9 @@ charges of the sample are at (-5, -5, -5) m and (-10, -10, -10) m, and their imp
 are directed away from them.
 
 Between distances, $J R^2$, $M R^2$ and delay/$R$ are linear in $\ln R$. Beyond the
-table they are constant: an inverse square and a steady speed. Between directions the
-cases are weighted by the inverse fourth power of the angle to each (Shepard 1968). The
-table has no durations, so an impulse is applied as a constant force.
+table they are constant: an inverse square and a steady speed. The cases are those of
+the nearest direction. The table has no durations, so an impulse is applied as a
+constant force.
 
 **Moments.** The sample's angular impulses are 100.0 m times its impulses across body x:
 they refer to a point 100 m behind the vehicle, and as moments about the vehicle they
@@ -27,6 +27,7 @@ import csv
 import math
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 
 import equinox as eqx
 import jax
@@ -53,21 +54,17 @@ SOLE_DIRECTION_RAD = 0.1
 A table of several directions has their spacing instead. The angle affects `in_range`
 only, not the interpolation.
 """
-COLUMNS = (
-    "Time Delay (s)",
-    "Distance (m)",
-    "View Polar Angle (Deg.)",
-    "View Azimuthal Angle (Deg.)",
-    "FA (N*s)",
-    "FS (N*s)",
-    "FN (N*s)",
-    "Ml (N*m*s)",
-    "Mm (N*m*s)",
-    "Mn (N*m*s)",
-)
-"""Columns of the file, in any order; others (as Case Number) are ignored."""
-LIMITS = {0: (0.0, math.inf), 1: (0.0, math.inf), 2: (0.0, 180.0), 3: (-360.0, 360.0)}
-"""Limits by column index; delay and distance must exceed their lower limit."""
+ANY = -math.inf, math.inf
+COLUMNS = {
+    "Time Delay (s)": (0.0, math.inf),
+    "Distance (m)": (1e-3, math.inf),  # the least of a flight, too
+    "View Polar Angle (Deg.)": (0.0, 180.0),
+    "View Azimuthal Angle (Deg.)": (-360.0, 360.0),
+    **dict.fromkeys(("FA (N*s)", "FS (N*s)", "FN (N*s)"), ANY),
+    **dict.fromkeys(("Ml (N*m*s)", "Mm (N*m*s)", "Mn (N*m*s)"), ANY),
+}
+"""Columns of the file, in any order, and the least and largest number of each; others
+(as Case Number) are ignored."""
 MAX_LEVER_SIZES = 3.0
 """Maximum lever of an impulse, in distances from the centre of mass to the farthest
 rotor.
@@ -86,7 +83,6 @@ class CustomProfile(eqx.Module):
         push: $J R^2$, body axes [N s m2].
         turn: $M R^2$, body axes [N m s m2].
         slowness: Delay over distance [s/m].
-        reach: Ln of the minimum and maximum distance of each direction.
         spacing_rad: Angle up to which a direction counts as in range.
         charge_m: Position of the charge: east, north, up.
         time_s: Time of its detonation; infinite: it never happens.
@@ -98,7 +94,6 @@ class CustomProfile(eqx.Module):
     push: Float[Array, "way case 3"]
     turn: Float[Array, "way case 3"]
     slowness: Float[Array, "way case"]
-    reach: Float[Array, "way 2"]
     spacing_rad: Float[Array, ""]
     charge_m: Float[Array, "3"] = eqx.field(converter=as_numbers)
     time_s: Float[Array, ""] = eqx.field(converter=as_numbers)
@@ -108,20 +103,17 @@ class CustomProfile(eqx.Module):
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
     ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, ""]]:
         """Return impulse and angular impulse, body axes, and the delay [s]."""
-        distance, weight, _ = self._seen(position_m, quaternion)
-        log_distance = jnp.log(distance)
+        distance, nearest, _ = self._seen(position_m, quaternion)
+        along = jnp.log(distance)
 
         def at(table: Float[Array, "way case"]) -> Float[Array, ""]:
-            each = jax.vmap(jnp.interp, (None, 0, 0))(
-                log_distance, self.log_distance, table
-            )
-            return jnp.sum(weight * each)
+            each = jax.vmap(jnp.interp, (None, 0, 0))(along, self.log_distance, table)
+            return jnp.sum(nearest * each)
 
-        along = jax.vmap(at, 2)
-        square = jnp.square(distance)
+        vector, square = jax.vmap(at, 2), jnp.square(distance)
         return (
-            along(self.push) / square,
-            along(self.turn) / square,
+            vector(self.push) / square,
+            vector(self.turn) / square,
             at(self.slowness) * distance,
         )
 
@@ -165,30 +157,26 @@ class CustomProfile(eqx.Module):
 
         A direction counts as covered up to the spacing of the table's directions.
         """
-        distance, _, apart = self._seen(position_m, quaternion)
-        nearest = jnp.argmin(apart)
-        low, high = self.reach[nearest]
-        log_distance = jnp.log(distance)
+        distance, nearest, apart = self._seen(position_m, quaternion)
+        low, high = nearest @ self.log_distance[:, jnp.array([0, -1])]
+        along = jnp.log(distance)
         slack = 1e-6  # rounding of a position in float32
-        inside = (log_distance >= low - slack) & (log_distance <= high + slack)
-        return inside & (apart[nearest] <= self.spacing_rad)
+        inside = (along >= low - slack) & (along <= high + slack)
+        return inside & (apart <= self.spacing_rad)
 
     def _seen(
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
-    ) -> tuple[Float[Array, ""], Float[Array, " way"], Float[Array, " way"]]:
-        """Return distance [m], weights and angles [rad] of the directions."""
+    ) -> tuple[Float[Array, ""], Float[Array, " way"], Float[Array, ""]]:
+        """Return distance, 1 for the nearest direction, and the angle to it [rad]."""
         toward = self.charge_m - position_m
-        square = jnp.sum(jnp.square(toward))
         # 1 mm at least, so that the direction is finite at the charge itself.
-        distance = jnp.sqrt(jnp.maximum(square, 1e-6))
+        distance = jnp.sqrt(jnp.maximum(jnp.sum(jnp.square(toward)), 1e-6))
         attitude = rotation(unit(four(quaternion)))
         seen = jnp.stack(times_transposed(attitude, three(toward / distance)))
-        # The squared chord (2 sin(angle/2))^2 is differentiable everywhere, unlike the
-        # angle at zero. 1e-9 keeps the weight finite at a tabulated direction.
-        chord = jnp.sum(jnp.square(self.direction - seen[None]), axis=1)
-        near = 1 / jnp.square(chord + 1e-9)
-        apart = 2 * jnp.arcsin(jnp.clip(jnp.sqrt(chord) / 2, 0, 1))
-        return distance, near / jnp.sum(near), apart
+        cosine = self.direction @ seen
+        nearest = (cosine >= jnp.max(cosine)).astype(cosine.dtype)
+        angle = jnp.arccos(jnp.clip(jnp.max(cosine), -1, 1))
+        return distance, nearest / jnp.sum(nearest), angle
 
 
 def custom_profile(
@@ -242,30 +230,19 @@ def custom_profile(
     _, first, way = np.unique(
         np.round(toward, 9), axis=0, return_index=True, return_inverse=True
     )
-    order = [
-        np.flatnonzero(way.ravel() == n)[np.argsort(distance[way.ravel() == n])]
-        for n in range(len(first))
-    ]
+    order = [np.flatnonzero(way.ravel() == n) for n in range(len(first))]
+    order = [places[np.argsort(distance[places])] for places in order]
     most = max(map(len, order))
-
-    def table(column: np.ndarray) -> Float[Array, "..."]:
-        """Return a column by direction, padded with the last case."""
-        filled = [column[np.pad(o, (0, most - len(o)), mode="edge")] for o in order]
-        return as_numbers(np.stack(filled))
-
+    # Directions of fewer cases repeat their last one.
+    table = np.array([np.pad(o, (0, most - len(o)), mode="edge") for o in order])
     # An impulse falls about as 1/R^2: times R^2 it is flat between two cases.
     square = np.square(distance)[:, None]
-    logs = np.array(table(np.log(distance)))
-    # Padding must ascend for `interp`; its values are constant, so the step is free.
-    padding = np.array([np.maximum(np.arange(most) - len(o) + 1, 0) for o in order])
-    reach = np.stack([logs.min(axis=1), logs.max(axis=1)], axis=1)
     return CustomProfile(
         direction=as_numbers(toward[first]),
-        log_distance=as_numbers(logs + padding),
-        push=table(push * square),
-        turn=table(turn * square),
-        slowness=table(delay / distance),
-        reach=as_numbers(reach),
+        log_distance=as_numbers(np.log(distance)[table]),
+        push=as_numbers((push * square)[table]),
+        turn=as_numbers((turn * square)[table]),
+        slowness=as_numbers((delay / distance)[table]),
         spacing_rad=as_numbers(_spacing(toward[first])),
         charge_m=charge_m if isinstance(charge_m, jax.Array) else np.array(charge_m),
         time_s=time_s,
@@ -294,84 +271,50 @@ def read_custom_profile(path: str | os.PathLike[str]) -> Float[np.ndarray, "case
         InputError: The file is empty, a column is missing, or a field is no finite
             number within its range; the message names file, line and column.
     """
-    lines = read_text(path, "a CSV file of blast impulses").split("\n")
-    numbered = [(n, line) for n, line in enumerate(lines, 1) if line.strip()]
-    if not numbered:
-        raise InputError(
-            f"{path}: line 1: the file is empty; expected a header {','.join(COLUMNS)} "
-            "and one case per row"
-        )
-    number, top = numbered[0]
-    header = [_plain(name) for name in _fields(top)]
-    missing = [name for name in COLUMNS if _plain(name) not in header]
+    lines = read_text(path, "a CSV file of blast impulses").splitlines()
+    table = csv.DictReader(lines, skipinitialspace=True)
+    names = [_plain(name) for name in table.fieldnames or []]
+    missing = [name for name in COLUMNS if _plain(name) not in names]
     if missing:
         raise InputError(
-            f"{path}: line {number}: missing column {', '.join(missing)}; got "
-            f"{', '.join(_fields(top))}"
+            f"{path}: line {table.line_num}: missing column {', '.join(missing)}; got "
+            f"{', '.join(table.fieldnames or []) or 'an empty file'}"
         )
-    if len(numbered) == 1:
-        raise InputError(
-            f"{path}: line {number}: expected one case per row, got only a header"
-        )
-    place = [header.index(_plain(name)) for name in COLUMNS]
-    cases = []
-    for number, line in numbered[1:]:
-        fields = _fields(line)
-        if len(fields) != len(header):
+    table.fieldnames, cases, lines_of = names, [], {}
+    for row in table:
+        line = table.line_num
+        # The reader's mark of a surplus or a missing field.
+        if None in row or None in row.values():
+            raise InputError(f"{path}: line {line}: expected {len(names)} fields")
+        case = []
+        for name, (low, high) in COLUMNS.items():
+            text, value = row[_plain(name)].strip(), math.nan
+            with suppress(ValueError):
+                # Python reads 1_000, which is a mistake in data.
+                value = float(text.replace("_", "?"))
+            if not (math.isfinite(value) and low <= value <= high):
+                got = shown(text) if text else "nothing"
+                raise InputError(
+                    f"{path}: line {line}, column {name}: expected a finite number "
+                    f"from {low:g} to {high:g}, got {got}"
+                )
+            case.append(value)
+        first = lines_of.setdefault(tuple(case[1:4]), line)
+        if first != line:
             raise InputError(
-                f"{path}: line {number}: expected {len(header)} fields as in the "
-                f"header, got {len(fields)}"
+                f"{path}: line {line}: expected a new distance or direction, got the "
+                f"same as in line {first}"
             )
-        texts = [fields[n] for n in place]
-        cases.append([_number(f"{path}: line {number}", n, texts) for n in range(10)])
+        cases.append(case)
+    if not cases:
+        raise InputError(f"{path}: expected one case per row, got only a header")
     found = np.array(cases)
-    _refuse_twice(path, found, [number for number, _ in numbered[1:]])
     found[:, 2:4] = np.radians(found[:, 2:4])
     return found
 
 
-def _fields(line: str) -> list[str]:
-    return [field.strip() for field in next(csv.reader([line], skipinitialspace=True))]
-
-
 def _plain(name: str) -> str:
     return "".join(name.lower().split())
-
-
-def _number(where: str, column: int, texts: list[str]) -> float:
-    """Return the number in a field, checked against the column's limits."""
-    text = texts[column]
-    low, high = LIMITS.get(column, (-math.inf, math.inf))
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    above = value > low if column < 2 else value >= low
-    if not (math.isfinite(value) and above and value <= high) or "_" in text:
-        what = "a finite number"
-        if column < 2:
-            what = "a positive number"
-        elif math.isfinite(high):
-            what = f"a number from {low:g} to {high:g}"
-        raise InputError(
-            f"{where}, column {COLUMNS[column]}: expected {what}, got "
-            f"{shown(text) if text else 'nothing'}"
-        )
-    return value
-
-
-def _refuse_twice(
-    path: str | os.PathLike[str], cases: np.ndarray, lines: list[int]
-) -> None:
-    """Reject two cases with equal distance and direction, which are ambiguous."""
-    first: dict[tuple[float, ...], int] = {}
-    for case, line in zip(cases, lines, strict=True):
-        at = tuple(case[1:4])
-        if first.setdefault(at, line) != line:
-            raise InputError(
-                f"{path}: line {line}: expected a new distance or direction, got the "
-                f"same as in line {first[at]}"
-            )
 
 
 def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:

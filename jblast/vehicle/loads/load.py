@@ -4,12 +4,11 @@ A load is a function of time and state. A pulse returns its impulse between two 
 The part within a step is applied as a constant force over that step, so the impulse is
 complete at any step, even if the pulse is shorter.
 
-Gusts are uniform winds: a step, an N-wave, a Friedlander pulse. At its beginning a gust
-has the limit from inside, and it is zero before. A gust with an infinite beginning
-never occurs.
+A gust is a uniform wind. At its beginning it has the limit from inside, and it is zero
+before. A gust with an infinite beginning never occurs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import equinox as eqx
@@ -28,7 +27,6 @@ from jblast.vehicle.state import (
     joined,
     three,
 )
-from jblast.waves.pulse import friedlander_pressure
 
 
 @runtime_checkable
@@ -158,67 +156,43 @@ def _plus(
     return add(total[0], scaled(given[0])), add(total[1], scaled(given[1]))
 
 
-class StepGust(eqx.Module):
-    """Still air, then a steady wind.
+def steady(phase: Float[Array, ""]) -> Float[Array, ""]:
+    """Return the shape of a gust that stays."""
+    return jnp.ones_like(phase)
+
+
+def n_wave(phase: Float[Array, ""]) -> Float[Array, ""]:
+    """Return the shape that falls linearly to its opposite; its mean is zero."""
+    return jnp.where(phase <= 1, 1 - 2 * phase, 0)
+
+
+def friedlander(phase: Float[Array, ""]) -> Float[Array, ""]:
+    """Return the shape of Friedlander's pulse of decay 1, negative phase included."""
+    return (1 - phase) * jnp.exp(-phase)
+
+
+class Gust(eqx.Module):
+    """A uniform wind after still air.
 
     Attributes:
-        velocity_m_s: East, north, up [m/s].
-        start_s: When it sets in [s].
+        velocity_m_s: At its beginning: east, north, up [m/s].
+        start_s: Time of its beginning [s].
+        duration_s: Unit of the phase: duration of an N-wave, or of the positive phase
+            of a blast wind [s].
+        shape: Function from phase, the time since the beginning over the duration, to
+            the share of the velocity: `steady`, `n_wave`, `friedlander`, or another.
     """
 
-    velocity_m_s: Float[Array, "3"] = eqx.field(converter=floats)
-    start_s: Float[Array, ""] = eqx.field(converter=floats)
-
-    def __call__(
-        self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
-        """Velocity of the air [m/s]."""
-        return jnp.where(time_s >= self.start_s, self.velocity_m_s, 0)
-
-
-class NWaveGust(eqx.Module):
-    """A wind that falls linearly from a peak to its opposite, with zero mean.
-
-    Attributes:
-        velocity_m_s: At the peak: east, north, up [m/s].
-        start_s: When it sets in [s].
-        duration_s: How long it lasts [s].
-    """
-
-    velocity_m_s: Float[Array, "3"] = eqx.field(converter=floats)
-    start_s: Float[Array, ""] = eqx.field(converter=floats)
-    duration_s: Float[Array, ""] = eqx.field(converter=floats)
+    velocity_m_s: Float[Array, "*batch 3"] = eqx.field(converter=floats)
+    start_s: Float[Array, "*batch"] = eqx.field(converter=floats)
+    duration_s: Float[Array, "*batch"] = eqx.field(converter=floats, default=1.0)
+    shape: Callable[[Array], Array] = eqx.field(static=True, default=steady)
 
     def __call__(
         self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
     ) -> Float[Array, "3"]:
         """Velocity of the air [m/s]."""
         begun = time_s >= self.start_s
+        # The guard is on the difference: that from an infinite time has no gradient.
         phase = jnp.where(begun, time_s - self.start_s, 0) / self.duration_s
-        return self.velocity_m_s * jnp.where(begun & (phase <= 1), 1 - 2 * phase, 0)
-
-
-class FriedlanderGust(eqx.Module):
-    """A blast wind with the shape of Friedlander's pulse, negative phase included.
-
-    Attributes:
-        velocity_m_s: At the peak: east, north, up [m/s].
-        start_s: When it sets in [s].
-        duration_s: Of its positive phase [s].
-        decay: $b$ [-], positive.
-    """
-
-    velocity_m_s: Float[Array, "3"] = eqx.field(converter=floats)
-    start_s: Float[Array, ""] = eqx.field(converter=floats)
-    duration_s: Float[Array, ""] = eqx.field(converter=floats)
-    decay: Float[Array, ""] = eqx.field(converter=floats, default=1.0)
-
-    def __call__(
-        self, time_s: Float[Array, ""], position_m: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
-        """Velocity of the air [m/s]."""
-        # Any negative time is before the arrival, where the pulse is zero.
-        since = jnp.where(time_s >= self.start_s, time_s - self.start_s, -1)
-        one = jnp.ones_like(since)
-        shape = friedlander_pressure(since, one, self.duration_s, self.decay)
-        return self.velocity_m_s * shape
+        return self.velocity_m_s * jnp.where(begun, self.shape(phase), 0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jblast.vehicle import Cascade, StepGust, named, named_gains, simulate
+from jblast.vehicle import Cascade, Gust, named, named_gains, simulate
 from jblast.vehicle.control import cascade
 from jblast.vehicle.control.cascade import YAW_WEIGHT, attitude_error
 from tests.vehicle.flights import at_hover, hover_speed
@@ -83,7 +83,7 @@ def test_it_comes_back_from_a_kick_and_leans_into_a_wind(name):
         duration_s=25.0,
         step_s=2e-3,
         control=Cascade(HOME, named_gains(name).body_rate),
-        wind=StepGust([3.0, 0.0, 0.0], 0.0),
+        wind=Gust([3.0, 0.0, 0.0], 0.0),
         ground_up_m=0.0,
         store_every=500,
     )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import PositionHold, StepGust, named, named_gains, simulate
+from jblast.vehicle import Gust, PositionHold, named, named_gains, simulate
 from jblast.vehicle.control.allocation import lead_compensated
 from jblast.vehicle.control.stability import chains, growth, hold_margins
 from tests.vehicle.flights import at_hover
@@ -39,7 +39,7 @@ def test_near_hover_a_led_vehicle_flies_as_one_with_quick_motors():
             duration_s=1.0,
             step_s=5e-4,
             control=PositionHold([0.0, 0.0, 5.0], gains_with(jnp.asarray(lead))),
-            wind=StepGust(np.array([0.2, 0.1, 0.05]), 0.1),
+            wind=Gust(np.array([0.2, 0.1, 0.05]), 0.1),
             store_every=20,
         ).position_m
         for name, each, lead in (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from jblast.vehicle import (
+    Gust,
     PositionHold,
-    StepGust,
     allocation,
     named,
     named_gains,
@@ -59,7 +59,7 @@ def test_a_wind_leaves_an_offset_that_only_the_integral_takes_out():
             duration_s=30.0,
             step_s=5e-3,
             control=PositionHold(np.array([0, 0, 5.0]), gains),
-            wind=StepGust([5.0, 0.0, 0.0], 0.0),
+            wind=Gust([5.0, 0.0, 0.0], 0.0),
             store_every=6000,
         )
         return float(answer.position_m[-1, 0])

@@ -9,13 +9,14 @@ import pytest
 
 from jblast.vehicle import (
     Commands,
-    NWaveGust,
-    StepGust,
+    Gust,
     from_parameters,
+    n_wave,
     named,
     simulate,
 )
 from jblast.vehicle.quadrotor import PARAMETERS
+from jblast.vehicle.rollout import STROKE_M
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed, tumbling
 
 STILL = np.zeros(4)
@@ -134,7 +135,7 @@ def test_force_and_moment_are_the_rates_of_momentum():
     answer = flown(
         vehicle,
         tumbling(vehicle),
-        wind=StepGust([8.0, 2.0, 0], 0.0),
+        wind=Gust([8.0, 2.0, 0], 0.0),
         duration_s=0.05,
         store_every=1,
     )
@@ -205,10 +206,40 @@ def test_an_n_wave_moves_a_crazyflie_by_half_a_millimetre():
     vehicle = named("crazyflie")
     speed = 1900.0  # a little above hover; at hover it is 0.49 mm
     state = at_hover(vehicle, rotor_speed_rad_s=np.full(4, speed))
-    gust = NWaveGust([30.0, 0.0, 0.0], 0.1, 0.02)
+    gust = Gust([30.0, 0.0, 0.0], 0.1, 0.02, n_wave)
     flown = simulate(vehicle, state, duration_s=1.5, wind=gust, store_every=20)
     moved = float(jnp.max(flown.position_m[:, 0]))
     # x'' = -k (x' - wind), k T << 1: a T^2/6
     slope = 4 * float(vehicle.rotor_drag[0]) * speed / float(vehicle.mass_kg)
     assert moved == pytest.approx(slope * 30 * 0.02**2 / 6, rel=5e-3)
     assert moved == pytest.approx(0.52e-3, rel=0.05)
+
+
+@pytest.mark.parametrize("backend", ["jax", "warp:cpu"])
+@pytest.mark.parametrize("step", [5e-4, 4e-3])
+def test_a_landing_brakes_along_the_stroke_and_takes_no_energy_back(step, backend):
+    """At 0.7 m/s, as PX4 lands: constant v^2/2s, then rest on the ground."""
+    vehicle = named("iris")
+    state = at_hover(
+        vehicle,
+        position=(0.0, 0.0, 0.3),
+        velocity_m_s=np.array([0.2, 0.0, -0.7]),
+        body_rate_rad_s=np.array([0.0, 0.0, 0.3]),
+        rotor_speed_rad_s=np.full(4, 0.99 * hover_speed(vehicle)),
+    )
+    landed = flown(
+        vehicle, state, step_s=step, store_every=1, ground_up_m=0.0, backend=backend
+    )
+    velocity, up = (
+        np.asarray(x) for x in (landed.velocity_m_s, landed.position_m[:, 2])
+    )
+    slows = np.diff(velocity[:, 2]) / step
+    fast = -velocity[up > STROKE_M, 2][-1]
+    # braking begins in the step that would enter the stroke
+    assert slows.max() <= fast**2 / (2 * STROKE_M) * (1 + 1e-9)
+    assert slows.max() > fast**2 / (2 * (STROKE_M + fast * step)) * (1 - 1e-9)
+    energy = np.square(velocity).sum(axis=1) / 2 + GRAVITY * up
+    assert np.diff(energy).max() < 1e-9
+    np.testing.assert_array_equal(up[-5:], 0.0)
+    np.testing.assert_array_equal(velocity[-5:], 0.0)
+    np.testing.assert_array_equal(landed.body_rate_rad_s[-5:], 0.0)

@@ -12,11 +12,12 @@ import pytest
 from jblast.errors import InputError
 from jblast.vehicle import State, named
 from jblast.vehicle.loads.impulse_table import (
-    COLUMNS,
+    COLUMNS as LIMITS,
     custom_profile,
     read_custom_profile,
 )
 
+COLUMNS = tuple(LIMITS)
 # delay, distance, polar and azimuthal angle: seen towards (-1, -1, -1) and along x
 ASIDE = float(np.degrees(np.arccos(-1 / np.sqrt(3))))
 ROWS = [
@@ -89,8 +90,8 @@ def test_the_sample_s_moments_are_about_a_point_100_m_away(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "line 1: the file is empty"),
-        (",".join(COLUMNS), "line 1: expected one case per row, got only a header"),
+        ("", "missing column .* got an empty file"),
+        (",".join(COLUMNS), "expected one case per row, got only a header"),
         (
             ",".join(COLUMNS[:8]) + "\n1,2,3,4,5,6,7,8",
             r"line 1: missing column Mm \(N\*m\*s\), Mn \(N\*m\*s\)",
@@ -99,22 +100,22 @@ def test_the_sample_s_moments_are_about_a_point_100_m_away(tmp_path):
             ",".join(COLUMNS).replace("(s)", "(ms)", 1) + "\n" + "1," * 9 + "1",
             r"line 1: missing column Time Delay \(s\)",
         ),
-        (",".join(COLUMNS) + "\n1,2,3", "line 2: expected 10 fields .* got 3"),
+        (",".join(COLUMNS) + "\n1,2,3", "line 2: expected 10 fields"),
         (
             ",".join(COLUMNS) + "\n\n1,2,3,4,5,nan,7,8,9,10",
-            r"line 3, column FS \(N\*s\): expected a finite number, got 'nan'",
+            r"line 3, column FS \(N\*s\): .* number from -inf to inf, got 'nan'",
         ),
         (
             ",".join(COLUMNS) + "\n1,2,3,4,5,,7,8,9,10",
-            r"line 2, column FS .*: expected a finite number, got nothing",
+            r"line 2, column FS .*: .* number from -inf to inf, got nothing",
         ),
         (
             ",".join(COLUMNS) + "\n0.1,0,3,4,5,6,7,8,9,10",
-            r"line 2, column Distance \(m\): expected a positive number, got '0'",
+            r"line 2, column Distance \(m\): .* number from 0.001 to inf, got '0'",
         ),
         (
             ",".join(COLUMNS) + "\n0.1,1,190,4,5,6,7,8,9,10",
-            r"line 2, column View Polar Angle .*: expected a number from 0 to 180",
+            r"line 2, column View Polar Angle .*: .* number from 0 to 180",
         ),
         (
             ",".join(COLUMNS) + 2 * "\n0.1,1,90,4,5,6,7,8,9,10",
@@ -199,7 +200,7 @@ def test_directions_are_the_body_s_and_impulses_turn_with_it(cases):
     np.testing.assert_allclose(push, [-y, x, z], rtol=1e-9)
 
 
-def test_between_directions_the_nearer_weighs_more(tmp_path):
+def test_between_directions_the_nearer_counts(tmp_path):
     path = written(tmp_path / "two.csv", [[*ROWS[0][:1], 10.0, *ROWS[0][2:]], AHEAD])
     profile = custom_profile(read_custom_profile(path), (0.0, 0.0, 0.0))
     upright = jnp.array([0.0, 0.0, 0.0, 1.0])
@@ -207,9 +208,8 @@ def test_between_directions_the_nearer_weighs_more(tmp_path):
     np.testing.assert_allclose(push, AHEAD[4:7], atol=1e-9)
     near = jnp.array([-9.9, 1.0, 0.0])
     # 5.8 degrees off the one case, more than a right angle off the other
-    assert float(profile.impulse_at(near, upright)[0][0]) == pytest.approx(
-        -0.2, rel=0.05
-    )
+    found = float(profile.impulse_at(near, upright)[0][0])
+    assert found == pytest.approx(-0.2 * 100 / (9.9**2 + 1), rel=1e-9)
 
 
 def test_moments_of_a_far_point_are_taken_about_the_vehicle(cases):
