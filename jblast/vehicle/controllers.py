@@ -32,7 +32,6 @@ class ControllerKind:
         words: Adverbial phrase for reports: "with integral action".
         make: Function from the vehicle of a scene to a controller for its target and
             yaw, with a field `target_m` (east, north, up).
-        type: Class of the controllers that `make` returns.
         with_gains: Function from target, gains and yaw to a controller with the loops
             of the SE(3) controller, whose gains can be tuned and whose target
             environments can move. It has the fields `target_m`, `gains` and
@@ -43,7 +42,6 @@ class ControllerKind:
     name: str
     words: str
     make: Callable[[VehicleSpec], Any]
-    type: type
     with_gains: Callable[[Any, Gains, Any], Any] | None = None
 
 
@@ -117,21 +115,18 @@ CONTROLLERS = Registry[ControllerKind](
         name="with_integral",
         words="with integral action",
         make=lambda spec: hold_of(spec, integral=True),
-        type=PositionHold,
         with_gains=PositionHold,
     ),
     ControllerKind(
         name="without_integral",
         words="without integral action",
         make=lambda spec: hold_of(spec, integral=False),
-        type=PositionHold,
         with_gains=PositionHold,
     ),
     ControllerKind(
         name="cascade",
         words="by a cascade as PX4's",
         make=cascade_of,
-        type=Cascade,
     ),
 )
 """Controllers by name: SE(3) with and without integral, and PX4's cascade."""

@@ -200,32 +200,29 @@ PARKED = Threshold(
     "memory); there is no published value for this vehicle",
 )
 FIRE = Threshold(0.0, "no exposure to the fireball (about 2000 K) is accepted")
+FRAME = (
+    "above which the attitude estimate fails; there is no published value for the frame"
+)
+ACCELERATION = {
+    "crazyflie": Threshold(
+        24 * 9.81,
+        f"range of the accelerometer, 24 g (BMI088, Crazyflie 2.1), {FRAME}",
+    ),
+    "hummingbird": Threshold(
+        None, "unknown: there is no published value for frame or accelerometer"
+    ),
+    "iris": Threshold(
+        16 * 9.81,
+        "range of the accelerometer, 16 g (MPU-6000, Pixhawk, quoted from memory), "
+        f"{FRAME}",
+    ),
+}
 THRESHOLDS = {
-    "crazyflie": {
+    name: {
         "peak_overpressure_pa": PARKED,
-        "peak_acceleration_m_s2": Threshold(
-            24 * 9.81,
-            "range of the accelerometer, 24 g (BMI088, Crazyflie 2.1), above which the "
-            "attitude estimate fails; there is no published value for the frame",
-        ),
+        "peak_acceleration_m_s2": acceleration,
         "fireball_time_s": FIRE,
-    },
-    "hummingbird": {
-        "peak_overpressure_pa": PARKED,
-        "peak_acceleration_m_s2": Threshold(
-            None, "unknown: there is no published value for frame or accelerometer"
-        ),
-        "fireball_time_s": FIRE,
-    },
-    "iris": {
-        "peak_overpressure_pa": PARKED,
-        "peak_acceleration_m_s2": Threshold(
-            16 * 9.81,
-            "range of the accelerometer, 16 g (MPU-6000, Pixhawk, quoted from memory), "
-            "above which the attitude estimate fails; there is no published value for "
-            "the frame",
-        ),
-        "fireball_time_s": FIRE,
-    },
+    }
+    for name, acceleration in ACCELERATION.items()
 }
 """Damage thresholds of the named vehicles, by exposure."""

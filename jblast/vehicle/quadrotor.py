@@ -22,8 +22,9 @@ coefficient that of a cube, 1.05 (Hoerner 1965, chapter 3). The centre of pressu
 a tenth of the box's height above the centre of mass.
 """
 
+import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -32,27 +33,61 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jblast.errors import InputError, nearest, shown
+from jblast.errors import InputError, nearest
 from jblast.types import as_numbers
 
-BODY = (
-    "body_area",
-    "body_drag_coefficient",
-    "body_volume",
-    "added_mass_coefficient",
-    "pressure_centre",
-)
-USED = (
-    *("mass", "Ixx", "Iyy", "Izz", "Ixy", "Iyz", "Ixz", "num_rotors", "rotor_pos"),
-    *("rotor_directions", "c_Dx", "c_Dy", "c_Dz", "k_eta", "k_m", "k_d", "k_z", "k_h"),
-    *("tau_m", "rotor_speed_min", "rotor_speed_max", *BODY),
-)
-IGNORED = (
-    *("rotor_radius", "rI", "k_flap", "motor_noise_std", "k_w", "k_v"),
-    *("kp_att", "kd_att", "kp_pos", "kd_pos", "ki_pos", "integral_limit"),
-    "motor_lead",
-)
-"""RotorPy's names that the equations do not use, and a controller's gains."""
+POSITIVE = 1e-12
+"""Least mass, lag and thrust coefficient: less than those of any vehicle."""
+
+
+class Part(NamedTuple):
+    """A parameter of a vehicle.
+
+    Attributes:
+        shape: Shape of its numbers.
+        least: The least number.
+        default: Value if it is missing; None: it is required.
+    """
+
+    shape: tuple[int, ...] = ()
+    least: float = -math.inf
+    default: Any = None
+
+
+BODY = {
+    "body_area": Part((3,), least=0),
+    "body_drag_coefficient": Part(least=0),
+    "body_volume": Part(least=0),
+    "added_mass_coefficient": Part(least=0),
+    "pressure_centre": Part((3,)),
+}
+"""Properties for blast loads: all or none, in the order of `Body`."""
+GAINS = {
+    **dict.fromkeys(("kp_pos", "kd_pos", "ki_pos"), Part((3,), least=0)),
+    **dict.fromkeys(("kp_att", "kd_att", "integral_limit"), Part(least=0)),
+    "motor_lead": Part(least=1),
+}
+"""Gains of a controller, which the equations do not use."""
+PARTS = {
+    "mass": Part(least=POSITIVE),
+    **dict.fromkeys(("Ixx", "Iyy", "Izz"), Part()),
+    **dict.fromkeys(("Ixy", "Iyz", "Ixz"), Part(default=0)),
+    "num_rotors": Part(default=4),
+    "rotor_pos": Part((4, 3)),
+    "rotor_directions": Part((4,)),
+    "k_eta": Part(least=POSITIVE),
+    "k_m": Part(least=0),
+    **dict.fromkeys(("k_d", "k_z", "c_Dx", "c_Dy", "c_Dz"), Part(least=0, default=0)),
+    "k_h": Part(default=0),
+    "tau_m": Part(least=POSITIVE),
+    "rotor_speed_min": Part(least=0, default=0),
+    "rotor_speed_max": Part(least=0),
+    **BODY,
+    **GAINS,
+}
+"""Parameters by RotorPy's names, in SI units."""
+IGNORED = ("rotor_radius", "rI", "k_flap", "motor_noise_std", "k_w", "k_v")
+"""RotorPy's names that nothing uses."""
 
 
 def _square(arm: float) -> list[list[float]]:
@@ -226,98 +261,60 @@ def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle
     """
     # A misspelt optional name would leave its default without a warning.
     for key in parameters:
-        if key not in USED + IGNORED:
+        if key not in PARTS and key not in IGNORED:
             raise InputError(
-                f"vehicle parameter {key!r}: no such name{nearest(str(key), USED)}"
+                f"vehicle parameter {key!r}: no such name{nearest(str(key), PARTS)}"
             )
-
-    def get(key: str, least: float | None = None, **options: Any) -> Any:
-        return number(parameters, key, least=least, **options)
-
-    if "num_rotors" in parameters and get("num_rotors") != 4:
-        raise InputError(
-            f"vehicle parameter num_rotors: expected 4, got {parameters['num_rotors']}"
-        )
-    low = get("rotor_speed_min", 0.0, default=0.0)
-    high = get("rotor_speed_max", 0.0)
-    # The sum is traced if either of them is.
-    if not isinstance(low + high, Tracer) and low >= high:
-        raise InputError(
-            "vehicle parameter rotor_speed_max: expected more than rotor_speed_min, "
-            f"got {float(high):g} and {float(low):g} rad/s"
-        )
-    sideways = get("k_d", 0.0, default=0.0)
-    return Vehicle(
-        mass_kg=get("mass", 0.0, positive=True),
-        inertia_kg_m2=_inertia(parameters),
-        rotor_position_m=numbers(_rotors(parameters), "rotor_pos", (4, 3)),
-        rotor_direction=_directions(parameters),
-        thrust_coefficient=get("k_eta", 0.0, positive=True),
-        moment_coefficient=get("k_m", 0.0),
-        rotor_drag=jnp.stack([sideways, sideways, get("k_z", 0.0, default=0.0)]),
-        translational_lift=get("k_h", default=0.0),
-        frame_drag=jnp.stack([get(f"c_D{axis}", 0.0, default=0.0) for axis in "xyz"]),
-        motor_lag_s=get("tau_m", 0.0, positive=True),
-        rotor_speed_min_rad_s=low,
-        rotor_speed_max_rad_s=high,
-        body=read_body(parameters),
-        name=name,
-    )
-
-
-def _inertia(parameters: Mapping[str, Any]) -> Float[Array, "3 3"]:
-    """Return the inertia matrix, checked to be positive definite."""
-    xx, yy, zz = (number(parameters, key) for key in ("Ixx", "Iyy", "Izz"))
-    xy, yz, xz = (number(parameters, key, default=0.0) for key in ("Ixy", "Iyz", "Ixz"))
-    # RotorPy's products of inertia are entries of the matrix, without a minus sign.
-    matrix = jnp.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz]).reshape(3, 3)
-    if not isinstance(matrix, Tracer):
-        # Positive entries of the diagonal do not exclude an axis of negative inertia.
-        least = np.linalg.eigvalsh(np.asarray(matrix))[0]
-        if not least > 0:
-            raise InputError(
-                "vehicle parameters Ixx, Iyy, Izz, Ixy, Iyz, Ixz: expected a positive "
-                f"definite inertia, got one of least principal value {least:g} kg m2"
-            )
-    return matrix
-
-
-def _rotors(parameters: Mapping[str, Any]) -> Any:
-    """Return the rotor positions, sorted by the rotors' names."""
-    rows = parameters.get("rotor_pos")
-    if isinstance(rows, Mapping):
+    if isinstance(rows := parameters.get("rotor_pos"), Mapping):
         if sorted(rows) != ["r1", "r2", "r3", "r4"]:
             raise InputError(
                 "vehicle parameter rotor_pos: expected four rotors, r1 to r4, got "
                 + ", ".join(map(str, rows))
             )
         # `rotor_directions` is a plain list, in the order r1 to r4.
-        rows = [rows[key] for key in sorted(rows)]
-    return rows
-
-
-def _directions(parameters: Mapping[str, Any]) -> Float[Array, "4"]:
-    """Return the signs of the rotors' yaw moments."""
-    signs = numbers(parameters.get("rotor_directions"), "rotor_directions", (4,))
-    if not isinstance(signs, Tracer) and not bool(jnp.all(abs(signs) == 1)):
-        raise InputError(
-            "vehicle parameter rotor_directions: expected 1 or -1 for each rotor, "
-            f"got {signs.tolist()}"
-        )
-    return signs
-
-
-def read_body(parameters: Mapping[str, Any]) -> Body | None:
-    """Return the properties for blast loads; None if the table has none of them."""
-    if not any(key in parameters for key in BODY):
-        return None
-    area = numbers(parameters.get("body_area"), "body_area", (3,), least=0.0)
-    centre = numbers(parameters.get("pressure_centre"), "pressure_centre", (3,))
-    drag, volume, added = (
-        number(parameters, key, least=0.0)
-        for key in ("body_drag_coefficient", "body_volume", "added_mass_coefficient")
+        parameters = {**parameters, "rotor_pos": [rows[key] for key in sorted(rows)]}
+    one = {key: read(parameters, key) for key in PARTS if key not in (*BODY, *GAINS)}
+    # RotorPy's products of inertia are entries of the matrix, without a minus sign.
+    entries = ("Ixx", "Ixy", "Ixz", "Ixy", "Iyy", "Iyz", "Ixz", "Iyz", "Izz")
+    inertia = jnp.stack([one[key] for key in entries]).reshape(3, 3)
+    low, high = one["rotor_speed_min"], one["rotor_speed_max"]
+    # Positive entries of the diagonal do not exclude an axis of negative inertia.
+    checks = (
+        ("num_rotors", "4", lambda: one["num_rotors"] == 4),
+        ("rotor_directions", "1 or -1", lambda: abs(one["rotor_directions"]) == 1),
+        ("rotor_speed_max", "more than rotor_speed_min", lambda: high > low),
+        (
+            "Ixx, Iyy, Izz, Ixy, Iyz, Ixz",
+            "a positive definite inertia",
+            lambda: np.linalg.eigvalsh(np.asarray(inertia)) > 0,
+        ),
     )
-    return Body(area, drag, volume, added, centre)
+    if not any(isinstance(x, Tracer) for x in one.values()):
+        for name, what, holds in checks:
+            if not np.all(holds()):
+                got = [one[key].tolist() for key in name.split(", ")]
+                raise InputError(
+                    f"vehicle parameter {name}: expected {what}, got "
+                    + ", ".join(map(str, got))
+                )
+    return Vehicle(
+        mass_kg=one["mass"],
+        inertia_kg_m2=inertia,
+        rotor_position_m=one["rotor_pos"],
+        rotor_direction=one["rotor_directions"],
+        thrust_coefficient=one["k_eta"],
+        moment_coefficient=one["k_m"],
+        rotor_drag=jnp.stack([one["k_d"], one["k_d"], one["k_z"]]),
+        translational_lift=one["k_h"],
+        frame_drag=jnp.stack([one[f"c_D{axis}"] for axis in "xyz"]),
+        motor_lag_s=one["tau_m"],
+        rotor_speed_min_rad_s=low,
+        rotor_speed_max_rad_s=high,
+        body=Body(*(read(parameters, key) for key in BODY))
+        if any(key in parameters for key in BODY)
+        else None,
+        name=name,
+    )
 
 
 def required_body(body: Body | None) -> Body:
@@ -328,82 +325,42 @@ def required_body(body: Body | None) -> Body:
     """
     if body is None:
         raise InputError(
-            f"vehicle: expected {', '.join(BODY[:-1])} and {BODY[-1]} for blast loads, "
-            "got none of them"
+            f"vehicle: expected {', '.join(BODY)} for blast loads, got none of them"
         )
     return body
 
 
-def number(
-    parameters: Mapping[str, Any],
-    key: str,
-    *,
-    least: float | None = None,
-    positive: bool = False,
-    default: float | None = None,
-) -> Float[Array, ""]:
-    """Return one number of a table.
+def read(parameters: Mapping[str, Any], key: str) -> Float[Array, "..."]:
+    """Return a parameter of a vehicle.
 
     Args:
-        parameters: The table.
-        key: Name of the number.
-        least: Minimum.
-        positive: Require a number above zero.
-        default: Value of a missing number; None: the number is required.
+        parameters: Numbers by name.
+        key: A name of `PARTS`.
 
     Raises:
-        InputError: It is missing, not a number, not finite or too small.
+        InputError: It is missing, not a number, not finite or too small, or has another
+            shape.
     """
-    if key not in parameters and default is None:
+    part = PARTS[key]
+    value = parameters.get(key, part.default)
+    if value is None:
         raise InputError(f"vehicle parameter {key}: missing")
-    value = numbers(parameters.get(key, default), key, (), least=least)
-    if positive and not isinstance(value, Tracer) and not value > 0:
-        raise InputError(
-            f"vehicle parameter {key}: expected a positive number, got {float(value):g}"
+    what = " x ".join(map(str, part.shape)) + " numbers" if part.shape else "a number"
+    if math.isfinite(part.least):
+        what += f" of at least {part.least:g}"
+    try:
+        array = as_numbers(
+            value if isinstance(value, Array) else np.array(value, float)
         )
-    return value
-
-
-def numbers(
-    value: Any, key: str, shape: tuple[int, ...], *, least: float | None = None
-) -> Float[Array, "..."]:
-    """Return numbers of a shape.
-
-    Args:
-        value: Array-like of floats.
-        key: Name of the numbers.
-        shape: Required shape.
-        least: Minimum of each number.
-
-    Raises:
-        InputError: A value is not a number, not finite or too small, or the shape
-            differs.
-    """
-    what = " x ".join(map(str, shape)) + " numbers" if shape else "a number"
-    if not isinstance(value, jax.Array):
-        try:
-            # A missing value becomes an empty array, whose shape the message below
-            # reports.
-            value = np.asarray([] if value is None else value, dtype=float)
-        except (TypeError, ValueError):
-            raise InputError(
-                f"vehicle parameter {key}: expected {what}, got {shown(value)}"
-            ) from None
-    array = as_numbers(value)
-    if array.shape != shape:
-        raise InputError(
-            f"vehicle parameter {key}: expected {what}, got the shape {array.shape}"
+        # Inside jit only the shape is known.
+        fits = array.shape == part.shape and (
+            isinstance(array, Tracer)
+            or bool(jnp.all(jnp.isfinite(array) & (array >= part.least)))
         )
-    # Inside jit only the shape is known.
-    if isinstance(array, Tracer):
-        return array
-    if not bool(jnp.all(jnp.isfinite(array))):
-        raise InputError(f"vehicle parameter {key}: expected {what}, got {array}")
-    if least is not None and not bool(jnp.all(array >= least)):
-        raise InputError(
-            f"vehicle parameter {key}: expected {what} of at least {least:g}, "
-            f"got {array}"
-        )
+    except (TypeError, ValueError):
+        array, fits = value, False
+    if not fits:
+        raise InputError(f"vehicle parameter {key}: expected {what}, got {array!s}")
     return array
 
 

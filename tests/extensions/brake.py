@@ -38,6 +38,5 @@ CONTROLLERS.register(
         name="brake",
         words="by a brake",
         make=lambda spec: Brake(hold_of(spec, integral=False)),
-        type=Brake,
     )
 )

@@ -121,6 +121,5 @@ CONTROLLERS.register(
         name="observer",
         words="with an observer",
         make=lambda spec: ObservedHold(hold_of(spec, integral=False)),
-        type=ObservedHold,
     )
 )

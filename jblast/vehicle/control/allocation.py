@@ -37,10 +37,14 @@ from jblast.vehicle.state import (
     Four,
     Number,
     State,
+    Vector,
+    add,
     components,
     cross,
     dot,
+    rows,
     three,
+    times,
     turned,
 )
 
@@ -160,6 +164,22 @@ def speeds_within(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
         rotates = square > standing
         speeds.append(jnp.where(rotates, jnp.sqrt(jnp.where(rotates, square, 1)), 0))
     return jnp.stack(speeds)
+
+
+def speeds_turning(
+    vehicle: Vehicle, thrust: Number, turn: Vector, body_rate: Vector
+) -> Float[Array, "4"]:
+    """Rotor speeds for a thrust and an angular acceleration, as `speeds_within`.
+
+    Args:
+        vehicle: The vehicle.
+        thrust: Thrust [N].
+        turn: Angular acceleration about the body's axes [rad/s2].
+        body_rate: Body rate, whose gyroscopic moment is cancelled [rad/s].
+    """
+    inertia = rows(vehicle.inertia_kg_m2)
+    gyroscopic = cross(body_rate, times(inertia, body_rate))
+    return speeds_within(vehicle, (thrust, *add(times(inertia, turn), gyroscopic)))
 
 
 def _feasible_share(room: Number, requested: Number) -> Number:

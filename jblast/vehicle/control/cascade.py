@@ -34,7 +34,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.vehicle.control.allocation import speeds_within
+from jblast.vehicle.control.allocation import speeds_turning
 from jblast.vehicle.control.position_hold import (
     DESCENT_M_S,
     THRUST_FLOOR,
@@ -45,14 +45,10 @@ from jblast.vehicle.state import (
     Four,
     State,
     Vector,
-    add,
-    cross,
     dot,
     four,
     rotation,
-    rows,
     three,
-    times,
     turned_back,
 )
 
@@ -163,12 +159,8 @@ class Cascade(eqx.Module):
         )
         turned = jnp.clip(turned, -most, most)
         turn = three(self.body_rate * missed + turned)
-        inertia, w = rows(vehicle.inertia_kg_m2), three(state.body_rate_rad_s)
-        # The gyroscopic term is cancelled, so that the gains act on angular
-        # acceleration.
-        moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        wrench: Four = (vehicle.mass_kg * along, *moment)
-        speeds = speeds_within(vehicle, wrench)
+        w = three(state.body_rate_rad_s)
+        speeds = speeds_turning(vehicle, vehicle.mass_kg * along, turn, w)
         after = CascadeState(
             sums, state.velocity_m_s, gained, turned, jnp.ones_like(memory.begun)
         )

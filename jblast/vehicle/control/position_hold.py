@@ -40,20 +40,17 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError, nearest
-from jblast.vehicle.control.allocation import lead_compensated, speeds_within
-from jblast.vehicle.quadrotor import Vehicle, floats, number, numbers
+from jblast.vehicle.control.allocation import lead_compensated, speeds_turning
+from jblast.vehicle.quadrotor import Vehicle, floats, read
 from jblast.vehicle.state import (
     MatrixRows,
     State,
     Vector,
-    add,
     cross,
     dot,
     four,
     rotation,
-    rows,
     three,
-    times,
 )
 
 # Gains of RotorPy 3.0.0, with two exceptions that are declared. The attitude gains of
@@ -215,14 +212,12 @@ class PositionHold(eqx.Module):
         b_2 = _unit(cross(b_3, (*heading, jnp.zeros_like(heading[0]))))
         wanted = cross(b_2, b_3), b_2, b_3
         error, w = _error(wanted, attitude), three(state.body_rate_rad_s)
-        inertia = rows(vehicle.inertia_kg_m2)
         turn = (
             -gains.attitude * error[0] - gains.body_rate * w[0],
             -gains.attitude * error[1] - gains.body_rate * w[1],
             -gains.attitude * error[2] - gains.body_rate * w[2],
         )
-        moment = add(times(inertia, turn), cross(w, times(inertia, w)))
-        speeds = speeds_within(vehicle, (thrust, *moment))
+        speeds = speeds_turning(vehicle, thrust, turn, w)
         if gains.motor_lead is not None:
             speeds = lead_compensated(
                 vehicle, gains.motor_lead, state.rotor_speed_rad_s, speeds
@@ -293,22 +288,16 @@ def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
     Raises:
         InputError: A gain is missing, not a number or negative, or the lead is below 1.
     """
-    lead = None
-    if "motor_lead" in parameters:
-        lead = number(parameters, "motor_lead", least=1.0)
-    three = (3,)
+    none = {"ki_pos": [0.0, 0.0, 0.0], "integral_limit": INTEGRAL_LIMIT_M_S2}
+    given = {**none, **parameters}
     return Gains(
-        position=numbers(parameters.get("kp_pos"), "kp_pos", three, least=0.0),
-        velocity=numbers(parameters.get("kd_pos"), "kd_pos", three, least=0.0),
-        attitude=number(parameters, "kp_att", least=0.0),
-        body_rate=number(parameters, "kd_att", least=0.0),
-        integral=numbers(
-            parameters.get("ki_pos", [0.0, 0.0, 0.0]), "ki_pos", three, least=0.0
-        ),
-        integral_limit=number(
-            parameters, "integral_limit", least=0.0, default=INTEGRAL_LIMIT_M_S2
-        ),
-        motor_lead=lead,
+        position=read(given, "kp_pos"),
+        velocity=read(given, "kd_pos"),
+        attitude=read(given, "kp_att"),
+        body_rate=read(given, "kd_att"),
+        integral=read(given, "ki_pos"),
+        integral_limit=read(given, "integral_limit"),
+        motor_lead=read(given, "motor_lead") if "motor_lead" in given else None,
     )
 
 
