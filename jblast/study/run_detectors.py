@@ -200,7 +200,7 @@ class RunDetectors:
         middle is not that of the fireball.
         """
         camera, path, one = self._camera, self._path, flash.silhouettes[0]
-        if camera is None or (camera.mount and path is None):
+        if camera is None:
             return None
         size = np.array([camera.width, camera.height])
         middle = np.array([one.x_px, one.y_px])
@@ -208,6 +208,8 @@ class RunDetectors:
             return None
         if not camera.mount:
             return direction_of(camera, flash.growth)
+        if path is None:
+            return None
 
         def at(time_s: float) -> Camera:
             return carried_camera(camera, path, jnp.asarray(time_s))

@@ -108,11 +108,17 @@ def log_of(rows: Sequence[Reading]) -> Observations | None:
     """Return a log of picked readings; None without any."""
     if not rows:
         return None
-    columns = dict(zip(Reading._fields, zip(*rows, strict=True), strict=True))
-    bounds, places = np.array(columns["lower_bound"]), np.stack(columns["position"])
-    comments = ("picked: readings of sensors with samples",)
-    columns |= {"position": places, "lower_bound": bounds, "comments": comments}
-    return observed(**columns)
+    names, quantities, values, sigmas, shots, places, bounds = zip(*rows, strict=True)
+    return observed(
+        names,
+        quantities,
+        values,
+        sigmas,
+        shot=shots,
+        position=np.stack(places),
+        lower_bound=np.array(bounds),
+        comments=("picked: readings of sensors with samples",),
+    )
 
 
 def picked_jolts(
@@ -147,8 +153,10 @@ def picked_jolts(
             charge = world.scene.charges[shot]
             share = _speed_share(record.flight, charge, comes[shot], place)
             rows += [
-                Reading(record.sensor.name, *one, charge.name, place, bound)
-                for *one, bound in _readings(record, pick, first, crossing_s, share)
+                Reading(record.sensor.name, what, x, sd, charge.name, place, bound)
+                for what, x, sd, bound in _readings(
+                    record, pick, first, crossing_s, share
+                )
             ]
     return rows, missed
 
