@@ -43,7 +43,7 @@ from jblast.scene import (
 from jblast.sensors import recording, waves
 from jblast.sensors.simulated_readings import Noise
 from jblast.signals.arrival_log import log_of
-from jblast.signals.matched_filter import SAME_FRONT, matched_kernel
+from jblast.signals.matched_filter import matched_kernel
 from jblast.signals.noise import noise_spectrum
 from jblast.signals.sound_watch import Channel, Searched, search
 from jblast.signals.templates import blast_template
@@ -137,7 +137,6 @@ def heard(scene: Scene, samples: np.ndarray, *, own: bool) -> list[Searched]:
             Channel(f"m.{n}", "m.wav", n, row, RATE_HZ),
             [blast_template(mass, far, RATE_HZ)],
             forms=False,
-            front_samples=SAME_FRONT,
         )
         for n, (row, far) in enumerate(zip(samples, ranges, strict=True), start=1)
     ]

@@ -30,8 +30,6 @@ from jblast.signals.detect_arguments import Kind, check_arguments, kind_of
 from jblast.signals.detection import Detection
 from jblast.signals.matched_filter import (
     FALSE_ALARMS_PER_HOUR,
-    OTHER_FRONT,
-    SAME_FRONT,
 )
 from jblast.signals.picked_arrivals import picked_arrivals
 from jblast.signals.sound_watch import Channel, Searched, search
@@ -343,7 +341,6 @@ def _detect_sound(
             at_rate(channel.rate_hz),
             false_alarms_per_hour=false_alarms_per_hour,
             forms=target.is_bank,
-            front_samples=SAME_FRONT if target.is_sound else OTHER_FRONT,
         )
         arrivals, others = one.detections, one.others
         if all_sounds:

@@ -93,15 +93,6 @@ _INTERPOLATION = _WINDOWED / _WINDOWED.sum(axis=1, keepdims=True)
 cosine has ripples that move the flat maximum of a slow pulse by a tenth of a sample."""
 
 
-SAME_FRONT = 0.1
-"""Error of an arrival of exactly the template's form, by the position of the front
-between samples [samples]. Measured for 5 kg at 100 m, 48 kHz, 40 dB and more."""
-OTHER_FRONT = 0.5
-"""The same for a template by the laws, whose front differs from a real one's [samples].
-Measured there: 0.68 with a template for a quarter of the distance, 0.55 with clipping
-at two fifths of the peak."""
-
-
 class MatchedKernel(NamedTuple):
     r"""A filter whose output is the statistic, in standard deviations of the noise.
 

@@ -19,9 +19,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jblast.signals.detection import Detection
-from jblast.signals.matched_filter import OTHER_FRONT
 from jblast.signals.picks.record_picks import RecordPick
 from jblast.signals.pulse_fit import pick_near
+
+OTHER_FRONT = 0.5
+"""Error of a pick by a sample that is an instant or the mean over an interval
+[samples]."""
 
 
 def picked_arrivals(
@@ -61,7 +64,6 @@ def timed(
         form_s = arrival.template_s / math.sqrt(12.0)
         sigma_s = math.hypot(arrival.sigma_s, arrival.spread_s, form_s)
         return arrival._replace(sigma_s=sigma_s)
-    # a sample may be an instant or the mean over an interval
     sigma_s = math.hypot(picked.pick.sd("air_arrival_s"), OTHER_FRONT / rate_hz)
     time_s = start_s + picked.pick.air_arrival_s
     return arrival._replace(time_s=time_s, sigma_s=sigma_s)

@@ -238,8 +238,7 @@ def pick_near(
     )
     (picked,) = pick_records([record])
     # a short pulse can be loudest within a longer sound, at which others begin
-    reach_s = max(template_s, spread_s)
-    near = abs(picked.pick.air_arrival_s - time_s) <= reach_s
+    near = abs(picked.pick.air_arrival_s - time_s) <= max(template_s, spread_s)
     return picked if picked.quality != "poor" and near else None
 
 
