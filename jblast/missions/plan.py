@@ -518,11 +518,8 @@ def check_numbers(items: Sequence[Item], where: str) -> None:
     """
     seen: set[int] = set()
     for item in items:
-        if item.number in seen:
-            raise InputError(
-                f"{where}: item {item.number}: expected a new number, got that of "
-                "another item"
-            )
+        at, new = f"{where}: item {item.number}", item.number not in seen
+        require(new, at, "a new number", "that of another item")
         seen.add(item.number)
 
 
