@@ -111,10 +111,11 @@ def with_wave_rows(
     at = jax.vmap(jnp.interp, (None, None, 1), 1)
     whole_s = jnp.asarray(whole_s)
     # numbers only: a row between two has no item
-    path = replace(flight, time_s=whole_s, item=None, armed=None)
     whole = jax.tree.map(
-        lambda x: at(whole_s, flight.time_s, x) if x.ndim > 1 else x, path
+        lambda x: at(whole_s, flight.time_s, x) if x.ndim > 1 else x,
+        replace(flight, item=None, armed=None),
     )
+    whole = eqx.tree_at(lambda path: path.time_s, whole, whole_s)
     turns = jax.vmap(rotation_quaternion)(turned)
     attitude = jax.vmap(quaternion_product)(whole.quaternion[inner], turns)
     return replace(

@@ -411,7 +411,8 @@ def lasting(flight: Trajectory, seconds: float) -> Trajectory:
 
 def _axes(flight: Trajectory) -> Trajectory:
     """Return the axes of a batch: the times of its rows are common to all."""
-    return replace(jax.tree.map(lambda x: 0, flight), time_s=None)
+    axes = jax.tree.map(lambda x: 0, flight)
+    return eqx.tree_at(lambda flight: flight.time_s, axes, None)
 
 
 @eqx.filter_jit
