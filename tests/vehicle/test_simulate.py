@@ -166,6 +166,7 @@ def test_what_all_vehicles_share_is_not_taken_apart(count):
     )
     shared = [is_own(kind, (count,)) for kind in kinds]
     assert shared == [kind is kinds[4] for kind in kinds]
+    assert is_own(gust(count), (count,))
 
 
 def test_a_batch_of_vehicles_goes_with_as_many_states():

@@ -14,7 +14,7 @@ from typing import Any, Protocol, runtime_checkable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.quadrotor import Vehicle, floats
@@ -183,10 +183,22 @@ class Gust(eqx.Module):
             the share of the velocity: `steady`, `n_wave`, `friedlander`, or another.
     """
 
-    velocity_m_s: Float[Array, "*batch 3"] = eqx.field(converter=floats)
-    start_s: Float[Array, "*batch"] = eqx.field(converter=floats)
-    duration_s: Float[Array, "*batch"] = eqx.field(converter=floats, default=1.0)
-    shape: Callable[[Array], Array] = eqx.field(static=True, default=steady)
+    velocity_m_s: Float[Array, "*batch 3"]
+    start_s: Float[Array, "*batch"]
+    duration_s: Float[Array, "*batch"]
+    shape: Callable[[Array], Array] = eqx.field(static=True)
+
+    def __init__(
+        self,
+        velocity_m_s: ArrayLike | Sequence[float],
+        start_s: ArrayLike,
+        duration_s: ArrayLike = 1.0,
+        shape: Callable[[Array], Array] = steady,
+    ):
+        """Convert the numbers; a duration may be common to all gusts of a batch."""
+        self.velocity_m_s, self.start_s = floats(velocity_m_s), floats(start_s)
+        self.duration_s = jnp.broadcast_to(floats(duration_s), self.start_s.shape)
+        self.shape = shape
 
     def __call__(
         self, time_s: Float[Array, ""], position_m: Float[Array, "3"]

@@ -19,7 +19,8 @@ def test_the_clock_of_a_flight_in_single_precision_does_not_drift():
     # two roundings below 64 s; a sum of steps would be 0.02 s off
     assert late.max() <= 1.5 * np.spacing(np.float32(59.0))
     # those at the ends are inside the true step, so that a jump there is on its side
-    first, _, last = (np.asarray(stage, float) for stage in ticks.stages)
+    first, middle, last = (np.asarray(stage, float) for stage in ticks.stages)
+    assert ((first < middle) & (middle < last)).all()
     assert (first >= n * step).all()
     assert (last <= (n + 1) * step).all()
 
