@@ -161,7 +161,7 @@ def _moved(
 def _pushed(states: EnvironmentState, params: EnvironmentParams) -> EnvironmentState:
     """Return the states with force and moment of the blasts in their next step."""
     now, lanes = states.now, states.ended.shape[0]
-    tick = tick_of(states.steps, params.step_s)
+    tick = jax.vmap(tick_of, (0, None))(states.steps, params.step_s)
     start_s, end_s = tick.start, tick.start + tick.length
 
     def pulse(pair: Array) -> tuple[BlastLoad, Array, State, Vehicle]:
