@@ -239,19 +239,43 @@ class ShotFit(NamedTuple):
 
 
 class FitRow(NamedTuple):
-    """A fitted parameter beside its true value."""
+    """A fitted parameter beside its true value.
+
+    Attributes:
+        shot: Name of the blast.
+        name: Name of the parameter.
+        truth: True value.
+        estimates: Estimate in each region of the position, the most probable first.
+    """
 
     shot: str
     name: str
     truth: float
-    estimate: Estimate
+    estimates: tuple[Estimate, ...]
 
     @property
     def contains(self) -> bool | None:
-        """True if the 90 % interval contains the truth; None if not identified."""
-        if not self.estimate.identified:
+        """True if a 90 % interval contains the truth; None if not identified."""
+        if not all(one.identified for one in self.estimates):
             return None
-        return bool(self.estimate.q05 <= self.truth <= self.estimate.q95)
+        return any(bool(one.q05 <= self.truth <= one.q95) for one in self.estimates)
+
+
+def fit_rows(fits: Sequence[ShotFit]) -> list[FitRow]:
+    """Return a row for each fitted parameter of each blast."""
+    return [
+        FitRow(
+            blast.shot,
+            name,
+            TRUTH[name](blast),
+            tuple(one.estimates[name] for one in found.summary.regions)
+            or (found.summary.estimates[name],),
+        )
+        for blast, found in fits
+        if isinstance(found, Fit)
+        for name in found.summary.free
+        if name in TRUTH
+    ]
 
 
 def fits_of(
@@ -368,18 +392,15 @@ def _perceived_table(document: WorldAnswer) -> Table:
 
 def _fits_table(fits: Sequence[ShotFit]) -> Table:
     """Return a row for each fitted parameter of each blast."""
-    rows = [
-        FitRow(blast.shot, name, TRUTH[name](blast), found.summary.estimates[name])
-        for blast, found in fits
-        if isinstance(found, Fit)
-        for name in found.summary.free
-        if name in TRUTH
-    ]
+    rows = fit_rows(fits)
     known = [row.contains for row in rows if row.contains is not None]
     caption = f"{sum(known)} of {len(known)} 90 % intervals contain the truth."
 
-    def printed(row: FitRow) -> Any:
-        return printed_estimate(row.name, row.estimate)
+    def printed(row: FitRow) -> list[Any]:
+        return [printed_estimate(row.name, one) for one in row.estimates]
+
+    def intervals(row: FitRow) -> str:
+        return " or ".join(one.interval for one in printed(row))
 
     return Table(
         [
@@ -388,8 +409,8 @@ def _fits_table(fits: Sequence[ShotFit]) -> Table:
             Column(
                 "truth", lambda row: printed_number(row.name, row.truth, 6), right=True
             ),
-            Column("value", lambda row: printed(row).value_and_beside, right=True),
-            Column("90 % interval", lambda row: printed(row).interval, right=True),
+            Column("value", lambda row: printed(row)[0].value_and_beside, right=True),
+            Column("90 % interval", intervals, right=True),
             Column("", lambda row: "misses" if row.contains is False else ""),
         ],
         rows,

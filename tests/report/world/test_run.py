@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
+from jblast.inference.posterior.parameters import Estimate
 from jblast.missions import grid_plan, write_plan
 from jblast.report.exports.rerun import Viewer
 from jblast.report.exports.ros_bag import RosBag
-from jblast.report.world import run_world
+from jblast.report.world import FitRow, run_world
 from jblast.scene import Place
 from jblast.sensors.listening import packets
 from jblast.study.run_files import frames_in_view
@@ -227,3 +228,12 @@ def test_a_mission_flies_through_random_blasts_with_an_estimator(folder):
     assert motion.estimate_m is not None
     off = np.linalg.norm(motion.estimate_m - motion.position_m, axis=1)
     assert 0.0 < off.max() < 3.0
+
+
+def test_of_two_places_either_may_contain_the_truth():
+    near = Estimate(value=3.0, sd=2.0, q05=-1.0, q95=6.0)
+    far = Estimate(value=-6.0, sd=2.0, q05=-9.0, q95=-2.0)
+    for truth, contained in ((4.0, True), (-3.0, True), (-1.5, False)):
+        row = FitRow("1", "charge_north_m", truth, (near, far))
+        assert row.contains is contained
+    assert FitRow("1", "charge_north_m", 4.0, (near, Estimate())).contains is None
