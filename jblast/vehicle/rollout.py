@@ -165,7 +165,8 @@ class Simulator(eqx.Module):
         """Return the state of the flight before the first step."""
         motion = normal(components(state))
         zero = jnp.zeros_like(self.step_s)
-        single, none = zero.dtype == jnp.float32, ((zero, zero, zero),) * 2
+        single = zero.dtype == jnp.float32
+        none: Wrench = ((zero, zero, zero), (zero, zero, zero))
         return FlightState(
             motion,
             (zero, zero, zero, zero) if single else None,
