@@ -106,7 +106,7 @@ def _advanced(
 
     def turn(carried: tuple[FlightState, PyTree[Array]], n: Int[Array, ""]) -> Any:
         now, memory = carried
-        time_s, state = n * period, joined(now.motion)
+        time_s, state = n.astype(period.dtype) * period, joined(now.motion)
         speeds, memory = control(time_s, state, vehicle, memory, period)
         return (simulator.step(now, n, command=four(speeds)), memory), None
 
