@@ -147,10 +147,9 @@ def _bows(
     def bow(x: Array) -> Array:
         return x - share * x[:, -1:]
 
-    spun = bow(turn @ jnp.linalg.inv(vehicle.inertia_kg_m2).T)
-    # trapezoids: the deviation is zero at the beginning and at the end
-    turned = after_s[0] * (jnp.cumsum(spun, axis=1) - spun / 2)
-    return bow(push / vehicle.mass_kg), spun, bow(turned)
+    spun = turn @ jnp.linalg.inv(vehicle.inertia_kg_m2).T
+    turned = after_s[0] * (jnp.cumsum(spun, axis=1) - spun / 2)  # trapezoids
+    return bow(push / vehicle.mass_kg), bow(spun), bow(turned)
 
 
 def inertial_between(before: State, now: State, period_s: Float[Array, ""]) -> Inertial:
