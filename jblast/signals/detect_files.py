@@ -32,6 +32,7 @@ from jblast.signals.matched_filter import (
     FALSE_ALARMS_PER_HOUR,
 )
 from jblast.signals.picked_arrivals import picked_arrivals
+from jblast.signals.pulse_fit import has_form
 from jblast.signals.sound_watch import Channel, Searched, search
 from jblast.signals.templates import DURATIONS, bank_of_pulses, blast_template
 
@@ -343,13 +344,18 @@ def _detect_sound(
             forms=target.is_bank,
         )
         arrivals, others = one.detections, one.others
+        lossy = Path(channel.record).suffix.lower() in VIDEOS
+        if lossy:  # an encoder's echo before a front spoils the pick, not the form
+            spoilt = [a for a in others if a.fit and has_form(a.fit)]
+            arrivals = tuple(sorted([*arrivals, *spoilt]))
+            others = tuple(a for a in others if a not in spoilt)
         if all_sounds:
             arrivals, others = tuple(sorted(arrivals + others)), ()
         # an arrival of a template is that of its first sample, perhaps no front; those
         # of a bank are picked already
         if not (target.is_sound or target.is_bank):
             arrivals = picked_arrivals(arrivals, channel.samples, channel.rate_hz)
-        if Path(channel.record).suffix.lower() in VIDEOS:
+        if lossy:
             arrivals = tuple(
                 found._replace(sigma_s=math.hypot(found.sigma_s, LOSSY_SD_S))
                 for found in arrivals

@@ -113,6 +113,12 @@ template: quiet enough to measure the noise, and the whole pulse if it is longer
 the template, but few of the sounds that follow."""
 
 
+def has_form(fit: PulseFit) -> bool:
+    """Return True if an arrival has the form of a blast, with a pick or without."""
+    likely = fit.log_likelihood_ratio >= LEAST_LOG_LIKELIHOOD_RATIO
+    return likely and fit.misfit <= MAX_MISFIT
+
+
 class PulseTest:
     """Test of a channel's arrivals against the pulses of a bank, and their picks.
 
