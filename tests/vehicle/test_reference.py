@@ -64,7 +64,7 @@ def flown_and_truth(name, gust, duration, dtype=None):
     truth = by_scipy(vehicle, state, commands, HELD, duration, plain(wind), edges)
     if dtype is not None:
         state = State(*(part.astype(dtype) for part in vars(state).values()))
-        wind = in_precision(wind, dtype)
+        wind = in_precision(wind, np.dtype(dtype))
     flown = simulate(
         vehicle,
         state,
