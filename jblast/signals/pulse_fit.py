@@ -67,6 +67,9 @@ a voice, which may be far above the mean of the recording."""
 LEAST_NOISE_S = 0.3
 """Smallest part of it, at the beginning of a recording [s]; with less the noise is that
 of the recording."""
+LEAST_SHARE = 0.1
+"""Smallest density of that noise, over that of the recording: 10 dB below is the quiet
+after a gust, less is an encoder's silence."""
 NEIGHBOUR_TEMPLATES = 1
 """Durations of the bank that are fitted on either side of the one that found the
 arrival. With three, 2 of 104 struck plates and drums in white noise are accepted as
@@ -201,7 +204,9 @@ class PulseTest:
             return self._noise
         # mean of inverse densities over n windows (Reed, Mallett and Brennan 1974)
         windows = 2 * earlier.size / self._rate_hz * float(noise.frequency_hz[1])
-        return noise._replace(density=noise.density / (1.0 - 1.0 / windows))
+        density = noise.density / (1.0 - 1.0 / windows)
+        known = np.interp(noise.frequency_hz, *self._noise[:2])
+        return noise._replace(density=np.maximum(density, LEAST_SHARE * known))
 
     def _level(self, nth: int, noise: NoiseSpectrum) -> float:
         """Return the rms of a noise in the band of a pulse over the channel's."""
