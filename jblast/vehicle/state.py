@@ -132,7 +132,7 @@ class Trajectory(eqx.Module):
         return jax.tree.map(lambda x: x[rows] if np.ndim(x) else x, self)
 
     @property
-    def path_error_m(self) -> Float[Array, " time"]:
+    def path_error_m(self) -> Float[Array | np.ndarray, " time"]:
         """Distance from the set point at each row [m]; NaN after a divergence."""
         assert self.set_point_m is not None, "flights of a controller have set points"
         away = self.position_m - self.set_point_m
