@@ -20,16 +20,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float, Int
 
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.observations import Observations, observed
 from jblast.observations.records.recording import PressureRecord, Recording
 from jblast.observations.table import stacked
-from jblast.scene import Charge, Imu, Scene, Sensor
+from jblast.scene import Imu, Scene, Sensor
 from jblast.scene.sensor_kinds import SENSOR_KINDS
 from jblast.sensors.imu import (
     Inertial,
@@ -43,10 +44,10 @@ from jblast.sensors.jolt_pick import JoltPick, base_of, pick_jolt
 from jblast.signals.picks import RecordPick, pick_records
 from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.pick_log import kept_quantities, log_value
-from jblast.vehicle import Trajectory, blast_load, vehicle_of
+from jblast.vehicle import BlastLoad, State, Trajectory, Vehicle, blast_load, vehicle_of
+from jblast.vehicle.control.allocation import hover_in_wind
 from jblast.vehicle.loads.load import Pulse
 from jblast.vehicle.quadrotor import required_body
-from jblast.waves import kingery_bulmash_blast_wind
 from jblast.world.drawn import VEHICLE, DrawnWorld, with_nevers
 from jblast.world.perceived import Arrivals, interval_about
 
@@ -135,7 +136,11 @@ def picked_jolts(
         Times, sizes and directions; and the number of waves without a pick.
     """
     rows: list[Reading] = []
-    missed, crossing_s = 0, _crossing_s(world)
+    spec = world.scene.vehicle
+    if spec is None:
+        return rows, 0
+    load, vehicle = blast_load(with_nevers(world.scene)), vehicle_of(spec)
+    yaw, missed, crossing_s = jnp.asarray(spec.yaw), 0, _crossing_s(vehicle)
     for record in records:
         if record.sensor.imu is None:
             continue
@@ -143,7 +148,7 @@ def picked_jolts(
         comes = arrivals.times_s[AIR][row]
         ends = record.common_s[-1] + 1 / record.imu.rate
         for shot in np.flatnonzero(comes < ends).tolist():
-            pick, first = _pick(world, record, comes, shot)
+            pick, first = _pick(world, record, vehicle, comes, shot)
             if not isinstance(pick, JoltPick):
                 # Waves below the noise are counted, so that a report can state how many
                 # were lost.
@@ -151,23 +156,26 @@ def picked_jolts(
                 continue
             place = arrivals.places_m[AIR][row, shot]
             charge = world.scene.charges[shot]
-            share = _speed_share(record.flight, charge, comes[shot], place)
+            state = states_at(record.flight, jnp.asarray([comes[shot]]))
+            state = jax.tree.map(lambda column: column[0], state)
+            law = _jolt_law(load, jnp.asarray(shot), state, vehicle, yaw)
             rows += [
                 Reading(record.sensor.name, what, x, sd, charge.name, place, bound)
                 for what, x, sd, bound in _readings(
-                    record, pick, first, crossing_s, share
+                    record, pick, first, crossing_s, law
                 )
             ]
     return rows, missed
 
 
 def _pick(
-    world: DrawnWorld, record: ImuRecord, comes_s: np.ndarray, shot: int
+    world: DrawnWorld,
+    record: ImuRecord,
+    vehicle: Vehicle,
+    comes_s: np.ndarray,
+    shot: int,
 ) -> tuple[JoltPick | str, int]:
     """Return the jolt of one blast and the first sample of its search interval."""
-    spec = world.scene.vehicle
-    if spec is None:
-        return "expected a vehicle", 0
     start, stop = interval_about(comes_s, shot)
     common = record.common_s
     some = np.flatnonzero((common >= start) & (common < stop))
@@ -188,7 +196,7 @@ def _pick(
     pick = pick_jolt(
         Inertial(record.samples.force[part], rates - off[None]),
         record.imu,
-        vehicle_of(spec),
+        vehicle,
         begin,
         states_at(flight, middle).rotor_speed_rad_s,
         record.sensor.offset_m,
@@ -198,33 +206,58 @@ def _pick(
     return pick, int(some[0])
 
 
-def _speed_share(
-    flight: Trajectory, charge: Charge, comes_s: float, place_m: np.ndarray
-) -> float:
-    """Return the speed of a vehicle over that of the wind of a blast.
+class JoltLaw(NamedTuple):
+    """Jolts that the law of flights gives a vehicle.
 
-    The law of jolts is for a hovering vehicle. Drag is along the relative wind and
-    grows with its square, so for a vehicle that flies the direction is off by up to
-    this share, and the size by twice that.
+    Attributes:
+        hovering_m_s: Change of velocity if it hovers, as the law of jolts supposes.
+        flying_m_s: Change of velocity with its velocity, attitude and rotor speeds.
     """
-    state = states_at(flight, jnp.asarray([comes_s]))
-    speed = float(jnp.linalg.norm(state.velocity_m_s))
-    distance = np.linalg.norm(place_m - np.asarray(charge.position_m))
-    mass = charge.tnt_mass("peak_overpressure_pa")
-    return speed / float(kingery_bulmash_blast_wind(distance, mass))
+
+    hovering_m_s: Float[Array, "3"]
+    flying_m_s: Float[Array, "3"]
+
+    @property
+    def error_m_s(self) -> float:
+        """Error of the law of jolts by the vehicle's motion."""
+        return float(jnp.linalg.norm(self.flying_m_s - self.hovering_m_s))
+
+    @property
+    def direction_error_rad(self) -> float:
+        """The same for the direction, at most; infinite without a jolt."""
+        size = float(jnp.linalg.norm(self.hovering_m_s))
+        return self.error_m_s / size if size else math.inf
 
 
-def _crossing_s(world: DrawnWorld) -> float:
-    """Return the crossing time of a weak front over the scene's vehicle."""
-    spec = world.scene.vehicle
-    if spec is None:
-        return 0.0
-    area = float(jnp.mean(required_body(vehicle_of(spec).body).area_m2))
+@eqx.filter_jit
+def _jolt_law(
+    load: BlastLoad,
+    shot: Int[Array, ""],
+    state: State,
+    vehicle: Vehicle,
+    yaw: Float[Array, ""],
+) -> JoltLaw:
+    """Return the jolts by the front of one blast at the state of a flight."""
+    waves = jax.tree.map(lambda x: x[shot][None], load.waves)
+    load = replace(load, waves=waves, charges=1)
+    (begins_s,), (ends_s,) = load.span_s(state.position_m, vehicle)
+    hovers = hover_in_wind(vehicle, state.position_m, yaw, load.wind_m_s)
+    return JoltLaw(
+        *(
+            load.impulse(begins_s, ends_s, one, vehicle)[0] / vehicle.mass_kg
+            for one in (hovers, state)
+        )
+    )
+
+
+def _crossing_s(vehicle: Vehicle) -> float:
+    """Return the crossing time of a weak front over a vehicle."""
+    area = float(jnp.mean(required_body(vehicle.body).area_m2))
     return float(np.sqrt(4 / np.pi * area)) / STANDARD_SOUND_SPEED
 
 
 def _readings(
-    record: ImuRecord, pick: JoltPick, first: int, crossing_s: float, share: float
+    record: ImuRecord, pick: JoltPick, first: int, crossing_s: float, law: JoltLaw
 ) -> list[tuple[str, float, float, bool]]:
     """Return rows of quantity, value, sigma and a flag for lower bounds.
 
@@ -233,7 +266,7 @@ def _readings(
         pick: Its jolt.
         first: First sample of the search interval.
         crossing_s: Crossing time of the front over the vehicle [s].
-        share: Speed of the vehicle over that of the wind of the blast.
+        law: Jolts of the vehicle by the law.
     """
     step = 1 / record.imu.rate
     onset = float(record.stamps_s[first + pick.onset])
@@ -250,19 +283,19 @@ def _readings(
         (
             "jolt_velocity_m_s",
             pick.speed_m_s[0],
-            math.hypot(pick.speed_m_s[1], 2 * share * pick.speed_m_s[0]),
+            math.hypot(pick.speed_m_s[1], law.error_m_s),
             pick.clipped,
         ),
     ]
     # A clipped axis biases the direction, whereas the size remains a lower bound.
     if not pick.clipped:
         readings += [
-            (quantity, value, math.hypot(sd, share), False)
+            (quantity, value, math.hypot(sd, law.direction_error_rad), False)
             for quantity, (value, sd) in (
                 ("jolt_bearing_rad", pick.bearing_rad),
                 ("jolt_elevation_rad", pick.elevation_rad),
             )
-            if math.hypot(sd, share) < MAX_DIRECTION_ERROR_RAD
+            if math.hypot(sd, law.direction_error_rad) < MAX_DIRECTION_ERROR_RAD
         ]
     return readings
 

@@ -67,7 +67,7 @@ def test_times_of_events_owe_nothing_to_the_frame_rate(jblast):
 def test_events_of_a_world_are_those_of_its_film(jblast):
     """The same pixels and signs; all but 1 % of the times within the bound of runs."""
     scene = jblast.file("scene.toml", CHARGE.replace("2.0", "0.1") + CAMERA)
-    film = rendered(jblast, "--times", "0:0.3")
+    film = rendered(jblast, "--times", "0:0.3", "--views", "explosion")
     words = ("world", scene, "--seconds", "0.3", "--out", jblast.path("run"), "--json")
     code, out, err = jblast(*words)
     assert (code, err) == (0, "")
