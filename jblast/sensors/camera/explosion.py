@@ -112,8 +112,10 @@ LEVELS = 6
 of 128. A picture that is shown smaller is not smoothed further."""
 
 
-Shown = tuple[Bool[Array, "_ _"], Callable[[Rays], Float[Array, "4 row column"]]]
-"""Mask of the tiles that may show a fire, and the function of its light along rays."""
+Seen = Callable[[Rays], Float[Array, "4 row column"]]
+"""Light of a fire along rays: red, green and blue times alpha, and alpha."""
+Shown = tuple[Bool[Array, "_ _"], Callable[[], Seen]]
+"""Mask of the tiles that may show a fire, and what prepares its light."""
 
 
 class ExplosionViews(eqx.Module):
@@ -337,7 +339,7 @@ def nearest_view(views: ExplosionViews, stands: Standing) -> Int[Array, ""]:
 def picture_seen(
     views: ExplosionViews, stands: Standing, corners: Rays, appearance: Appearance
 ) -> Shown:
-    """Return the tiles that may show a charge, and the function of its light.
+    """Return the tiles that may show a charge, and what prepares its light.
 
     Differentiable in all numbers of scene, camera and time except at kinks: where a ray
     passes a texel's centre, and at a frame's phase; and at jumps: where the nearest
@@ -350,37 +352,45 @@ def picture_seen(
         appearance: Exposure.
     """
     dtype = corners.direction.dtype
-    # 256 black bodies per instant, one for each value of heat, instead of one per texel
-    heat = jnp.arange(256, dtype=dtype) / 255.0
-    light = blackbody_light(stands.air + heat * (stands.temperature - stands.air))
-    glow = light / appearance.white
-    day = (appearance.daylight / appearance.white).astype(dtype)
     frames, parts = views.frames_at(stands.phase)
     view = nearest_view(views, stands)
-    cells, pictures = jnp.zeros((), bool), []
-    for frame, part in zip(frames, parts, strict=True):
+    cells, planes = jnp.zeros((), bool), []
+    for frame in frames:
         laid = laid_on(views, stands, view, frame)
         met = laid.met(corners)
         pitch = ray_pitch(met, laid.anchor)
         # smoothing and interpolation spread the silhouette by up to two pixels
         box = wider(views.box[view, frame], 2.0 * jnp.maximum(pitch, 1.0))
         cells |= box_tiles(met, box)
-        picture = texel_light(views.frames[view, frame], glow, day).astype(dtype)
-        # a border of a texel, in which the light falls to zero
-        edged = jnp.pad(part * low_passed(picture, pitch), ((1, 1), (1, 1), (0, 0)))
-        pictures.append((laid, edged))
+        planes.append((laid, pitch))
     cells = jnp.any(parts > 0.0) & (cells | without_direction(corners))
 
-    def seen(rays: Rays) -> Float[Array, "4 row column"]:
-        total = jnp.zeros((*rays.farthest.shape, 4), dtype)
-        for laid, picture in pictures:
-            met = laid.met(rays)
-            visible = met.ever & (met.distance < rays.farthest)
-            light = _interpolated(picture, met.x, met.y)
-            total = total + jnp.where(visible[..., None], light, 0.0)
-        return jnp.moveaxis(total, -1, 0)
+    def prepared() -> Seen:
+        # 256 black bodies per instant, one for each value of heat, instead of one per
+        # texel
+        heat = jnp.arange(256, dtype=dtype) / 255.0
+        light = blackbody_light(stands.air + heat * (stands.temperature - stands.air))
+        glow = light / appearance.white
+        day = (appearance.daylight / appearance.white).astype(dtype)
+        pictures = []
+        for (_, pitch), frame, part in zip(planes, frames, parts, strict=True):
+            picture = texel_light(views.frames[view, frame], glow, day).astype(dtype)
+            # a border of a texel, in which the light falls to zero
+            edge = ((1, 1), (1, 1), (0, 0))
+            pictures.append(jnp.pad(part * low_passed(picture, pitch), edge))
 
-    return cells, seen
+        def seen(rays: Rays) -> Float[Array, "4 row column"]:
+            total = jnp.zeros((*rays.farthest.shape, 4), dtype)
+            for (laid, _), picture in zip(planes, pictures, strict=True):
+                met = laid.met(rays)
+                visible = met.ever & (met.distance < rays.farthest)
+                light = _interpolated(picture, met.x, met.y)
+                total = total + jnp.where(visible[..., None], light, 0.0)
+            return jnp.moveaxis(total, -1, 0)
+
+        return seen
+
+    return cells, prepared
 
 
 def picture_met(

@@ -230,8 +230,13 @@ def light(view: View, time: Float[Array, ""], behind: Image | None = None) -> Im
 
         def turn(i: Any, image: Image) -> Image:
             fire = jax.tree.map(lambda x: x[farthest_first[i]], fires)
-            touched, seen = _shown(pictures, fire, corners, look)
-            return on_tiles(touched, whole, seen, image, reverse=view.reverse)
+            touched, prepared = _shown(pictures, fire, corners, look)
+
+            def over(image: Image) -> Image:
+                return on_tiles(touched, whole, prepared(), image, reverse=view.reverse)
+
+            # the pictures of a fire out of view are not prepared
+            return jax.lax.cond(jnp.any(touched), over, lambda image: image, image)
 
         count, most = jnp.sum(begun), len(begun)
         laid = turns(count, most, turn, padded(image), reverse=view.reverse)
@@ -261,11 +266,11 @@ class Fire(NamedTuple):
 def _shown(
     pictures: ExplosionViews | None, fire: Fire, corners: Rays, look: Appearance
 ) -> Shown:
-    """Return the tiles that may show a fire, and the function of its light."""
+    """Return the tiles that may show a fire, and what prepares its light."""
     if pictures is not None and fire.stands is not None:
         return picture_seen(pictures, fire.stands, corners, look)
     touched = ball_tiles(fire.ball, corners)
-    return touched, lambda rays: ball_seen(fire.ball, fire.ends, rays, look)
+    return touched, lambda: lambda rays: ball_seen(fire.ball, fire.ends, rays, look)
 
 
 def _lit(view: View, fires: Fire, rays: Rays, image: Image) -> Image:
