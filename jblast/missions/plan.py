@@ -17,14 +17,16 @@ for turns.
 import json
 import math
 import os
+import sys
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from jblast.errors import InputError, nearest, read_text, require, shown
+from jblast.errors import InputError, read_text, require, shown
 from jblast.files import write_text
 from jblast.parameters import NOT_NEGATIVE, PLACE_LIMITS, POSITIVE, UNBOUNDED, Place
 
@@ -36,12 +38,8 @@ FIELDS = (
     *("number", "current", "frame", "command", "p1", "p2", "p3", "p4"),
     *("latitude", "longitude", "height", "continue"),
 )
-ITEM_KEYS = ("type", "frame", "command", "params", "autoContinue", "doJumpId")
-PARTS = {
-    "geoFence": (("circles", "polygons"), "a fence"),
-    "rallyPoints": (("points",), "rally points"),
-}
-"""Ignored parts of a plan, their lists, and their description."""
+PARTS = {"geoFence": "a fence", "rallyPoints": "rally points"}
+"""Ignored parts of a plan, and their descriptions."""
 Parameters = tuple[float | None, ...]
 """Seven parameters of an item; None: unspecified."""
 
@@ -77,8 +75,6 @@ FRAMES = {
 """Supported frames of an item's position (MAV_FRAME)."""
 INTEGER_FRAMES = {5: GLOBAL, 6: RELATIVE, 11: TERRAIN}
 """Frames with integer coordinates in messages, and the equivalent frames."""
-MAX_LISTED = 3
-"""Maximum number of items of one ignored command in a warning."""
 
 
 @dataclass(frozen=True)
@@ -135,8 +131,7 @@ class Plan:
         hover_speed_m_s: Cruise speed of a multicopter; None: unspecified.
         firmware: MAV_AUTOPILOT: 12 PX4, 3 ArduPilot.
         source: File of the plan; "" without one.
-        not_flown: Descriptions of ignored parts.
-        rest: Other parts of the file, written back unchanged.
+        rest: Tables of the file; other parts are written back unchanged.
     """
 
     items: tuple[Item, ...]
@@ -144,7 +139,6 @@ class Plan:
     hover_speed_m_s: float | None = None
     firmware: int = 12
     source: str = ""
-    not_flown: tuple[str, ...] = ()
     rest: dict[str, Any] = field(default_factory=dict, compare=False)
 
     @property
@@ -155,17 +149,18 @@ class Plan:
     @property
     def ignored(self) -> str:
         """Ignored parts and commands, one line; "" without any."""
-        items: dict[int, list[str]] = {}
-        for item in self.items:
-            if item.ignored:
-                items.setdefault(item.command, []).append(str(item.number))
-        parts = list(self.not_flown)
-        for command, numbers in items.items():
-            more = len(numbers) - MAX_LISTED
-            last = [f"{more} more"] if more > 0 else []
-            listed = ", ".join([*numbers[:MAX_LISTED], *last])
-            word = "item" if len(numbers) == 1 else "items"
-            parts.append(f"command {command} in {word} {listed}")
+        parts = [
+            f"{name}: {words}"
+            for name, words in PARTS.items()
+            if isinstance(part := self.rest.get(name), dict)
+            # QGroundControl writes both parts into every plan, mostly with empty lists
+            and any(isinstance(value, list) and value for value in part.values())
+        ]
+        counts = Counter(item.command for item in self.items if item.ignored)
+        parts += [
+            f"command {command} ({count} of {len(self.items)} items)"
+            for command, count in counts.items()
+        ]
         return f"ignored in {self.where}: {'; '.join(parts)}" if parts else ""
 
 
@@ -181,7 +176,13 @@ def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
     words = "latitude, longitude and height, required in a .plan"
     require(plan.home is not None, f"{plan.where}: home", words, "nothing")
     assert plan.home is not None
-    mission = dict(plan.rest.get("mission", {})) | {
+    # MAV_TYPE 2: a quadrotor.
+    mission = {"vehicleType": 2, **plan.rest.get("mission", {})}
+    if plan.hover_speed_m_s is not None:
+        # QGroundControl writes both; the cruise speed is that of aeroplanes.
+        mission.setdefault("cruiseSpeed", plan.hover_speed_m_s)
+        mission["hoverSpeed"] = plan.hover_speed_m_s
+    mission |= {
         "version": 2,
         "firmwareType": plan.firmware,
         "plannedHomePosition": list(plan.home),
@@ -197,20 +198,15 @@ def plan_text(plan: Plan, path: str | os.PathLike[str]) -> str:
             for item in plan.items
         ],
     }
-    # MAV_TYPE 2: a quadrotor.
-    mission.setdefault("vehicleType", 2)
-    if plan.hover_speed_m_s is not None:
-        mission["hoverSpeed"] = plan.hover_speed_m_s
-        # QGroundControl writes both; the cruise speed is that of aeroplanes.
-        mission.setdefault("cruiseSpeed", plan.hover_speed_m_s)
     document = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
         "geoFence": {"circles": [], "polygons": [], "version": 2},
         "rallyPoints": {"points": [], "version": 2},
+        **plan.rest,
+        "mission": mission,
     }
-    document |= {**plan.rest, "mission": mission}
     return json.dumps(document, indent=4, allow_nan=False) + "\n"
 
 
@@ -221,19 +217,24 @@ def read_plan(path: str | os.PathLike[str]) -> Plan:
         path: QGroundControl's .plan, version 1, or a list of waypoints, QGC WPL 110.
 
     Raises:
-        InputError: It is neither, or as in `read_ground_control`.
+        InputError: It is neither, it has another version, an item cannot be flown, or
+            two items have one number.
 
     Example:
         `plan = read_plan("campus.plan")`
     """
-    text = read_text(path, EXPECTED)
-    begin = text.lstrip()[:40]
-    if begin.startswith("{"):
-        return read_ground_control(text, str(path))
-    if begin.startswith(HEAD):
-        return read_waypoint_list(text.lstrip(), str(path))
-    got = shown(begin.partition("\n")[0]) if begin else "an empty file"
-    raise InputError(f"{path}: line 1: expected {EXPECTED}; got {got}")
+    text, source = read_text(path, EXPECTED).lstrip(), str(path)
+    if text.startswith("{"):
+        plan = read_ground_control(text, source)
+    elif text.startswith(HEAD):
+        plan = read_waypoint_list(text, source)
+    else:
+        got = shown(text[:40].partition("\n")[0]) if text else "an empty file"
+        raise InputError(f"{path}: line 1: expected {EXPECTED}; got {got}")
+    for number, count in Counter(item.number for item in plan.items).items():
+        at = f"{source}: item {number}"
+        require(count == 1, at, "a new number", "that of another item")
+    return plan
 
 
 def check_mission(scene: str | os.PathLike[str]) -> dict[str, Any]:
@@ -280,42 +281,33 @@ def write_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
 
 
 def read_waypoint_list(text: str, source: str) -> Plan:
-    """Read a list of waypoints.
-
-    Args:
-        text: The file.
-        source: Its name, for the messages.
+    """Read a list of waypoints, with the name of its file for messages.
 
     Raises:
-        InputError: It is none, of another version, or an item cannot be flown.
+        InputError: As in `read_plan`.
     """
-    lines = text.split("\n")
-    version = lines[0].strip().removeprefix(HEAD).strip()
+    lines = text.splitlines()
+    version = lines[0].removeprefix(HEAD).strip()
     where = f"{source}: line 1"
     require(version == VERSION, where, f"{HEAD} {VERSION}", shown(lines[0]))
     items, home = [], None
     for n, line in enumerate(lines[1:], start=2):
-        if not line.strip():
+        at, fields = f"{source}: line {n}", line.split()
+        if not fields:
             continue
-        at = f"{source}: line {n}"
-        fields = line.strip().split("\t")
-        if len(fields) == 1:  # an editor has replaced tabs by blanks
-            fields = line.split()
         words = f"{len(FIELDS)} fields between tabs ({', '.join(FIELDS)})"
         require(len(fields) == len(FIELDS), at, words, len(fields))
-        numbers = [
+        number, _, frame, command, *params, goes_on = (
             _read(text, f"{at}: {name}")
             for text, name in zip(fields, FIELDS, strict=True)
-        ]
-        number, _, frame, command, *params, goes_on = numbers
+        )
         item = checked_item(at, number, command, frame, params, goes_on != 0)
         # Home is the first line only, and only above the sea: a later one is a
         # waypoint.
         if not items and home is None and (command, frame) == (Nav.WAYPOINT, GLOBAL):
             home = Place(*map(item.number_of, (5, 6, 7)))
-            continue
-        items.append(item)
-    check_numbers(items, source)
+        else:
+            items.append(item)
     return Plan(items=tuple(items), home=home, source=source)
 
 
@@ -329,14 +321,10 @@ def _read(text: str, at: str) -> int | float:
 
 
 def read_ground_control(text: str, source: str) -> Plan:
-    """Read a .plan.
-
-    Args:
-        text: The file.
-        source: Its name, for the messages.
+    """Read a .plan, with the name of its file for messages.
 
     Raises:
-        InputError: It is none, of another version, or an item cannot be flown.
+        InputError: As in `read_plan`.
     """
     try:
         document = json.loads(text)
@@ -348,54 +336,49 @@ def read_ground_control(text: str, source: str) -> Plan:
     require(kind == "Plan", f"{source}: fileType", '"Plan"', shown(kind))
     mission = _typed(dict, document.get("mission"), f"{source}: mission", "a table")
     for table, known, of in ((document, 1, ""), (mission, 2, "mission ")):
-        version = _typed(
-            int, table.get("version"), f"{source}: {of}version", f"{known}"
-        )
-        require(version == known, f"{source}: {of}version", f"{known}", version)
+        version = shown(table.get("version"))
+        require(version == f"{known}", f"{source}: {of}version", f"{known}", version)
     entries = _typed(list, mission.get("items"), f"{source}: items", "a list")
     simple = [
         one
         for n, entry in enumerate(entries, start=1)
-        for one in _simple_items(entry, n, source)
+        for one in _simple_items(entry, f"{source}: item {n}")
     ]
-    items = tuple(_item(one, n, source) for n, one in enumerate(simple, start=1))
-    check_numbers(items, source)
     speed = _number(mission.get("hoverSpeed"), f"{source}: hoverSpeed")
     if speed is not None:
         POSITIVE.checked(speed, f"{source}: hoverSpeed", "a number [m/s]")
     firmware = mission.get("firmwareType", 12)
+    at, home = f"{source}: plannedHomePosition", mission.get("plannedHomePosition")
+    three = isinstance(home, list) and len(home) == 3 and None not in home
+    require(three, at, "[latitude, longitude, height]", shown(home))
+    home = Place(*(_number(value, at) or 0.0 for value in home))
+    check_place(home, at)
     return Plan(
-        items=items,
-        home=_home(mission.get("plannedHomePosition"), source),
+        items=tuple(_item(one, n, source) for n, one in enumerate(simple, start=1)),
+        home=home,
         hover_speed_m_s=speed,
         firmware=firmware if type(firmware) is int else 12,
         source=source,
-        not_flown=tuple(
-            f"{name}: {words}"
-            for name, (lists, words) in PARTS.items()
-            if isinstance(part := document.get(name), dict)
-            # QGroundControl writes both parts into every plan, mostly with empty lists
-            and any(part.get(each) for each in lists)
-        ),
         rest=document,
     )
 
 
-def _simple_items(entry: Any, place: int, source: str) -> list[Any]:
+def _simple_items(entry: Any, at: str) -> list[Any]:
     """Return an entry of a plan, or the simple items of a complex one."""
     if not isinstance(entry, dict) or entry.get("type") != "ComplexItem":
         return [entry]
     # A survey or corridor has its waypoints in "TransectStyleComplexItem", "Items".
     tables = [entry, *(value for value in entry.values() if isinstance(value, dict))]
     items = next((items for table in tables if (items := table.get("Items"))), None)
-    if not isinstance(items, list):
-        name = shown(entry.get("complexItemType"))
-        raise InputError(
-            f"{source}: item {place}: expected a SimpleItem, or a ComplexItem with its "
-            f"waypoints in Items, got the ComplexItem {name} without; a plan that "
-            "QGroundControl downloads from a vehicle has waypoints in its place"
-        )
-    return items
+    name = shown(entry.get("complexItemType"))
+    return _typed(
+        list,
+        items,
+        at,
+        "a SimpleItem, or a ComplexItem with its waypoints in Items (a plan that "
+        "QGroundControl downloads from a vehicle has waypoints in its place)",
+        f"the ComplexItem {name} without",
+    )
 
 
 def _item(entry: Any, place: int, source: str) -> Item:
@@ -404,37 +387,22 @@ def _item(entry: Any, place: int, source: str) -> Item:
     entry = _typed(dict, entry, at, "a table")
     kind, params = entry.get("type"), entry.get("params")
     require(kind == "SimpleItem", f"{at} type", "SimpleItem", shown(kind))
-    number = entry.get("doJumpId", place)
-    _typed(int, number, f"{at} doJumpId", "a whole number")
-    at = f"{source}: item {number}"
-    close = nearest("params", set(entry) - set(ITEM_KEYS))
-    seven = isinstance(params, list) and len(params) == 7
-    require(seven, f"{at} params", "a list of 7", shown(params) + close)
+    params = _typed(list, params, f"{at} params", "a list of 7")
+    require(len(params) == 7, f"{at} params", "a list of 7", shown(params))
     goes_on = entry.get("autoContinue", True)
     _typed(bool, goes_on, f"{at} autoContinue", "true or false")
-    return checked_item(
-        source, number, entry.get("command"), entry.get("frame"), params, goes_on
-    )
+    head = entry.get("doJumpId", place), entry.get("command"), entry.get("frame")
+    return checked_item(source, *head, params, goes_on)
 
 
-def _typed(kind: type[T], value: Any, at: str, words: str) -> T:
+def _typed(kind: type[T], value: Any, at: str, words: str, got: str = "") -> T:
     """Return a value of a type of JSON; True is no integer.
 
     Raises:
         InputError: It has another type.
     """
-    require(type(value) is kind, at, words, shown(value))
+    require(type(value) is kind, at, words, got or shown(value))
     return value
-
-
-def _home(value: Any, source: str) -> Place:
-    """Return the home position."""
-    at = f"{source}: plannedHomePosition"
-    three = isinstance(value, list) and len(value) == 3 and None not in value
-    require(three, at, "[latitude, longitude, height]", shown(value))
-    home = Place(*(_number(each, at) or 0.0 for each in value))
-    check_place(home, at)
-    return home
 
 
 def checked_item(
@@ -456,81 +424,67 @@ def checked_item(
         auto_continue: True if the next item follows automatically.
 
     Raises:
-        InputError: The command or its frame is not supported, position or height is
-            missing or out of range, or a parameter is not supported.
+        InputError: A number has another type, or as in `check_item`.
     """
     at = f"{where}: item {number}"
-    _typed(int, number, f"{where}: number", "a whole number")
-    known = ", ".join(f"{one} ({kind.name})" for one, kind in COMMANDS.items())
-    # `type`, because True is an int for `isinstance`.
-    supported = type(command) is int and (command in COMMANDS or command in IGNORED)
-    require(supported, f"{at} command", f"one of {known}", shown(command))
-    # Messages with integer coordinates have been scaled by their reader.
-    frame = INTEGER_FRAMES.get(frame, frame) if type(frame) is int else frame
-    # A command without effect may have any frame.
-    supported = type(frame) is int and (frame in FRAMES or command in IGNORED)
+    numbers = {"number": number, "command": command, "frame": frame}
+    for name, value in numbers.items():
+        _typed(int, value, f"{at} {name}", "a whole number")
     at = f"{at}, {command_name(command)}"
-    words = "one of " + ", ".join(f"{one} ({name})" for one, name in FRAMES.items())
-    require(supported, f"{at}, frame", words, shown(frame))
     values = [
         _number(value, f"{at}, parameter {n}") for n, value in enumerate(params, 1)
     ]
+    # Messages with integer coordinates have been scaled by their reader.
+    frame = INTEGER_FRAMES.get(frame, frame)
     item = Item(number, command, frame, (*values,), auto_continue)
     check_item(item, where)
-    if not item.ignored and COMMANDS[command].placed:
-        have = frame != MISSION
-        require(have, f"{at}, frame", "0, 3 or 10, with a position", "2")
-        needs = COMMANDS[command].needs
-        names = ("latitude", "longitude", "height")
-        for name, value, needed in zip(names, values[4:], needs, strict=True):
-            there = value is not None or not needed
-            require(there, f"{at}, {name}", "a number", "nothing")
     return item
 
 
 def check_item(item: Item, where: str) -> None:
-    """Check the parameters and the position of an item.
+    """Check command, frame, parameters and position of an item.
 
     Args:
         item: The item.
         where: File, and line if it has lines, for messages.
 
     Raises:
-        InputError: A parameter is not supported, or a position is out of range.
+        InputError: The command, its frame or a parameter is not supported, or its
+            position is missing or out of range.
     """
+    # A command without effect may have any frame.
     if item.ignored:
         return
-    at, kind = f"{where}: {item.words}", COMMANDS[item.command]
+    known = ", ".join(f"{one} ({kind.name})" for one, kind in COMMANDS.items())
+    at, kind = f"{where}: item {item.number} command", COMMANDS.get(item.command)
+    require(kind is not None, at, f"one of {known}", item.command)
+    assert kind is not None
+    at, frames = f"{where}: {item.words}", dict(FRAMES)
+    if kind.placed:
+        del frames[MISSION]
+    words = "one of " + ", ".join(f"{one} ({name})" for one, name in frames.items())
+    require(item.frame in frames, f"{at}, frame", words, item.frame)
     for n, (value, allowed) in enumerate(
         zip(item.params[:4], kind.allowed, strict=True), start=1
     ):
         holds = value is None or allowed.holds(value)
         require(holds, f"{at}, parameter {n}", allowed.words, f"{value or 0:g}")
     if kind.placed:
-        check_place(item.params[4:], at)
+        check_place(item.params[4:], at, kind.needs)
 
 
-def check_numbers(items: Sequence[Item], where: str) -> None:
-    """Reject two items with the same number.
-
-    Raises:
-        InputError: A number occurs twice.
-    """
-    seen: set[int] = set()
-    for item in items:
-        at, new = f"{where}: item {item.number}", item.number not in seen
-        require(new, at, "a new number", "that of another item")
-        seen.add(item.number)
-
-
-def check_place(place: Sequence[float | None], at: str) -> None:
+def check_place(
+    place: Sequence[float | None], at: str, needs: Sequence[bool] = (True, True, True)
+) -> None:
     """Check a latitude, longitude and height; None is unspecified.
 
     Raises:
-        InputError: One of them is out of range.
+        InputError: One of them is out of range, or missing but needed.
     """
     names = ("latitude", "longitude", "height")
-    for name, value, bounds in zip(names, place, PLACE_LIMITS.values(), strict=True):
+    limits = PLACE_LIMITS.values()
+    for name, value, bounds, needed in zip(names, place, limits, needs, strict=True):
+        require(value is not None or not needed, f"{at}, {name}", "a number", "nothing")
         if value is not None:
             bounds.checked(value, f"{at}, {name}")
 
@@ -539,17 +493,10 @@ def _number(value: Any, at: str) -> float | None:
     """Return a number; None for null or NaN."""
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        advice = nearest(value, ("null",)) if isinstance(value, str) else ""
-        raise InputError(f"{at}: expected a number or null, got {shown(value)}{advice}")
-    try:
-        number = float(value)
-    # JSON has integers of any length.
-    except OverflowError:
-        number = math.inf
-    if math.isinf(number):
-        raise InputError(f"{at}: expected a finite number, got {shown(value)}")
-    return None if math.isnan(number) else number
+    # JSON has integers of any length. NaN is not larger.
+    finite = type(value) in (int, float) and not abs(value) > sys.float_info.max
+    require(finite, at, "a finite number or null", shown(value))
+    return None if math.isnan(value) else float(value)
 
 
 class Allowed(NamedTuple):

@@ -16,7 +16,7 @@ of the Earth's surface below the plane (8 cm in a kilometre) is neglected both w
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +32,7 @@ from jblast.missions.guidance import (
 )
 from jblast.missions.plan import (
     GLOBAL,
+    IGNORED,
     MISSION,
     RELATIVE,
     Item,
@@ -205,17 +206,13 @@ class Limits(NamedTuple):
     slow_below_m: float = 5.0
 
 
-@dataclass(frozen=True)
-class Stop:
+class Stop(NamedTuple):
     """A target position of a mission.
 
     Attributes:
         item: Index of its item in the plan, from 0.
         goal_m: East, north, up.
-        speed_m_s: Ground speed on the leg to it.
-        climb_m_s: Maximum climb speed.
-        descent_m_s: Maximum descent speed.
-        acceptance_m: Acceptance radius.
+        limits: Limits on the leg to it, and its acceptance radius.
         hold_s: Waiting time; infinite: unlimited; None: the set point does not stop.
         yaw_rad: Heading from east to north.
         lands: True if it is on the ground.
@@ -224,10 +221,7 @@ class Stop:
 
     item: int
     goal_m: Vector
-    speed_m_s: float
-    climb_m_s: float
-    descent_m_s: float
-    acceptance_m: float
+    limits: Limits
     hold_s: float | None = None
     yaw_rad: float = 0.0
     lands: bool = False
@@ -277,35 +271,33 @@ def mission_of(
         InputError: The plan is invalid, or as in `stops_of`.
     """
     limits = Limits() if limits is None else limits
-    origin, given = place or plan.home, position_m is not None
-    at = f"{plan.where}: home"
+    origin, at = place or plan.home, f"{plan.where}: home"
     words = "a first line with home, or the scene's "
     require(origin is not None, at, words + "[place]", "neither")
     assert origin is not None
-    frame = Frame(*origin)
-    require(given or plan.home, at, words + "[vehicle] position_m", "neither")
-    home = np.array(
-        position_m if given else level(frame, *(plan.home or origin)), float
-    )
+    frame, home, tolerance = Frame(*origin), position_m, 0.0
+    if home is None:
+        place, tolerance = plan.home, HOME_TOLERANCE_M
+        require(place is not None, at, words + "[vehicle] position_m", "neither")
+        home = level(frame, *(place or origin))
     # Within the tolerance of a map's height the vehicle starts on the ground.
     require(
-        abs(home[2]) <= (0.0 if given else HOME_TOLERANCE_M),
-        plan.where if given else at,
+        abs(home[2]) <= tolerance,
+        at,
         f"a vehicle on the ground, alt_m {frame.alt_m:g}",
         f"one {home[2]:g} m above it: a mission that starts in the air",
     )
-    home[2] = 0.0
-    stops = stops_of(
-        plan,
-        frame,
-        home,
-        limits,
-        start_m=start_m,
-        yaw_rad=yaw_rad,
-        may_hover_on=may_hover_on,
+    home = np.array([*home[:2], 0.0], float)
+    begin = home if start_m is None else np.array(start_m, float)
+    base = Stop(0, begin, limits, yaw_rad=yaw_rad, visit=-1)
+    stops = stops_of(plan, frame, home, base, in_flight=start_m is not None)
+    require(
+        may_hover_on or stops[-1].lands,
+        plan.where,
+        "a landing (21) or a return (20) at the end, or a duration of the flight",
+        "a mission that hovers without end",
     )
-    legs = legs_along(stops, home if start_m is None else start_m, limits)
-    guidance = Guidance(legs, limits.acceleration_m_s2, yaw_rad)
+    guidance = Guidance(legs_along(stops, begin), limits.acceleration_m_s2, yaw_rad)
     return Mission(plan, frame, home, stops, guidance)
 
 
@@ -321,112 +313,80 @@ def planned_seconds(guidance: Guidance) -> float:
     for length, limit, end, hold in np.stack(columns, axis=1).astype(float):
         # A trapezoid of speed: acceleration to `top`, cruise, and braking to `end`;
         # from v^2 = v0^2 + 2 a s on both flanks, which meet at the top speed.
-        begin = min(begin, limit)
         end = min(end, math.sqrt(begin * begin + 2 * rate * length))
-        meet = math.sqrt(rate * length + (begin * begin + end * end) / 2)
-        top = max(min(limit, meet), begin, end)
+        squares = begin * begin + end * end
+        top = min(limit, math.sqrt(rate * length + squares / 2))
         # Distance of acceleration and braking; the remainder is flown at `top`.
-        ways = (2 * top * top - begin * begin - end * end) / (2 * rate)
-        total += (2 * top - begin - end) / rate
-        total += max(length - ways, 0.0) / top if top > 0 else 0.0
+        rest = length - (2 * top * top - squares) / (2 * rate)
+        total += (2 * top - begin - end) / rate + (rest / top if rest > 0 else 0.0)
         total += hold if end == 0.0 and math.isfinite(hold) else 0.0
         begin = end
     return total
 
 
 def stops_of(
-    plan: Plan,
-    frame: Frame,
-    home_m: Vector,
-    limits: Limits,
-    *,
-    start_m: Vector | None = None,
-    yaw_rad: float = 0.0,
-    may_hover_on: bool = False,
+    plan: Plan, frame: Frame, home_m: Vector, base: Stop, *, in_flight: bool = False
 ) -> list[Stop]:
     """Return the target positions of a plan in order of execution.
 
     Args:
         plan: The plan.
         frame: Geodetic frame of the origin.
-        home_m: Initial position of the vehicle, on the ground.
-        limits: Default limits.
-        start_m: Start of a vehicle in flight; None: at home.
-        yaw_rad: Initial heading.
-        may_hover_on: Accept a plan that ends in the air.
+        home_m: Home, on the ground at height 0.
+        base: The start, with default limits and the initial heading.
+        in_flight: Whether the vehicle is in flight at the start.
 
     Raises:
-        InputError: The plan is empty, starts or ends in the air, continues after a
-            landing, has an invalid item or jump, or has an unreachable position.
+        InputError: The plan is empty, starts in the air, continues after its end, has
+            an invalid item or jump, or has an unreachable position.
     """
-    where = plan.where
+    where, default, turned = plan.where, base.limits, False
     for item in plan.items:
         check_item(item, where)
-    order = [n for n in _order(plan) if not plan.items[n].ignored]
-    moving = [n for n in order if plan.items[n].command not in (Nav.SPEED, Nav.HEADING)]
-    grounded = start_m is None
-    starts = moving and (plan.items[moving[0]].command == Nav.TAKEOFF or not grounded)
-    got = plan.items[moving[0]].words if moving else "nothing to fly"
-    got = f"{got}: a mission that starts in the air"
-    require(starts, where, "a take-off (22) first, from the ground", got)
-    # the last position, with the limits and the heading of the following items
-    base = Stop(
-        0,
-        np.array(home_m if grounded else start_m, float),
-        plan.hover_speed_m_s or limits.speed_m_s,
-        limits.climb_m_s,
-        limits.descent_m_s,
-        limits.acceptance_m,
-        yaw_rad=yaw_rad,
-        visit=-1,
-    )
+    if plan.hover_speed_m_s:
+        limits = default._replace(speed_m_s=plan.hover_speed_m_s)
+        base = base._replace(limits=limits)
     stops: list[Stop] = []
-    ended, turned = False, False
-    for n in order:
+    for n in _order(plan):
+        # `base` is the last position, with limits and heading of the following items.
         item = plan.items[n]
-        require(
-            not ended,
-            f"{where}: {item.words}",
-            "no item after the end of the mission (landing, return or loiter without "
-            "end)",
-            "this one",
-        )
-        # A change of speed holds for the following items and has no position; -1 is no
-        # change.
+        at = f"{where}: {item.words}"
+        goes_on = not stops or stops[-1].hold_s != math.inf
+        words = "no item after the end of the mission (landing, return or loiter "
+        require(goes_on, at, words + "without end)", "this one")
         if item.command == Nav.SPEED:
+            # -1 is no change.
             kind, speed = int(item.number_of(1)), item.number_of(2, -1.0)
             if speed > 0:
-                base = replace(base, **{CHANGED[kind]: speed})
+                limits = base.limits._replace(**{CHANGED[kind]: speed})
+                base = base._replace(limits=limits)
             continue
         # A turn holds for all following items, as in ArduCopter, which alone has this
         # command and does not use the heading of a waypoint.
         if item.command == Nav.HEADING:
-            turned, base = True, replace(base, yaw_rad=_turned(item, base.yaw_rad))
+            turned, base = True, base._replace(yaw_rad=_turned(item, base.yaw_rad))
             continue
+        starts = stops or in_flight or item.command == Nav.TAKEOFF
+        got = f"{item.words}: a mission that starts in the air"
+        require(starts, where, "a take-off (22) first, from the ground", got)
         yaw_deg = item.params[3] if item.command in FACING else None
         if yaw_deg is not None and not turned:
-            base = replace(base, yaw_rad=_from_north(yaw_deg))
-        base = replace(base, item=n, visit=base.visit + 1)
-        goal = _goal(item, base.goal_m, home_m, frame)
-        found = _stops_for(item, base, goal, home_m, limits)
+            base = base._replace(yaw_rad=_from_north(yaw_deg))
+        base = base._replace(item=n, visit=base.visit + 1)
+        goal = _goal(item, base.goal_m, frame)
+        found = _stops_for(item, base, goal, home_m, default)
         for stop in found:
-            check_reach(stop, home_m, f"{where}: {item.words}")
+            check_reach(stop, home_m, at)
         stops += found
-        base = replace(base, goal_m=found[-1].goal_m)
-        ended = item.command in (Nav.LAND, Nav.RETURN, Nav.LOITER)
-    if not ended:
-        stops.append(replace(stops[-1], hold_s=math.inf))
-    require(
-        may_hover_on or stops[-1].lands,
-        where,
-        "a landing (21) or a return (20) at the end, or a duration of the flight",
-        "a mission that hovers without end",
-    )
+        base = base._replace(goal_m=found[-1].goal_m)
+    require(stops, where, "a take-off (22) first, from the ground", "nothing to fly")
+    if stops[-1].hold_s != math.inf:
+        stops.append(stops[-1]._replace(hold_s=math.inf))
     return stops
 
 
 def _stops_for(
-    item: Item, base: Stop, goal: Vector, home: Vector, limits: Limits
+    item: Item, base: Stop, goal: Vector, home: Vector, default: Limits
 ) -> list[Stop]:
     """Return the stops of one item.
 
@@ -434,47 +394,57 @@ def _stops_for(
         item: The item.
         base: A stop at the position before it, with limits and heading.
         goal: Its position.
-        home: Initial position of the vehicle.
-        limits: Default limits.
+        home: Home, on the ground.
+        default: Default limits.
     """
     at, hold = base.goal_m, item.number_of(1)
-    there = replace(base, goal_m=goal)
+    there = base._replace(goal_m=goal)
     if item.command == Nav.TAKEOFF:
         # A take-off climbs vertically first; then the vehicle flies to its position.
-        above = replace(base, goal_m=np.array([*at[:2], goal[2]]), hold_s=0.0)
-        far = math.dist(goal, above.goal_m) > limits.acceptance_m
+        above = base._replace(goal_m=np.array([*at[:2], goal[2]]), hold_s=0.0)
+        far = math.dist(goal, above.goal_m) > default.acceptance_m
         return [above, there] if far else [above]
     if item.command == Nav.WAYPOINT:
         # 0 stands for the default, as if the parameter were absent.
-        radius = item.number_of(2) or limits.acceptance_m
-        return [replace(there, hold_s=hold or None, acceptance_m=radius)]
+        radius = item.number_of(2) or default.acceptance_m
+        limits = base.limits._replace(acceptance_m=radius)
+        return [there._replace(hold_s=hold or None, limits=limits)]
     if item.command in (Nav.DELAY, Nav.LOITER_TIME):
-        return [replace(there, hold_s=hold)]
+        return [there._replace(hold_s=hold)]
     if item.command == Nav.LOITER:
-        return [replace(there, hold_s=math.inf)]
+        return [there._replace(hold_s=math.inf)]
     if item.command == Nav.TURNS:
         return _circle(there, at, hold, item.number_of(3) or CIRCLE_M)
     # A return climbs and flies home, a landing flies to its position. Both descend.
-    high, over = float(at[2]), goal
+    high, over = at[2], goal
     if item.command == Nav.RETURN:
-        high, over = max(high, float(home[2]) + limits.return_m), home
-    slow = min(float(home[2]) + limits.slow_below_m, high)
-    found: list[Stop] = []
+        high, over = max(high, default.return_m), home
+    slow = min(default.slow_below_m, high)
+    # Set speeds apply to the last metres, too, if they are lower.
+    descent = min(default.landing_m_s, base.limits.descent_m_s)
+    limits = base.limits._replace(descent_m_s=descent)
     # The final descent begins without a stop.
     ways = ((at, high, 0.0), (over, high, 0.0), (over, slow, None))
-    for (east, north, _), up, hold in ways:
-        goal = np.array([east, north, up])
-        if math.dist(goal, found[-1].goal_m if found else at) > MIN_LENGTH_M:
-            found.append(replace(base, goal_m=goal, hold_s=hold))
-    ground = replace(
+    stops = [
         base,
-        goal_m=np.array([*over[:2], home[2]]),
-        # Set speeds apply to the last metres, too, if they are lower.
-        descent_m_s=min(limits.landing_m_s, base.descent_m_s),
-        hold_s=math.inf,
-        lands=True,
-    )
-    return [*found, ground]
+        *(
+            base._replace(goal_m=np.array([*p[:2], up]), hold_s=hold)
+            for p, up, hold in ways
+        ),
+    ]
+    return [
+        *(
+            stop
+            for before, stop in pairwise(stops)
+            if math.dist(stop.goal_m, before.goal_m) > MIN_LENGTH_M
+        ),
+        base._replace(
+            goal_m=np.array([*over[:2], 0.0]),
+            limits=limits,
+            hold_s=math.inf,
+            lands=True,
+        ),
+    ]
 
 
 def _circle(center: Stop, at: Vector, turns: float, radius_m: float) -> list[Stop]:
@@ -488,58 +458,52 @@ def _circle(center: Stop, at: Vector, turns: float, radius_m: float) -> list[Sto
     """
     east, north, _ = at - center.goal_m
     # From the centre, the northernmost point.
-    begin = (
-        math.atan2(north, east)
-        if math.hypot(east, north) > MIN_LENGTH_M
-        else math.pi / 2
-    )
+    away = math.hypot(east, north) > MIN_LENGTH_M
+    begin = math.atan2(north, east) if away else math.pi / 2
     count = math.ceil(2 * math.pi * turns / EDGE_RAD)
     edge = 2 * math.pi * turns / max(count, 1)
     radius = abs(radius_m)
-    steps = [0.0, *(np.arange(count) + 0.5), float(count)]
-    sizes = [radius, *[radius / math.cos(edge / 2)] * count, radius]
-    angles = begin - math.copysign(edge, radius_m) * np.array(steps)
-    places = np.stack([sizes * np.cos(angles), sizes * np.sin(angles), 0 * angles], -1)
-    corner = replace(center, acceptance_m=radius)
-    found = [replace(corner, goal_m=center.goal_m + place) for place in places]
-    ends = {"hold_s": 0.0, "acceptance_m": center.acceptance_m}
-    return [replace(found[0], **ends), *found[1:-1], replace(found[-1], **ends)]
+    steps = np.array([0.0, *(np.arange(count) + 0.5), count])
+    sizes = np.array([radius, *[radius / math.cos(edge / 2)] * count, radius])
+    angles = begin - math.copysign(edge, radius_m) * steps
+    ways = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
+    places = center.goal_m + sizes[:, None] * ways
+    corner = center._replace(limits=center.limits._replace(acceptance_m=radius))
+    return [
+        center._replace(goal_m=places[0], hold_s=0.0),
+        *(corner._replace(goal_m=place) for place in places[1:-1]),
+        center._replace(goal_m=places[-1], hold_s=0.0),
+    ]
 
 
 def _order(plan: Plan) -> list[int]:
-    """Return indices of the plan's items in order of execution, with jumps unrolled."""
+    """Return the order of a plan's items with an effect, with jumps unrolled."""
     # Items inserted into a course have no number for jumps.
-    by_number = {
-        item.number: n for n, item in enumerate(plan.items) if item.number >= 0
-    }
-    left: dict[int, int] = {}
+    numbers = {item.number: n for n, item in enumerate(plan.items) if item.number >= 0}
+    left: dict[int, float] = {}
     order: list[int] = []
-    n = steps = 0
+    n = 0
     while n < len(plan.items):
         item = plan.items[n]
-        steps += 1
-        # Jumps count as steps: a cycle of jumps alone would never extend the order.
-        few = len(order) < MAX_LEGS and steps <= 2 * MAX_LEGS
-        words = f"at most {MAX_LEGS:,} items with unrolled jumps"
-        require(few, plan.where, words, "more")
         at = f"{plan.where}: {item.words}"
         goes_on = item.auto_continue or n + 1 == len(plan.items)
         words = "true for an unattended mission"
         require(goes_on, f"{at}, autoContinue", words, "false")
-        if item.command != Nav.JUMP:
-            order.append(n)
-            n += 1
-            continue
-        goal, times = item.number_of(1, math.nan), item.number_of(2)
-        words = f"the number of an item, {min(by_number)} to {max(by_number)}"
-        require(goal in by_number, at, words, f"{goal:g}")
-        if left.setdefault(n, int(times)) > 0:
-            left[n] -= 1
-            n = by_number[int(goal)]
-        else:
-            del left[n]  # an outer jump restarts the count of this one
-            n += 1
-    return order
+        # Jumps count, too: a cycle of jumps alone would never end.
+        words = f"at most {MAX_LEGS:,} items with unrolled jumps"
+        require(len(order) < MAX_LEGS, plan.where, words, "more")
+        order.append(n)
+        n += 1
+        if item.command == Nav.JUMP:
+            goal = item.number_of(1, math.nan)
+            words = f"the number of an item, {min(numbers)} to {max(numbers)}"
+            require(goal in numbers, at, words, f"{goal:g}")
+            # After its last repetition an outer jump restarts the count of this one.
+            again = left.pop(n, item.number_of(2))
+            if again > 0:
+                left[n], n = again - 1, numbers[int(goal)]
+    skipped = (Nav.JUMP, *IGNORED)
+    return [n for n in order if plan.items[n].command not in skipped]
 
 
 def _turned(item: Item, yaw_rad: float) -> float:
@@ -556,15 +520,14 @@ def _from_north(degrees: float) -> float:
     return math.remainder(math.pi / 2 - math.radians(degrees), 2 * math.pi)
 
 
-def legs_along(stops: list[Stop], start_m: Vector, limits: Limits) -> Legs:
+def legs_along(stops: list[Stop], start_m: Vector) -> Legs:
     """Return the legs between stops.
 
     Args:
         stops: Target positions as returned by `stops_of`.
         start_m: Initial position of the vehicle.
-        limits: Limits with the set point's acceleration.
     """
-    rate, up = limits.acceleration_m_s2, np.array([0.0, 0.0, 1.0])
+    rate, up = stops[0].limits.acceleration_m_s2, np.array([0.0, 0.0, 1.0])
 
     def column(value: Callable[[Stop], Any]) -> np.ndarray:
         return np.array([value(stop) for stop in stops])
@@ -572,17 +535,15 @@ def legs_along(stops: list[Stop], start_m: Vector, limits: Limits) -> Legs:
     def before(values: np.ndarray) -> np.ndarray:
         return np.concatenate([np.zeros_like(values[:1]), values[:-1]])
 
+    limits = Limits(*column(lambda stop: stop.limits).T)
     ends = column(lambda stop: stop.goal_m - stop.lands * LANDING_DEPTH_M * up)
     lines = np.diff(ends, axis=0, prepend=[start_m])
     lengths = np.linalg.norm(lines, axis=1)
     ways = lines / np.maximum(lengths, MIN_LENGTH_M)[:, None]
     # Speed from the limits of its components; the guard of the division is far below.
     level_share, upward = np.maximum([np.hypot(*ways.T[:2]), abs(ways[:, 2])], 1e-9)
-    ground, climb, descent = column(
-        lambda stop: (stop.speed_m_s, stop.climb_m_s, stop.descent_m_s)
-    ).T
-    vertical = np.where(ways[:, 2] > 0, climb, descent)
-    speeds = np.minimum(ground / level_share, vertical / upward)
+    vertical = np.where(ways[:, 2] > 0, limits.climb_m_s, limits.descent_m_s)
+    speeds = np.minimum(limits.speed_m_s / level_share, vertical / upward)
     # Half of the change of direction at each end. Its length is sin(angle / 2), guarded
     # for a straight passage.
     turns = np.diff(ways, axis=0, append=ways[-1:]) / 2
@@ -594,7 +555,7 @@ def legs_along(stops: list[Stop], start_m: Vector, limits: Limits) -> Legs:
     # A line between two corners is shared by them.
     rooms = lengths / (1 + (passes & before(passes)))
     takes = np.minimum(rooms, np.append(rooms[1:], 0.0))
-    takes = passes * np.minimum(takes, column(lambda stop: stop.acceptance_m) / sines)
+    takes = passes * np.minimum(takes, limits.acceptance_m / sines)
     rest = lengths - before(takes)
     fastest = np.sqrt(rate * takes / sines)
     take, bends = takes[:, None], turns / np.maximum(takes, 1e-9)[:, None]
@@ -615,7 +576,7 @@ def legs_along(stops: list[Stop], start_m: Vector, limits: Limits) -> Legs:
         allowed = min(speed[n], math.sqrt(end[n] ** 2 + 2 * rate * length[n]))
     known = {
         "goal_m": column(lambda stop: stop.goal_m),
-        "acceptance_m": column(lambda stop: stop.acceptance_m),
+        "acceptance_m": limits.acceptance_m,
         "hold_s": column(lambda stop: stop.hold_s or 0.0),
         "yaw_rad": column(lambda stop: stop.yaw_rad),
         "visit": column(lambda stop: stop.visit),
@@ -635,40 +596,29 @@ def legs_along(stops: list[Stop], start_m: Vector, limits: Limits) -> Legs:
     )
 
 
-def _goal(
-    item: Item,
-    at: Vector,
-    home: Vector,
-    frame: Frame,
-) -> Vector:
+def _goal(item: Item, at: Vector, frame: Frame) -> Vector:
     """Return the target of an item; missing values are those of the position `at`."""
-    lat, lon, alt = item.params[4:]
-    up = at[2]
+    (east, north, up), alt = at, item.params[6]
     # ArduPilot has a height of 0 for the present height, too, where 0, 0 is the
     # present position.
     if alt is not None and (alt or item.place or item.command == Nav.TAKEOFF):
-        up = alt - frame.alt_m if item.frame == GLOBAL else home[2] + alt
-    if item.place is None:
-        return np.array([at[0], at[1], up])
-    assert lat is not None  # else it has no place
-    assert lon is not None
-    east, north, _ = level(frame, lat, lon, frame.alt_m)
+        up = alt - frame.alt_m * (item.frame == GLOBAL)
+    if item.place is not None:
+        east, north, _ = level(frame, *item.place, frame.alt_m)
     return np.array([east, north, up])
 
 
 def check_reach(stop: Stop, home: Vector, at: str) -> None:
     """Reject an unreachable position, with the reason."""
-    away = float(np.hypot(*(stop.goal_m - home)[:2]))
-    up = float(stop.goal_m[2] - home[2])
-    near = away <= MAX_DISTANCE_M
-    words = f"a position within {MAX_DISTANCE_M / 1e3:g} km of home (level ground)"
-    require(near, at, words, f"one {away / 1e3:.4g} km away: unreachable")
-    high = f"{up:g} m above home: unreachable, "
-    words = f"a height of at most {CEILING_M:g} m above home"
-    require(up <= CEILING_M, at, words, high + "above the ceiling")
+    away, up = math.dist(stop.goal_m[:2], home[:2]), stop.goal_m[2]
     above = up > 0.0 or stop.lands
-    high += "below ground" if up < 0 else "on the ground"
-    require(above, at, "a height above the ground", high)
+    require(
+        away <= MAX_DISTANCE_M and above and up <= CEILING_M,
+        at,
+        f"a position within {MAX_DISTANCE_M / 1e3:g} km of home (level ground), above "
+        f"the ground and at most {CEILING_M:g} m above it",
+        f"one {away / 1e3:.4g} km away, {up:g} m above the ground: unreachable",
+    )
 
 
 def level(
@@ -678,9 +628,9 @@ def level(
     alt_m: Float[ArrayLike, "*place"],
 ) -> Float[np.ndarray, "*place 3"]:
     """Return east, north, and height above the origin's [m]."""
-    enu = frame.to_enu(lat_deg, lon_deg, frame.alt_m)
-    up = np.broadcast_to(np.asarray(alt_m, float) - frame.alt_m, enu.shape[:-1])
-    return np.concatenate([enu[..., :2], up[..., None]], axis=-1)
+    enu = np.array(frame.to_enu(lat_deg, lon_deg, frame.alt_m))
+    enu[..., 2] = np.asarray(alt_m) - frame.alt_m
+    return enu
 
 
 def geodetic(
@@ -688,11 +638,11 @@ def geodetic(
 ) -> Float[np.ndarray, "*place 3"]:
     """Return latitude, longitude [degree] and height [m] of positions."""
     place = np.array(place_m, float)
-    found = place.copy()
-    found[..., 2] = 0.0
+    up = place[..., 2] + frame.alt_m
+    place[..., 2] = 0.0
     # Project from the tangent plane to the ellipsoid: 2 iterations give 1 mm at 20 km.
     for _ in range(2):
-        found[..., 2] -= frame.to_geodetic(found)[..., 2] - frame.alt_m
-    answer = frame.to_geodetic(found)
-    answer[..., 2] = place[..., 2] + frame.alt_m
-    return answer
+        place[..., 2] -= frame.to_geodetic(place)[..., 2] - frame.alt_m
+    found = np.array(frame.to_geodetic(place))
+    found[..., 2] = up
+    return found

@@ -196,7 +196,7 @@ def waypoints_of(
         here = (item == n) & (time < until_s)
         goal = _goal(mission, n)
         off = np.where(here, np.linalg.norm(place - goal, axis=1), np.inf)
-        when, least = _first(off <= last.acceptance_m, time), float(off.min())
+        when, least = _first(off <= last.limits.acceptance_m, time), float(off.min())
         if last.lands:
             when = landed_s
             if math.isfinite(when):

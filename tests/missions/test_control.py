@@ -67,7 +67,7 @@ def test_it_takes_off_flies_and_stands_where_it_landed():
     assert error[item >= 0].max() < 0.5
     for stop in one.stops[:3]:
         off = np.linalg.norm(place - stop.goal_m, axis=1).min()
-        assert off < stop.acceptance_m
+        assert off < stop.limits.acceptance_m
 
 
 @pytest.mark.slow

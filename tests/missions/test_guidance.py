@@ -101,7 +101,7 @@ def test_each_waypoint_is_passed_within_its_radius_and_holds_are_kept(flown):
     one, (_, _, place, *_) = flown
     for n, stop in enumerate(one.stops[:5]):
         off = np.linalg.norm(place - stop.goal_m, axis=1).min()
-        assert off < (1e-6 if n in (0, 3) else 0.51 * stop.acceptance_m)
+        assert off < (1e-6 if n in (0, 3) else 0.51 * stop.limits.acceptance_m)
     held = np.linalg.norm(place - one.stops[3].goal_m, axis=1) < 1e-4
     assert math.isclose(held.sum() * PERIOD, 1.5, abs_tol=0.05)
 

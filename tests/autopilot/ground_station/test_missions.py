@@ -108,7 +108,8 @@ def test_ignored_commands_are_reported_and_come_back_with_the_mission():
     (ack,) = ground.upload([*ITEMS, servo, region])
     assert ack.type == 0
     assert ground.said == [
-        "ignored in uploaded mission: command 183 in item 3; command 201 in item 4"
+        "ignored in uploaded mission: command 183 (1 of 5 items); "
+        "command 201 (1 of 5 items)"
     ]
     assert ground.missions.items[3:] == (servo, region)
 

@@ -45,7 +45,7 @@ def test_what_is_written_is_read_again(tmp_path):
 def test_parts_that_are_not_flown_are_told_and_written_back(tmp_path):
     fence = {"circles": [{"circle": {"radius": 80}}], "polygons": [], "version": 2}
     plan = read(tmp_path, text(geoFence=fence))
-    assert plan.not_flown == ("geoFence: a fence",)
+    assert plan.ignored.endswith(": geoFence: a fence")
     written = json.loads(plan_text(plan, "b.plan"))
     assert written["geoFence"] == fence
     assert written["mission"]["globalPlanAltitudeMode"] == 1
@@ -66,8 +66,8 @@ def test_a_survey_is_read_by_its_items_and_ignored_commands_are_listed(tmp_path)
     )
     assert [one.command for one in plan.items] == [22, 16, *[206] * 4, 16, 1000, 20]
     assert plan.ignored == (
-        f"ignored in {plan.source}: command 206 in items 3, 4, 5, 1 more; "
-        "command 1000 in item 8"
+        f"ignored in {plan.source}: command 206 (4 of 9 items); "
+        "command 1000 (1 of 9 items)"
     )
     # the copy of a plan keeps the commands, and the waypoints in place of the survey
     write_plan(plan, tmp_path / "again.plan")
@@ -133,7 +133,7 @@ REFUSED = {
     ),
     "six params": (
         text(POINT | {"params": [0] * 6}),
-        ["item 2 params", "list of 7"],
+        ["item 1 params", "list of 7"],
     ),
     "one number twice": (text(POINT, POINT), ["item 2", "another item"]),
     "WPL version": (WAYPOINTS.replace("110", "120"), ["line 1", "'QGC WPL 120'"]),
