@@ -337,7 +337,7 @@ def flights() -> str:
     plan = campus_plan()
     blasts = charges(passes(mission_of(plan), "iris"))
     lines = [
-        f"32 waypoints fly_through three charges of {MASS_KG:g} kg; errors of the "
+        f"32 waypoints through three charges of {MASS_KG:g} kg; errors of the "
         "estimate: root mean square in the second before, greatest in 10 s after",
         "vehicle      flown by  leg    place [m]        velocity [m/s]   attitude "
         "[mrad]  path error before, peak [m]  waypoints",

@@ -12,8 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jblast.autopilot import protocols
-from jblast.autopilot.ground_station import Craft, GroundStation
+from jblast.autopilot import ground_station
+from jblast.autopilot.ground_station import (
+    MODE_HOLD,
+    Craft,
+    GroundStation,
+    heartbeat,
+)
 from jblast.autopilot.lockstep import (
     COMPONENT,
     HEARTBEAT,
@@ -29,9 +34,7 @@ from jblast.autopilot.lockstep import (
     turns_of,
 )
 from jblast.autopilot.mavlink import Link, message, read_address
-from jblast.autopilot.protocols import MODE_HOLD, Missions, heartbeat
 from jblast.missions.plan import read_plan
-from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 from jblast.results import Document, filled
 from jblast.scene import Place, UncertainScene, VehicleSpec
@@ -197,44 +200,36 @@ def serve_ground_station(
     Raises:
         InputError: The scene or the address cannot be used.
     """
-    who = protocols.SYSTEM, protocols.COMPONENT
+    who = ground_station.SYSTEM, ground_station.COMPONENT
     with _served(
         scene, address, "ground_station", GROUND_PORT, who, seconds, seed
     ) as served:
         uncertain, spec, place, link, known = served
-
-        def report_text(text: str) -> None:
-            report(text)
-            station.report_text(text)
-
-        with link.beating(heartbeat(armed=False, mode=MODE_HOLD)):
+        first = heartbeat(armed=False, mode=MODE_HOLD)
+        with link.beating(message("HEARTBEAT", **first)):
             drawn = drawn_scenes(uncertain, 1, seed)
             for note in burst_remarks(drawn, spec):
                 report(note)
             hold = hold_of(
                 replace(spec, mission=None), integral=spec.integral is not False
             )
-            craft = Craft(*flight_of(drawn, spec, blast_load(drawn), str(scene)), hold)
-            home = geodetic(Frame(*place), np.asarray(spec.position)).tolist()
-            missions = Missions(
-                None if spec.mission is None else read_plan(spec.mission),
-                Place(*home),
-                lambda plan: station.check(plan),
-                report_text,
-            )
             target = np.asarray(spec.held)
             station = GroundStation(
-                link, craft, missions, place, target if target[2] > 0 else None, speed
+                link,
+                Craft(*flight_of(drawn, spec, blast_load(drawn), str(scene)), hold),
+                place,
+                None if spec.mission is None else read_plan(spec.mission),
+                target_m=target if target[2] > 0 else None,
+                speed=speed,
+                report=report,
             )
-            if missions.plan is not None:
-                station.check(missions.plan)
             station.compile()
         report(
             f"{spec.model} in {scene} on {link.address}, for a ground station to arm"
         )
         with _stopped_by_signal():
             station.serve(seconds)
-    items = len(missions.items)
+    items = len(station.missions.items)
     return filled(WatchedAnswer, station, link, known, items=items)
 
 

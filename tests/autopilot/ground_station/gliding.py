@@ -12,7 +12,6 @@ import numpy as np
 from jblast.autopilot.ground_station import BLOCK, Craft, GroundStation
 from jblast.autopilot.lockstep import PERIOD_S, flight_of
 from jblast.autopilot.mavlink import Link
-from jblast.autopilot.protocols import Missions
 from jblast.scene import Charge, Place, Scene, VehicleSpec
 from jblast.vehicle import State, blast_load, hold_of
 
@@ -33,13 +32,12 @@ def glided(guidance, now, state):
 
 
 class Gliding(Craft):
-    def advance(self):
+    def _move(self):
         integral, now = self._memory
         now, self.state = jax.tree.map(
             np.asarray, glided(self._control.guidance, now, self.state)
         )
         self._memory = integral, now
-        self._steps += BLOCK
 
 
 def craft_at(*position: float, kind: type[Craft] = Gliding) -> Craft:
@@ -50,13 +48,11 @@ def craft_at(*position: float, kind: type[Craft] = Gliding) -> Craft:
 
 
 def station_of(
-    link: Link, plan=None, speed=20.0, target_m=None, kind: type[Craft] = Gliding
+    link: Link, plan=None, speed=20.0, kind: type[Craft] = Gliding, **options
 ) -> GroundStation:
     """A station whose vehicle stands at home."""
-    missions = Missions(plan, HOME, lambda plan: station.check(plan), lambda text: None)
     craft = craft_at(0, 0, 0, kind=kind)
-    station = GroundStation(link, craft, missions, Place(*HOME), target_m, speed)
-    return station
+    return GroundStation(link, craft, HOME, plan, speed=speed, **options)
 
 
 @contextmanager
