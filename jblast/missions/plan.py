@@ -348,10 +348,10 @@ def read_ground_control(text: str, source: str) -> Plan:
     if speed is not None:
         POSITIVE.checked(speed, f"{source}: hoverSpeed", "a number [m/s]")
     firmware = mission.get("firmwareType", 12)
-    at, home = f"{source}: plannedHomePosition", mission.get("plannedHomePosition")
-    three = isinstance(home, list) and len(home) == 3 and None not in home
-    require(three, at, "[latitude, longitude, height]", shown(home))
-    home = Place(*(_number(value, at) or 0.0 for value in home))
+    at, words = f"{source}: plannedHomePosition", "[latitude, longitude, height]"
+    place = _typed(list, mission.get("plannedHomePosition"), at, words)
+    require(len(place) == 3 and None not in place, at, words, shown(place))
+    home = Place(*(_number(value, at) or 0.0 for value in place))
     check_place(home, at)
     return Plan(
         items=tuple(_item(one, n, source) for n, one in enumerate(simple, start=1)),

@@ -93,8 +93,6 @@ MOVES = (
     "unstack",
 )
 """Operations whose results are elements of their arguments; `READS`: of the first."""
-UPDATES = {"scatter": "{1}", "scatter-add": "{0}+{1}", "scatter_add": "{0}+{1}"}
-"""Expressions of an updated element by operation: its value and the new one."""
 REDUCTIONS = {
     "reduce_sum": "add",
     "reduce_prod": "mul",
@@ -296,8 +294,6 @@ class Code:
             return [self.each(out[0], ELEMENTS[name], *given)]
         if name in ARRAYS:
             return [ARRAYS[name](self, params, out[0], *given)]
-        if name in UPDATES and not unknown(given[1]):
-            return [self.updated(equation, *given)]
         raise Untranslatable(f"the operation {name}")
 
     def each(self, aval: Any, form: str, *arrays: np.ndarray) -> np.ndarray:
@@ -306,29 +302,6 @@ class Code:
         columns = [np.broadcast_to(texts(x), aval.shape).flat for x in arrays]
         kind, lines = ctype(aval.dtype), zip(*columns, strict=True)
         return filled(aval.shape, (self.let(kind, form.format(*x)) for x in lines))
-
-    def updated(
-        self,
-        equation: Any,
-        array: np.ndarray,
-        places: np.ndarray,
-        values: np.ndarray,
-    ) -> np.ndarray:
-        """Write new values of elements at constant places, as of `x.at[2].add(y)`."""
-        aval = equation.outvars[0].aval
-        # The number of the value that each element is given, from 1; 0: none.
-        numbers = np.arange(1, values.size + 1, dtype=aval.dtype).reshape(values.shape)
-        zeros = np.zeros(array.shape, aval.dtype)
-        (found,) = evaluated(equation, [zeros, places, numbers])
-        if np.count_nonzero(found) != values.size:
-            raise Untranslatable(f"{equation.primitive.name} of one element twice")
-        made, new = texts(array).flatten(), texts(values).ravel()
-        kind, form = ctype(aval.dtype), UPDATES[equation.primitive.name]
-        for n, number in enumerate(found.ravel().astype(int)):
-            if number:
-                text = form.format(made[n], new[number - 1])
-                made[n] = self.let(kind, text)
-        return made.reshape(aval.shape)
 
     def read(
         self, aval: Any, array: np.ndarray, begin: Callable[[tuple[int, ...]], Any]
@@ -413,24 +386,6 @@ def _branches(
     return made
 
 
-def _while(
-    code: Code, params: Any, out: list[Any], *given: np.ndarray
-) -> Sequence[np.ndarray]:
-    """A program as long as another returns true."""
-    first, last = (
-        params["cond_nconsts"],
-        params["cond_nconsts"] + params["body_nconsts"],
-    )
-    carried = code.variables(out)
-    code.assign(carried, given[last:])
-    with code.block("while(true)"):
-        (goes_on,) = code.run(params["cond_jaxpr"], [*given[:first], *carried])
-        code.lines.append(f"if(!{texts(goes_on).item()}) break;")
-        made = code.run(params["body_jaxpr"], [*given[first:last], *carried])
-        code.assign(carried, made)
-    return carried
-
-
 def _scan(
     code: Code, params: Any, out: list[Any], *given: np.ndarray
 ) -> Sequence[np.ndarray]:
@@ -479,7 +434,7 @@ def _scan(
     return [*carried, *stacked]
 
 
-CONTROL = {"cond": _branches, "while": _while, "scan": _scan}
+CONTROL = {"cond": _branches, "scan": _scan}
 
 
 def _converted(code: Code, params: Any, out: Any, array: np.ndarray) -> np.ndarray:

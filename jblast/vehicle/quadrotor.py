@@ -23,7 +23,9 @@ a tenth of the box's height above the centre of mass.
 """
 
 import math
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -90,79 +92,10 @@ IGNORED = ("rotor_radius", "rI", "k_flap", "motor_noise_std", "k_w", "k_v")
 """RotorPy's names that nothing uses."""
 
 
-def _square(arm: float) -> list[list[float]]:
-    """Return the positions of four rotors in a square of side 2 `arm` [m]."""
-    return [[arm, arm, 0.0], [arm, -arm, 0.0], [-arm, -arm, 0.0], [-arm, arm, 0.0]]
-
-
-PARAMETERS: dict[str, dict[str, Any]] = {
-    "crazyflie": {
-        "mass": 0.03,
-        "Ixx": 1.43e-05,
-        "Iyy": 1.43e-05,
-        "Izz": 2.89e-05,
-        "rotor_pos": _square(0.030405591590739998),
-        "rotor_directions": [1, -1, 1, -1],
-        "k_eta": 2.3e-08,
-        "k_m": 7.8e-10,
-        "k_d": 1.02506e-06,
-        "k_z": 7.553e-07,
-        "tau_m": 0.072,
-        "rotor_speed_max": 2500,
-        "body_area": [1.3e-3, 1.3e-3, 2.8e-3],
-        "body_drag_coefficient": 1.05,
-        "body_volume": 2.0e-5,
-        "added_mass_coefficient": 0.5,
-        "pressure_centre": [0.0, 0.0, 0.003],
-    },
-    "hummingbird": {
-        "mass": 0.5,
-        "Ixx": 0.00365,
-        "Iyy": 0.00368,
-        "Izz": 0.00703,
-        "rotor_pos": _square(0.12020815280060002),
-        "rotor_directions": [1, -1, 1, -1],
-        "c_Dx": 0.005,
-        "c_Dy": 0.005,
-        "c_Dz": 0.01,
-        "k_eta": 5.57e-06,
-        "k_m": 1.36e-07,
-        "k_d": 0.000119,
-        "k_z": 0.000232,
-        "k_h": 0.00339,
-        "tau_m": 0.005,
-        "rotor_speed_max": 1500,
-        "body_area": [0.020, 0.020, 0.039],
-        "body_drag_coefficient": 1.05,
-        "body_volume": 3.3e-4,
-        "added_mass_coefficient": 0.5,
-        "pressure_centre": [0.0, 0.0, 0.012],
-    },
-    "iris": {
-        "mass": 1.5,
-        "Ixx": 0.029125,
-        "Iyy": 0.029125,
-        "Izz": 0.055225,
-        "rotor_pos": [
-            [0.13, -0.22, 0.023],
-            [-0.13, 0.2, 0.023],
-            [0.13, 0.22, 0.023],
-            [-0.13, -0.2, 0.023],
-        ],
-        "rotor_directions": [-1, -1, 1, 1],
-        "k_eta": 5.84e-06,
-        "k_m": 0.06 * 5.84e-06,
-        "k_d": 0.000175,
-        "k_z": 5.84e-06 * 794 / 25,
-        "tau_m": 0.0125,
-        "rotor_speed_max": 1100,
-        "body_area": [0.026, 0.026, 0.074],
-        "body_drag_coefficient": 1.05,
-        "body_volume": 1.0e-3,
-        "added_mass_coefficient": 0.5,
-        "pressure_centre": [0.0, 0.0, 0.011],
-    },
-}
+PARAMETERS: dict[str, dict[str, Any]] = tomllib.loads(
+    Path(__file__).with_name("models.toml").read_text()
+)
+"""Parameters of the named vehicles, gains included."""
 
 
 def floats(value: Any) -> Float[Array, "..."]:

@@ -18,7 +18,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jblast.errors import InputError, shown
+from jblast.errors import require, shown
 from jblast.kept_programs import WIDE, kept
 from jblast.vehicle.c_code import Untranslatable
 from jblast.vehicle.control.position_hold import Controller, Gains
@@ -95,8 +95,7 @@ def simulate(
     """
     duration_s, step_s = float(duration_s), float(step_s)
     period_s = step_s if control_period_s is None else float(control_period_s)
-    check_choices(backend, store_every)
-    check_times(duration_s, step_s, period_s)
+    check_numbers(backend, store_every, duration_s, step_s, period_s)
     batch, dtype = state.position_m.shape[:-1], jnp.result_type(*jax.tree.leaves(state))
     check_start(vehicle, state, ground_up_m)
     held, steps = round(period_s / step_s), steps_in(duration_s, step_s)
@@ -185,39 +184,6 @@ def _trajectory(time_s: Float[Array, " time"], rows: StoredRows) -> Trajectory:
     )
 
 
-def check_choices(backend: str, store_every: int) -> None:
-    """Reject an unsupported backend, or a stride below one.
-
-    Raises:
-        InputError: An option is invalid.
-    """
-    if backend not in ("auto", "jax", "warp") and not backend.startswith("warp:"):
-        raise InputError(
-            f"backend: expected auto, jax, warp or warp:DEVICE, got {shown(backend)}"
-        )
-    if store_every < 1:
-        raise InputError(f"store_every: expected 1 or more steps, got {store_every}")
-
-
-def check_times(duration_s: float, step_s: float, control_period_s: float) -> None:
-    """Reject times that are not positive and control periods of fractional steps.
-
-    Raises:
-        InputError: A time is invalid.
-    """
-    times = {"duration_s": duration_s, "step_s": step_s}
-    for name, value in {**times, "control_period_s": control_period_s}.items():
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{name}: expected a positive time [s], got {value}")
-    ratio = control_period_s / step_s
-    # 1e-6 allows for decimal fractions, as 0.004 over 0.0005.
-    if ratio < 0.5 or abs(ratio - round(ratio)) > 1e-6:
-        raise InputError(
-            f"control_period_s: expected a whole number of steps of {step_s:g} s, got "
-            f"{control_period_s:g} s"
-        )
-
-
 def check_start(
     vehicle: Vehicle, state: State, ground_up_m: float | int | None
 ) -> None:
@@ -226,25 +192,17 @@ def check_start(
     Raises:
         InputError: The start, the vehicle or the ground is invalid.
     """
-    batch = state.position_m.shape[:-1]
-    if 0 in batch:
-        raise InputError(f"state: expected one vehicle or more, got a batch of {batch}")
-    if vehicle.mass_kg.shape not in ((), batch):
-        raise InputError(
-            f"vehicle: expected one, or a batch of {batch} as in the state, got "
-            f"{vehicle.mass_kg.shape}"
-        )
+    batch, shape = state.position_m.shape[:-1], vehicle.mass_kg.shape
+    require(0 not in batch, "state", "one vehicle or more", f"a batch of {batch}")
+    words = f"one, or a batch of {batch} as in the state"
+    require(shape in ((), batch), "vehicle", words, f"{shape}")
     up = state.position_m[..., 2]
     if ground_up_m is None or any(isinstance(x, Tracer) for x in (up, ground_up_m)):
         return
-    if not math.isfinite(ground_up_m):
-        raise InputError(f"ground_up_m: expected a height [m], got {ground_up_m}")
-    lowest = float(np.min(up))
-    if lowest < ground_up_m:
-        raise InputError(
-            f"position_m: expected a start at or above the ground, {ground_up_m:g} m, "
-            f"got {lowest:g} m"
-        )
+    finite, lowest = math.isfinite(ground_up_m), float(np.min(up))
+    require(finite, "ground_up_m", "a height [m]", f"{ground_up_m}")
+    words = f"a start at or above the ground, {ground_up_m:g} m"
+    require(lowest >= ground_up_m, "position_m", words, f"{lowest:g} m")
 
 
 def check_step(
@@ -270,13 +228,10 @@ def check_step(
     # The limit is monotonic in the lag without a controller; with one both extremes are
     # checked.
     limit = min(step_limit(lag, gains, held) for lag in lags[[0, -1]])
-    if step_s > limit:
-        what = f"a motor lag of {lags[0]:g} s"
-        if gains is not None:
-            what += f" and a position controller of period {held * step_s:g} s"
-        raise InputError(
-            f"step_s: RK4 is stable up to {limit:.4g} s with {what}, got {step_s:g} s"
-        )
+    period = f" and a position controller of period {held * step_s:g} s"
+    what = f"a motor lag of {lags[0]:g} s{period if gains is not None else ''}"
+    words = f"at most {limit:.4g} s, up to which RK4 is stable with {what}"
+    require(step_s <= limit, "step_s", words, f"{step_s:g} s")
 
 
 def flies_on_warp(backend: str, traced: bool, dtype: np.dtype) -> bool:
@@ -293,9 +248,28 @@ def flies_on_warp(backend: str, traced: bool, dtype: np.dtype) -> bool:
     """
     if backend == "auto":
         return jax.default_backend() == "gpu" and dtype == np.float32 and not traced
-    if traced and backend != "jax":
-        raise InputError(
-            f"backend: expected auto or jax inside jit, vmap or grad, got {backend!r} "
-            "(Warp flights have no derivatives)"
-        )
+    words = "auto or jax inside jit, vmap or grad (Warp flights have no derivatives)"
+    require(not traced or backend == "jax", "backend", words, shown(backend))
     return backend != "jax"
+
+
+def check_numbers(
+    backend: str, store_every: int, duration_s: float, step_s: float, period_s: float
+) -> None:
+    """Check options and times: a control period is a whole number of steps.
+
+    Raises:
+        InputError: One of them is invalid.
+    """
+    known = backend in ("auto", "jax", "warp") or backend.startswith("warp:")
+    require(known, "backend", "auto, jax, warp or warp:DEVICE", shown(backend))
+    require(store_every >= 1, "store_every", "1 or more steps", store_every)
+    times = {"duration_s": duration_s, "step_s": step_s, "control_period_s": period_s}
+    for name, value in times.items():
+        positive = math.isfinite(value) and value > 0
+        require(positive, name, "a positive time [s]", f"{value}")
+    ratio = period_s / step_s
+    # 1e-6 allows for decimal fractions, as 0.004 over 0.0005.
+    whole = ratio >= 0.5 and abs(ratio - round(ratio)) <= 1e-6
+    words = f"a whole number of steps of {step_s:g} s"
+    require(whole, "control_period_s", words, f"{period_s:g} s")

@@ -192,9 +192,8 @@ def _commanded_acceleration(
     passed = -jnp.expm1(-ACCELERATION_CUTOFF * period_s) * memory.begun
     gained = memory.gained_m_s2 + passed * (rate - memory.gained_m_s2)
     command = loops.velocity * missed + memory.pull_m_s2 - loops.acceleration * gained
-    pull, leans, low, high = limited_pull(
-        vehicle, three(command.at[2].add(FLIGHT_GRAVITY))
-    )
+    east, north, up = three(command)
+    pull, leans, low, high = limited_pull(vehicle, (east, north, up + FLIGHT_GRAVITY))
     # Conditional integration: an axis at its limit does not wind up further.
     stays = jnp.stack(
         [

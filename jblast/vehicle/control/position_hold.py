@@ -41,7 +41,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError, nearest
 from jblast.vehicle.control.allocation import lead_compensated, speeds_turning
-from jblast.vehicle.quadrotor import Vehicle, floats, read
+from jblast.vehicle.quadrotor import GAINS, PARAMETERS, Vehicle, floats, read
 from jblast.vehicle.state import (
     MatrixRows,
     State,
@@ -58,18 +58,8 @@ from jblast.vehicle.state import (
 # loops do not translate. All integral gains are a quarter of k_p, which removes an
 # offset within some 4 s.
 NAMED_GAINS = {
-    name: {
-        "kp_pos": [6.5, 6.5, 15.0],
-        "kd_pos": [4.0, 4.0, 9.0],
-        "ki_pos": [1.6, 1.6, 3.75],
-        "kp_att": attitude,
-        "kd_att": rate,
-    }
-    for name, attitude, rate in (
-        ("crazyflie", 310.0, 57.0),
-        ("hummingbird", 544.0, 46.64),
-        ("iris", 150.0, 20.0),
-    )
+    name: {key: model[key] for key in GAINS if key in model}
+    for name, model in PARAMETERS.items()
 }
 Flag = Bool[Array, ""]
 DESCENT_M_S = 1.5

@@ -35,7 +35,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jblast.errors import InputError, argument, read_text, shown
+from jblast.errors import argument, read_text, require, shown
+from jblast.parameters import POSITIVE
 from jblast.types import as_numbers
 from jblast.vehicle.quadrotor import Vehicle
 from jblast.vehicle.state import (
@@ -79,22 +80,17 @@ class CustomProfile(eqx.Module):
 
     Attributes:
         direction: Unit vectors towards the charge, body axes.
-        log_distance: Ln of distance [m], ascending for each direction.
-        push: $J R^2$, body axes [N s m2].
-        turn: $M R^2$, body axes [N m s m2].
-        slowness: Delay over distance [s/m].
+        cases: Cases of each direction by distance $R$: ln of it [m], $J R^2$ and
+            $M R^2$, body axes [N s m2, N m s m2], and delay over $R$ [s/m].
         spacing_rad: Angle up to which a direction counts as in range.
         charge_m: Position of the charge: east, north, up.
         time_s: Time of its detonation; infinite: it never happens.
         duration_s: Duration over which the impulse is applied.
     """
 
-    direction: Float[Array, "way 3"]
-    log_distance: Float[Array, "way case"]
-    push: Float[Array, "way case 3"]
-    turn: Float[Array, "way case 3"]
-    slowness: Float[Array, "way case"]
-    spacing_rad: Float[Array, ""]
+    direction: Float[Array, "way 3"] = eqx.field(converter=as_numbers)
+    cases: Float[Array, "way case 8"] = eqx.field(converter=as_numbers)
+    spacing_rad: Float[Array, ""] = eqx.field(converter=as_numbers)
     charge_m: Float[Array, "3"] = eqx.field(converter=as_numbers)
     time_s: Float[Array, ""] = eqx.field(converter=as_numbers)
     duration_s: Float[Array, ""] = eqx.field(converter=as_numbers)
@@ -103,19 +99,11 @@ class CustomProfile(eqx.Module):
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
     ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, ""]]:
         """Return impulse and angular impulse, body axes, and the delay [s]."""
-        distance, nearest, _ = self._seen(position_m, quaternion)
-        along = jnp.log(distance)
-
-        def at(table: Float[Array, "way case"]) -> Float[Array, ""]:
-            each = jax.vmap(jnp.interp, (None, 0, 0))(along, self.log_distance, table)
-            return jnp.sum(nearest * each)
-
-        vector, square = jax.vmap(at, 2), jnp.square(distance)
-        return (
-            vector(self.push) / square,
-            vector(self.turn) / square,
-            at(self.slowness) * distance,
-        )
+        distance, cases, _ = self._seen(position_m, quaternion)
+        interpolated = jax.vmap(jnp.interp, (None, None, 1))
+        found = interpolated(jnp.log(distance), cases[:, 0], cases[:, 1:])
+        square = jnp.square(distance)
+        return found[:3] / square, found[3:6] / square, found[6] * distance
 
     def impulse(
         self,
@@ -157,17 +145,18 @@ class CustomProfile(eqx.Module):
 
         A direction counts as covered up to the spacing of the table's directions.
         """
-        distance, nearest, apart = self._seen(position_m, quaternion)
-        low, high = nearest @ self.log_distance[:, jnp.array([0, -1])]
-        along = jnp.log(distance)
+        distance, cases, apart = self._seen(position_m, quaternion)
         slack = 1e-6  # rounding of a position in float32
-        inside = (along >= low - slack) & (along <= high + slack)
-        return inside & (apart <= self.spacing_rad)
+        low, along, high = cases[0, 0] - slack, jnp.log(distance), cases[-1, 0] + slack
+        return (low <= along) & (along <= high) & (apart <= self.spacing_rad)
 
     def _seen(
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
-    ) -> tuple[Float[Array, ""], Float[Array, " way"], Float[Array, ""]]:
-        """Return distance, 1 for the nearest direction, and the angle to it [rad]."""
+    ) -> tuple[Float[Array, ""], Float[Array, "case 8"], Float[Array, ""]]:
+        """Return distance, cases of the nearest direction, and the angle to it [rad].
+
+        Cases of directions that are equally near are averaged.
+        """
         toward = self.charge_m - position_m
         # 1 mm at least, so that the direction is finite at the charge itself.
         distance = jnp.sqrt(jnp.maximum(jnp.sum(jnp.square(toward)), 1e-6))
@@ -176,7 +165,8 @@ class CustomProfile(eqx.Module):
         cosine = self.direction @ seen
         nearest = (cosine >= jnp.max(cosine)).astype(cosine.dtype)
         angle = jnp.arccos(jnp.clip(jnp.max(cosine), -1, 1))
-        return distance, nearest / jnp.sum(nearest), angle
+        cases = jnp.tensordot(nearest / jnp.sum(nearest), self.cases, 1)
+        return distance, cases, angle
 
 
 def custom_profile(
@@ -206,26 +196,20 @@ def custom_profile(
         InputError: The duration is not positive, a point does not have three numbers,
             or a lever is too long.
     """
-    if not duration_s > 0:
-        raise InputError(f"duration_s: expected a positive time [s], got {duration_s}")
+    POSITIVE.checked(duration_s, "duration_s", "a time [s]")
     if moment_point_m is None and vehicle is not None:
         check_levers(cases, vehicle)
-    arm = np.zeros(3) if moment_point_m is None else np.asarray(moment_point_m, float)
-    for name, value in (("moment_point_m", arm), ("charge_m", jnp.asarray(charge_m))):
-        if value.shape != (3,):
-            raise InputError(f"{name}: expected 3 numbers [m], got {value.shape}")
+    arm = (0.0, 0.0, 0.0) if moment_point_m is None else moment_point_m
+    points = {"moment_point_m": arm, "charge_m": charge_m}
+    for name, point in points.items():
+        got = np.shape(point)
+        require(got == (3,), name, "3 numbers [m]", got)
     delay, distance, polar, azimuth = cases[:, :4].T
     push = cases[:, 4:7]
     # About the centre of mass: M_c = M_p - r x J, with r from the point to it.
     turn = cases[:, 7:] - np.cross(arm, push)
-    toward = np.stack(
-        [
-            np.sin(polar) * np.cos(azimuth),
-            np.sin(polar) * np.sin(azimuth),
-            np.cos(polar),
-        ],
-        axis=1,
-    )
+    level = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.sin(polar)
+    toward = np.stack([*level, np.cos(polar)], axis=1)
     # Rounded, so that equal directions of a file in degrees compare equal in radians.
     _, first, way = np.unique(
         np.round(toward, 9), axis=0, return_index=True, return_inverse=True
@@ -236,14 +220,12 @@ def custom_profile(
     # Directions of fewer cases repeat their last one.
     table = np.array([np.pad(o, (0, most - len(o)), mode="edge") for o in order])
     # An impulse falls about as 1/R^2: times R^2 it is flat between two cases.
-    square = np.square(distance)[:, None]
+    columns = np.concatenate([push.T, turn.T]) * np.square(distance)
+    rows = np.stack([np.log(distance), *columns, delay / distance], axis=1)
     return CustomProfile(
-        direction=as_numbers(toward[first]),
-        log_distance=as_numbers(np.log(distance)[table]),
-        push=as_numbers((push * square)[table]),
-        turn=as_numbers((turn * square)[table]),
-        slowness=as_numbers((delay / distance)[table]),
-        spacing_rad=as_numbers(_spacing(toward[first])),
+        direction=toward[first],
+        cases=rows[table],
+        spacing_rad=_spacing(toward[first]),
         charge_m=charge_m if isinstance(charge_m, jax.Array) else np.array(charge_m),
         time_s=time_s,
         duration_s=duration_s,
@@ -273,42 +255,34 @@ def read_custom_profile(path: str | os.PathLike[str]) -> Float[np.ndarray, "case
     """
     lines = read_text(path, "a CSV file of blast impulses").splitlines()
     table = csv.DictReader(lines, skipinitialspace=True)
-    names = [_plain(name) for name in table.fieldnames or []]
-    missing = [name for name in COLUMNS if _plain(name) not in names]
-    if missing:
-        raise InputError(
-            f"{path}: line {table.line_num}: missing column {', '.join(missing)}; got "
-            f"{', '.join(table.fieldnames or []) or 'an empty file'}"
-        )
-    table.fieldnames, cases, lines_of = names, [], {}
+    heads = list(table.fieldnames or [])
+    table.fieldnames = [_plain(name) for name in heads]
+    missing = [name for name in COLUMNS if _plain(name) not in table.fieldnames]
+    at, got = f"{path}: line {table.line_num}", ", ".join(heads) or "an empty file"
+    require(not missing, at, f"the columns {', '.join(missing)}", got)
+    cases: dict[tuple[float, ...], list[float]] = {}
     for row in table:
-        line = table.line_num
+        at = f"{path}: line {table.line_num}"
         # The reader's mark of a surplus or a missing field.
-        if None in row or None in row.values():
-            raise InputError(f"{path}: line {line}: expected {len(names)} fields")
+        whole = None not in row and None not in row.values()
+        require(whole, at, f"{len(heads)} fields")
         case = []
         for name, (low, high) in COLUMNS.items():
             text, value = row[_plain(name)].strip(), math.nan
             with suppress(ValueError):
                 # Python reads 1_000, which is a mistake in data.
                 value = float(text.replace("_", "?"))
-            if not (math.isfinite(value) and low <= value <= high):
-                got = shown(text) if text else "nothing"
-                raise InputError(
-                    f"{path}: line {line}, column {name}: expected a finite number "
-                    f"from {low:g} to {high:g}, got {got}"
-                )
+            fits = math.isfinite(value) and low <= value <= high
+            words = f"a finite number from {low:g} to {high:g}"
+            got = shown(text) if text else "nothing"
+            require(fits, f"{at}, column {name}", words, got)
             case.append(value)
-        first = lines_of.setdefault(tuple(case[1:4]), line)
-        if first != line:
-            raise InputError(
-                f"{path}: line {line}: expected a new distance or direction, got the "
-                f"same as in line {first}"
-            )
-        cases.append(case)
-    if not cases:
-        raise InputError(f"{path}: expected one case per row, got only a header")
-    found = np.array(cases)
+        place = tuple(case[1:4])
+        words, got = "a new distance or direction", "that of an earlier line"
+        require(place not in cases, at, words, got)
+        cases[place] = case
+    require(cases, path, "one case per row", "only a header")
+    found = np.array([*cases.values()])
     found[:, 2:4] = np.radians(found[:, 2:4])
     return found
 
@@ -329,20 +303,19 @@ def check_levers(cases: Float[np.ndarray, "case 10"], vehicle: Vehicle) -> None:
             times the distance of the rotors.
     """
     arms = np.linalg.norm(np.asarray(vehicle.rotor_position_m, float), axis=-1)
-    size = float(arms.max())
+    longest = MAX_LEVER_SIZES * float(arms.max())
     push, turn = (np.linalg.norm(cases[:, a:b], axis=1) for a, b in ((4, 7), (7, 10)))
-    far = turn > MAX_LEVER_SIZES * size * push
-    if not far.any():
-        return
-    with np.errstate(divide="ignore"):
-        levers = np.where(far, turn / push, 0.0)
+    # A moment of zero has no lever.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        levers = np.where(turn > 0, turn / push, 0.0)
     worst = int(np.argmax(levers))
-    raise InputError(
-        f"profile: case {worst + 1} of {len(cases)} has a moment of {turn[worst]:.3g} "
-        f"N m s with an impulse of {push[worst]:.3g} N s, a lever of "
-        f"{levers[worst]:.3g} m; expected at most {MAX_LEVER_SIZES * size:.2g} m, "
+    require(
+        levers[worst] <= longest,
+        f"profile: case {worst + 1} of {len(cases)}",
+        f"a lever (moment over impulse) of at most {longest:.2g} m, "
         f"{MAX_LEVER_SIZES:g} times the distance from the vehicle's centre to its "
-        f"rotors. For moments about another point give {argument('moment_point_m')}: "
-        "the vector from that point to the centre of mass, body axes; 0,0,0 if the "
-        "moments do refer to the centre of mass"
+        f"rotors; for moments about another point {argument('moment_point_m')}, the "
+        "vector from that point to the centre of mass, body axes (0,0,0 if the moments "
+        "do refer to the centre of mass)",
+        f"one of {levers[worst]:.3g} m",
     )

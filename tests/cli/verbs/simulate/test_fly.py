@@ -89,7 +89,7 @@ def test_a_custom_profile_takes_the_place_of_the_laws(jblast):
     lacking = jblast.file("q.csv", header.replace("FN (N*s),", "") + "1,1,1\n")
     refused = ("fly", jblast.path("scene.toml"))
     said = jblast.refused(*refused, "--profile", lacking)
-    assert "missing column FN (N*s)" in said
+    assert "expected the columns FN (N*s)" in said
     about = ("--profile-moments-about", "100,0")
     assert "X,Y,Z" in jblast.refused(*refused, "--profile", profile, *about)
     about = ("--profile-moments-about", "1,0,0")
@@ -104,7 +104,7 @@ mass_kg = 1.0 -> mass_kg = "free"; =>\
  scene.toml: charge_mass_kg: expected a value or a prior
 [charge] / mass_kg = 1.0 ->; => or --seconds for a flight without a blast
 VEHICLE ->; => [vehicle] | got none
-->;--step 0.3 => step_s: RK4 is stable up to
+->;--step 0.3 => step_s: expected at most
 ->;--step 0 => --step | positive
 ->;--seconds x => --seconds
 ->;--seconds 0.001 => seconds: expected more than
