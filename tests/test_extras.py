@@ -68,9 +68,9 @@ def serve(folder):
 
 
 def mavlink(folder):
-    from jblast.autopilot.mavlink import dialect
+    from jblast.autopilot.mavlink import tools
 
-    dialect.__wrapped__()
+    tools.__wrapped__()
 
 
 def ros(folder):

@@ -26,18 +26,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 
 from jblast.autopilot.mavlink import (
+    FIX,
     Link,
     LinkLost,
     down,
     message,
+    named,
     place_fields,
     right,
     scalar_first,
+    whole,
 )
-from jblast.constants import STANDARD_GRAVITY
 from jblast.errors import InputError
 from jblast.observations.places import Frame
 from jblast.scene import Imu, Place, Scene, VehicleSpec
@@ -68,8 +70,6 @@ HEARTBEAT = {"autopilot": 8, "mavlink_version": 3}
 """Fields of the simulator's heartbeat: MAV_AUTOPILOT_INVALID is not an autopilot."""
 FIRST_ANSWER_S = 1.0
 """Waiting time for the first answer [s]; an autopilot that is ready misses no step."""
-FIX_3D, SATELLITES = 3, 12
-"""GPS_FIX_TYPE_3D_FIX, and a number of satellites typical of an open sky."""
 CORNERS = ((1, -1), (-1, 1), (1, 1), (-1, -1))
 """Signs of the forward and left coordinates of PX4's motors 1 to 4."""
 MOTOR_WORDS = "1 ahead right, 2 behind left, 3 ahead left, 4 behind right"
@@ -84,8 +84,6 @@ PERIOD_US = round(1e6 * PERIOD_S)
 INERTIAL, FIELD, AIR = 0b111111, 0b111000000, 0b1101000000000
 """Bits of `fields_updated`: accelerometer and gyroscope, magnetometer, barometer with
 its temperature."""
-MAX_INT16 = 32_767
-"""Largest signed 16-bit integer, the type of velocities in messages."""
 
 
 @dataclass
@@ -136,30 +134,23 @@ class SimulatorState(NamedTuple):
 
     Attributes:
         now: State of the flight.
-        before: State of the vehicle one step earlier.
+        state: State of the vehicle, at which its instruments were read.
         held: Internal state of the instruments.
+        turn: Number of their last sample; -1 before the first one.
+        flown: Number of steps on the clock of the blasts.
     """
 
     now: FlightState
-    before: State
-    held: Held
-
-
-class Readings(NamedTuple):
-    """Readings of a step.
-
-    Attributes:
-        sample: Sample of the instruments.
-        state: True state of the vehicle.
-    """
-
-    sample: Sample
     state: State
+    held: Held
+    turn: Int[Array, ""]
+    flown: Int[Array, ""]
 
 
-Turn = Callable[..., tuple[SimulatorState, Readings]]
-"""Compiled step: state of the simulator and number of the step, number on the world's
-clock, a flag for a moving vehicle, and rotor speeds; the state is moved, then read."""
+Turn = Callable[
+    [SimulatorState, bool, Float[np.ndarray, "4"]], tuple[SimulatorState, Sample]
+]
+"""Compiled `SimulatorSteps.step`."""
 
 
 def fly_lockstep(
@@ -167,7 +158,7 @@ def fly_lockstep(
     carried: SimulatorState,
     link: Link,
     rotors: Rotors,
-    messages: Callable[[Readings, int], list[Any]],
+    messages: Callable[[Sample, State, int], list[Any]],
     *,
     flight: Lockstep,
     seconds: float | None = None,
@@ -180,35 +171,31 @@ def fly_lockstep(
         carried: State of the simulator.
         link: Link to a connected autopilot.
         rotors: Assignment of motors to rotors.
-        messages: Messages of some readings with a time stamp [us].
+        messages: Messages of a sample and a true state with a time stamp [us].
         flight: Empty flight, filled during the simulation.
         seconds: Duration of the flight; None: no end.
         patience_s: Timeout of an answer.
     """
     still, heard = np.zeros(4), False
-    carried, read = turn(carried, -1, 0, False, still)
+    carried, sample = turn(carried, False, still)
     try:
         while seconds is None or flight.seconds < seconds - 0.5 * PERIOD_S:
             # Simulated time: stamps of the wall clock would depend on the speed of the
             # machine and of the autopilot.
             link.now_s = flight.turns * PERIOD_S
             stamp = (flight.turns + 1) * PERIOD_US
-            link.send(*messages(read, stamp))
+            link.send(*messages(sample, carried.state, stamp))
             wait = patience_s if heard else PERIOD_S if flight.turns else FIRST_ANSWER_S
             answer = _answer(link, flight, stamp, wait)
             if answer is None and heard:
                 flight.ended = f"no answer came within {patience_s:g} s"
                 break
+            heard = answer is not None
             # Once in flight the vehicle keeps moving, also with disarmed rotors.
             goes, speeds = flight.flown > 0, still
-            if answer is not None:
-                heard = True
-                armed = bool(answer.mode & ARMED)
-                goes = goes or armed
-                speeds = (
-                    rotors.speeds(np.array(answer.controls[:4])) if armed else still
-                )
-            carried, read = turn(carried, flight.turns, flight.flown, goes, speeds)
+            if answer is not None and answer.mode & ARMED:
+                goes, speeds = True, rotors.speeds(np.array(answer.controls[:4]))
+            carried, sample = turn(carried, goes, speeds)
             flight.turns += 1
             flight.flown += goes
         else:
@@ -217,7 +204,7 @@ def fly_lockstep(
         flight.ended = str(end)
     except KeyboardInterrupt:
         flight.ended = "interrupted"
-    flight.position_m = tuple(float(x) for x in read.state.position_m)
+    flight.position_m = tuple(float(x) for x in carried.state.position_m)
     return flight
 
 
@@ -253,98 +240,74 @@ def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Any | No
     return None
 
 
-def messages_of(suite: Suite, frame: Frame, read: Readings, stamp: int) -> list[Any]:
+def messages_of(
+    suite: Suite, frame: Frame, sample: Sample, state: State, stamp: int
+) -> list[Any]:
     """Return the messages of a step; HIL_SENSOR is last, because PX4 answers it.
 
     Args:
         suite: The instruments.
         frame: Geodetic frame of the scene.
-        read: Readings of the step.
+        sample: Sample of the instruments.
+        state: True state of the vehicle.
         stamp: Time stamp [us].
     """
-    sample, state = jax.tree.map(np.asarray, (read.sample, read.state))
-    force, rate, field = map(
-        right, (sample.force_m_s2, sample.rate_rad_s, sample.field_gauss)
-    )
+    read, true = jax.tree.map(np.asarray, (sample, state))
     sent = []
-    if sample.has_fix:
-        moves = down(sample.fix.velocity_m_s)
+    if read.has_fix:
+        moves = down(read.fix.velocity_m_s)
         course = np.degrees(np.arctan2(moves[1], moves[0])) % 360
         noise = np.asarray(suite.gps.noise())
+        speeds = [*noise[[0, 2]], *moves, np.hypot(*moves[:2])]
         sent.append(
             message(
                 "HIL_GPS",
                 time_usec=stamp,
-                fix_type=FIX_3D,
-                satellites_visible=SATELLITES,
-                **place_fields(frame, sample.fix.position_m),
-                **_whole(("eph", "epv"), 100 * noise[[0, 2]]),
-                **_whole(("vn", "ve", "vd"), 100 * moves),
-                **_whole(("vel",), 100 * np.hypot(*moves[:2])[None]),
+                **FIX,
+                **place_fields(frame, read.fix.position_m),
+                **whole(
+                    ("eph", "epv", "vn", "ve", "vd", "vel"), 100 * np.array(speeds)
+                ),
                 cog=round(100 * course) % 36_000,
             )
         )
-    sent.append(state_message(frame, state, stamp, force, np.asarray(suite.wind_m_s)))
-    standard = height_of(*map(jnp.asarray, (sample.pressure_pa, 101_325.0, 288.15)))
-    names = ("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag")
-    inertial = np.concatenate([force, rate, field]).tolist()
-    updated = (
-        INERTIAL + FIELD * bool(sample.has_field) + AIR * bool(sample.has_pressure)
-    )
+    sent.append(state_message(frame, true, stamp))
+    standard = height_of(*map(jnp.asarray, (read.pressure_pa, 101_325.0, 288.15)))
+    axes = [f"{axis}{kind}" for kind in ("acc", "gyro", "mag") for axis in "xyz"]
+    inertial = map(right, (read.force_m_s2, read.rate_rad_s, read.field_gauss))
+    has = FIELD * bool(read.has_field) + AIR * bool(read.has_pressure)
     sent.append(
         message(
             "HIL_SENSOR",
             time_usec=stamp,
-            abs_pressure=float(sample.pressure_pa) / 100,
+            abs_pressure=float(read.pressure_pa) / 100,
             # It refers to the standard atmosphere, not to the scene's air.
             pressure_alt=float(standard),
             temperature=float(suite.ground_temperature_k) - 273.15,
-            fields_updated=updated,
-            **dict(zip(names, inertial, strict=True)),
+            fields_updated=INERTIAL + has,
+            **named(axes, np.concatenate([*inertial])),
         )
     )
     return sent
 
 
-def state_message(
-    frame: Frame,
-    now: State,
-    stamp: int,
-    force_m_s2: Float[np.ndarray, "3"],
-    air_velocity_m_s: Float[np.ndarray, "3"],
-) -> Any:
-    """Return HIL_STATE_QUATERNION.
+def state_message(frame: Frame, now: State, stamp: int) -> Any:
+    """Return HIL_STATE_QUATERNION, without accelerations and airspeeds.
 
     Args:
         frame: Geodetic frame of the scene.
         now: True state of the vehicle.
         stamp: Time stamp [us].
-        force_m_s2: Specific force, the autopilot's body axes.
-        air_velocity_m_s: Wind, east, north, up.
     """
-    velocity, rate = (
-        np.asarray(now.velocity_m_s),
-        right(np.asarray(now.body_rate_rad_s)),
-    )
-    through = np.linalg.norm(velocity - air_velocity_m_s)
-    speeds = np.concatenate([100 * down(velocity), [100 * through, 100 * through]])
-    axes = ("vx", "vy", "vz", "ind_airspeed", "true_airspeed")
     turning = ("rollspeed", "pitchspeed", "yawspeed")
     return message(
         "HIL_STATE_QUATERNION",
         time_usec=stamp,
         attitude_quaternion=scalar_first(np.asarray(now.quaternion)).tolist(),
-        **dict(zip(turning, rate.tolist(), strict=True)),
+        **named(turning, right(np.asarray(now.body_rate_rad_s))),
         **place_fields(frame, np.asarray(now.position_m)),
-        **_whole(axes, speeds),
-        **_whole(("xacc", "yacc", "zacc"), 1000 / STANDARD_GRAVITY * force_m_s2),
+        **whole(("vx", "vy", "vz"), 100 * down(np.asarray(now.velocity_m_s))),
     )
-
-
-def _whole(names: tuple[str, ...], numbers: Float[np.ndarray, " n"]) -> dict[str, int]:
-    # the fields have 16 bits: a larger number would wrap around
-    whole = np.clip(np.round(numbers), -MAX_INT16, MAX_INT16).astype(int)
-    return dict(zip(names, whole.tolist(), strict=True))
 
 
 def rotors_of(vehicle: Vehicle) -> Rotors:
@@ -432,41 +395,54 @@ class SimulatorSteps(eqx.Module):
 
     Attributes:
         simulator: Steps of the vehicle, without a controller.
-        state: Initial state.
+        initial: Initial state.
         suite: Instruments.
         key: Key of the instruments' errors.
     """
 
     simulator: Simulator
-    state: State
+    initial: State
     suite: Suite
     key: PRNGKeyArray
 
     def start(self) -> SimulatorState:
-        """Return the state of the simulator before the first step."""
+        """Return the state of the simulator before the first sample."""
         now, held = (
-            self.simulator.start(self.state),
-            self.suite.start(self.key, self.state),
+            self.simulator.start(self.initial),
+            self.suite.start(self.key, self.initial),
         )
-        return SimulatorState(now, self.state, held)
+        turn, flown = jnp.array(-1, int), jnp.array(0, int)
+        return SimulatorState(now, self.initial, held, turn, flown)
 
-    def read(
-        self, carried: SimulatorState, turn: Int[Array, ""], world_turn: Int[Array, ""]
-    ) -> tuple[SimulatorState, Readings]:
-        """Return the simulator state after reading the instruments, and the readings.
+    def step(
+        self, carried: SimulatorState, goes: Bool[Array, ""], speeds: Float[Array, "4"]
+    ) -> tuple[SimulatorState, Sample]:
+        """Move the vehicle and read its instruments.
 
         Args:
             carried: State after the previous step.
-            turn: Number of the step since the start of the instruments.
-            world_turn: Number of the step since the start of the blasts' clock.
+            goes: False for a vehicle that does not move yet.
+            speeds: Commanded rotor speeds [rad/s].
         """
-        state = joined(carried.now.motion)
-        period = jnp.asarray(PERIOD_S, float)
-        time_s = jnp.asarray(world_turn, float) * period
-        sample, held = self.suite(
-            self.key, turn, carried.held, carried.before, state, time_s, period
+        simulator, (now, before, held, turn, flown) = self.simulator, carried
+        moved = simulator.step(now, flown, command=four(speeds))
+        now = jax.tree.map(lambda a, b: jnp.where(goes, a, b), moved, now)
+        state, turn, flown = (
+            joined(now.motion),
+            turn + 1,
+            flown + jnp.asarray(goes, int),
         )
-        return SimulatorState(carried.now, state, held), Readings(sample, state)
+        period = jnp.asarray(PERIOD_S, float)
+        sample, held = self.suite(
+            self.key,
+            turn,
+            held,
+            before,
+            state,
+            jnp.asarray(flown, float) * period,
+            period,
+        )
+        return SimulatorState(now, state, held, turn, flown), sample
 
 
 def turns_of(
@@ -495,24 +471,8 @@ def compiled(turns: SimulatorSteps) -> tuple[Turn, SimulatorState]:
 
     Arrays are arguments of the program, so a scene of the same shapes reuses it.
     """
-
-    def turn(
-        own: SimulatorSteps,
-        carried: SimulatorState,
-        turn: Any,
-        world: Any,
-        goes: Any,
-        speeds: Any,
-    ) -> tuple[SimulatorState, Readings]:
-        moved = own.simulator.step(
-            carried.now, jnp.asarray(world), command=four(jnp.asarray(speeds))
-        )
-        now = jax.tree.map(lambda a, b: jnp.where(goes, a, b), moved, carried.now)
-        carried = carried._replace(now=now)
-        return own.read(carried, turn + 1, world + jnp.asarray(goes, int))
-
     arrays, rest = eqx.partition(turns, eqx.is_array)
-    program = jax.jit(lambda arrays, *given: turn(eqx.combine(arrays, rest), *given))
+    program = jax.jit(lambda arrays, *given: eqx.combine(arrays, rest).step(*given))
     carried = turns.start()
-    program(arrays, carried, -1, 0, False, np.zeros(4))
+    program(arrays, carried, False, np.zeros(4))
     return partial(program, arrays), carried

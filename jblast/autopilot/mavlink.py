@@ -12,7 +12,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import ModuleType
 from typing import Any, BinaryIO
 
@@ -28,6 +28,9 @@ PEERS = {"mavlink": "autopilot", "ground_station": "ground station"}
 """Peer of a link, by the name of the argument with its address."""
 HEARTBEAT_S = 1.0
 """Interval between two heartbeats: the protocol's rate."""
+FIX = {"fix_type": 3, "satellites_visible": 12}
+"""Fields of a satellite receiver: GPS_FIX_TYPE_3D_FIX, and a number of satellites that
+is typical of an open sky."""
 
 
 class LinkLost(Exception):
@@ -57,7 +60,7 @@ class Link:
         self._log: BinaryIO | None = None
         device = f"{'tcpin' if kind == 'tcp' else 'udpout'}:{where}"
         try:
-            self._end: Any = _tools().mavlink_connection(
+            self._end: Any = tools().mavlink_connection(
                 device, source_system=who[0], source_component=who[1], dialect="common"
             )
             if kind == "tcp":
@@ -202,24 +205,21 @@ def read_address(text: str, name: str, ports: dict[str, int]) -> tuple[str, str]
 
 
 @functools.cache
-def dialect() -> ModuleType:
-    """Import pymavlink's messages of `common.xml`.
+def tools() -> ModuleType:
+    """Import pymavlink's links, with MAVLink 2 and the messages of `common.xml`.
 
     Raises:
         InputError: pymavlink is not installed.
     """
-    return _package("pymavlink.dialects.v20.common")
-
-
-@functools.cache
-def _tools() -> ModuleType:
-    """Import pymavlink's links, with MAVLink 2 and without its other messages."""
     os.environ |= {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"}
-    return _package("pymavlink.mavutil")
+    return needed(
+        "pymavlink.mavutil", "mavlink", "MAVLink", "messages are packed and read"
+    )
 
 
-def _package(name: str) -> ModuleType:
-    return needed(name, "mavlink", "MAVLink", "messages are packed and read")
+def dialect() -> ModuleType:
+    """Return pymavlink's messages of `common.xml`."""
+    return tools().mavlink
 
 
 @functools.cache
@@ -254,6 +254,16 @@ def place_fields(frame: Frame, place_m: Float[np.ndarray, "3"]) -> dict[str, int
     """Return latitude and longitude [1e-7 degree], and height [mm]."""
     lat, lon, alt = geodetic(frame, place_m).tolist()
     return {"lat": round(1e7 * lat), "lon": round(1e7 * lon), "alt": round(1e3 * alt)}
+
+
+def named(names: Sequence[str], numbers: Float[np.ndarray, " n"]) -> dict[str, Any]:
+    """Return numbers by the names of their fields."""
+    return dict(zip(names, numbers.tolist(), strict=True))
+
+
+def whole(names: Sequence[str], numbers: Float[np.ndarray, " n"]) -> dict[str, Any]:
+    """Return numbers as signed integers of 16 bits, where larger ones would wrap."""
+    return named(names, np.clip(np.round(numbers), -32_767, 32_767).astype(int))
 
 
 def down(vectors: Float[np.ndarray, "*row 3"]) -> Float[np.ndarray, "*row 3"]:

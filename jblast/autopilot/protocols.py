@@ -14,16 +14,18 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from jblast.autopilot.mavlink import (
+    FIX,
     answer,
     down,
     euler,
     message,
+    named,
     place_fields,
     right,
     scalar_first,
+    whole,
 )
 from jblast.errors import InputError
 from jblast.missions.plan import INTEGER_FRAMES, MISSION, Item, Plan, checked_item
@@ -34,9 +36,6 @@ from jblast.vehicle import State
 
 UNKNOWN = 65_535
 """MAVLink's code for an unknown 16-bit number."""
-FIX_3D, SATELLITES = 3, 10
-"""GPS_FIX_TYPE, and the number of visible satellites, declared: the simulated GPS has a
-fix throughout."""
 MISSION_ACCEPTED, MISSION_UNSUPPORTED, INVALID, SEQUENCE = 0, 3, 5, 13
 """MAV_MISSION_RESULT."""
 FLIGHT_PLAN = 0
@@ -80,28 +79,26 @@ def motion_fields(
     rates = ("rollspeed", "pitchspeed", "yawspeed")
     turning = {
         "time_boot_ms": round(1e3 * time_s),
-        **_named(rates, right(np.asarray(state.body_rate_rad_s))),
+        **named(rates, right(np.asarray(state.body_rate_rad_s))),
     }
     position, moves = np.asarray(state.position_m), down(np.asarray(state.velocity_m_s))
     place = place_fields(frame, position)
     alt, speed = place["alt"] / 1e3, float(np.hypot(*moves[:2]))
     heading = math.degrees(yaw) % 360
-    # Integer centimetres per second in 16 bits.
-    whole = np.clip(np.round(100 * moves), -32_767, 32_767).astype(int)
     local = np.concatenate([down(position), moves])
     return {
         "ATTITUDE": turning | {"roll": roll, "pitch": pitch, "yaw": yaw},
-        "ATTITUDE_QUATERNION": turning | _named(("q1", "q2", "q3", "q4"), quaternion),
+        "ATTITUDE_QUATERNION": turning | named(("q1", "q2", "q3", "q4"), quaternion),
         "GLOBAL_POSITION_INT": {
             "time_boot_ms": turning["time_boot_ms"],
             **place,
-            **_named(("vx", "vy", "vz"), whole),
+            **whole(("vx", "vy", "vz"), 100 * moves),
             "relative_alt": round(1e3 * (alt - home.alt_m)),
             "hdg": round(100 * heading) % 36_000,
         },
         "LOCAL_POSITION_NED": {
             "time_boot_ms": turning["time_boot_ms"],
-            **_named(("x", "y", "z", "vx", "vy", "vz"), local),
+            **named(("x", "y", "z", "vx", "vy", "vz"), local),
         },
         "VFR_HUD": {
             "airspeed": speed,
@@ -112,18 +109,13 @@ def motion_fields(
             "climb": -float(moves[2]),
         },
         "GPS_RAW_INT": {
+            **FIX,
             **place,
             **dict.fromkeys(("eph", "epv", "cog"), UNKNOWN),
             "time_usec": round(1e6 * time_s),
-            "fix_type": FIX_3D,
             "vel": min(round(100 * speed), UNKNOWN - 1),
-            "satellites_visible": SATELLITES,
         },
     }
-
-
-def _named(names: tuple[str, ...], numbers: Float[np.ndarray, " n"]) -> dict[str, Any]:
-    return dict(zip(names, numbers.tolist(), strict=True))
 
 
 class Missions:

@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -156,13 +157,12 @@ def serve_autopilot(
         except KeyboardInterrupt:
             flight.ended = "interrupted before an autopilot connected"
         else:
-            frame = Frame(*place)
             fly_lockstep(
                 turn,
                 carried,
                 link,
                 rotors_of(vehicle_of(spec)),
-                lambda read, stamp: messages_of(turns.suite, frame, read, stamp),
+                partial(messages_of, turns.suite, Frame(*place)),
                 flight=flight,
                 seconds=seconds,
                 patience_s=patience_s,

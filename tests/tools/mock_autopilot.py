@@ -89,8 +89,8 @@ def state_heard(frame: Frame, heard: Any) -> State:
 
 def rounded(frame: Frame, state: State) -> State:
     """Return the state that its message contains."""
-    state, still = jax.tree.map(np.asarray, state), np.zeros(3)
-    return state_heard(frame, received(state_message(frame, state, 0, still, still)))
+    state = jax.tree.map(np.asarray, state)
+    return state_heard(frame, received(state_message(frame, state, 0)))
 
 
 def fly_mock(address: str, hold: RoundedHold, vehicle: Vehicle, turns: int) -> None:

@@ -2,6 +2,8 @@
 
 import threading
 import time
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,7 +14,6 @@ from jblast.autopilot.lockstep import (
     PERIOD_S,
     PLACE,
     Lockstep,
-    Readings,
     Rotors,
     compiled,
     fly_lockstep,
@@ -24,7 +25,7 @@ from jblast.autopilot.mavlink import Link, LinkLost, message
 from jblast.errors import InputError
 from jblast.observations.places import Frame
 from jblast.scene import Charge, Place, Scene, VehicleSpec
-from jblast.vehicle import State, hold_of, simulate, vehicle_of
+from jblast.vehicle import hold_of, simulate, vehicle_of
 from tests.tools.mock_autopilot import RoundedHold, fly_mock
 
 ROTORS = Rotors(np.arange(4), 100.0)
@@ -35,15 +36,12 @@ class Counted:
 
     def __init__(self):
         self.speeds: list[float] = []
-        self.worlds: list[int] = []
 
-    def turn(self, n: Any, turn: int, world: int, goes: bool, speeds: Any) -> Any:
+    def turn(self, carried: Any, goes: bool, speeds: Any) -> Any:
         if goes:
             self.speeds.append(speeds[0])
-            self.worlds.append(world)
-        zero, up = np.zeros(3), np.array([0.0, 0.0, n + goes])
-        state = State(*map(jnp.asarray, (up, zero, np.eye(4)[3], zero, np.zeros(4))))
-        return n + goes, Readings(None, state)  # type: ignore[arg-type]
+        up = np.array([0.0, 0.0, len(self.speeds)])
+        return SimpleNamespace(state=SimpleNamespace(position_m=up)), None
 
 
 class Scripted(Link):
@@ -71,10 +69,10 @@ def flown(script, **options) -> tuple[Lockstep, Counted]:
     counted = Counted()
     flight = fly_lockstep(
         counted.turn,
-        0,  # type: ignore[arg-type]
+        None,  # type: ignore[arg-type]
         Scripted(script),
         ROTORS,
-        lambda read, stamp: [message("HIL_SENSOR", time_usec=stamp)],
+        lambda sample, state, stamp: [message("HIL_SENSOR", time_usec=stamp)],
         flight=Lockstep(),
         patience_s=0.05,
         **options,
@@ -86,14 +84,12 @@ def test_each_turn_is_answered_and_flown():
     flight, counted = flown([{}] * 5, seconds=5 * PERIOD_S)
     assert (flight.turns, flight.flown, flight.late) == (5, 5, 0)
     assert flight.ended == "the time is over"
-    assert flight.position_m[2] == 5
-    assert counted.worlds == [0, 1, 2, 3, 4]
+    assert flight.position_m[2] == len(counted.speeds) == 5
 
 
-def test_before_it_is_armed_the_vehicle_and_its_clock_stand():
+def test_before_it_is_armed_the_vehicle_stands():
     flight, counted = flown([None, None, {"mode": 1}, {}, {}, "gone"])
-    assert (flight.turns, flight.flown) == (5, 2)
-    assert counted.worlds == [0, 1]
+    assert (flight.turns, flight.flown, len(counted.speeds)) == (5, 2, 2)
 
 
 def test_disarmed_in_flight_its_rotors_stand():
@@ -132,9 +128,9 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
     frame, path = Frame(*where), []
 
     def recorded(*given):
-        carried, read = turn(*given)
-        path.append(np.asarray(read.state.position_m))
-        return carried, read
+        carried, sample = turn(*given)
+        path.append(np.asarray(carried.state.position_m))
+        return carried, sample
 
     link = Link("tcp", "127.0.0.1:0", "mavlink", (1, 51))
     rounded = RoundedHold(hold, frame, rotors.of_motor)
@@ -149,7 +145,7 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
         carried,
         link,
         rotors,
-        lambda read, stamp: messages_of(turns.suite, frame, read, stamp),
+        partial(messages_of, turns.suite, frame),
         flight=Lockstep(),
         seconds=count * PERIOD_S,
     )
@@ -157,7 +153,7 @@ def in_lockstep(scene: Scene, spec: VehicleSpec, count: int):
     other.join()
     alone = simulate(
         vehicle,
-        turns.state,
+        turns.initial,
         duration_s=count * PERIOD_S,
         step_s=PERIOD_S,
         control=RoundedHold(hold, frame, rotors.of_motor),
@@ -190,8 +186,9 @@ def test_at_rest_on_the_ground_its_instruments_say_so():
     spec = VehicleSpec("iris", position=jnp.zeros(3))
     turns = turns_of(Scene(Charge(1.0), vehicle=spec), spec, PLACE, 0)
     turn, carried = compiled(turns)
-    _, read = turn(carried, -1, 0, False, np.zeros(4))
-    *_, state, sensor = messages_of(turns.suite, Frame(*PLACE), read, 4000)
+    carried, sample = turn(carried, False, np.zeros(4))
+    sent = messages_of(turns.suite, Frame(*PLACE), sample, carried.state, 4000)
+    *_, state, sensor = sent
     # one sample, calibrated: 0.1 m/s2 is four standard deviations
     assert sensor.zacc == pytest.approx(-9.81, abs=0.12)
     assert sensor.abs_pressure == pytest.approx(1013.25, abs=0.06)

@@ -33,8 +33,8 @@ def test_a_state_comes_back_from_its_message():
     place, attitude = np.array([1500.0, -2200.0, 35.0]), ATTITUDES[0]
     vectors = place, np.array([1.0, 2.0, -3.0]), attitude, np.array([0.1, 0.2, 0.3])
     state = State(*map(jnp.asarray, (*vectors, np.zeros(4))))
-    frame, still = Frame(47.4, 8.5, 400.0), np.zeros(3)
-    sent = received(state_message(frame, state, 0, still, still))
+    frame = Frame(47.4, 8.5, 400.0)
+    sent = received(state_message(frame, state, 0))
     heard = state_heard(frame, sent)
     # 1e-7 degrees are 11 mm
     np.testing.assert_allclose(heard.position_m, place, atol=6e-3)
