@@ -149,19 +149,14 @@ def thrown(
         for size in sizes:
             # A diverged estimate has NaN, which the maximum preserves. -1 marks
             # intervals without rows, because errors are never negative.
-            greatest = jnp.max(jnp.where(after, size, -1.0))
-            found += [_rms(size, before), jnp.where(greatest < 0, jnp.nan, greatest)]
+            greatest = jnp.max(size, where=after, initial=-1.0)
+            found += [
+                jnp.sqrt(jnp.mean(jnp.square(size), where=before)),
+                jnp.where(greatest < 0, jnp.nan, greatest),
+            ]
         return found
 
     return Thrown(*jax.vmap(of)(arrival_s, until))
-
-
-def _rms(values: Float[Array, " time"], rows: Bool[Array, " time"]) -> Array:
-    count = jnp.sum(rows).astype(values.dtype)
-    square = jnp.sum(jnp.where(rows, jnp.square(values), 0.0))
-    some = count > 0
-    mean = jnp.where(some, square / jnp.where(some, count, 1.0), jnp.nan)
-    return jnp.sqrt(mean)
 
 
 def alignment(
@@ -390,53 +385,57 @@ def estimated(
     comes = sample.has_fix | sample.has_field | sample.has_pressure
     estimate = jax.lax.cond(
         comes,
-        lambda own: corrected(own, numbers_read(own, suite, sample)),
+        lambda own: corrected(own, suite, sample),
         lambda own: own,
         estimate,
     )
     return fix_taken(estimate, sample.takes_fix)
 
 
-class Numbers(NamedTuple):
-    """Scalar measurements of a sample.
+def corrected(estimate: Estimate, suite: Suite, sample: Sample) -> Estimate:
+    """Return the estimate corrected by the numbers of a sample: fix, field, height.
 
-    Attributes:
-        off: Innovations: measured minus expected.
-        rows: Rows of the measurement matrix.
-        deviation: Standard deviations of the noise.
-        comes: False for measurements that this sample lacks.
+    Args:
+        estimate: Estimate predicted to the time of the sample.
+        suite: The instruments.
+        sample: Their readings.
     """
 
-    off: Float[Array, " number"]
-    rows: Float[Array, "number 15"]
-    deviation: Float[Array, " number"]
-    comes: Bool[Array, " number"]
-
-
-def corrected(estimate: Estimate, numbers: Numbers) -> Estimate:
-    """Return an estimate corrected by scalar measurements."""
-
     def take(
-        carried: tuple[Array, Array], one: Numbers
+        carried: tuple[Array, Array], one: Any
     ) -> tuple[tuple[Array, Array], None]:
-        error, spread = carried
+        (error, spread), (off, row, deviation, comes) = carried, one
         # Sequential scalar updates: the noises are independent, so no matrix inverse.
-        left = one.off - one.rows @ error
-        across = spread @ one.rows
-        expected = one.rows @ across + jnp.square(one.deviation)
+        left, across = off - row @ error, spread @ row
+        variance = row @ across + jnp.square(deviation)
         # The variance of a straggler is increased until its innovation is `GATE`
         # standard deviations. The estimate then converges slowly to persistent fixes,
         # where a filter that rejects them would never return.
-        expected = jnp.maximum(expected, jnp.square(left / GATE))
-        gain = jnp.where(one.comes, across / expected, 0.0)
+        variance = jnp.maximum(variance, jnp.square(left / GATE))
+        gain = jnp.where(comes, across / variance, 0.0)
         after = spread - jnp.outer(gain, across)
         # Rounding makes the covariance asymmetric and, after thousands of samples,
         # indefinite.
         return (error + gain * left, (after + after.T) / 2), None
 
-    start = (jnp.zeros(SIZE), estimate.covariance)
-    (error, spread), _ = jax.lax.scan(take, start, numbers)
-    then, past = numbers.rows[FIX] @ error, estimate.past
+    fix, none = sample.fix, jnp.zeros(SIZE)
+    height = height_of(
+        sample.pressure_pa, suite.ground_pressure_pa, suite.ground_temperature_k
+    )
+    # Linearized near the ground: 5 % too small at 500 m.
+    height_noise = METRES_PER_PASCAL * suite.barometer.noise
+    field_noise = suite.magnetometer.noise * jnp.ones(3)
+    comes = [sample.has_fix] * 6 + [sample.has_field] * 3 + [sample.has_pressure]
+    measured = [fix.position_m, fix.velocity_m_s, sample.field_gauss, height[None]]
+    rows = jax.jacfwd(expected, argnums=2)(estimate, suite, none)
+    numbers = (
+        jnp.concatenate(measured) - expected(estimate, suite, none),
+        rows,
+        jnp.concatenate([suite.gps.noise(), field_noise, height_noise[None]]),
+        jnp.stack(comes),
+    )
+    (error, spread), _ = jax.lax.scan(take, (none, estimate.covariance), numbers)
+    then, past = rows[FIX] @ error, estimate.past
     return moved_on(estimate, error)._replace(
         covariance=spread,
         past=Past(past.position_m + then[:3], past.velocity_m_s + then[3:], past.age_s),
@@ -476,35 +475,6 @@ def expected(
     )
 
 
-def numbers_read(estimate: Estimate, suite: Suite, sample: Sample) -> Numbers:
-    """Return the innovations of a sample: fix, field, height.
-
-    Args:
-        estimate: Estimate predicted to the time of the sample.
-        suite: The instruments.
-        sample: Their readings.
-    """
-    height = height_of(
-        sample.pressure_pa, suite.ground_pressure_pa, suite.ground_temperature_k
-    )
-    fix, field, none = sample.fix, sample.field_gauss, jnp.zeros(SIZE)
-    measured = [fix.position_m, fix.velocity_m_s, field, height[None]]
-    # Linearized near the ground: 5 % too small at 500 m.
-    height_noise = METRES_PER_PASCAL * suite.barometer.noise
-    field_noise = suite.magnetometer.noise * jnp.ones(3)
-    comes = [sample.has_fix] * 6 + [sample.has_field] * 3 + [sample.has_pressure]
-
-    def expect(error: Float[Array, "15"]) -> Float[Array, "10"]:
-        return expected(estimate, suite, error)
-
-    return Numbers(
-        jnp.concatenate(measured) - expect(none),
-        jax.jacfwd(expect)(none),
-        jnp.concatenate([suite.gps.noise(), field_noise, height_noise[None]]),
-        jnp.stack(comes),
-    )
-
-
 def fix_taken(estimate: Estimate, takes: Bool[Array, ""]) -> Estimate:
     """Return the estimate, with itself as its past if a fix is measured now."""
     now = Past(estimate.position_m, estimate.velocity_m_s, jnp.zeros(()))
@@ -529,8 +499,7 @@ def predicted(
         period_s: Length of the sample.
     """
     on = transition(estimate, force_m_s2, rate_rad_s, period_s)
-    noise = noise_gained(estimate, rate_rad_s, imu, period_s)
-    spread = on @ estimate.covariance @ on.T + noise
+    spread = on @ estimate.covariance @ on.T + noise_gained(imu, period_s)
     past = estimate.past
     return carried_on(estimate, force_m_s2, rate_rad_s, period_s)._replace(
         covariance=(spread + spread.T) / 2,
@@ -551,14 +520,8 @@ def carried_on(
     half = quaternion_product(estimate.quaternion, rotation_quaternion(turn / 2))
     pull = quaternion_matrix(half) @ (force_m_s2 - estimate.force_bias)
     gain = (pull - jnp.array([0.0, 0.0, FLIGHT_GRAVITY])) * period_s
-    velocity = estimate.velocity_m_s + gain
-    turned = quaternion_product(estimate.quaternion, rotation_quaternion(turn))
-    mean = (estimate.velocity_m_s + velocity) / 2
-    return estimate._replace(
-        position_m=estimate.position_m + mean * period_s,
-        velocity_m_s=velocity,
-        quaternion=turned / jnp.sqrt(jnp.sum(jnp.square(turned))),
-    )
+    way = (estimate.velocity_m_s + gain / 2) * period_s
+    return moved_on(estimate, jnp.concatenate([turn, way, gain, jnp.zeros(6)]))
 
 
 def transition(
@@ -572,67 +535,49 @@ def transition(
     force = force_m_s2 - estimate.force_bias
     half = rotation_quaternion(rate * period_s / 2)
     middle = quaternion_matrix(quaternion_product(estimate.quaternion, half))
-    back = quaternion_matrix(half).T
-    pushed = -period_s * middle @ cross_matrix(force)
-    one, none = jnp.eye(3), jnp.zeros((3, 3))
-    turned = -period_s * one + cross_matrix(rate) * period_s**2 / 2
+    back, one, none = quaternion_matrix(half).T, jnp.eye(3), jnp.zeros((3, 3))
+    # The matrix of the vector product with a vector v is the one of products e_i x v.
+    pushed = -period_s * middle @ jnp.cross(one, force)
+    turned = -period_s * one + jnp.cross(one, rate) * period_s**2 / 2
     gains = [pushed @ back, none, one, -pushed * period_s / 2, -period_s * middle]
-    half_way = period_s / 2
-    ways = [half_way * part for part in gains]
+    ways = [period_s / 2 * part for part in gains]
     ways[1:3] = [one, period_s * one]
     # Concatenated blocks: setting them one by one with `.at` costs ten times as much.
-    return jnp.concatenate(
-        [
-            jnp.concatenate(parts, axis=1)
-            for parts in (
-                [back @ back, none, none, turned, none],
-                ways,
-                gains,
-                [none, none, none, one, none],
-                [none, none, none, none, one],
-            )
-        ]
-    )
+    blocks = [
+        [back @ back, none, none, turned, none],
+        ways,
+        gains,
+        [none, none, none, one, none],
+        [none, none, none, none, one],
+    ]
+    return jnp.concatenate([jnp.concatenate(row, axis=1) for row in blocks])
 
 
-def noise_gained(
-    estimate: Estimate,
-    rate_rad_s: Float[Array, "3"],
-    imu: Imu,
-    period_s: Float[Array, ""],
-) -> Float[Array, "15 15"]:
+def noise_gained(imu: Imu, period_s: Float[Array, ""]) -> Float[Array, "15 15"]:
     """Return the covariance that the noise of a sample adds."""
     # A white density n sampled at a rate f has the standard deviation n sqrt(f / 2).
-    half = math.sqrt(imu.rate / 2)
-    turn = half * imu.gyroscope_noise * period_s
-    push = half * imu.accelerometer_noise * period_s
-    one = jnp.ones(3)
-    gained = jnp.concatenate(
-        [
-            jnp.square(turn) * one,
-            jnp.square(push * period_s / 2) * one,
-            jnp.square(push) * one,
-            jnp.square(imu.gyroscope_walk) * period_s * one,
-            jnp.square(imu.accelerometer_walk) * period_s * one,
+    gain = math.sqrt(imu.rate / 2) * period_s
+    walk = jnp.sqrt(period_s)
+    turn, push, of_rate, of_force = (
+        jnp.asarray(part * noise)
+        for part, noise in [
+            (gain, imu.gyroscope_noise),
+            (gain, imu.accelerometer_noise),
+            (walk, imu.gyroscope_walk),
+            (walk, imu.accelerometer_walk),
         ]
     )
-    # One error of force changes velocity and, by half a sample, position: the errors
-    # are fully correlated.
-    both = jnp.square(push) * period_s / 2 * jnp.eye(3)
-    spread = jnp.diag(gained)
-    return spread.at[PLACE, MOVES].set(both).at[MOVES, PLACE].set(both)
-
-
-def cross_matrix(v: Float[Array, "3"]) -> Float[Array, "3 3"]:
-    """Return the matrix of the vector product with a vector."""
-    zero = jnp.zeros_like(v[0])
-    return jnp.stack(
-        [
-            jnp.stack([zero, -v[2], v[1]]),
-            jnp.stack([v[2], zero, -v[0]]),
-            jnp.stack([-v[1], v[0], zero]),
-        ]
-    )
+    # One error of force changes velocity and, by half a sample, position.
+    none = jnp.zeros(())
+    parts = [
+        [turn, none, none, none],
+        [none, push * period_s / 2, none, none],
+        [none, push, none, none],
+        [none, none, of_rate, none],
+        [none, none, none, of_force],
+    ]
+    gains = jnp.stack([jnp.stack(row) for row in parts])
+    return jnp.kron(gains @ gains.T, jnp.eye(3))
 
 
 def moved_on(estimate: Estimate, error: Float[Array, "15"]) -> Estimate:
@@ -681,20 +626,11 @@ def aligned(key: PRNGKeyArray, true: State, deviations: Float[Array, "15"]) -> E
         true: True state of the vehicle.
         deviations: Standard deviations of the error vector.
     """
-    off = deviations * jax.random.normal(key, (SIZE,))
     # The instruments sample their own biases, so the estimated biases begin at zero.
-    off = off.at[RATE_BIAS].set(0.0).at[FORCE_BIAS].set(0.0)
-    zero = jnp.zeros(3)
+    off = (deviations * jax.random.normal(key, (SIZE,))).at[9:].set(0.0)
+    zero, spread = jnp.zeros(3), jnp.diag(jnp.square(deviations))
+    past = Past(true.position_m, true.velocity_m_s, jnp.zeros(()))
     exact = Estimate(
-        true.position_m,
-        true.velocity_m_s,
-        true.quaternion,
-        zero,
-        zero,
-        jnp.diag(jnp.square(deviations)),
-        Past(true.position_m, true.velocity_m_s, jnp.zeros(())),
+        true.position_m, true.velocity_m_s, true.quaternion, zero, zero, spread, past
     )
-    initial = moved_on(exact, off)
-    return initial._replace(
-        past=Past(initial.position_m, initial.velocity_m_s, jnp.zeros(()))
-    )
+    return fix_taken(moved_on(exact, off), jnp.asarray(True))

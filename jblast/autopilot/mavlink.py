@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any, BinaryIO
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Num
 
 from jblast.addresses import host_and_port
 from jblast.errors import InputError, argument, needed, shown
@@ -256,7 +256,7 @@ def place_fields(frame: Frame, place_m: Float[np.ndarray, "3"]) -> dict[str, int
     return {"lat": round(1e7 * lat), "lon": round(1e7 * lon), "alt": round(1e3 * alt)}
 
 
-def named(names: Sequence[str], numbers: Float[np.ndarray, " n"]) -> dict[str, Any]:
+def named(names: Sequence[str], numbers: Num[np.ndarray, " n"]) -> dict[str, Any]:
     """Return numbers by the names of their fields."""
     return dict(zip(names, numbers.tolist(), strict=True))
 
