@@ -33,13 +33,12 @@ from jblast.files import write_text
 from jblast.scene import read_world
 from jblast.world import draw_world
 from jblast.world.serve import (
-    BlastSchedule,
     Entity,
     Knot,
+    Options,
     Playback,
-    Stager,
+    ServedWorld,
     connect,
-    packet_times,
     packets_of,
 )
 from jblast.world.serve.messages import SERVICE, Request, decoded, encoded
@@ -193,11 +192,14 @@ def held_mib(pid: int) -> float:
 
 def in_process(scene: Path, number: int, seconds: float) -> str:
     """Return the digest of a client's packets, made in this process."""
-    world = draw_world(*read_world(scene), SEED, until_s=seconds)
-    stager, digest = Stager(world), hashlib.sha256()
-    schedule, times = BlastSchedule(world, LEAD_S), packet_times(RATE_HZ)
-    played = Playback(entity_of(number), schedule, times, stager, until_s=seconds)
-    for packet in packets_of(played, stager):
+    drawn, digest = (
+        draw_world(*read_world(scene), SEED, until_s=seconds),
+        hashlib.sha256(),
+    )
+    world = ServedWorld(
+        drawn, Options(lead_s=LEAD_S, packets_hz=RATE_HZ, ends_s=seconds)
+    )
+    for packet in packets_of(Playback(entity_of(number), world)):
         digest.update(encoded("Packet", packet))
     return digest.hexdigest()
 

@@ -6,21 +6,22 @@ the server and the client over gRPC, an optional extra.
 
 from jblast.world.serve.client import Client as Client, connect as connect
 from jblast.world.serve.entities import (
-    BlastSchedule as BlastSchedule,
     Entity as Entity,
     Knot as Knot,
     Motion as Motion,
     NewBlast as NewBlast,
+    Options as Options,
     PacketTimes as PacketTimes,
+    ServedWorld as ServedWorld,
     packet_times as packet_times,
 )
-from jblast.world.serve.service import Options as Options, serving as serving
+from jblast.world.serve.service import serving as serving
 from jblast.world.serve.staging import (
     Announcement as Announcement,
     Packet as Packet,
     Playback as Playback,
     Rows as Rows,
-    Stager as Stager,
     announced_load as announced_load,
     packets_of as packets_of,
+    stage as stage,
 )

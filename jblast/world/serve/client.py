@@ -1,9 +1,7 @@
 """Python client: registers entities and receives their packets."""
 
 import queue
-import warnings
 from collections.abc import Iterator
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -91,12 +89,7 @@ class Client:
     def __enter__(self) -> "Client":
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -121,24 +114,13 @@ class Client:
         call = self._channel.stream_stream(f"/{SERVICE}/Stream")
         return ServedStream(call, entity, first_packet)
 
-    def announce(self, blast: NewBlast) -> float:
-        """Add a blast for all entities and return the time of the world [s].
-
-        A warning names entities whose next packet begins after the blast: they receive
-        only waves that have not arrived yet.
+    def announce(self, blast: NewBlast) -> World:
+        """Add a blast for all entities and return the description of the world.
 
         Raises:
             InputError: The server rejects the blast.
         """
-        answer = self._call("Announce", blast)
-        if answer.missed:
-            warnings.warn(
-                f"blast {blast.shot!r} at {blast.time_s:g} s: entities past this time "
-                "receive only waves that have not arrived yet: "
-                f"{', '.join(answer.missed)}",
-                stacklevel=2,
-            )
-        return answer.now_s
+        return self._call("Announce", blast)
 
     def _call(self, method: str, value: Any) -> Any:
         given, answer = METHODS[method]

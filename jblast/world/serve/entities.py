@@ -1,4 +1,4 @@
-"""Entities of a world, schedule of its blasts, and times of packets.
+"""Entities, options and blasts of a served world, and times of packets.
 
 Packet k covers the time from k/rate to (k + 1)/rate of the world's clock. Rates are
 exact decimal fractions (`1/Fraction("0.1")` is ten), so times do not drift, and each
@@ -8,15 +8,17 @@ sample belongs to exactly one packet at any pair of rates.
 import bisect
 import functools
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from jblast.addresses import host_and_port
 from jblast.errors import InputError, argument, nearest, require, shown
-from jblast.scene import Charge
+from jblast.scene import Charge, Scene
 from jblast.scene.charge import EXPLOSIVES
 from jblast.scene.keys import VEHICLE_MODELS
 from jblast.types import ArrayLike, Module, field
@@ -29,18 +31,24 @@ MASS_KG = (1e-6, 1e7)
 """Range of the mass of an added blast; the largest accidents were below 1e7 kg."""
 FARTHEST_M = 1e6
 """Largest coordinate of an added blast; its sound would travel for an hour."""
-TNT_DENSITY_KG_M3 = 1630.0
-"""Density of cast TNT. Within its sphere of explosive a charge has no blast wave."""
 RATES_HZ = (1.0, 1000.0)
 """Range of packets per second: above, messages cost more than their samples."""
-SENSES = ("flash", "ground", "pressure", "sound", "force")
-"""Senses of an entity; the last three have samples."""
+SENSES = {
+    "flash": (("flash_s", "flash"),),
+    "ground": (("ground_s", "ground motion"),),
+    "pressure": (("air_s", "pressure"),),
+    "sound": (("ground_s", "ground sound"), ("air_s", "sound")),
+    "force": (("air_s", "force"),),
+}
+"""Perceptions by each sense of an entity: arrival and name; the last three senses have
+samples."""
 SAMPLES_HZ = (100.0, 192_000.0)
 """Range of samples per second of pressure and sound, up to common audio hardware."""
 LONGEST_NAME = 64
 """Maximum number of characters of a name; declared."""
 MAX_KNOTS = 4096
 """Maximum number of positions of a path; declared, bounds compile time and memory."""
+ADDRESS = "127.0.0.1:50551"
 
 
 class Refused(InputError):
@@ -55,7 +63,7 @@ class Refused(InputError):
         self.status = status
 
 
-def _numbers(count: int, where: str) -> Callable[[Any], np.ndarray]:
+def _numbers(where: str, count: int = 3) -> Callable[[Any], np.ndarray]:
     """Return a converter to an array of `count` finite numbers."""
 
     def converted(values: ArrayLike) -> np.ndarray:
@@ -63,18 +71,6 @@ def _numbers(count: int, where: str) -> Callable[[Any], np.ndarray]:
         right = found.shape == (count,) and np.isfinite(found).all()
         require(right, where, f"{count} finite numbers", shown(found.tolist()))
         return found
-
-    return converted
-
-
-def _above_ground(where: str) -> Callable[[Any], np.ndarray]:
-    """Return a converter to a position on or above the ground: east, north, up [m]."""
-
-    def converted(values: ArrayLike) -> np.ndarray:
-        place = _numbers(3, where)(values)
-        expected = "a position on or above the ground"
-        require(place[2] >= 0, where, expected, f"up = {place[2]:g} m")
-        return place
 
     return converted
 
@@ -88,17 +84,13 @@ class Knot(Module):
     """
 
     position_m: Float[np.ndarray, "3"] = field(
-        converter=_above_ground("entity position_m"), default=()
+        converter=_numbers("entity position_m"), default=()
     )
     time_s: float = field(converter=float, default=0.0)
 
 
-def _path(knots: Iterable[Knot]) -> tuple[Knot, ...]:
-    return tuple(knots)
-
-
-def _senses(names: Iterable[str]) -> tuple[str, ...]:
-    return tuple(names)
+def _all(values: Iterable[Any]) -> tuple[Any, ...]:
+    return tuple(values)
 
 
 class Entity(Module):
@@ -117,8 +109,8 @@ class Entity(Module):
     """
 
     name: str = field(static=True)
-    senses: tuple[str, ...] = field(static=True, converter=_senses, default=())
-    path: tuple[Knot, ...] = field(converter=_path, default=())
+    senses: tuple[str, ...] = field(static=True, converter=_all, default=())
+    path: tuple[Knot, ...] = field(converter=_all, default=())
     vehicle: str = field(static=True, default="")
     samples_hz: float = field(static=True, converter=float, default=8000.0)
 
@@ -135,6 +127,9 @@ class Entity(Module):
         require(1 <= len(times) <= MAX_KNOTS, f"{where} path", expected, len(times))
         ascends = np.isfinite(times).all() and (np.diff(times) > 0).all()
         require(ascends, f"{where} path time_s", "ascending times", times.tolist())
+        lowest = min(knot.position_m[2] for knot in self.path)
+        expected = "positions on or above the ground"
+        require(lowest >= 0, f"{where} path", expected, f"up = {lowest:g} m")
         low, high = SAMPLES_HZ
         right = low <= self.samples_hz <= high
         expected = f"{low:g} to {high:,.0f} Hz"
@@ -177,16 +172,16 @@ class Motion(Module):
 
     time_s: float = field(converter=float)
     position_m: Float[np.ndarray, "3"] = field(
-        converter=_numbers(3, "motion position_m"), default=()
+        converter=_numbers("motion position_m"), default=()
     )
     velocity_m_s: Float[np.ndarray, "3"] = field(
-        converter=_numbers(3, "motion velocity_m_s"), default=(0.0, 0.0, 0.0)
+        converter=_numbers("motion velocity_m_s"), default=(0.0, 0.0, 0.0)
     )
     quaternion: Float[np.ndarray, "4"] = field(
-        converter=_numbers(4, "motion quaternion"), default=(0.0, 0.0, 0.0, 1.0)
+        converter=_numbers("motion quaternion", 4), default=(0.0, 0.0, 0.0, 1.0)
     )
     body_rate_rad_s: Float[np.ndarray, "3"] = field(
-        converter=_numbers(3, "motion body_rate_rad_s"), default=(0.0, 0.0, 0.0)
+        converter=_numbers("motion body_rate_rad_s"), default=(0.0, 0.0, 0.0)
     )
 
     def __check_init__(self) -> None:
@@ -196,7 +191,7 @@ class Motion(Module):
         require(turned, "motion quaternion", "a positive length", "zeros")
 
 
-class NewBlast(Module):
+class NewBlast(NamedTuple):
     """A blast that a client adds.
 
     Attributes:
@@ -207,123 +202,113 @@ class NewBlast(Module):
         explosive: Name of the explosive.
     """
 
-    shot: str = field(static=True)
-    time_s: float = field(converter=float)
-    position_m: Float[np.ndarray, "3"] = field(
-        converter=_above_ground("blast position_m"), default=()
-    )
-    mass_kg: float = field(converter=float, default=0.0)
-    explosive: str = field(static=True, default="TNT")
-
-    def __check_init__(self) -> None:
-        where = f"blast {shown(self.shot)}"
-        require(self.shot, "blast name", "a name", "an empty one")
-        low, high = MASS_KG
-        expected = f"{low:g} to {high:g} kg"
-        right = low <= self.mass_kg <= high
-        require(right, f"{where} mass_kg", expected, f"{self.mass_kg:g}")
-        far = np.abs(self.position_m).max()
-        expected = f"coordinates of at most {FARTHEST_M:g} m"
-        require(far <= FARTHEST_M, f"{where} position_m", expected, f"{far:g} m")
-        known, expected = self.explosive in EXPLOSIVES, ", ".join(EXPLOSIVES)
-        got = shown(self.explosive)
-        require(known, f"{where} explosive", f"one of {expected}", got)
-
-    @property
-    def charge(self) -> Charge:
-        """Its charge."""
-        place = tuple(self.position_m.tolist())
-        return Charge(
-            self.mass_kg, place, self.time_s, explosive=self.explosive, name=self.shot
-        )
-
-    def check_outside(self, entity: Entity) -> None:
-        """Reject it if an entity, or its path, is inside the sphere of the explosive.
-
-        Raises:
-            InputError: The entity is inside.
-        """
-        radius = (3.0 * self.mass_kg / (4.0 * math.pi * TNT_DENSITY_KG_M3)) ** (1 / 3)
-        # The nearest point of each segment of the path.
-        knots = entity.places_m
-        legs = np.diff(knots, axis=0, append=knots[-1:])
-        square = np.maximum((legs**2).sum(1), np.finfo(float).tiny)
-        share = np.clip(((self.position_m - knots) * legs).sum(1) / square, 0.0, 1.0)
-        apart = knots + share[:, None] * legs - self.position_m
-        nearest_m = np.linalg.norm(apart, axis=1).min()
-        require(
-            nearest_m > radius,
-            f"blast {shown(self.shot)} position_m",
-            f"a position more than {radius:.2g} m (the radius of the charge) from each "
-            "entity",
-            f"{nearest_m:.2g} m from {shown(entity.name)}",
-        )
+    shot: str
+    time_s: float
+    position_m: Sequence[float] = ()
+    mass_kg: float = 0.0
+    explosive: str = "TNT"
 
 
-class BlastSchedule:
-    """The blasts of a world by time, including blasts added by clients.
+@dataclass(frozen=True)
+class Options:
+    """Options of a served world.
 
     Attributes:
+        address: HOST:PORT; port 0 selects a free port.
+        packets_hz: Packets per second of the world's time.
+        lead_s: Lead of the announcement before a blast [s].
+        speed: World time per real time [-]; None: lockstep.
+        ends_s: End of the world [s]; infinite: never.
+        patience_s: Maximum time of each wait for a client [s].
+
+    Raises:
+        InputError: An option is invalid, or the address is not loopback.
+    """
+
+    address: str = ADDRESS
+    packets_hz: float = 100.0
+    lead_s: float = 5.0
+    speed: float | None = None
+    ends_s: float = math.inf
+    patience_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        host_and_port(self.address, argument("address"), "HOST:PORT")
+        packet_times(self.packets_hz)
+        finite = 0 <= self.lead_s < math.inf
+        require(finite, argument("lead_s"), "0 s or more", f"{self.lead_s:g} s")
+        for name in ("speed", "ends_s", "patience_s"):
+            value = getattr(self, name)
+            positive = value is None or value > 0
+            require(positive, argument(name), "a positive number", f"{value}")
+
+
+class ServedWorld:
+    """The blasts of a world by time, including those added by clients.
+
+    Attributes:
+        scene: Air and ground, with their laws stated.
+        options: Options of the server.
+        times: Times of the packets.
         charges: All blasts, sorted by time.
-        lead_s: Lead of an announcement before its blast [s].
         added: Names of the blasts added by clients.
     """
 
-    def __init__(self, world: DrawnWorld, lead_s: float):
-        """Begin with the sampled blasts and those of the scene.
-
-        Args:
-            world: The world.
-            lead_s: Lead of an announcement before its blast [s].
-        """
-        self.lead_s = lead_s
+    def __init__(self, world: DrawnWorld, options: Options | None = None):
+        """Begin with the sampled blasts and those of the scene."""
+        bare = {"camera": None, "vehicle": None, "ambient": None}
+        self.scene: Scene = replace(world.scene, sensors=(), clocks=(), **bare)
+        self.options = options or Options()
+        self.times = packet_times(self.options.packets_hz)
         self.charges: Sequence[Charge] = world.charges
         # Comparisons of arrays would take half of the time of a packet.
         self._times = [float(charge.time_s) for charge in self.charges]
         self.added: set[str] = set()
 
-    def between(self, after_s: float, until_s: float) -> Iterator[Charge]:
-        """Yield the blasts after a time and until another [s]."""
+    def between(self, after_s: float, until_s: float) -> Sequence[Charge]:
+        """Return the blasts after a time and until another [s]."""
         first = bisect.bisect_right(self._times, after_s)
-        last = bisect.bisect_right(self._times, until_s)
-        return iter(self.charges[first:last])
+        return self.charges[first : bisect.bisect_right(self._times, until_s)]
 
-    def announce(
-        self, blast: NewBlast, now_s: float, entities: Iterable[Entity] = ()
-    ) -> None:
+    def announce(self, blast: NewBlast, now_s: float) -> None:
         """Add a future blast.
 
         Args:
             blast: Blast with a new name and a time more than the lead after `now_s`.
             now_s: Time of the world's clock; in lockstep 0, the beginning of the world
                 [s].
-            entities: Entities that must be outside the charge.
 
         Raises:
-            InputError: It is too early, an entity is inside, or its name is taken.
+            InputError: It is too early, its name is taken, or a value is invalid.
             Refused: There are too many.
         """
-        where = f"blast {shown(blast.shot)}"
-        taken = any(charge.name == blast.shot for charge in self.charges)
-        require(not taken, where, "a new name", "that of another blast")
-        for entity in entities:
-            blast.check_outside(entity)
+        shot, time_s, place, mass_kg, explosive = blast
+        where, (low, high) = f"blast {shown(shot)}", MASS_KG
+        taken = {"", *(charge.name for charge in self.charges)}
+        require(shot not in taken, where, "a new name", "none, or that of another")
         # Strictly later, so that each entity that starts now has the whole lead.
-        require(
-            now_s + self.lead_s < blast.time_s < math.inf,
-            f"{where} time_s",
-            f"one after {now_s + self.lead_s:g} s (now {now_s:g} s plus the lead of "
-            f"{self.lead_s:g} s)",
-            f"{blast.time_s:g} s",
-        )
+        earliest = now_s + self.options.lead_s
+        expected = f"one after {earliest:g} s, the lead after now ({now_s:g} s)"
+        later = earliest < time_s < math.inf
+        require(later, f"{where} time_s", expected, f"{time_s:g} s")
+        right = low <= mass_kg <= high
+        require(right, f"{where} mass_kg", f"{low:g} to {high:g} kg", f"{mass_kg:g}")
+        place = _numbers(f"{where} position_m")(place)
+        right = place[2] >= 0 and np.abs(place).max() <= FARTHEST_M
+        expected = f"a position above the ground, at most {FARTHEST_M:g} m from 0"
+        require(right, f"{where} position_m", expected, place.tolist())
+        known, expected = explosive in EXPLOSIVES, f"one of {', '.join(EXPLOSIVES)}"
+        require(known, f"{where} explosive", expected, shown(explosive))
         if len(self.added) >= MAX_ADDED:
             full = f"{where}: expected at most {MAX_ADDED:,} added blasts, got one more"
             raise Refused(full, "RESOURCE_EXHAUSTED")
+        place = tuple(place.tolist())
+        charge = Charge(mass_kg, place, time_s, explosive=explosive, name=shot)
         # Blasts at equal times keep their order.
-        place = bisect.bisect_right(self._times, blast.time_s)
-        self._times.insert(place, blast.time_s)
-        self.charges = (*self.charges[:place], blast.charge, *self.charges[place:])
-        self.added.add(blast.shot)
+        number = bisect.bisect_right(self._times, time_s)
+        self._times.insert(number, time_s)
+        self.charges = (*self.charges[:number], charge, *self.charges[number:])
+        self.added.add(shot)
 
 
 class PacketTimes(NamedTuple):

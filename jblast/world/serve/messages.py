@@ -21,9 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jblast.errors import InputError, needed
+from jblast.waves.pulse import Pulse
 from jblast.world.perceived import Perceived
 from jblast.world.serve.entities import Entity, Knot, Motion, NewBlast
-from jblast.world.serve.staging import Air, AirPulse, Announcement, Packet, Rows
+from jblast.world.serve.staging import Air, Announcement, Packet, Rows
 
 MOST_BYTES = 2**20
 """Maximum size of a client's message [bytes]; gRPC refuses larger ones.
@@ -36,7 +37,7 @@ SERVICE = "jblast.v1.Blasts"
 METHODS = {
     "Describe": ("DescribeRequest", "World"),
     "Stream": ("Request", "Packet"),
-    "Announce": ("NewBlast", "Announced"),
+    "Announce": ("NewBlast", "World"),
 }
 """Request and response of each method; only `Stream` is a (bidirectional) stream."""
 
@@ -83,27 +84,13 @@ class World(NamedTuple):
     air: Air
 
 
-class Announced(NamedTuple):
-    """Answer to a blast that a client adds.
-
-    Attributes:
-        now_s: Time of the most advanced entity [s].
-        missed: Names of entities whose next packet begins after the blast.
-    """
-
-    now_s: float
-    missed: tuple[str, ...] = ()
-
-
 class DescribeRequest(NamedTuple):
     """Request for `World`."""
 
 
-SAME_NAME = (Air, Announced, Announcement, DescribeRequest, Entity, Knot, Motion)
-SAME_NAME += (NewBlast, Packet, Perceived, Request, Rows, World)
-TYPES: dict[str, Any] = {kind.__name__: kind for kind in SAME_NAME} | {
-    "Pulse": AirPulse
-}
+KINDS = (Air, Announcement, DescribeRequest, Entity, Knot, Motion, NewBlast, Packet)
+KINDS += (Perceived, Pulse, Request, Rows, World)
+TYPES: dict[str, Any] = {kind.__name__: kind for kind in KINDS}
 """Python type of each message, by the name of the message."""
 
 

@@ -7,13 +7,12 @@ extrapolated linearly.
 
 A blast is announced in the first packet that begins within the lead before it. A blast
 that a client adds later is announced in the next packet, as to an entity that joins. An
-entity that reports its motion receives an updated announcement, computed from its last
-report, in one of the `UPDATE_PACKETS` packets before an arrival. As an entity is slower
-than sound, no wave arrives unannounced, and an arriving wave is the one announced last.
+entity that reports its motion receives updated announcements, computed from its last
+report, in the packet of an arrival and the one before. As an entity is slower than
+sound, no wave arrives unannounced, and an arriving wave is the one announced last.
 
 Samples are those of `sensors.recording` for a microphone and a pressure gauge without
-errors, at the same times. Samples between the waves of a blast and below `SILENCE_PA`
-are not stored.
+errors, at the same times. Each wave has its own record, cut below `SILENCE_PA`.
 
 Force and moment are means over each step, from the impulses of `vehicle.blast_load`,
 for a vehicle in its state at the arrival. The announced load (`announced_load`) also
@@ -32,50 +31,41 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.errors import require
 from jblast.kept_programs import kept
 from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
-from jblast.sensors import Track, Wave, record_laws, recording, waves
+from jblast.sensors import Track, recording, waves
 from jblast.sensors.noise import BLOCK
-from jblast.sensors.waves_met import IN_AIR, IN_GROUND
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
 from jblast.vehicle.from_scene import image_of
 from jblast.vehicle.loads.blast_wave import Blast
-from jblast.waves.propagation import TAIL_S, ambient, sound_speed_of
-from jblast.waves.pulse import GroundPulse
-from jblast.world.drawn import DrawnWorld
-from jblast.world.perceived import Perceived, arrivals_of
-from jblast.world.serve.entities import BlastSchedule, Entity, Motion, PacketTimes
+from jblast.waves.propagation import ambient, sound_speed_of
+from jblast.waves.pulse import Pulse
+from jblast.world.perceived import WAVES, Perceived, arrivals_of
+from jblast.world.serve.entities import SENSES, Entity, Motion, ServedWorld
 
 PAST_S = 60.0
 """Age up to which a blast is announced to a new client.
 
 In this time its wave travels 20 km; later waves are inaudible for the charges here.
 """
-UPDATE_PACKETS = 2
-"""Number of packets before an arrival in which the announcement is updated.
-
-Two, because staging takes part of one packet's time.
-"""
-WAVES = ("flash_s", "ground_s", "air_s")
 EXTRAPOLATION_S = 30.0
 """Duration of the linear extrapolation of a reported motion [s]; declared.
 
 Waves that arrive later are updated by later reports.
 """
 NAME = "entity"
+"""Name of each entity in a scene: with its own each would compile its own programs."""
 SILENCE_PA = 1e-9
-"""Pressure below which samples at both ends of an interval are dropped.
+"""Pressure below which samples at both ends of a wave are dropped.
 
 86 dB below the threshold of hearing (20 uPa).
 """
-GROUND_TIME_CONSTANTS = 50.0
-"""Duration of a ground pulse in time constants: there u^2 exp(-u) is 5e-19."""
 KINDS = {"pressure": "pressure", "sound": "microphone"}
+"""Kind of sensor of each sense with samples of pressure."""
 STEPS_HZ = 2000.0
 """Steps per second of a force: the default of a flight."""
-MAX_STEPS = 2**14
-"""Maximum number of steps of a force: 8 s, longer than any blast wave here."""
+ARRIVALS = ("flash_s", "ground_s", "air_s")
+"""Arrivals of an announcement."""
 COLUMNS: dict[str, tuple[int, ...]] = {"force": (6,), "pressure": (), "sound": ()}
 """Shape of a sample of each sampled sense."""
 
@@ -94,30 +84,6 @@ class Rows(NamedTuple):
     first: int
     rate_hz: float
     values: Float[np.ndarray, "row ..."] = np.zeros(0)
-
-
-class AirPulse(NamedTuple):
-    """The air shock at an entity: `waves.pulse.Pulse` in floats.
-
-    Attributes:
-        arrival_s: Beginning of the pressure rise [s].
-        peak_pa: Peak overpressure.
-        rise_s: Time from zero to the peak.
-        duration_s: Duration of the positive phase, rise included.
-        decay: Friedlander's b behind the peak [-].
-        suction_pa: Maximum underpressure.
-        suction_s: Duration of the negative phase.
-        hold_s: Duration of the peak.
-    """
-
-    arrival_s: float
-    peak_pa: float
-    rise_s: float
-    duration_s: float
-    decay: float
-    suction_pa: float
-    suction_s: float
-    hold_s: float
 
 
 class Announcement(NamedTuple):
@@ -151,7 +117,7 @@ class Announcement(NamedTuple):
     ground_s: float
     air_s: float
     ends_s: float
-    pulse: AirPulse | None = None
+    pulse: Pulse | None = None
 
 
 class Air(NamedTuple):
@@ -192,27 +158,26 @@ class Packet(NamedTuple):
     last: bool = False
 
 
+def air_of(scene: Scene) -> Air:
+    """Return the ambient air of a scene."""
+    air = scene.air
+    wind = np.array([float(air.wind_east), float(air.wind_north), 0.0])
+    return Air(float(ambient(air)[1]), float(sound_speed_of(air)), wind)
+
+
 def announced_load(
-    announced: Collection[Announcement],
-    air: Air,
-    *,
-    since_s: float = 0.0,
-    room: int = 8,
+    announced: Collection[Announcement], air: Air, *, since_s: float = 0.0
 ) -> BlastLoad:
     """Return the load of announced blasts, for successive short flights.
+
+    Blasts that never happen are added up to a multiple of eight, so that few programs
+    serve any number.
 
     Args:
         announced: The blasts, in any order.
         air: Ambient air of the world.
         since_s: Beginning of the flight, where its own clock is 0 [s].
-        room: Number of blasts; the load is padded with blasts that never happen, so
-            that one program serves any number.
-
-    Raises:
-        InputError: There are more blasts than `room`.
     """
-    expected = f"at most {room} simultaneous blasts"
-    require(len(announced) <= room, "announced", expected, len(announced))
     blasts = [
         Blast(
             one.position_m,
@@ -224,138 +189,102 @@ def announced_load(
         for one in announced
     ]
     never = Blast([1e3, 0.0, 0.0], math.inf, 1.0, 1.0, 1.0)
-    blasts += [never] * (room - len(blasts))
+    blasts += [never] * (8 - len(blasts) % 8)
     return BlastLoad(
         jax.tree.map(lambda *x: jnp.stack(x), *blasts, *map(image_of, blasts)),
-        room,
+        len(blasts),
         air.pressure_pa,
         air.sound_speed_m_s,
         jnp.asarray(air.wind_m_s),
     )
 
 
-class StagingRequest(NamedTuple):
-    """A blast to announce to an entity: the arguments of `Stager.stage`.
-
-    Attributes:
-        entity: Recipient.
-        charge: The blast.
-        motion: Last report of the entity, or None.
-        revision: Number of earlier announcements.
-    """
-
-    entity: Entity
-    charge: Charge
-    motion: Motion | None = None
-    revision: int = 0
-
-
 class Staged(NamedTuple):
     """A blast computed for an entity.
 
     Attributes:
-        request: Blast, entity and its motion.
+        charge: The blast.
+        motion: Report of the entity that it was computed for, or None.
         announced: Its announcement.
-        samples: Its samples by sense.
-        settled: Waves that are not updated any more.
+        samples: Its samples by sense: of each wave, or the force.
     """
 
-    request: StagingRequest
+    charge: Charge
+    motion: Motion | None
     announced: Announcement
     samples: dict[str, tuple[Rows, ...]]
-    settled: frozenset[str] = frozenset()
 
 
-class Stager:
-    """Computation of blasts for entities.
+def stage(
+    world: ServedWorld, entity: Entity, charge: Charge, motion: Motion | None = None
+) -> Staged:
+    """Return announcement and samples of a blast for an entity.
 
-    Attributes:
-        scene: Air and ground of the world, with its laws stated.
-        air: Ambient air.
+    Args:
+        world: Air, ground and laws.
+        entity: Recipient.
+        charge: The blast.
+        motion: Last report of the entity, or None.
+
+    Raises:
+        InputError: The entity is at the charge, or as fast as sound.
     """
-
-    def __init__(self, world: DrawnWorld):
-        """Take the air, the ground and the laws of a world."""
-        self.scene = replace(
-            world.scene, sensors=(), camera=None, clocks=(), vehicle=None, ambient=None
-        )
-        air = self.scene.air
-        self.air = Air(
-            float(ambient(air)[1]),
-            float(sound_speed_of(air)),
-            np.array([float(air.wind_east), float(air.wind_north), 0.0]),
-        )
-        self._laws = dict(self.scene.law) | record_laws(self.scene)
-
-    def stage(self, request: StagingRequest) -> Staged:
-        """Return announcement and samples of a blast for an entity.
-
-        Raises:
-            InputError: The entity is at the charge, or as fast as sound.
-        """
-        entity, charge, motion, revision = request
-        place = standpoint(entity, motion)
-        scene = replace(self.scene, charges=(replace(charge, name=""),))
-        arrivals = self._arrivals(scene, place)
-        pulse = self._pulse(scene, place)
-        here, velocity = _met_at(place, arrivals[2])
-        # The load depends only on the position of the vehicle, so any model will do.
-        # A blast load needs a vehicle position to select its curve set.
-        spec = VehicleSpec(entity.vehicle or "hummingbird", here)
-        load = blast_load(replace(scene, vehicle=spec))
-        samples = {
-            sense: records_of(scene, place, sense, entity.samples_hz, self._laws)
-            for sense in KINDS
-            if sense in entity.senses
-        }
-        if "force" in entity.senses and pulse is not None:
-            # The attitude is the reported one; without a report, level.
-            met = replace(
-                motion or Motion(0.0, here), position_m=here, velocity_m_s=velocity
-            )
-            vehicle = named(entity.vehicle)
-            samples["force"] = (force_rows(load, vehicle, state_met(vehicle, met)),)
-        ends = [time for time in arrivals if math.isfinite(time)]
-        ends += [
-            (rows.first + len(rows.values)) / rows.rate_hz
-            for records in samples.values()
-            for rows in records
-        ]
-        blast = load.blasts
-        announced = Announcement(
-            charge.name,
-            revision,
-            float(charge.time_s),
-            np.array([float(x) for x in charge.position_m]),
-            float(charge.mass_kg),
-            float(blast.mass_kg[0]),
-            float(blast.impulse_mass_kg[0]),
-            "free-air" if blast.free_air[0] > 0 else "surface",
-            *arrivals,
-            max(ends, default=-math.inf),
-            pulse,
-        )
-        return Staged(request, announced, samples)
-
-    def _arrivals(
-        self, scene: Scene, place: np.ndarray | Track
-    ) -> tuple[float, float, float]:
-        """Return the arrival times of flash, ground wave and air shock [s]."""
-        tracks = {NAME: place} if isinstance(place, Track) else {}
-        start = place.position[0] if isinstance(place, Track) else place
-        observed = replace(scene, sensors=(Sensor(NAME, np.asarray(start)),))
-        times = arrivals_of(observed, tracks).times_s
-        flash, ground, air = (
-            float(times[wave][0, 0])
-            for wave in ("flash_time_s", "ground_arrival_s", "air_arrival_s")
-        )
-        return flash, ground, air
-
-    def _pulse(self, scene: Scene, place: np.ndarray | Track) -> AirPulse | None:
-        pulse = waves(scene, place, self._laws, ("air",))[0].pulse
-        if not np.isfinite(float(pulse.arrival_time)):
-            return None
-        return AirPulse(*(float(number) for number in pulse))
+    place = standpoint(entity, motion)
+    tracks = {NAME: place} if isinstance(place, Track) else {}
+    start = np.asarray(place.position[0]) if isinstance(place, Track) else place
+    scene = replace(
+        world.scene,
+        charges=(replace(charge, name=""),),
+        sensors=(Sensor(NAME, start),),
+    )
+    arrivals = arrivals_of(scene, tracks)
+    flash, ground, air = (float(arrivals.times_s[wave][0, 0]) for wave in WAVES)
+    # The load depends only on the position of the vehicle, so any model will do.
+    # A blast load needs a vehicle position to select its curve set.
+    here = arrivals.places_m["air_arrival_s"][0, 0]
+    spec = VehicleSpec(entity.vehicle or "hummingbird", here)
+    load = blast_load(replace(scene, sensors=(), vehicle=spec))
+    scene = replace(scene, sensors=())
+    samples = {
+        sense: records_of(scene, place, KINDS[sense], entity.samples_hz)
+        for sense in KINDS
+        if sense in entity.senses
+    }
+    never = math.isinf(air)
+    if "force" in entity.senses and not never:
+        # The attitude is the reported one; without a report, level.
+        moves = np.zeros(3)
+        if isinstance(place, Track):  # the leg after a knot, which the wave meets
+            step_s = 1e-3
+            after = place.at(jnp.asarray(air + np.array([0.0, step_s])))
+            moves = np.diff(after, axis=0)[0] / step_s
+        met = replace(motion or Motion(0.0, here), position_m=here, velocity_m_s=moves)
+        vehicle = named(entity.vehicle)
+        samples["force"] = (force_rows(load, vehicle, state_met(vehicle, met)),)
+    (pulse,) = (wave.pulse for wave in waves(scene, place, ways=("air",)))
+    ends = [time for time in (flash, ground, air) if math.isfinite(time)]
+    ends += [
+        (rows.first + len(rows.values)) / rows.rate_hz
+        for records in samples.values()
+        for rows in records
+    ]
+    blast = load.blasts
+    announced = Announcement(
+        charge.name,
+        0,
+        float(charge.time_s),
+        np.array([float(x) for x in charge.position_m]),
+        float(charge.mass_kg),
+        float(blast.mass_kg[0]),
+        float(blast.impulse_mass_kg[0]),
+        "free-air" if blast.free_air[0] > 0 else "surface",
+        flash,
+        ground,
+        air,
+        max(ends, default=-math.inf),
+        None if never else jax.tree.map(float, pulse),
+    )
+    return Staged(charge, motion, announced, samples)
 
 
 class Playback:
@@ -363,76 +292,48 @@ class Playback:
 
     Attributes:
         entity: Recipient.
+        world: Blasts and times of packets.
         number: Number of the next packet.
         motion: Last report of the entity's motion.
         live: Announced blasts that are not over, by name.
     """
 
-    def __init__(
-        self,
-        entity: Entity,
-        schedule: BlastSchedule,
-        times: PacketTimes,
-        stager: Stager,
-        *,
-        first: int = 0,
-        until_s: float = np.inf,
-    ):
+    def __init__(self, entity: Entity, world: ServedWorld, first: int = 0):
         """Begin before the first packet.
 
         Args:
             entity: Recipient.
-            schedule: The blasts of the world.
-            times: Times of the packets.
-            stager: Stager of the same world; only its air is used here.
+            world: Blasts and times of packets.
             first: Number of the first packet.
-            until_s: End of the world [s]; the packet that contains it is the last.
         """
-        self.entity = entity
-        self.number = first
+        self.entity, self.number = entity, first
         self.motion: Motion | None = None
         self.live: dict[str, Staged] = {}
-        self._schedule, self._times = schedule, times
-        self._until_s = until_s
-        self._ahead_s = UPDATE_PACKETS / float(times.rate)
-        self._sound_m_s = stager.air.sound_speed_m_s
-        self._staged: set[str] = set()
+        self.world, self._staged = world, set[str]()
+        self._sound_m_s = float(sound_speed_of(world.scene.air))
 
     @property
     def time_s(self) -> float:
         """Beginning of the next packet [s]."""
-        return self._times.start_s(self.number)
+        return self.world.times.start_s(self.number)
 
-    def soon(self, ahead_s: float) -> list[StagingRequest]:
+    def soon(self, ahead_s: float) -> list[Charge]:
         """Return the blasts announced for the first time within the next interval.
 
         Args:
             ahead_s: Length of the interval from the beginning of the next packet [s].
         """
-        now = self.time_s
-        until = now + ahead_s + self._schedule.lead_s
-        return [
-            StagingRequest(self.entity, charge, self.motion)
-            for charge in self._schedule.between(now - PAST_S, until)
-            if charge.name not in self._staged
-        ]
+        now, world = self.time_s, self.world
+        until = now + ahead_s + world.options.lead_s
+        found = world.between(now - PAST_S, until)
+        return [charge for charge in found if charge.name not in self._staged]
 
-    def wanted(self) -> list[StagingRequest]:
+    def wanted(self) -> list[Charge]:
         """Return the blasts to stage for the next packet: updates, then new ones."""
-        updates = [
-            StagingRequest(
-                self.entity,
-                one.request.charge,
-                self.motion,
-                one.announced.revision + 1,
-            )
-            for one in self.live.values()
-            if self._uncertain(one)
-        ]
         new = self.soon(0.0)
         # Blasts added while these are staged belong to the packet after.
-        self._staged |= {one.charge.name for one in new}
-        return updates + new
+        self._staged |= {charge.name for charge in new}
+        return [one.charge for one in self.live.values() if self._uncertain(one)] + new
 
     def next(self, staged: Iterable[Staged]) -> Packet:
         """Return the next packet.
@@ -440,24 +341,20 @@ class Playback:
         Args:
             staged: The blasts that `wanted` returned.
         """
-        start, end = self.time_s, self._times.start_s(self.number + 1)
+        start, end = self.time_s, self.world.times.start_s(self.number + 1)
         announced = []
         for one in staged:
-            new, known = one.announced, self.live.get(one.announced.shot)
+            new, known = one.announced, self.live.get(one.charge.name)
             if known is not None:
-                # Past arrivals have been sent: an update must not move them.
-                past = {wave: getattr(known.announced, wave) for wave in WAVES}
-                past = {wave: time for wave, time in past.items() if time < start}
-                new = new._replace(**past)
+                # Arrivals that were sent stay; others are not before this packet.
+                of = {wave: getattr(known.announced, wave) for wave in ARRIVALS}
+                for wave, time in of.items():
+                    of[wave] = time if time < start else max(getattr(new, wave), start)
+                new = new._replace(revision=known.announced.revision + 1, **of)
             # A client that joins late does not receive blasts whose effects have ended.
             elif new.ends_s < start:
                 continue
-            # Waves about to arrive are final: later reports must not move an arrival
-            # that has been sent.
-            near = [x for x in WAVES if getattr(new, x) - start <= self._ahead_s]
-            self.live[new.shot] = one._replace(
-                announced=new, settled=frozenset(["flash_s", *near])
-            )
+            self.live[new.shot] = one._replace(announced=new)
             announced.append(new)
         packet = Packet(
             self.number,
@@ -465,7 +362,7 @@ class Playback:
             tuple(announced),
             tuple(self._perceived(start, end)),
             **{x: self._rows(x) for x in COLUMNS if x in self.entity.senses},
-            last=end >= self._until_s,
+            last=end >= self.world.options.ends_s,
         )
         self.live = {
             name: one for name, one in self.live.items() if one.announced.ends_s >= end
@@ -475,47 +372,36 @@ class Playback:
 
     def _uncertain(self, live: Staged) -> bool:
         """Return whether a wave may arrive so soon that an update is due."""
-        was = live.request.motion
-        if self.motion is None or len(self.entity.path) > 1 or was is self.motion:
+        was, motion = live.motion, self.motion
+        if motion is None or len(self.entity.path) > 1 or was is motion:
             return False
         then = self.entity.start_m
         if was is not None:
-            then = was.position_m + (self.motion.time_s - was.time_s) * was.velocity_m_s
+            then = was.position_m + (motion.time_s - was.time_s) * was.velocity_m_s
         # Distance from the extrapolated position: the wave may arrive earlier by at
         # most this time.
-        off_m = float(np.linalg.norm(self.motion.position_m - then))
-        limit = self.time_s + off_m / self._sound_m_s + self._ahead_s
-        return any(
-            self.time_s <= getattr(live.announced, wave) <= limit
-            for wave in WAVES
-            if wave not in live.settled
-        )
+        early_s = float(np.linalg.norm(motion.position_m - then)) / self._sound_m_s
+        limit = self.world.times.start_s(self.number + 2) + early_s
+        # The light of a flash is not later or earlier by motion.
+        comes = live.announced.ground_s, live.announced.air_s
+        return any(self.time_s <= time < limit for time in comes)
 
     def _perceived(self, start: float, end: float) -> list[Perceived]:
         """Return the perceptions within a packet, sorted by time."""
-        found: list[Perceived] = []
-        for shot, one in self.live.items():
-            flash, ground, air = (getattr(one.announced, wave) for wave in WAVES)
-            of_senses = {
-                "flash": [(flash, "flash")],
-                "ground": [(ground, "ground motion")],
-                "pressure": [(air, "pressure")],
-                "sound": [(ground, "ground sound"), (air, "sound")],
-                "force": [(air, "force")],
-            }
-            found += [
-                Perceived(shot, self.entity.name, word, time)
-                for sense in self.entity.senses
-                for time, word in of_senses[sense]
-                if start <= time < end
-            ]
+        found = [
+            Perceived(shot, self.entity.name, word, time)
+            for shot, one in self.live.items()
+            for sense in self.entity.senses
+            for wave, word in SENSES[sense]
+            if start <= (time := getattr(one.announced, wave)) < end
+        ]
         return sorted(found, key=lambda one: (one.time_s, one.sense))
 
     def _rows(self, sense: str) -> Rows:
         """Return the summed samples within the next packet; empty without any."""
         rate_hz = STEPS_HZ if sense == "force" else self.entity.samples_hz
         # Exact integers, so consecutive packets share no sample and skip none.
-        first, last = self._times.samples(self.number, rate_hz)
+        first, last = self.world.times.samples(self.number, rate_hz)
         # Most packets are silent, and an empty array keeps their messages small.
         total = np.zeros((0, *COLUMNS[sense]))
         for live in self.live.values():
@@ -529,11 +415,13 @@ class Playback:
         return Rows(first, rate_hz, total)
 
 
-def packets_of(playback: Playback, stager: Stager) -> Iterator[Packet]:
+def packets_of(playback: Playback) -> Iterator[Packet]:
     """Yield the packets of an entity in this process, to the end of the world."""
     last = False
     while not last:
-        packet = playback.next([stager.stage(one) for one in playback.wanted()])
+        of = playback.world, playback.entity
+        staged = [stage(*of, one, playback.motion) for one in playback.wanted()]
+        packet = playback.next(staged)
         yield packet
         last = packet.last
 
@@ -546,113 +434,59 @@ def standpoint(entity: Entity, motion: Motion | None) -> np.ndarray | Track:
         motion: Last report; None without one.
     """
     if len(entity.path) > 1:
-        return _padded(entity.times_s, entity.places_m)
+        time, place = entity.times_s, entity.places_m
+        # Programs are compiled per number of knots: powers of two give at most 12.
+        rest = 2 ** (len(time) - 1).bit_length() - len(time)
+        time = np.append(time, time[-1] + 1.0 + np.arange(rest))
+        return Track(time, np.pad(place, ((0, rest), (0, 0)), mode="edge"))
     if motion is None:
         return entity.start_m
-    place = np.maximum(motion.position_m, [-np.inf, -np.inf, 0.0])
-    lasts = EXTRAPOLATION_S
+    place, lasts = (
+        np.maximum(motion.position_m, [-np.inf, -np.inf, 0.0]),
+        EXTRAPOLATION_S,
+    )
     if (sinks := -motion.velocity_m_s[2]) * lasts > place[2]:  # it lands before
         # The extrapolation stops on the ground; 1 ms keeps the knots of the path
         # distinct.
         lasts = max(place[2] / sinks, 1e-3)
-    later = place + lasts * motion.velocity_m_s
-    time = motion.time_s + np.array([0.0, lasts])
-    return Track(time, np.stack([place, np.maximum(later, [-np.inf, -np.inf, 0.0])]))
-
-
-def _padded(time: np.ndarray, place: np.ndarray) -> Track:
-    """Return a path padded to a power of two of knots, at rest at its end."""
-    # Programs are compiled per number of knots: powers of two give at most 12.
-    missing = max(2 ** (len(time) - 1).bit_length(), 2) - len(time)
-    after = time[-1] + 1.0 + np.arange(missing)
-    return Track(
-        np.concatenate([time, after]),
-        np.concatenate([place, np.repeat(place[-1:], missing, axis=0)]),
-    )
-
-
-def _met_at(
-    place: np.ndarray | Track, time_s: float
-) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-    """Return position and velocity at a time."""
-    if not isinstance(place, Track):
-        return place, np.zeros(3)
-    time, knots = np.asarray(place.time), np.asarray(place.position)
-    here = np.stack([np.interp(time_s, time, axis) for axis in knots.T])
-    if not time[0] <= time_s < time[-1]:
-        return here, np.zeros(3)
-    # The speed of the segment after a knot, which is the one that the wave meets.
-    n = int(np.searchsorted(time, time_s, side="right")) - 1
-    return here, (knots[n + 1] - knots[n]) / (time[n + 1] - time[n])
+    places = np.stack([place, place + lasts * motion.velocity_m_s])
+    places[:, 2] = np.maximum(places[:, 2], 0.0)
+    return Track(motion.time_s + np.array([0.0, lasts]), places)
 
 
 def records_of(
-    scene: Scene,
-    place: np.ndarray | Track,
-    sense: str,
-    rate_hz: float,
-    laws: dict[str, str],
+    scene: Scene, place: np.ndarray | Track, kind: str, rate_hz: float
 ) -> tuple[Rows, ...]:
-    """Return the pressure records of one blast at a position, sorted by time.
+    """Return the pressure records of one blast at a position, one of each wave.
 
     Args:
-        scene: Scene with this blast only.
+        scene: Scene with this blast only, with its laws stated.
         place: East, north, up [m], or a path.
-        sense: "pressure", or "sound" with ground sound and atmospheric absorption.
+        kind: Kind of sensor: "pressure", or "microphone" with ground sound and
+            atmospheric absorption.
         rate_hz: Samples per second.
-        laws: Laws by quantity.
     """
     track = place if isinstance(place, Track) else None
-    start = place.position[0] if isinstance(place, Track) else place
-    sensor = Sensor(
-        "", np.asarray(start), kind=KINDS[sense], instrument=Instrument(rate=rate_hz)
-    )
-    is_sound = sense == "sound"
-    met = waves(scene, place, laws, (*IN_AIR, *IN_GROUND) if is_sound else IN_AIR)
-    found = []
-    for first, last in _intervals(met, rate_hz, TAIL_S if is_sound else 0.0):
+    start = np.zeros(3) if isinstance(place, Track) else place
+    sensor = Sensor("", start, kind=kind, instrument=Instrument(rate=rate_hz))
+    recorder, found = recording(scene, sensor, jax.random.key(0), track=track), []
+    for source in recorder.sources:
+        begins, ends = source.span(rate_hz)
+        if math.isinf(begins):
+            continue
+        first = math.floor(begins * rate_hz)
         # Record lengths are powers of two blocks, for few compiled programs.
-        size = BLOCK * 2 ** math.ceil(math.log2(max((last - first) / BLOCK, 1.0)))
-        start_s, key = first / rate_hz, jax.random.key(0)
-        made = recording(scene, sensor, key, laws=laws, track=track, start_s=start_s)
-        samples = np.asarray(made.samples(size / rate_hz))[: last - first]
+        blocks = (ends * rate_hz - first) / BLOCK
+        size = BLOCK * 2 ** max(math.ceil(math.log2(blocks)), 0)
+        begin = jnp.asarray(first / rate_hz)
+        alone = replace(recorder, sources=(source,), begin=begin)
+        samples = np.asarray(alone.samples(size / rate_hz))
         # Silence at both ends is not sent. A copy, so that the padding is freed.
         loud = np.flatnonzero(np.abs(samples) >= SILENCE_PA)
         if loud.size:
-            begin, end = int(loud[0]), int(loud[-1]) + 1
-            found.append(Rows(first + begin, rate_hz, samples[begin:end].copy()))
+            record = samples[loud[0] : loud[-1] + 1].copy()
+            found.append(Rows(first + int(loud[0]), rate_hz, record))
     return tuple(found)
-
-
-def _intervals(
-    met: tuple[Wave, ...], rate_hz: float, tail_s: float
-) -> list[tuple[int, int]]:
-    """Return the intervals of samples with waves, as first and last + 1."""
-    spans = sorted(
-        (arrival, arrival + lasts + tail_s)
-        for arrival, lasts in (_duration(wave) for wave in met)
-        if math.isfinite(arrival)
-    )
-    found: list[tuple[int, int]] = []
-    for begin, end in spans:
-        first, last = math.floor(begin * rate_hz), math.ceil(end * rate_hz) + 1
-        if found and first <= found[-1][1]:
-            found[-1] = found[-1][0], max(found[-1][1], last)
-        else:
-            found.append((first, last))
-    return found
-
-
-def _duration(wave: Wave) -> tuple[float, float]:
-    """Return arrival and duration of a wave [s]."""
-    pulse = wave.pulse
-    if isinstance(pulse, GroundPulse):
-        if not float(pulse.amplitude) > 0:
-            return math.inf, 0.0
-        return float(pulse.arrival_time), GROUND_TIME_CONSTANTS * float(
-            pulse.time_constant
-        )
-    return float(pulse.arrival_time), float(pulse.lasts)
 
 
 def state_met(vehicle: Vehicle, motion: Motion) -> State:
@@ -676,10 +510,9 @@ def force_rows(load: BlastLoad, vehicle: Vehicle, state: State) -> Rows:
         vehicle: The vehicle.
         state: State at the arrival.
     """
-    begins, ends = (float(x) for x in _passing(load, vehicle, state))
-    first = math.floor(begins * STEPS_HZ)
-    last = math.ceil(ends * STEPS_HZ) + 1
-    steps = min(last - first, MAX_STEPS)
+    begins, ends = (np.asarray(x) for x in _spans(load, vehicle, state))
+    first = math.floor(begins.min() * STEPS_HZ)
+    steps = math.ceil(ends[np.isfinite(ends)].max() * STEPS_HZ) + 1 - first
     # Powers of two from 256 on: a few compiled programs serve all durations.
     size = max(2 ** math.ceil(math.log2(steps)), 256)
     edges = np.arange(first, first + size + 1) / STEPS_HZ
@@ -689,12 +522,11 @@ def force_rows(load: BlastLoad, vehicle: Vehicle, state: State) -> Rows:
 
 
 @kept
-def _passing(
+def _spans(
     load: BlastLoad, vehicle: Vehicle, state: State
-) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return beginning and end of a blast's force, reflection included."""
-    begins, ends = load.span_s(state.position_m, vehicle)
-    return jnp.min(begins), jnp.max(jnp.where(jnp.isposinf(ends), -jnp.inf, ends))
+) -> tuple[Float[Array, " wave"], Float[Array, " wave"]]:
+    """Return beginning and end of the force of each wave."""
+    return load.span_s(state.position_m, vehicle)
 
 
 @kept

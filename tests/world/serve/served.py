@@ -5,7 +5,7 @@ from typing import Any
 
 from jblast.scene.reader import world_from_document
 from jblast.world import DrawnWorld, draw_world
-from jblast.world.serve import BlastSchedule, Packet, Playback, Stager, packet_times
+from jblast.world.serve import Options, Packet, Playback, ServedWorld, packets_of
 
 LEAD_S = 0.5
 ENDS_S = 2.0
@@ -21,18 +21,17 @@ def world(seed: int = 1, **tables: Any) -> DrawnWorld:
 
 
 @functools.cache
-def stager() -> Stager:
-    """Return what stages the blasts of the world."""
-    return Stager(world())
+def served(**options: Any) -> ServedWorld:
+    """Return the world with 100 packets a second; nobody may add blasts to it."""
+    usual: dict[str, Any] = {"lead_s": LEAD_S, "ends_s": ENDS_S}
+    return ServedWorld(world(), Options(**(usual | options)))
 
 
-def playback(entity: Any, **options: Any) -> Playback:
-    """Return the packets of an entity, 100 a second."""
-    usual: dict[str, Any] = {"until_s": ENDS_S} | options
-    schedule = usual.pop("schedule", None) or BlastSchedule(world(), LEAD_S)
-    return Playback(entity, schedule, packet_times(100.0), stager(), **usual)
+def playback(entity: Any, first: int = 0) -> Playback:
+    """Return the packets of an entity."""
+    return Playback(entity, served(), first)
 
 
 def step(played: Playback) -> Packet:
     """Return the next packet, staged in this process."""
-    return played.next([stager().stage(wanted) for wanted in played.wanted()])
+    return next(packets_of(played))

@@ -14,21 +14,24 @@ from jblast.scene import Instrument, Sensor
 from jblast.sensors import Track, recording
 from jblast.world import arrivals_of
 from jblast.world.serve import (
-    BlastSchedule,
     Entity,
     Knot,
     Motion,
     NewBlast,
+    Options,
+    Playback,
+    ServedWorld,
     packet_times,
     packets_of,
+    stage,
 )
-from jblast.world.serve.staging import StagingRequest, standpoint
+from jblast.world.serve.staging import standpoint
 from tests.world.serve.served import (
     ENDS_S,
     HERE,
     LEAD_S,
     playback,
-    stager,
+    served,
     step,
     world,
 )
@@ -40,7 +43,7 @@ RATE = 8000.0
 
 @pytest.fixture(scope="module")
 def packets():
-    return list(packets_of(playback(EVERYTHING), stager()))
+    return list(packets_of(playback(EVERYTHING)))
 
 
 def test_packets_come_one_after_another_to_the_end(packets):
@@ -140,11 +143,11 @@ def test_packets_of_hours_begin_at_whole_numbers_of_them():
 
 def test_one_who_comes_late_hears_what_is_under_way_and_no_more():
     late = playback(EVERYTHING, first=120)
-    packets = list(packets_of(late, stager()))
+    packets = list(packets_of(late))
     assert packets[0].number == 120
     told = {one.shot for packet in packets for one in packet.announcements}
     arrivals = {
-        charge.name: stager().stage(StagingRequest(EVERYTHING, charge)).announced.ends_s
+        charge.name: stage(served(), EVERYTHING, charge).announced.ends_s
         for charge in world().charges
     }
     assert told == {name for name, last in arrivals.items() if last >= 1.2}
@@ -153,17 +156,17 @@ def test_one_who_comes_late_hears_what_is_under_way_and_no_more():
 @pytest.mark.slow
 def test_a_blast_added_after_its_lead_comes_in_the_next_packet():
     """Whoever is past it receives what has not arrived yet, as one who joins."""
-    schedule = BlastSchedule(world(), LEAD_S)
+    own = ServedWorld(world(), Options(lead_s=LEAD_S, ends_s=ENDS_S))
     flash = replace(EVERYTHING, senses=("flash", "pressure"))
-    played = playback(flash, schedule=schedule)
+    played = Playback(flash, own)
     for _ in range(100):
         step(played)
     wanted = played.wanted()
     for name, time_s, up in (("soon", 1.2, 0.0), ("past", 0.98, 2.0)):
-        schedule.announce(NewBlast(name, time_s, [5.0, 5.0, up], 3.0), 0.0)
+        own.announce(NewBlast(name, time_s, [5.0, 5.0, up], 3.0), 0.0)
     # one was added while the packet before was staged
-    played.next([stager().stage(one) for one in wanted])
-    first, *rest = packets_of(played, stager())
+    played.next([stage(own, flash, one) for one in wanted])
+    first, *rest = packets_of(played)
     assert {"soon", "past"} <= {one.shot for one in first.announcements}
     told = [one.shot for p in rest for one in p.announcements]
     assert not {"soon", "past"} & set(told)
@@ -174,7 +177,8 @@ def test_a_blast_added_after_its_lead_comes_in_the_next_packet():
 
 
 def test_what_was_told_is_let_go_of_when_it_is_over():
-    played = playback(replace(EVERYTHING, senses=("flash", "pressure")), until_s=9.0)
+    entity = replace(EVERYTHING, senses=("flash", "pressure"))
+    played = Playback(entity, served(ends_s=9.0))
     waiting = [(step(played), len(played.live))[1] for _ in range(900)]
     assert max(waiting) > 0
     assert waiting[-1] == 0
@@ -185,7 +189,7 @@ def test_at_the_charge_there_is_no_answer():
     place = [float(x) for x in charge.position_m]
     here = Entity("e", ["pressure"], [Knot(place)])
     with pytest.raises(InputError, match="away from it"):
-        stager().stage(StagingRequest(here, charge))
+        stage(served(), here, charge)
 
 
 def test_a_track_that_lands_ends_on_the_ground():
