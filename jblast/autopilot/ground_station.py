@@ -25,9 +25,9 @@ from jblast.autopilot.lockstep import PERIOD_S
 from jblast.autopilot.mavlink import (
     HEARTBEAT_S,
     Link,
-    LinkLost,
     answer,
     dialect,
+    ending,
     message,
 )
 from jblast.autopilot.protocols import UNKNOWN, Missions, Parameters, motion_fields
@@ -338,7 +338,7 @@ class GroundStation:
             seconds: Wall-clock time; None: no end.
         """
         start = time.monotonic()
-        try:
+        with ending(self):
             while seconds is None or time.monotonic() - start < seconds:
                 # A fifth of the telemetry step: the loop stays responsive without busy
                 # waiting.
@@ -363,10 +363,6 @@ class GroundStation:
                     self._show(*due)
                     self._sent |= dict.fromkeys(due, now)
             self.ended = "the time is over"
-        except LinkLost as end:
-            self.ended = str(end)
-        except KeyboardInterrupt:
-            self.ended = "interrupted"
 
     def report(self, text: str) -> None:
         """Report a warning, to the operator in the 50 characters of STATUSTEXT."""

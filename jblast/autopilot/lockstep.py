@@ -31,8 +31,8 @@ from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
 from jblast.autopilot.mavlink import (
     FIX,
     Link,
-    LinkLost,
     down,
+    ending,
     message,
     named,
     place_fields,
@@ -178,7 +178,7 @@ def fly_lockstep(
     """
     still, heard = np.zeros(4), False
     carried, sample = turn(carried, False, still)
-    try:
+    with ending(flight):
         while seconds is None or flight.seconds < seconds - 0.5 * PERIOD_S:
             # Simulated time: stamps of the wall clock would depend on the speed of the
             # machine and of the autopilot.
@@ -200,10 +200,6 @@ def fly_lockstep(
             flight.flown += goes
         else:
             flight.ended = "the time is over"
-    except (LinkLost, InputError) as end:
-        flight.ended = str(end)
-    except KeyboardInterrupt:
-        flight.ended = "interrupted"
     flight.position_m = tuple(float(x) for x in carried.state.position_m)
     return flight
 

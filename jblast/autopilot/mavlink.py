@@ -179,6 +179,17 @@ class Link:
             self._log.write(struct.pack(">Q", round(1e6 * self.now_s)) + frame)
 
 
+@contextlib.contextmanager
+def ending(service: Any) -> Iterator[None]:
+    """Write the reason of the end of a service to its attribute `ended`."""
+    try:
+        yield
+    except (LinkLost, InputError) as end:
+        service.ended = str(end)
+    except KeyboardInterrupt:
+        service.ended = "interrupted"
+
+
 def read_address(text: str, name: str, ports: dict[str, int]) -> tuple[str, str]:
     """Read an address; defaults are this machine and the usual port.
 

@@ -34,7 +34,7 @@ from jblast.autopilot.lockstep import (
     rotors_of,
     turns_of,
 )
-from jblast.autopilot.mavlink import Link, message, read_address
+from jblast.autopilot.mavlink import Link, ending, message, read_address
 from jblast.missions.plan import read_plan
 from jblast.observations.places import Frame
 from jblast.results import Document, filled
@@ -43,7 +43,10 @@ from jblast.study.flight_results import burst_remarks
 from jblast.study.flights import checked_scene, drawn_scenes, scene_to_run
 from jblast.vehicle import blast_load, hold_of, vehicle_of
 
-AUTOPILOT_PORT, GROUND_PORT = {"tcp": 4560, "udp": 14560}, {"tcp": 5760, "udp": 14550}
+PORTS = {
+    "mavlink": {"tcp": 4560, "udp": 14560},
+    "ground_station": {"tcp": 5760, "udp": 14550},
+}
 """Default ports, by convention of PX4's simulators and of ground stations."""
 WAIT_S = 0.05
 """Interval of the checks for a client."""
@@ -133,30 +136,24 @@ def serve_autopilot(
     """
     flight = Lockstep()
     # the port is bound before programs compile: a client may connect meanwhile
-    with contextlib.ExitStack() as stack:
-        who = SYSTEM, COMPONENT
-        uncertain, spec, place, link, known = stack.enter_context(
-            _served(scene, address, "mavlink", AUTOPILOT_PORT, who, seconds, seed)
-        )
+    with _served(
+        scene, address, "mavlink", (SYSTEM, COMPONENT), seconds, seed
+    ) as served:
+        uncertain, spec, place, link, known = served
         turns = turns_of(uncertain.scene, spec, place, seed, str(scene))
         if log:
             # after the port is bound, so that a failure leaves no file
             link.keep(log)
-        listens = link.address.startswith("tcp")
-        waits = "waits for" if listens else "connects to"
+        waits = "waits for" if link.address.startswith("tcp") else "connects to"
         report(
             f"{spec.model} in {scene} {waits} an autopilot on {link.address}: 250 "
             f"samples a second in lockstep, motors {MOTOR_WORDS}"
         )
-        stack.enter_context(_stopped_by_signal())
-        try:
+        with ending(flight):
             with link.beating(message("HEARTBEAT", **HEARTBEAT)):
                 turn, carried = compiled(turns)
                 while not link.connected:
                     time.sleep(WAIT_S)
-        except KeyboardInterrupt:
-            flight.ended = "interrupted before an autopilot connected"
-        else:
             fly_lockstep(
                 turn,
                 carried,
@@ -201,9 +198,7 @@ def serve_ground_station(
         InputError: The scene or the address cannot be used.
     """
     who = ground_station.SYSTEM, ground_station.COMPONENT
-    with _served(
-        scene, address, "ground_station", GROUND_PORT, who, seconds, seed
-    ) as served:
+    with _served(scene, address, "ground_station", who, seconds, seed) as served:
         uncertain, spec, place, link, known = served
         first = heartbeat(armed=False, mode=MODE_HOLD)
         with link.beating(message("HEARTBEAT", **first)):
@@ -227,8 +222,7 @@ def serve_ground_station(
         report(
             f"{spec.model} in {scene} on {link.address}, for a ground station to arm"
         )
-        with _stopped_by_signal():
-            station.serve(seconds)
+        station.serve(seconds)
     items = len(station.missions.items)
     return filled(WatchedAnswer, station, link, known, items=items)
 
@@ -238,18 +232,18 @@ def _served(
     scene: str | os.PathLike[str],
     address: str,
     name: str,
-    ports: dict[str, int],
     who: tuple[int, int],
     seconds: float | None,
     seed: int,
 ) -> Iterator[tuple[UncertainScene, VehicleSpec, Place, Link, dict[str, object]]]:
     """Yield a scene, its vehicle and place, a link, and entries of the document."""
-    kind, where = read_address(address, name, ports)
+    kind, where = read_address(address, name, PORTS[name])
     drawn = scene_to_run(scene, seconds=seconds, seed=seed)
     place = PLACE if drawn.place is None else drawn.place
     whole = replace(drawn, place=place)
     spec = checked_scene(whole, 1, False)
-    with contextlib.closing(Link(kind, where, name, who)) as link:
+    closing = contextlib.closing(Link(kind, where, name, who))
+    with closing as link, _stopped_by_signal():
         known = {"scene": str(scene), "seed": seed, "vehicle": spec.model}
         known["address"] = link.address
         yield whole, spec, place, link, known
