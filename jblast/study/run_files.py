@@ -56,10 +56,9 @@ from jblast.world.drawn import CAMERA
 from jblast.world.perceived import camera_path
 from jblast.world.picked import (
     Reading,
-    joined,
-    log_of,
     picked_readings,
     sampled_sensors,
+    with_picked,
 )
 
 Item = TypeVar("Item")
@@ -253,7 +252,7 @@ def _readings(
         seconds = run.listening.seconds
         picks, poor = picked_readings(world, run.arrivals, recordings, seconds)
         rows, missed = rows + picks, missed + poor
-    readings = joined(readings, log_of(rows))
+    readings = with_picked(readings, rows)
     return readings, [*_warnings(run, readings is None, late, missed)]
 
 

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key, PRNGKeyArray
 
-from jblast.errors import InputError, shown
+from jblast.errors import require, shown
 from jblast.parameters import CHARGE_POSITION
 from jblast.scene import (
     Charge,
@@ -43,7 +43,6 @@ from jblast.scene.random_blasts import (
     Box,
     ByCount,
     ByRate,
-    ByTick,
     Number,
     Ring,
     WorldSpec,
@@ -128,13 +127,10 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     Raises:
         InputError: The scene has a charge in addition to the random ones.
     """
-    scene = uncertain.scene
-    if not bool(scene.charge.never):
-        raise InputError(
-            f"{uncertain.source or 'scene'}: [charge]: expected none in a scene with "
-            "[world] to fit with, got one; a fit has one shot, so its priors would be "
-            "ambiguous"
-        )
+    scene, where = uncertain.scene, f"{uncertain.source or 'scene'}: [charge]"
+    got = "one; a fit has one shot, so its priors would be ambiguous"
+    expected = "none in a scene with [world] to fit with"
+    require(scene.charge.never, where, expected, got)
     beliefs: dict[str, Belief] = {}
     low, high = _bounds(world.region)
     # The median of the prior, as for every uncertain number of a scene.
@@ -253,7 +249,11 @@ def draw_world(
     _check_names(scene, source)
     blasts: Blasts | tuple[()] = ()
     if world is not None:
-        about = _vehicle_position(scene, source) if world.about == "vehicle" else None
+        vehicle = scene.vehicle if world.about == "vehicle" else None
+        there = world.about != "vehicle" or vehicle is not None
+        expected = "a [vehicle] as centre of the region"
+        require(there, f"{source}: [world] about", expected, "none")
+        about = None if vehicle is None else vehicle.held
         blasts = draw_blasts(seed, world, about, until_s=until_s, source=source)
     charges = [
         replace(charge, name=charge.name or "charge")
@@ -263,54 +263,32 @@ def draw_world(
     drawn = zip(*blasts, strict=True)
     for number, (time, place, mass) in enumerate(drawn, start=1):
         name = str(number)
-        if name in {charge.name for charge in charges}:
-            raise InputError(
-                f"{source}: [[charge]] name: expected a name that no random blast has, "
-                f"got {shown(name)}"
-            )
+        free = name not in {charge.name for charge in charges}
+        expected = "a name that no random blast has"
+        require(free, f"{source}: [[charge]] name", expected, shown(name))
         charges.append(Charge(mass, tuple(place), time, name=name))
     # Sorted, so that the order of rows in all files is that of the times.
     charges.sort(key=lambda charge: float(charge.time_s))
     charges = charges or [Charge(time_s=math.inf)]
-    if any(charge.range_m is not None for charge in charges):
-        raise InputError(
-            f"{source}: [charge] range_m: expected position_m, got range_m, which is "
-            "the distance of a single sensor"
-        )
+    placed = all(charge.range_m is None for charge in charges)
+    got = "range_m, which is the distance of a single sensor"
+    require(placed, f"{source}: [charge] range_m", "position_m", got)
     scene = replace(scene, charges=tuple(charges))
     laws = dict(scene.law) | record_laws(scene)
     scene = replace(scene, law=tuple(laws.items()))
     return DrawnWorld(scene, seed, source)
 
 
-def _vehicle_position(scene: Scene, source: str) -> Float[Array, "3"]:
-    """Return the position that the vehicle maintains."""
-    if scene.vehicle is None:
-        raise InputError(
-            f"{source}: [world] about: expected a [vehicle] as centre of the region, "
-            "got none"
-        )
-    return scene.vehicle.held
-
-
 def _check_names(scene: Scene, source: str) -> None:
     """Reject sensors named like the vehicle or the camera, or without a position."""
-    taken = {
-        name
-        for name, there in ((VEHICLE, scene.vehicle), (CAMERA, scene.camera))
-        if there is not None
-    }
+    others = {VEHICLE: scene.vehicle, CAMERA: scene.camera}
     for sensor in scene.sensors:
-        if sensor.name in taken:
-            raise InputError(
-                f"{source}: [[sensor]] name: expected another name than that of the "
-                f"scene's {sensor.name}, got {shown(sensor.name)}"
-            )
-        if not sensor.mount and np.isnan(sensor.position_m).any():
-            raise InputError(
-                f"{source}: [[sensor]] {shown(sensor.name)} position_m: expected "
-                "[east, north, up], or a mount, got nothing"
-            )
+        where, name = f"{source}: [[sensor]]", sensor.name
+        expected = f"another name than that of the scene's {name}"
+        require(others.get(name) is None, f"{where} name", expected, shown(name))
+        placed = sensor.mount or not np.isnan(sensor.position_m).any()
+        expected = "[east, north, up], or a mount"
+        require(placed, f"{where} {shown(name)} position_m", expected, "nothing")
 
 
 class Blasts(NamedTuple):
@@ -366,11 +344,9 @@ def draw_blasts(
     blasts = _blasts(key, world, about, MAX_BLASTS + 1)
     end = min(world.window[1], until_s)
     happen = int(np.sum(np.asarray(blasts.time_s) <= end))
-    if happen > MAX_BLASTS:
-        raise InputError(
-            f"{where}: expected at most {MAX_BLASTS:,} blasts, got more until "
-            f"{end:g} s with seed {seed}"
-        )
+    expected = f"at most {MAX_BLASTS:,} blasts"
+    got = f"more until {end:g} s with seed {seed}"
+    require(happen <= MAX_BLASTS, where, expected, got)
     return Blasts(*(numbers[:happen] for numbers in blasts))
 
 
@@ -445,43 +421,20 @@ def _times(
         # time stays paired with its mass and position.
         rank = jnp.argsort(order)
         first = time.lo + share[order] * jnp.maximum(free, 0.0)
-        return _separated(first + jnp.arange(share.size, dtype=float) * gap, gap)[rank]
+        return (first + jnp.arange(share.size, dtype=float) * gap)[rank]
     assert isinstance(time, Uniform), "[world] by rate or tick has a window"
+    numbers = jnp.arange(keys.shape[0], dtype=float)
     if isinstance(how, ByRate):
         mean = 1.0 / _common_number(key, how.rate, 1)
         wait = mean * jax.vmap(jax.random.exponential)(keys)
-        rising = time.lo + jnp.cumsum(wait) + gap * jnp.arange(wait.size, dtype=float)
-        return _separated(rising, gap)
-    return _ticks(keys, how, time.lo, gap)
-
-
-def _ticks(
-    keys: Key[Array, " blast"],
-    how: ByTick,
-    start: Float[Array, ""],
-    gap: Float[Array, ""],
-) -> Float[Array, " blast"]:
-    """Sample the ticks of blasts by geometric waiting times."""
-    # A share of zero would have an infinite logarithm.
+        return time.lo + jnp.cumsum(wait) + gap * numbers
+    # Ticks by geometric waiting times: the inverse transform of the distribution;
+    # probability 1 gives a wait of one tick. A share of zero would have an infinite
+    # logarithm.
     tiny = jnp.finfo(float).tiny
     share = jax.vmap(lambda k: jax.random.uniform(k, minval=tiny))(keys)
-    # Inverse transform of the geometric distribution; probability 1 gives a wait of one
-    # tick.
     failed = math.log1p(-how.probability) if how.probability < 1.0 else -math.inf
     wait = 1.0 + jnp.floor(jnp.log(share) / failed)
     # Rounding must not turn a gap of whole ticks into one more tick.
     blind = jnp.maximum(jnp.ceil(gap / how.tick * (1.0 - 1e-12)), 1.0) - 1.0
-    number = jnp.cumsum(wait) + blind * jnp.arange(wait.size, dtype=float) - 1.0
-    return start + number * how.tick
-
-
-def _separated(
-    times: Float[Array, " blast"], gap: Float[Array, ""]
-) -> Float[Array, " blast"]:
-    """Return ascending times with at least the gap between them, despite rounding."""
-
-    def later(last: Array, time: Array) -> tuple[Array, Array]:
-        time = jnp.maximum(time, last + gap)
-        return time, time
-
-    return jax.lax.scan(later, -jnp.inf * jnp.ones_like(times[0]), times)[1]
+    return time.lo + (jnp.cumsum(wait) + blind * numbers - 1.0) * how.tick

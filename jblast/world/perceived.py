@@ -294,19 +294,17 @@ def arrivals_of(scene: Scene, tracks: Mapping[str, Track] | None = None) -> Arri
     # serves all blasts.
     bare = replace(scene, sensors=(), camera=None, clocks=(), ambient=None)
     observers = tuple(Sensor(name, place) for name, place in entities.items())
-    times: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
-    places: dict[str, list[np.ndarray]] = {wave: [] for wave in WAVES}
-    for charge in scene.charges:
-        # The name is static: with it each blast would compile its own program.
-        alone = replace(bare, charges=(replace(charge, name=""),))
-        truth = truth_of(alone, observers, moving, WAVES)
-        for wave in WAVES:
-            times[wave].append(truth.values[wave][:, 0])
-            places[wave].append(truth.places[wave][:, 0])
+    # The name is static: with it each blast would compile its own program.
+    truths = [
+        truth_of(
+            replace(bare, charges=(replace(x, name=""),)), observers, moving, WAVES
+        )
+        for x in scene.charges
+    ]
     return Arrivals(
         tuple(entities),
-        {wave: np.stack(column, axis=1) for wave, column in times.items()},
-        {wave: np.stack(column, axis=1) for wave, column in places.items()},
+        {w: np.stack([one.values[w][:, 0] for one in truths], 1) for w in WAVES},
+        {w: np.stack([one.places[w][:, 0] for one in truths], 1) for w in WAVES},
     )
 
 

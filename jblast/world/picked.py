@@ -16,7 +16,7 @@ variance of an arrival, and to that of a peak the corresponding decay of the pul
 
 import math
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -51,6 +51,8 @@ from jblast.vehicle.quadrotor import required_body
 from jblast.world.drawn import VEHICLE, DrawnWorld, with_nevers
 from jblast.world.perceived import Arrivals, interval_about
 
+AIR, PEAK = "air_arrival_s", "peak_overpressure_pa"
+"""Quantities of a pick of a pressure record that are used."""
 MAX_DIRECTION_ERROR_RAD = 0.5
 """Standard error above which a direction is not reported; 29 degrees, declared."""
 
@@ -105,12 +107,14 @@ class Reading(NamedTuple):
     lower_bound: bool = False
 
 
-def log_of(rows: Sequence[Reading]) -> Observations | None:
-    """Return a log of picked readings; None without any."""
+def with_picked(
+    log: Observations | None, rows: Sequence[Reading]
+) -> Observations | None:
+    """Return a log with picked readings appended; None without any."""
     if not rows:
-        return None
+        return log
     names, quantities, values, sigmas, shots, places, bounds = zip(*rows, strict=True)
-    return observed(
+    picked = observed(
         names,
         quantities,
         values,
@@ -120,6 +124,10 @@ def log_of(rows: Sequence[Reading]) -> Observations | None:
         lower_bound=np.array(bounds),
         comments=("picked: readings of sensors with samples",),
     )
+    if log is None:
+        return picked
+    both = stacked([log, picked])
+    return Observations(**both, comments=(*log.comments, *picked.comments))
 
 
 def picked_jolts(
@@ -136,11 +144,10 @@ def picked_jolts(
         Times, sizes and directions; and the number of waves without a pick.
     """
     rows: list[Reading] = []
-    spec = world.scene.vehicle
+    spec, missed = world.scene.vehicle, 0
     if spec is None:
-        return rows, 0
+        return rows, missed
     load, vehicle = blast_load(with_nevers(world.scene)), vehicle_of(spec)
-    yaw, missed, crossing_s = jnp.asarray(spec.yaw), 0, _crossing_s(vehicle)
     for record in records:
         if record.sensor.imu is None:
             continue
@@ -154,18 +161,26 @@ def picked_jolts(
                 # were lost.
                 missed += 1
                 continue
-            place = arrivals.places_m[AIR][row, shot]
-            charge = world.scene.charges[shot]
-            state = states_at(record.flight, jnp.asarray([comes[shot]]))
-            state = jax.tree.map(lambda column: column[0], state)
-            law = _jolt_law(load, jnp.asarray(shot), state, vehicle, yaw)
+            state = _state_at(record.flight, comes[shot])
+            number, yaw = jnp.asarray(shot), jnp.asarray(spec.yaw)
+            jolts = _law_jolts(load, number, state, vehicle, yaw)
+            onset_s = float(record.stamps_s[first + pick.onset])
+            found = _values(record, pick, onset_s, vehicle, *np.asarray(jolts))
+            name, place = (
+                world.scene.charges[shot].name,
+                arrivals.places_m[AIR][row, shot],
+            )
             rows += [
-                Reading(record.sensor.name, what, x, sd, charge.name, place, bound)
-                for what, x, sd, bound in _readings(
-                    record, pick, first, crossing_s, law
-                )
+                Reading(record.sensor.name, what, x, sd, name, place, bound)
+                for what, x, sd, bound in found
             ]
     return rows, missed
+
+
+def _state_at(flight: Trajectory, time_s: float) -> State:
+    """Return the state of a flight at a time."""
+    states = states_at(flight, jnp.asarray([time_s]))
+    return jax.tree.map(lambda column: column[0], states)
 
 
 def _pick(
@@ -183,8 +198,6 @@ def _pick(
         return "expected samples within the search interval", 0
     part, flight = slice(some[0], some[-1] + 1), record.flight
     middle = jnp.asarray(common[part] + 0.5 / record.imu.rate)
-    first = states_at(flight, jnp.asarray(common[part][:1]))
-    begin = jax.tree.map(lambda column: column[0], first)
     air = world.scene.air
     # The vehicle's estimator would remove the gyroscope's bias; here it is the mean
     # difference from the truth over the first samples.
@@ -197,7 +210,7 @@ def _pick(
         Inertial(record.samples.force[part], rates - off[None]),
         record.imu,
         vehicle,
-        begin,
+        _state_at(flight, float(common[some[0]])),
         states_at(flight, middle).rotor_speed_rad_s,
         record.sensor.offset_m,
         record.sensor.quaternion,
@@ -206,98 +219,67 @@ def _pick(
     return pick, int(some[0])
 
 
-class JoltLaw(NamedTuple):
-    """Jolts that the law of flights gives a vehicle.
-
-    Attributes:
-        hovering_m_s: Change of velocity if it hovers, as the law of jolts supposes.
-        flying_m_s: Change of velocity with its velocity, attitude and rotor speeds.
-    """
-
-    hovering_m_s: Float[Array, "3"]
-    flying_m_s: Float[Array, "3"]
-
-    @property
-    def error_m_s(self) -> float:
-        """Error of the law of jolts by the vehicle's motion."""
-        return float(jnp.linalg.norm(self.flying_m_s - self.hovering_m_s))
-
-    @property
-    def direction_error_rad(self) -> float:
-        """The same for the direction, at most; infinite without a jolt."""
-        size = float(jnp.linalg.norm(self.hovering_m_s))
-        return self.error_m_s / size if size else math.inf
-
-
 @eqx.filter_jit
-def _jolt_law(
+def _law_jolts(
     load: BlastLoad,
     shot: Int[Array, ""],
     state: State,
     vehicle: Vehicle,
     yaw: Float[Array, ""],
-) -> JoltLaw:
-    """Return the jolts by the front of one blast at the state of a flight."""
+) -> Float[Array, "2 3"]:
+    """Return the changes of velocity by the front of one blast [m/s].
+
+    They are those of the law of flights: if the vehicle hovers, as the law of jolts
+    supposes, and with its velocity, attitude and rotor speeds.
+    """
     waves = jax.tree.map(lambda x: x[shot][None], load.waves)
     load = replace(load, waves=waves, charges=1)
     (begins_s,), (ends_s,) = load.span_s(state.position_m, vehicle)
     hovers = hover_in_wind(vehicle, state.position_m, yaw, load.wind_m_s)
-    return JoltLaw(
-        *(
-            load.impulse(begins_s, ends_s, one, vehicle)[0] / vehicle.mass_kg
-            for one in (hovers, state)
-        )
-    )
+    gained = (load.impulse(begins_s, ends_s, x, vehicle)[0] for x in (hovers, state))
+    return jnp.stack([*gained]) / vehicle.mass_kg
 
 
-def _crossing_s(vehicle: Vehicle) -> float:
-    """Return the crossing time of a weak front over a vehicle."""
-    area = float(jnp.mean(required_body(vehicle.body).area_m2))
-    return float(np.sqrt(4 / np.pi * area)) / STANDARD_SOUND_SPEED
-
-
-def _readings(
-    record: ImuRecord, pick: JoltPick, first: int, crossing_s: float, law: JoltLaw
-) -> list[tuple[str, float, float, bool]]:
-    """Return rows of quantity, value, sigma and a flag for lower bounds.
+def _values(
+    record: ImuRecord,
+    pick: JoltPick,
+    onset_s: float,
+    vehicle: Vehicle,
+    hovering_m_s: Float[np.ndarray, "3"],
+    flying_m_s: Float[np.ndarray, "3"],
+) -> Iterator[tuple[str, float, float, bool]]:
+    """Yield quantity, value, sigma and a flag for lower bounds of a jolt.
 
     Args:
         record: Record of the unit.
         pick: Its jolt.
-        first: First sample of the search interval.
-        crossing_s: Crossing time of the front over the vehicle [s].
-        law: Jolts of the vehicle by the law.
+        onset_s: Time of the jolt's first sample, by the unit's clock [s].
+        vehicle: The vehicle.
+        hovering_m_s: Its jolt by the law if it hovers.
+        flying_m_s: The same with its motion.
     """
-    step = 1 / record.imu.rate
-    onset = float(record.stamps_s[first + pick.onset])
+    step_s = 1 / record.imu.rate
+    area = float(jnp.mean(required_body(vehicle.body).area_m2))
+    crossing_s = math.sqrt(4 / math.pi * area) / STANDARD_SOUND_SPEED
     # The start of a force within its sample is unknown: a uniform error of variance
-    # step^2 / 12. The force begins when the front reaches the body, half a crossing
-    # time before it reaches the centre.
-    readings = [
-        (
-            AIR,
-            onset + 0.5 * (step + crossing_s),
-            step / math.sqrt(12.0),
-            False,
-        ),
-        (
-            "jolt_velocity_m_s",
-            pick.speed_m_s[0],
-            math.hypot(pick.speed_m_s[1], law.error_m_s),
-            pick.clipped,
-        ),
-    ]
+    # step^2 / 12. The force begins when the front reaches the body, half the crossing
+    # time of a weak front before it reaches the centre.
+    yield AIR, onset_s + 0.5 * (step_s + crossing_s), step_s / math.sqrt(12.0), False
+    # The vehicle's motion is an error of the law of jolts.
+    error, size = math.dist(flying_m_s, hovering_m_s), math.hypot(*hovering_m_s)
+    speed, sd = pick.speed_m_s
+    yield "jolt_velocity_m_s", speed, math.hypot(sd, error), pick.clipped
     # A clipped axis biases the direction, whereas the size remains a lower bound.
-    if not pick.clipped:
-        readings += [
-            (quantity, value, math.hypot(sd, law.direction_error_rad), False)
-            for quantity, (value, sd) in (
-                ("jolt_bearing_rad", pick.bearing_rad),
-                ("jolt_elevation_rad", pick.elevation_rad),
-            )
-            if math.hypot(sd, law.direction_error_rad) < MAX_DIRECTION_ERROR_RAD
-        ]
-    return readings
+    if pick.clipped or not size:
+        return
+    turns = (
+        ("jolt_bearing_rad", pick.bearing_rad),
+        ("jolt_elevation_rad", pick.elevation_rad),
+    )
+    for quantity, (value, sd) in turns:
+        sigma = math.hypot(sd, error / size)
+        if sigma < MAX_DIRECTION_ERROR_RAD:
+            yield quantity, value, sigma, False
 
 
 def imu_records(
@@ -352,10 +334,6 @@ def imu_records(
     return records
 
 
-AIR, PEAK = PICKED_QUANTITIES = ("air_arrival_s", "peak_overpressure_pa")
-"""Quantities of a pick that are used."""
-
-
 def picked_readings(
     world: DrawnWorld,
     arrivals: Arrivals,
@@ -374,25 +352,25 @@ def picked_readings(
         The readings, and the number of air shocks without a pick, or with a poor one.
     """
     records: list[PressureRecord] = []
-    of: list[tuple[Sensor, int]] = []
+    of: list[tuple[str, int]] = []
     for sensor in sampled_sensors(world):
-        own = arrivals.times_s[AIR][arrivals.entities.index(sensor.name)]
-        comes = own + float(sensor.clock_offset_s)
+        row = arrivals.entities.index(sensor.name)
+        comes = arrivals.times_s[AIR][row] + float(sensor.clock_offset_s)
         for shot in np.flatnonzero(comes < seconds).tolist():
             recording = recordings[sensor.name]
             records.append(_interval_record(recording, sensor, comes, shot))
-            of.append((sensor, shot))
+            of.append((sensor.name, shot))
     rows: list[Reading] = []
     missed = 0
     for (sensor, shot), one in zip(of, pick_records(records), strict=True):
-        kept = [q for q in kept_quantities(one)[0] if q in PICKED_QUANTITIES]
+        kept = [q for q in kept_quantities(one)[0] if q in (AIR, PEAK)]
         missed += not kept
         name = world.scene.charges[shot].name
-        place = arrivals.places_m[AIR][arrivals.entities.index(sensor.name), shot]
+        place = arrivals.places_m[AIR][arrivals.entities.index(sensor), shot]
         for quantity in kept:
             bound = quantity == PEAK and one.pick.lower_bound
             value = _value(one, quantity)
-            rows.append(Reading(sensor.name, quantity, *value, name, place, bound))
+            rows.append(Reading(sensor, quantity, *value, name, place, bound))
     return rows, missed
 
 
@@ -405,15 +383,6 @@ def sampled_sensors(world: DrawnWorld) -> tuple[Sensor, ...]:
         and sensor.kind
         and SENSOR_KINDS[sensor.kind].is_picked
     )
-
-
-def joined(one: Observations | None, other: Observations | None) -> Observations | None:
-    """Return both logs concatenated."""
-    logs = [log for log in (one, other) if log is not None]
-    if len(logs) < 2:
-        return logs[0] if logs else None
-    comments = tuple(line for log in logs for line in log.comments)
-    return Observations(**stacked(logs), comments=comments)
 
 
 def _interval_record(
