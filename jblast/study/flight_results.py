@@ -345,10 +345,10 @@ def hold_words(name: str) -> str:
     return CONTROLLERS[name].words if name in CONTROLLERS else ""
 
 
-def mapped(function: Callable[[Scene], T], scenes: Scene) -> T:
-    """Return the value of a function of a scene, or of each of a batch."""
+def mapped(function: Callable[..., T], scenes: Scene, *others: Any) -> T:
+    """Return the value of a function of a scene and others, or of each of a batch."""
     batch = scenes.air.wind_east.ndim > 0
-    return (eqx.filter_vmap(function) if batch else function)(scenes)
+    return (eqx.filter_vmap(function) if batch else function)(scenes, *others)
 
 
 def burst_remarks(scenes: Scene, vehicle: VehicleSpec) -> tuple[str, ...]:

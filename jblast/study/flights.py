@@ -15,9 +15,10 @@ blast; if that is too short, the mission is flown again with twice the length.
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from operator import itemgetter
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -32,7 +33,7 @@ from jblast.autopilot.estimator import (
     thrown,
 )
 from jblast.autopilot.lockstep import suite_of
-from jblast.errors import InputError, argument, require
+from jblast.errors import argument, require
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.missions import MissionControl, mission_of, read_plan, replay
 from jblast.progress import Progress, counted, reported
@@ -59,6 +60,7 @@ from jblast.study.flight_results import (
     burst_remarks,
     effects,
     load_of,
+    mapped,
     options_of,
 )
 from jblast.study.missions import (
@@ -69,9 +71,7 @@ from jblast.study.missions import (
     outcome_of,
 )
 from jblast.vehicle import (
-    Controller,
     Gust,
-    State,
     Trajectory,
     Vehicle,
     controller_of,
@@ -84,6 +84,7 @@ from jblast.vehicle.quadrotor import in_precision
 from jblast.vehicle.state import LENGTHS
 from jblast.world import draw_world, with_nevers
 
+T = TypeVar("T")
 CPU_ROWS, ROW_BYTES = 2048 * 500, 2048
 """Rows of a chunk of vehicles on a CPU, and bytes of a row on a device with a memory of
 its own: 23 numbers in the precision of the flight and in float64, some times over."""
@@ -101,7 +102,7 @@ BOTH_HOLDS = ("with_integral", "without_integral")
 """Default controllers."""
 MISSION = "mission"
 """Name of the controller of a mission."""
-effects_along, followed_along, thrown_of = kept(effects), kept(followed), kept(thrown)
+followed_along, thrown_of = kept(followed), kept(thrown)
 
 
 @kept_between_runs()
@@ -176,7 +177,7 @@ def fly(
     load = load_of(scenes, chosen)
     if mission is None:
         source = uncertain.source or "scene"
-        seconds = flight_seconds(load, spec, source, chosen, single=single)
+        seconds = flight_seconds(scenes, load, spec, source, chosen)
     else:
         seconds = chosen.seconds or longest_seconds(mission, len(charges))
     flown: dict[str, list[Flown]] = {name: [] for name in controls}
@@ -185,14 +186,12 @@ def fly(
     for lanes in _chunks(vehicles, rows_stored(seconds, chosen, single=single)):
         some, part = scenes, load
         if not single:
-            some, part = _of_lanes((scenes, load), lanes)
+            some, part = jax.tree.map(itemgetter(lanes), (scenes, load))
         seeds = None
         if chosen.estimator:
             seeds = seeds_of(seed, lanes[0] if single else lanes, chosen.step_s)
         for nth, (name, control) in enumerate(controls.items(), start=1):
-            one = flown_by(
-                some, part, spec, control, seconds, chosen, single, place, seeds
-            )
+            one = flown_by(some, part, spec, control, seconds, chosen, place, seeds)
             flown[name].append(one)
             first, last = lanes[0], min(lanes[0] + lanes.size, vehicles)
             through(first + nth / len(controls) * (last - first))
@@ -300,40 +299,43 @@ def flown_by(
     control: Any,
     seconds: float,
     options: Options,
-    single: bool = False,
     place: Place | None = None,
     seeds: UInt[Array, "*batch"] | None = None,
 ) -> Flown:
     """Return flights with one controller.
 
     Args:
-        scenes: One scene, or several with a leading axis in each array.
+        scenes: One scene, whose flight keeps its trajectory, or several with a leading
+            axis in each array.
         load: Loads of the blasts, with the axis of the scenes.
         spec: Vehicle section of the scene.
         control: Controller.
         seconds: Duration of each flight [s].
         options: Options of the flights.
-        single: Whether it is one vehicle, which keeps its trajectory.
         place: Geographic position of the origin, for the magnetic field; None for PX4's
             default home.
         seeds: Seeds of the instruments of each vehicle; None without an estimator.
     """
-    start, controller = start_of(spec), control
-    on_mission = isinstance(control, MissionControl)
+    start, controller, count = start_of(spec), control, scenes.air.wind_east.shape
+    single, on_mission = not count, isinstance(control, MissionControl)
     if on_mission:
         # a mission begins on the ground with its rotors at rest
         start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
     if seeds is not None:
-        controller = by_instruments(
-            control, scenes, place, start, load, seeds, 1 / options.step_s
-        )
+        rate = 1 / options.step_s
+
+        def by_instruments(
+            scene: Scene, load: FlightLoad, seed: Array
+        ) -> EstimatedControl:
+            suite = suite_of(scene, place, load, rate)
+            return EstimatedControl(control, suite, start, seed)
+
+        controller = mapped(by_instruments, scenes, load, seeds)
     wind = Gust(steady_wind(scenes), 0 * scenes.air.wind_east)
-    if not single:
-        count = scenes.air.wind_east.shape
-        start = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
+    begin = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
     # GPUs and Warp are several times faster in single precision
     if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
-        start = in_precision(start, np.dtype("float32"))
+        begin = in_precision(begin, np.dtype("float32"))
     period = jnp.asarray(options.step_s, float)
 
     def flight_of(seconds: float) -> tuple[Trajectory, Any]:
@@ -344,7 +346,7 @@ def flown_by(
         rows = steps if on_mission else rows_stored(seconds, options, single=single)
         flight = simulate(
             vehicle_of(spec),
-            start,
+            begin,
             duration_s=seconds,
             step_s=options.step_s,
             control=controller,
@@ -366,19 +368,16 @@ def flown_by(
             flight, estimate = flight_of(2 * seconds)
         until = slice(kept_rows(flight))
         flight, estimate = flight.at(until), jax.tree.map(lambda x: x[until], estimate)
-    seen, vehicle = unwatched(scenes), vehicle_of(spec)
     target: Any = flight.set_point_m if single else control.target_m
-    known = load, seen, vehicle, flight, target, options.tolerance_m
-    found = (effects_along if single else _effects_each)(*known)
-    arrival_s = found.encounter.arrival_s
-    if single:
-        found = found._replace(trajectory=lasting(flight, options.least_s))
+    shared = vehicle_of(spec), target, options.tolerance_m
+    found = effects_along(flight, load, unwatched(scenes), *shared)
+    came_s, one = found.encounter.arrival_s, None
     if estimate is not None:
-        return found._replace(thrown=thrown_of(estimate, flight.time_s, arrival_s))
-    if seeds is not None:
-        each = _thrown_each(controller, flight, arrival_s, period)
-        return found._replace(thrown=each)
-    return found
+        one = thrown_of(estimate, flight.time_s, came_s)
+    elif seeds is not None:
+        one = _thrown_along(flight, controller, came_s, period)
+    kept_flight = lasting(flight, options.least_s) if single else None
+    return found._replace(trajectory=kept_flight, thrown=one)
 
 
 def _described(
@@ -409,33 +408,6 @@ def lasting(flight: Trajectory, seconds: float) -> Trajectory:
     return replace(flight, time_s=flight.time_s.at[-1].set(seconds))
 
 
-def _axes(flight: Trajectory) -> Trajectory:
-    """Return the axes of a batch: the times of its rows are common to all."""
-    axes = jax.tree.map(lambda x: 0, flight)
-    return eqx.tree_at(lambda flight: flight.time_s, axes, None)
-
-
-@eqx.filter_jit
-def _effects_each(
-    load: FlightLoad, scenes: Scene, vehicle: Vehicle, flights: Trajectory, *rest: Any
-) -> Flown:
-    own = eqx.if_array(0)
-    axes = (own, own, None, _axes(flights), None, None)
-    each = eqx.filter_vmap(effects, in_axes=axes)
-    return each(load, scenes, vehicle, flights, *rest)
-
-
-@eqx.filter_jit
-def _thrown_each(
-    control: EstimatedControl, flights: Trajectory, arrival_s: Array, period_s: Array
-) -> Thrown:
-    def one(control: EstimatedControl, flight: Trajectory, came_s: Array) -> Thrown:
-        return thrown(followed(control, flight, period_s), flight.time_s, came_s)
-
-    axes = (eqx.if_array(0), _axes(flights), 0)
-    return eqx.filter_vmap(one, in_axes=axes)(control, flights, arrival_s)
-
-
 def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
     """Return the velocity of a scene's air: east, north, up [m/s]."""
     air = scenes.air
@@ -449,11 +421,6 @@ def unwatched(scenes: Scene) -> Scene:
     removed: dict[str, Any] = {"sensors": (), "camera": None, "clocks": ()}
     removed |= {"vehicle": None, "ambient": None, "law": ()}
     return replace(scenes, charges=(first, *others), **removed)
-
-
-def _of_lanes(scenes: Any, lanes: Int[np.ndarray, " lane"]) -> Any:
-    """Return some of a batch."""
-    return jax.tree.map(lambda x: x[lanes], scenes)
 
 
 def joined(parts: list[Flown], vehicles: int) -> Flown:
@@ -498,61 +465,26 @@ def seeds_of(
     return jnp.asarray(seeds, jnp.uint32)
 
 
-def by_instruments(
-    control: Controller,
-    scenes: Scene,
-    place: Place | None,
-    start: State,
-    load: FlightLoad,
-    seeds: UInt[Array, "*batch"],
-    rate: float,
-) -> EstimatedControl:
-    """Return a controller that uses the estimated state, for one vehicle or a batch.
-
-    Args:
-        control: Controller.
-        scenes: One scene, or several with a leading axis in each array.
-        place: Geographic position of the origin.
-        start: Initial state of each vehicle.
-        load: Loads of the blasts, with the axis of the scenes.
-        seeds: Seeds of the instruments of each vehicle.
-        rate: Rate of the controller [Hz].
-    """
-
-    def one(scene: Scene, load: FlightLoad, seed: Array) -> EstimatedControl:
-        suite = suite_of(scene, place, load, rate)
-        return EstimatedControl(control, suite, start, seed)
-
-    if not seeds.ndim:
-        return one(scenes, load, seeds)
-    return eqx.filter_vmap(one)(scenes, load, seeds)
-
-
 def flight_seconds(
-    load: FlightLoad,
-    vehicle: VehicleSpec,
-    source: str,
-    options: Options,
-    *,
-    single: bool = False,
+    scenes: Scene, load: FlightLoad, vehicle: VehicleSpec, source: str, options: Options
 ) -> float:
     """Return the duration of each flight: 5 s beyond the last blast, in tenths.
 
     Args:
-        load: Loads of the blasts on one vehicle, or on each of a batch.
+        scenes: One scene, or several with a leading axis in each array.
+        load: Loads of the blasts, with the axis of the scenes.
         vehicle: Vehicle section, whose start and target the blasts reach.
         source: Name of the scene file, for messages.
         options: Options of the flights.
-        single: Whether it is one vehicle.
 
     Raises:
         InputError: A blast arrives before the flight, or no blast arrives in it.
     """
     turned, target = start_of(vehicle).quaternion, hold_of(vehicle, integral=False)
     places = jnp.stack([vehicle.position, target.target_m])
-    each = eqx.filter_vmap(_arrivals, in_axes=(eqx.if_array(0), None, None))
-    came = np.asarray((_arrivals if single else each)(load, places, turned))
-    seconds, at = options.seconds, f"{source}: [charge] time_s"
+    each = mapped(lambda _, load: _arrivals(load, places, turned), scenes, load)
+    came, seconds = np.asarray(each), options.seconds
+    at = f"{source}: [charge] time_s"
     words = (
         f"a charge with a finite time, or {argument('seconds')} for a flight without a "
         "blast"
@@ -565,8 +497,8 @@ def flight_seconds(
         # a charge that never explodes does not extend the flight
         last = came.max(where=came < np.inf, initial=0.0)
         seconds = math.ceil(10 * max(last + AFTER_S, options.least_s)) / 10
-    first, of = came.min(axis=-1).max(), "" if single else " latest"
-    words = f"more than {first:.4g} s, the{of} arrival of a first blast"
+    first = came.min(axis=-1).max()
+    words = f"more than {first:.4g} s, the latest arrival of a first blast"
     require(not seconds <= first < np.inf, "seconds", words, f"{seconds:g} s")
     return seconds
 
@@ -639,13 +571,11 @@ def drawn_scenes(uncertain: UncertainScene, vehicles: int, seed: int) -> Scene:
     # a normal prior of a positive parameter may give negative samples
     for name, values in drawn_values(uncertain, scenes).items():
         bounds = parameter_named(name).bounds
-        refused = [v for v in values.ravel() if not bounds.allows(float(v))]
-        if refused:
-            raise InputError(
-                f"{uncertain.source or 'scene'}: expected a prior of {name} with "
-                f"samples that are {bounds.words()}, got {refused[0]:g}, one of "
-                f"{len(refused)} of {values.size} samples (seed {seed})"
-            )
+        refused = values[~bounds.allows(values)]
+        words = f"a prior of {name} with samples that are {bounds.words()}"
+        got = f"{refused[0]:g}, one of {refused.size} of" if refused.size else ""
+        got = f"{got} {values.size} samples (seed {seed})"
+        require(not refused.size, uncertain.source or "scene", words, got)
     return scenes
 
 
@@ -674,3 +604,46 @@ def named_controllers(
     require(controllers, "controllers", "one or more", "none")
     hold = BOTH_HOLDS[0] if own is None else own
     return tuple(dict.fromkeys(hold if x == "hold" else x for x in controllers))
+
+
+def _along(function: Callable[..., T], flight: Trajectory, *own: Any) -> T:
+    """Return the value of a function of a flight, or of each of a batch.
+
+    Args:
+        function: Function of a flight and `own`.
+        flight: The flights; the times of their rows are common to all.
+        own: Values of each flight.
+    """
+    if flight.position_m.ndim == 2:
+        return function(flight, *own)
+    axes = jax.tree.map(lambda x: 0, flight)
+    axes = eqx.tree_at(lambda flight: flight.time_s, axes, None)
+    in_axes = (axes, *(eqx.if_array(0) for _ in own))
+    return eqx.filter_vmap(function, in_axes=in_axes)(flight, *own)
+
+
+@kept
+def effects_along(
+    flight: Trajectory,
+    load: FlightLoad,
+    scenes: Scene,
+    vehicle: Vehicle,
+    target_m: Float[Array, "..."],
+    tolerance_m: float,
+) -> Flown:
+    """Return the effects of the blasts on flights; arguments as of `effects`."""
+
+    def one(flight: Trajectory, load: FlightLoad, scene: Scene) -> Flown:
+        return effects(load, scene, vehicle, flight, target_m, tolerance_m)
+
+    return _along(one, flight, load, scenes)
+
+
+@eqx.filter_jit
+def _thrown_along(
+    flight: Trajectory, control: EstimatedControl, came_s: Array, period_s: Array
+) -> Thrown:
+    def one(flight: Trajectory, control: EstimatedControl, came_s: Array) -> Thrown:
+        return thrown(followed(control, flight, period_s), flight.time_s, came_s)
+
+    return _along(one, flight, control, came_s)

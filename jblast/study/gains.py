@@ -633,7 +633,7 @@ def drawn_flights(
     """
     scenes = drawn_scenes(uncertain, vehicles, seed)
     load, source = load_of(scenes, options), uncertain.source or "scene"
-    seconds = flight_seconds(load, spec, source, options)
+    seconds = flight_seconds(scenes, load, spec, source, options)
     start = start_of(spec)
     came = jax.vmap(arrival_at, (0, None, None))(load, spec.held, start.quaternion)
     return (

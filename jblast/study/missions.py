@@ -9,6 +9,7 @@ rows of the flight.
 import math
 from dataclasses import dataclass, field
 
+import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
@@ -122,11 +123,12 @@ def outcome_of(
         arrival_s: Arrival of each blast at the vehicle.
         tolerance_m: Path error within which the vehicle has recovered.
     """
+    flight, came_s = jax.tree.map(np.asarray, (flight, arrival_s))
     crash, crashed_s = crash_of(flight)
-    disarmed = _first(ended(flight), np.asarray(flight.time_s))
+    disarmed = _first(ended(flight), flight.time_s)
     return MissionOutcome(
         waypoints_of(mission, flight, crashed_s),
-        disturbances_of(charges, np.asarray(arrival_s), mission, flight, tolerance_m),
+        disturbances_of(charges, came_s, mission, flight, tolerance_m),
         disarmed if math.isfinite(disarmed) else math.nan,
         crash,
     )
@@ -184,36 +186,34 @@ def waypoints_of(
 
     Args:
         mission: Mission as planned.
-        flight: The flight.
+        flight: The flight, as NumPy arrays.
         until_s: Time of a crash; infinite without one.
     """
-    time, place = np.asarray(flight.time_s), np.asarray(flight.position_m)
-    error, item = np.asarray(flight.path_error_m), np.asarray(flight.item)
+    time, place, error = flight.time_s, flight.position_m, flight.path_error_m
     landed_s = _first(ended(flight), time) if math.isinf(until_s) else math.inf
     found = []
     # of several stops of a visit the last one is its goal
     for n, last in {stop.visit: stop for stop in mission.stops}.items():
-        here = (item == n) & (time < until_s)
-        goal = _goal(mission, n)
-        off = np.where(here, np.linalg.norm(place - goal, axis=1), np.inf)
-        when, least = _first(off <= last.limits.acceptance_m, time), float(off.min())
+        here = (np.asarray(flight.item) == n) & (time < until_s)
+        away = np.linalg.norm(place - last.goal_m, axis=1)
+        off = np.where(here, away, np.inf)
+        when, least = _first(off <= last.limits.acceptance_m, time), off.min()
         if last.lands:
             when = landed_s
             if math.isfinite(when):
                 # on the ground: only the horizontal error counts
-                least = float(np.linalg.norm((place[-1] - goal)[:2]))
-        way = error[here]
+                least = math.dist(place[-1, :2], last.goal_m[:2])
+        # of no row the square is NaN
+        way = error[here] if here.any() else np.array([math.nan])
         found.append(
             Waypoint(
                 item=mission.plan.items[last.item],
-                goal_m=goal,
+                goal_m=last.goal_m,
                 reached=math.isfinite(when),
                 time_s=when if math.isfinite(when) else math.nan,
-                error_m=least if math.isfinite(least) else math.nan,
-                path_error_rms_m=float(np.sqrt(np.mean(np.square(way))))
-                if way.size
-                else math.nan,
-                path_error_max_m=float(way.max()) if way.size else math.nan,
+                error_m=float(least) if math.isfinite(least) else math.nan,
+                path_error_rms_m=float(np.sqrt(np.mean(np.square(way)))),
+                path_error_max_m=float(way.max()),
             )
         )
     return tuple(found)
@@ -232,11 +232,10 @@ def disturbances_of(
         charges: Names of the charges.
         arrival_s: Arrival of each blast at the vehicle.
         mission: Mission as planned.
-        flight: The flight.
+        flight: The flight, as NumPy arrays.
         tolerance_m: Path error within which the vehicle has recovered.
     """
-    time, error_m = np.asarray(flight.time_s), np.asarray(flight.path_error_m)
-    item = np.asarray(flight.item)
+    time, error_m, item = flight.time_s, flight.path_error_m, np.asarray(flight.item)
     items = {stop.visit: mission.plan.items[stop.item] for stop in mission.stops}
     found = []
     for name, came in zip(charges, arrival_s, strict=True):
@@ -252,10 +251,9 @@ def disturbances_of(
         error, since = error_m[rows], time[rows] - came
         # negated, because NaN compares as false and counts as outside
         outside = np.flatnonzero(~(error <= tolerance_m))
-        recovery = 0.0
-        if outside.size:
-            last = int(outside[-1])
-            recovery = math.inf if last + 1 == rows.size else float(since[last + 1])
+        # the row after the last one outside; none within the time: it does not return
+        after = np.append(since, math.inf)
+        recovery = float(after[outside[-1] + 1]) if outside.size else 0.0
         # a diverged vehicle is infinitely far, so that its peak is there
         peak = int(np.argmax(np.nan_to_num(error, nan=np.inf)))
         found.append(
@@ -270,13 +268,6 @@ def disturbances_of(
             )
         )
     return tuple(found)
-
-
-def _goal(mission: Mission, visit: int) -> Float[np.ndarray, "3"]:
-    """Return the end of the legs of a visit."""
-    last = np.flatnonzero(np.asarray(mission.guidance.legs.visit) == visit)[-1]
-    # the endless hover behind the last waypoint has the same goal
-    return np.asarray(mission.guidance.legs.goal_m[last], float)
 
 
 def _first(rows: Bool[np.ndarray, " time"], time: Float[np.ndarray, " time"]) -> float:

@@ -67,7 +67,7 @@ def prepare(setting: Setting) -> Prepared:
     pilot = {name: jnp.asarray(values) for name, values in setting.pilot.items()}
     some = _scenes(uncertain.scene, pilot)
     load, source = load_of(some, options), uncertain.source or "scene"
-    seconds = flight_seconds(load, spec, source, options)
+    seconds = flight_seconds(some, load, spec, source, options)
     hold = "without_integral" if spec.integral is False else "with_integral"
     control = controller_of(spec, hold)
 

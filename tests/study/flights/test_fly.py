@@ -60,7 +60,7 @@ def test_a_flight_lasts_five_seconds_past_the_last_blast():
     for uncertain, blast in ((one, 2.0), (both, 3.0)):
         arrival = blast + 0.0092  # at 5.4 m
         load = load_of(uncertain.scene, Options())
-        seconds = flight_seconds(load, SPEC, "scene.toml", Options(), single=True)
+        seconds = flight_seconds(uncertain.scene, load, SPEC, "scene.toml", Options())
         assert arrival + 5.0 <= seconds < arrival + 5.1
 
 
