@@ -10,7 +10,7 @@ from jblast.autopilot import ground_station
 from jblast.autopilot.ground_station import Craft
 from jblast.autopilot.lockstep import PERIOD_S
 from jblast.autopilot.mavlink import Link
-from jblast.autopilot.protocols import item_fields
+from jblast.autopilot.protocols import item_fields, item_of
 from jblast.errors import InputError
 from jblast.missions import Plan
 from jblast.missions.plan import checked_item
@@ -72,11 +72,13 @@ def test_pymavlink_uploads_and_downloads_a_mission(client):
     back = []
     for n in range(count):
         other.mav.mission_request_int_send(1, 1, n)
-        item = other.recv_match(type="MISSION_ITEM_INT", blocking=True, timeout=10)
-        back.append((item.seq, item.command, item.x, item.y, item.z))
-    assert back[:2] == [
-        (0, 22, 470_000_000, 80_000_000, 10.0),
-        (1, 16, 470_002_000, 80_000_000, 10.0),
+        back.append(
+            other.recv_match(type="MISSION_ITEM_INT", blocking=True, timeout=10)
+        )
+    assert [item_of(one) for one in back] == ITEMS
+    assert [(one.command, one.x, one.y, one.z) for one in back[:2]] == [
+        (22, 470_000_000, 80_000_000, 10.0),
+        (16, 470_002_000, 80_000_000, 10.0),
     ]
 
 
