@@ -48,8 +48,8 @@ from jblast.world.serve.messages import (
 from jblast.world.serve.staging import Packet, Playback, Staged, air_of, stage
 
 T = TypeVar("T")
-MOST_ENTITIES = 10_000
-"""Maximum number of simultaneous entities; declared."""
+MOST_CALLS = 10_000
+"""Maximum number of simultaneous calls and streams; declared, gRPC refuses more."""
 MAX_DROPPED = 1000
 """Number of disconnected clients that are stored; bounds memory."""
 STAGED_AHEAD_S = 2.0
@@ -158,6 +158,7 @@ class Server:
             someone = Entity("x", SENSES, [place], vehicle="hummingbird")
             stage(world, someone, world.charges[0])
         self._link = link = rpc.aio.server(
+            maximum_concurrent_rpcs=MOST_CALLS,
             options=[
                 ("grpc.so_reuseport", 0),  # else a second server shares it silently
                 ("grpc.max_receive_message_length", MOST_BYTES),
@@ -165,7 +166,7 @@ class Server:
                 # 30 s.
                 ("grpc.keepalive_time_ms", 20_000),
                 ("grpc.keepalive_timeout_ms", 10_000),
-            ]
+            ],
         )
         unary = rpc.unary_unary_rpc_method_handler
         handlers = {
@@ -207,7 +208,7 @@ class Server:
 
         Raises:
             InputError: Its first packet is invalid.
-            Refused: Its name is taken, or there are too many entities.
+            Refused: Its name is taken.
         """
         ends_s = self.options.ends_s
         if self.options.speed is not None:
@@ -221,9 +222,6 @@ class Server:
         if entity.name in self.streams:
             taken = f"entity {shown(entity.name)}: expected another name, got that of "
             raise Refused(f"{taken}a registered entity", "ALREADY_EXISTS")
-        if len(self.streams) >= MOST_ENTITIES:
-            full = f"expected at most {MOST_ENTITIES:,} entities, got one more"
-            raise Refused(full, "RESOURCE_EXHAUSTED")
         self.streams[entity.name] = playback = Playback(entity, self.world, first)
         return playback
 
