@@ -103,30 +103,27 @@ def encoded(name: str, value: Any) -> bytes:
 
 def _fill(message: Any, value: Any) -> None:
     """Copy the fields of a value to a message."""
-    for name, repeated, nested in _fields(message.DESCRIPTOR):
+    for name, repeated, nested, _ in _fields(message.DESCRIPTOR):
         part = getattr(value, name)
-        if part is None or (repeated and not len(part)):
+        if part is None:
             continue
         if not (repeated or nested):
             setattr(message, name, part)
         elif not repeated:
-            target = getattr(message, name)
-            target.SetInParent()
-            _fill(target, part)
+            getattr(message, name).SetInParent()
+            _fill(getattr(message, name), part)
         elif not nested:
-            rows = part.ravel() if isinstance(part, np.ndarray) else part
-            getattr(message, name).extend(rows)
+            getattr(message, name).extend(np.ravel(part).tolist())
         else:
-            target = getattr(message, name)
             for one in part:
-                _fill(target.add(), one)
+                _fill(getattr(message, name).add(), one)
 
 
 @functools.cache
-def _fields(described: Any) -> tuple[tuple[str, bool, bool], ...]:
-    """Return name, repetition and nesting of the fields of a message."""
+def _fields(described: Any) -> tuple[tuple[str, bool, bool, bool], ...]:
+    """Return name, repetition, nesting and optionality of the fields of a message."""
     return tuple(
-        (one.name, one.is_repeated, one.message_type is not None)
+        (one.name, one.is_repeated, one.message_type is not None, one.has_presence)
         for one in described.fields
     )
 
@@ -153,20 +150,16 @@ def decoded(name: str, data: bytes) -> Any:
 def _value_of(message: Any) -> Any:
     """Return the value in a message; absent fields have the default of its type."""
     values = {}
-    for name, repeated, nested in _fields(message.DESCRIPTOR):
+    for name, repeated, nested, optional in _fields(message.DESCRIPTOR):
         part = getattr(message, name)
+        if (optional and not message.HasField(name)) or (repeated and not len(part)):
+            continue
         if not repeated:
-            field = message.DESCRIPTOR.fields_by_name[name]
-            if field.has_presence and not message.HasField(name):
-                continue
             values[name] = _value_of(part) if nested else part
-        elif len(part):
-            texts = nested or isinstance(part[0], str)
-            values[name] = (
-                tuple(_value_of(one) if nested else one for one in part)
-                if texts
-                else np.array(part)
-            )
+        elif isinstance(part[0], float):
+            values[name] = np.array(part)
+        else:
+            values[name] = tuple(_value_of(one) if nested else one for one in part)
     return TYPES[message.DESCRIPTOR.name](**values)
 
 

@@ -184,6 +184,26 @@ def test_what_was_told_is_let_go_of_when_it_is_over():
     assert waiting[-1] == 0
 
 
+def test_a_wave_is_perceived_once_however_an_entity_jumps():
+    """Towards a charge a wave would have come before: it comes in the next packet."""
+    entity = Entity("e", ["ground", "pressure"], [Knot(HERE)])
+    played, seen, revisions = playback(entity), [], {}
+    for number in range(200):
+        if number % 5 == 0:
+            east = HERE[0] - 12.0 * (number // 5 % 2)
+            played.motion = Motion(number / 100, [east, *HERE[1:]])
+        packet = step(played)
+        seen += [(one.shot, one.sense) for one in packet.perceived]
+        for one in packet.announcements:
+            assert one.revision == revisions.get(one.shot, -1) + 1
+            revisions[one.shot] = one.revision
+    assert min(revisions.values()) > 0
+    senses = ("ground motion", "pressure")
+    assert sorted(seen) == [
+        (s, sense) for s in sorted(world().shots) for sense in senses
+    ]
+
+
 def test_at_the_charge_there_is_no_answer():
     charge = world().charges[0]
     place = [float(x) for x in charge.position_m]
