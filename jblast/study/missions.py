@@ -270,5 +270,7 @@ def disturbances_of(
     return tuple(found)
 
 
-def _first(rows: Bool[np.ndarray, " time"], time: Float[np.ndarray, " time"]) -> float:
+def _first(
+    rows: Bool[np.ndarray, " time"], time: Float[Array | np.ndarray, " time"]
+) -> float:
     return float(time[np.argmax(rows)]) if rows.any() else math.inf

@@ -30,6 +30,7 @@ TYPES = {
     "bool": "bool",
 }
 ELEMENTS = {
+    "convert_element_type": "({kind})({0})",
     "neg": "-{0}",
     "abs": "wp::abs({0})",
     "sign": "{0}!={0}?{0}:({0}>0)-({0}<0)",
@@ -77,7 +78,8 @@ ELEMENTS = {
     "xor": "{0}^{1}",
     "clamp": "{1}<{0}?{0}:{1}>{2}?{2}:{1}",
 }
-"""Expressions of elements by operation; `{0}` is the first argument.
+"""Expressions of elements by operation; `{0}` is the first argument, `{kind}` the type
+of the result.
 
 Those of Warp lose a NaN in `max` and `min`, and clip the argument of `asin` and `acos`.
 """
@@ -301,7 +303,8 @@ class Code:
         size_of(aval)
         columns = [np.broadcast_to(texts(x), aval.shape).flat for x in arrays]
         kind, lines = ctype(aval.dtype), zip(*columns, strict=True)
-        return filled(aval.shape, (self.let(kind, form.format(*x)) for x in lines))
+        made = (self.let(kind, form.format(*x, kind=kind)) for x in lines)
+        return filled(aval.shape, made)
 
     def read(
         self, aval: Any, array: np.ndarray, begin: Callable[[tuple[int, ...]], Any]
@@ -437,10 +440,6 @@ def _scan(
 CONTROL = {"cond": _branches, "scan": _scan}
 
 
-def _converted(code: Code, params: Any, out: Any, array: np.ndarray) -> np.ndarray:
-    return code.each(out, f"({ctype(out.dtype)})({{0}})", array)
-
-
 def _inverted(code: Code, params: Any, out: Any, array: np.ndarray) -> np.ndarray:
     return code.each(out, "!{0}" if out.dtype == bool else "~{0}", array)
 
@@ -539,7 +538,6 @@ def _gathered(
 
 
 ARRAYS = {
-    "convert_element_type": _converted,
     "dot_general": _product,
     "dynamic_slice": _sliced,
     "gather": _gathered,

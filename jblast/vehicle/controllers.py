@@ -16,11 +16,11 @@ from jblast.registry import Registry
 from jblast.scene import VehicleSpec
 from jblast.vehicle.control.cascade import Cascade
 from jblast.vehicle.control.position_hold import (
-    NAMED_GAINS,
     Gains,
     PositionHold,
     gains_from_parameters,
 )
+from jblast.vehicle.quadrotor import parameters_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +60,10 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
             f"[vehicle] mission: {spec.mission}: expected a vehicle without a mission, "
             "got one with a mission; jblast fly and world support missions"
         )
-    gains = NAMED_GAINS[spec.model] | spec.gains
-    if not integral:
-        gains = {name: value for name, value in gains.items() if name != "ki_pos"}
+    gains = parameters_of(spec.model) | spec.gains
     return PositionHold(
         target_m=spec.held,
-        gains=gains_from_parameters(gains),
+        gains=gains_from_parameters(gains, integral=integral),
         yaw_rad=spec.yaw,
     )
 

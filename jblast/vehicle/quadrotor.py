@@ -35,7 +35,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from jblast.errors import InputError, nearest
+from jblast.errors import InputError, nearest, require
 from jblast.types import as_numbers
 
 POSITIVE = 1e-12
@@ -56,6 +56,11 @@ class Part(NamedTuple):
     default: Any = None
 
 
+INTEGRAL_LIMIT_M_S2 = 5.0
+"""Default limit of the integral along each axis; declared.
+
+Half of g, a tilt of 27 degrees: it leaves room for braking below the limit of 45.
+"""
 BODY = {
     "body_area": Part((3,), least=0),
     "body_drag_coefficient": Part(least=0),
@@ -65,8 +70,10 @@ BODY = {
 }
 """Properties for blast loads: all or none, in the order of `Body`."""
 GAINS = {
-    **dict.fromkeys(("kp_pos", "kd_pos", "ki_pos"), Part((3,), least=0)),
-    **dict.fromkeys(("kp_att", "kd_att", "integral_limit"), Part(least=0)),
+    **dict.fromkeys(("kp_pos", "kd_pos"), Part((3,), least=0)),
+    "ki_pos": Part((3,), least=0, default=(0, 0, 0)),
+    **dict.fromkeys(("kp_att", "kd_att"), Part(least=0)),
+    "integral_limit": Part(least=0, default=INTEGRAL_LIMIT_M_S2),
     "motor_lead": Part(least=1),
 }
 """Gains of a controller, which the equations do not use."""
@@ -165,12 +172,19 @@ def named(name: str) -> Vehicle:
     Raises:
         InputError: The name is unknown.
     """
-    if name not in PARAMETERS:
-        raise InputError(
-            f"vehicle {name!r}: expected {', '.join(PARAMETERS)}"
-            f"{nearest(str(name), PARAMETERS)}"
-        )
-    return from_parameters(PARAMETERS[name], name=name)
+    return from_parameters(parameters_of(name), name=name)
+
+
+def parameters_of(name: str) -> dict[str, Any]:
+    """Return the parameters and gains of a named vehicle.
+
+    Raises:
+        InputError: The name is unknown.
+    """
+    known = name in PARAMETERS
+    words = ", ".join(PARAMETERS)
+    require(known, f"vehicle {name!r}", words + nearest(str(name), PARAMETERS))
+    return PARAMETERS[name]
 
 
 def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle:

@@ -149,15 +149,6 @@ class Trajectory(eqx.Module):
             self.rotor_speed_rad_s,
         )
 
-    def lost_places(self) -> list[tuple[int, ...]]:
-        """Return the indices of the vehicles that diverged, along the batch's axes."""
-        return [tuple(map(int, place)) for place in np.argwhere(np.asarray(self.lost))]
-
-    def lost_time_s(self) -> Float[Array, "*batch"]:
-        """Return the time of the first row of NaN [s]; infinite without such a row."""
-        gone = jnp.isnan(self.position_m[..., 0])
-        return jnp.min(jnp.where(gone, self.time_s, jnp.inf), axis=-1)
-
 
 class StateComponents(NamedTuple):
     """Components of a `State`, of its rates, or of a row of a trajectory."""

@@ -39,8 +39,7 @@ from jblast.scene.reader import (
 )
 from jblast.scene.values import Share, share_text
 from jblast.vehicle import hold_of
-from jblast.vehicle.control.position_hold import NAMED_GAINS
-from jblast.vehicle.quadrotor import PARAMETERS as MODELS
+from jblast.vehicle.quadrotor import GAINS, PARAMETERS as MODELS
 
 FULL = """
 schema = 1
@@ -279,8 +278,8 @@ def test_a_vehicle_holds_its_position_or_flies_a_mission_from_its_home():
 
 def test_models_and_gains_are_those_that_fly():
     assert set(VEHICLE_MODELS) == set(MODELS)
-    for table in NAMED_GAINS.values():
-        assert set(table) <= set(keys_of("control"))
+    for model in MODELS.values():
+        assert {*GAINS} & {*model} <= set(keys_of("control"))
 
 
 def test_a_vehicle_may_fly_without_a_charge_but_a_fit_has_a_free_one(tmp_path):

@@ -71,12 +71,8 @@ def test_a_vehicle_that_diverges_ends_its_own_flight_and_is_named():
     vehicle = named("hummingbird")  # quadratic drag: 1e400
     answer = simulate(vehicle, states, **SHORT)
     assert answer.lost.tolist() == [False, True, False]
-    assert answer.lost_places() == [(1,)]
     assert np.isfinite(answer.position_m[np.array([0, 2])]).all()
     assert np.isnan(answer.position_m[1, -1]).all()
-    times = answer.lost_time_s()
-    assert np.isinf(times[0])
-    assert float(times[1]) <= 0.005
 
 
 @pytest.mark.slow

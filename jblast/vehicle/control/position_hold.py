@@ -39,9 +39,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.errors import InputError, nearest
 from jblast.vehicle.control.allocation import lead_compensated, speeds_turning
-from jblast.vehicle.quadrotor import GAINS, PARAMETERS, Vehicle, floats, read
+from jblast.vehicle.quadrotor import (
+    INTEGRAL_LIMIT_M_S2,
+    Vehicle,
+    floats,
+    parameters_of,
+    read,
+)
 from jblast.vehicle.state import (
     MatrixRows,
     State,
@@ -53,22 +58,9 @@ from jblast.vehicle.state import (
     three,
 )
 
-# Gains of RotorPy 3.0.0, with two exceptions that are declared. The attitude gains of
-# the Iris give 12 rad/s and a damping of 0.8 before the motors' lag, since PX4's own
-# loops do not translate. All integral gains are a quarter of k_p, which removes an
-# offset within some 4 s.
-NAMED_GAINS = {
-    name: {key: model[key] for key in GAINS if key in model}
-    for name, model in PARAMETERS.items()
-}
 Flag = Bool[Array, ""]
 DESCENT_M_S = 1.5
 """Maximum commanded descent speed: MPC_Z_VEL_MAX_DN of PX4."""
-INTEGRAL_LIMIT_M_S2 = 5.0
-"""Default limit of the integral along each axis; declared.
-
-Half of g, a tilt of 27 degrees: it leaves room for braking below the limit of 45.
-"""
 THRUST_FLOOR = 0.24
 """Minimum thrust as a share of the weight: MPC_THR_MIN over MPC_THR_HOVER of PX4."""
 TILT_SLOPE = math.tan(math.radians(45.0))
@@ -256,17 +248,12 @@ def named_gains(name: str, *, integral: bool = False) -> Gains:
     Raises:
         InputError: The name is unknown.
     """
-    if name not in NAMED_GAINS:
-        raise InputError(
-            f"gains of {name!r}: expected {', '.join(NAMED_GAINS)}"
-            f"{nearest(str(name), NAMED_GAINS)}"
-        )
-    gains = NAMED_GAINS[name]
-    dropped = () if integral else ("ki_pos",)
-    return gains_from_parameters({k: v for k, v in gains.items() if k not in dropped})
+    return gains_from_parameters(parameters_of(name), integral=integral)
 
 
-def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
+def gains_from_parameters(
+    parameters: Mapping[str, Any], *, integral: bool = True
+) -> Gains:
     """Read gains by RotorPy's names: kp_pos, kd_pos, kp_att, kd_att.
 
     `ki_pos` (3), `integral_limit` and `motor_lead` are optional. Other names belong to
@@ -274,12 +261,12 @@ def gains_from_parameters(parameters: Mapping[str, Any]) -> Gains:
 
     Args:
         parameters: Numbers by name.
+        integral: Whether the controller has integral action; False: `ki_pos` is 0.
 
     Raises:
         InputError: A gain is missing, not a number or negative, or the lead is below 1.
     """
-    none = {"ki_pos": [0.0, 0.0, 0.0], "integral_limit": INTEGRAL_LIMIT_M_S2}
-    given = {**none, **parameters}
+    given = parameters if integral else {**parameters, "ki_pos": (0.0, 0.0, 0.0)}
     return Gains(
         position=read(given, "kp_pos"),
         velocity=read(given, "kd_pos"),

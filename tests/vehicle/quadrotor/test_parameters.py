@@ -81,7 +81,7 @@ def test_a_parameter_that_is_missing_is_named():
 def test_a_name_that_is_not_there_is_refused():
     with pytest.raises(InputError, match="did you mean iris"):
         named("irish")
-    with pytest.raises(InputError, match="gains of 'x8'"):
+    with pytest.raises(InputError, match="vehicle 'x8'"):
         named_gains("x8")
     with pytest.raises(InputError, match="kd_att: missing"):
         gains_from_parameters({"kp_pos": [1] * 3, "kd_pos": [1] * 3, "kp_att": 1})
