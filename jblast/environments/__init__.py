@@ -29,20 +29,18 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
-    "COMMANDS": "jblast.environments.episode",
-    "EnvironmentParams": "jblast.environments.episode",
-    "EnvironmentState": "jblast.environments.episode",
-    "QuadrotorBlast": "jblast.environments.gymnasium_classes",
-    "QuadrotorEnv": "jblast.environments.gymnasium_classes",
-    "Randomisation": "jblast.environments.episode",
-    "Step": "jblast.environments.core",
-    "environment_params": "jblast.environments.core",
-    "reset": "jblast.environments.core",
-    "reset_lanes": "jblast.environments.lanes",
-    "step": "jblast.environments.core",
-    "step_lanes": "jblast.environments.lanes",
+    **dict.fromkeys(
+        ("COMMANDS", "EnvironmentParams", "EnvironmentState", "Randomisation"),
+        "jblast.environments.episode",
+    ),
+    **dict.fromkeys(
+        ("QuadrotorBlast", "QuadrotorEnv"), "jblast.environments.gymnasium_classes"
+    ),
+    **dict.fromkeys(
+        ("Step", "environment_params", "reset", "step"), "jblast.environments.core"
+    ),
+    **dict.fromkeys(("reset_lanes", "step_lanes"), "jblast.environments.lanes"),
 }
-
 NAMES = ("Hover", "Rates", "Mission")
 """Tasks, registered with Gymnasium as `jblast/Hover-v0` and so on."""
 _imported, __dir__ = lazy_face(__name__, _HOMES)

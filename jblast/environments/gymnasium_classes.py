@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from jblast.environments.core import actions_of, environment_params
 from jblast.environments.episode import EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, require, shown
 from jblast.kept_programs import kept, kept_between_runs
 from jblast.progress import Progress, in_words, shown_by
 
@@ -54,18 +54,11 @@ class QuadrotorBlast(VectorEnv):
         progress: Progress = True,
         **options: Any,
     ):
-        if render_mode is not None:
-            raise InputError(
-                f"render_mode: expected None, got {shown(render_mode)}: the "
-                "environments are not rendered"
-            )
-        whole = isinstance(num_envs, int | np.integer) and not isinstance(
-            num_envs, bool
-        )
-        if not (whole and num_envs > 0):
-            raise InputError(
-                f"num_envs: expected a whole number, 1 or more, got {shown(num_envs)}"
-            )
+        words, got = "None (the environments are not rendered)", shown(render_mode)
+        require(render_mode is None, "render_mode", words, got)
+        whole = type(num_envs) is int or isinstance(num_envs, np.integer)
+        words, got = "a whole number, 1 or more", shown(num_envs)
+        require(whole and num_envs > 0, "num_envs", words, got)
         self.num_envs = int(num_envs)
         self.params = params_of(task, params, options)
         self.metadata = {
@@ -113,8 +106,7 @@ class QuadrotorBlast(VectorEnv):
         Raises:
             InputError: The actions have another shape, or nothing was reset.
         """
-        if self._states is None:
-            raise InputError("step: expected a reset before it, got none")
+        require(self._states is not None, "step", "a reset before it", "none")
         taken = checked_actions(actions, self.action_space.shape or ())
         found = self._run("step", self._states, jnp.asarray(taken), self.params)
         self._states = found.state
@@ -189,13 +181,10 @@ def params_of(task: str, params: EnvironmentParams | None, options: dict) -> Any
     Raises:
         InputError: Both are given, or as in `environment_params`.
     """
-    if params is not None:
-        if options:
-            raise InputError(
-                f"params: expected no other options, got {', '.join(options)}"
-            )
-        return params
-    return environment_params(task, **options)
+    if params is None:
+        return environment_params(task, **options)
+    require(not options, "params", "no other options", ", ".join(options))
+    return params
 
 
 def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
@@ -208,6 +197,5 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
         array = np.asarray(actions, np.float32)
     except (TypeError, ValueError):
         raise InputError(f"action: expected numbers, got {shown(actions)}") from None
-    if array.shape != shape:
-        raise InputError(f"action: expected the shape {shape}, got {array.shape}")
+    require(array.shape == shape, "action", f"the shape {shape}", f"{array.shape}")
     return array
