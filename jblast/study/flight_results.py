@@ -24,7 +24,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from jblast.autopilot.estimator import Thrown
-from jblast.errors import InputError, argument
+from jblast.errors import argument, require
 from jblast.missions import Mission
 from jblast.results import Note, warning
 from jblast.scene import Charge, Scene, VehicleSpec
@@ -241,18 +241,16 @@ def options_of(*, on_mission: bool, **given: Any) -> Options:
     known = {name: value for name, value in given.items() if value is not None}
     for name, word in POSITIVE_OPTIONS.items():
         value = known.get(name, 1.0)
-        if not (math.isfinite(value) and value > 0):
-            raise InputError(f"{word}: expected a positive number, got {value:g}")
-    if "profile" not in known and "profile_moments_about" in known:
-        raise InputError(
-            f"{argument('profile_moments_about')}: expected it with "
-            f"{argument('profile')} only, got no profile"
-        )
+        positive = math.isfinite(value) and value > 0
+        require(positive, word, "a positive number", f"{value:g}")
+    alone = "profile" not in known and "profile_moments_about" in known
+    words = f"it with {argument('profile')} only"
+    require(not alone, argument("profile_moments_about"), words, "no profile")
     if isinstance(known.get("profile"), str | os.PathLike):
         known["profile"] = read_custom_profile(known["profile"])
-    defaults: dict[str, Any] = (
-        {"tolerance_m": MISSION_TOLERANCE_M} if on_mission else {}
-    )
+    defaults: dict[str, Any] = {}
+    if on_mission:
+        defaults["tolerance_m"] = MISSION_TOLERANCE_M
     # an estimator samples its instruments at each step: PX4 has 250 Hz
     if on_mission or known.get("estimator"):
         defaults["step_s"] = MISSION_STEP_S
@@ -374,8 +372,8 @@ def burst_remarks(scenes: Scene, vehicle: VehicleSpec) -> tuple[str, ...]:
         span = float(height.min()), float(height.max())
         (note,) = burst_notes(charge, span, weight, "vehicle")
         high = weight >= 1.0
-        burst = charge.burst or ("" if high.any() else "surface")
-        burst = burst or ("free-air" if high.all() else "")
+        alike = {0: "surface", high.size: "free-air"}
+        burst = charge.burst or alike.get(int(high.sum()))
         which = f"all waves are those of a {burst} burst"
         if not burst:
             which = (
@@ -547,24 +545,15 @@ def encounter_at(
     load: FlightLoad, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
 ) -> Encounter:
     """Return the arrivals of blasts at a position."""
+    arrival = arrival_at(load, position_m, quaternion)
+    unknown = jnp.full_like(arrival, jnp.nan)
     if isinstance(load, CustomProfile):
-        never = jnp.isposinf(load.time_s)
-        distance = slant_range(load.charge_m, position_m)
-        unknown = jnp.full((1,), jnp.nan)
-        return Encounter(
-            arrival_at(load, position_m, quaternion),
-            distance[None],
-            unknown,
-            unknown,
-            (load.in_range(position_m, quaternion) | never)[None],
-        )
-
+        distance = slant_range(load.charge_m, position_m)[None]
+        valid = load.in_range(position_m, quaternion) | jnp.isposinf(load.time_s)
+        return Encounter(arrival, distance, unknown, unknown, valid[None])
     if not isinstance(load, BlastLoad):  # of a user: only its arrivals are known
-        arrival = load.arrival_time_s(position_m)
-        unknown = jnp.full_like(arrival, jnp.nan)
-        return Encounter(
-            arrival, unknown, unknown, unknown, jnp.ones_like(arrival, bool)
-        )
+        valid = jnp.ones_like(arrival, bool)
+        return Encounter(arrival, unknown, unknown, unknown, valid)
 
     def met(blast: Blast) -> tuple[Array, ...]:
         distance = slant_range(blast.position_m, position_m)
@@ -575,13 +564,8 @@ def encounter_at(
         return distance, scaled, jnp.where(jnp.isposinf(blast.time_s), 0.0, peak)
 
     distances, scaled, peaks = jax.vmap(met)(load.blasts)
-    return Encounter(
-        arrival_at(load, position_m, quaternion),
-        distances,
-        scaled,
-        peaks * load.pressure_pa,
-        load.in_range(position_m),
-    )
+    pressure_pa, valid = peaks * load.pressure_pa, load.in_range(position_m)
+    return Encounter(arrival, distances, scaled, pressure_pa, valid)
 
 
 def encounter_of(

@@ -207,11 +207,10 @@ def from_parameters(parameters: Mapping[str, Any], *, name: str = "") -> Vehicle
             are not checked inside jit or grad.
     """
     # A misspelt optional name would leave its default without a warning.
-    for key in parameters:
-        if key not in PARTS and key not in IGNORED:
-            raise InputError(
-                f"vehicle parameter {key!r}: no such name{nearest(str(key), PARTS)}"
-            )
+    unknown = [key for key in parameters if key not in (*PARTS, *IGNORED)]
+    if unknown:
+        close = nearest(str(unknown[0]), PARTS)
+        raise InputError(f"vehicle parameter {unknown[0]!r}: no such name{close}")
     if isinstance(rows := parameters.get("rotor_pos"), Mapping):
         if sorted(rows) != ["r1", "r2", "r3", "r4"]:
             raise InputError(
@@ -270,10 +269,9 @@ def required_body(body: Body | None) -> Body:
     Raises:
         InputError: The vehicle has none.
     """
-    if body is None:
-        raise InputError(
-            f"vehicle: expected {', '.join(BODY)} for blast loads, got none of them"
-        )
+    words = f"{', '.join(BODY)} for blast loads"
+    require(body is not None, "vehicle", words, "none of them")
+    assert body is not None
     return body
 
 

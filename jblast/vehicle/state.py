@@ -14,7 +14,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from jblast.errors import InputError
+from jblast.errors import InputError, require
 from jblast.vehicle.quadrotor import floats
 
 LENGTHS = {
@@ -57,15 +57,10 @@ class State(eqx.Module):
     def __check_init__(self):
         batch = self.position_m.shape[:-1]
         for name, length in LENGTHS.items():
-            value = getattr(self, name)
-            if value.shape != (*batch, length):
-                raise InputError(
-                    f"{name}: expected the shape {(*batch, length)}, got {value.shape}"
-                )
-            if isinstance(value, Tracer):
-                continue
-            if not np.all(np.isfinite(value)):
-                raise InputError(f"{name}: expected finite numbers, got nan or inf")
+            value, shape = getattr(self, name), (*batch, length)
+            require(value.shape == shape, name, f"the shape {shape}", f"{value.shape}")
+            finite = isinstance(value, Tracer) or np.all(np.isfinite(value))
+            require(finite, name, "finite numbers", "nan or inf")
         if not isinstance(self.quaternion, Tracer):
             _check_length(np.asarray(self.quaternion))
 
