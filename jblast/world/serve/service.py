@@ -414,7 +414,7 @@ class Stream:
         """Return the next packet after staging its blasts."""
         server, speed = self._server, self._server.options.speed
         entity, motion = playback.entity, playback.motion
-        for charge in playback.soon(STAGED_AHEAD_S if speed else 0.0):
+        for charge in playback.soon(STAGED_AHEAD_S) if speed else ():
             if charge.name not in self._staged:
                 task = asyncio.create_task(server.stage(entity, charge, motion))
                 self._staged[charge.name] = task
