@@ -324,7 +324,7 @@ def _film_of(
     # 1e-6 of a frame: the product of a duration and a rate may round below an integer
     count = max(0, math.floor((seconds - float(camera.exposure_s)) * hz + 1e-6))
     times, views = np.arange(count + 1) / hz, views_of(scene, camera)
-    return Film(scene, camera, times, background, views, path=path)
+    return Film(scene, camera, times, background, views, path=path, dtype=np.float32)
 
 
 def listening_of(

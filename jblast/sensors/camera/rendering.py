@@ -51,7 +51,13 @@ from jblast.sensors.camera.geometry import (
     to_camera,
     turned_rays,
 )
-from jblast.sensors.camera.image import BACKGROUND, Background, images, straight
+from jblast.sensors.camera.image import (
+    BACKGROUND,
+    LUMINANCE,
+    Background,
+    images,
+    straight,
+)
 from jblast.sensors.camera.surroundings import (
     Landscape,
     disc_light,
@@ -330,6 +336,17 @@ def frames(
         return jnp.moveaxis(total / parts, 0, -1)
 
     return jax.lax.map(frame, (jnp.asarray(times), behind))
+
+
+@eqx.filter_jit
+def grey_frames(
+    view: View,
+    times: Float[Array | np.ndarray, " time"],
+    behind: Float[Array | np.ndarray, "time height width 3"] | None = None,
+) -> Float[Array, "time height width"]:
+    """Return the luminance of `frames`; a sum, as a matrix product takes longer."""
+    colours = frames(view, times, behind)
+    return sum(colours[..., n] * weight for n, weight in enumerate(LUMINANCE))
 
 
 def light_at(

@@ -5,7 +5,8 @@ texture is tiled. It is stored at every size down to one pixel, each half of the
 before (Williams 1983, "Pyramidal parametrics"), and interpolated between the two sizes
 whose pixels are as large as the footprint of a ray on the ground. Far away it is even,
 and does not flicker when the camera moves. The light of the sky falls from its horizon
-upwards by $e^{-\sin(h)/s}$, $h$ the elevation.
+upwards by $e^{-\sin(h)/s}$, $h$ the elevation. A pixel on the horizon shows both in
+proportion to their shares of it, so that its light is continuous as the camera turns.
 
 Light of the fireball. A surface of a background is as bright as the light that falls on
 it. By day that is the illuminance $E_0$, under which the background was taken. The
@@ -93,15 +94,21 @@ class Landscape(eqx.Module):
             rays: Rays that end at the ground, or nowhere.
             pixel: Angle of a pixel [rad].
         """
-        up = rays.direction[2]
+        up, height = rays.direction[2], rays.origin[2]
         solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
         sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
         # even ground needs no look-ups, which take most of the time
         if len(self.texels) == 1:
             ground = self.texels[0][:, None, None]
         else:
-            ground = self._ground(rays, jnp.where(solid, rays.farthest, 0.0), pixel)
-        seen = jnp.where(solid[None], ground, sky)
+            # as far as a quarter of a pixel below the horizon: the mean of the texture
+            reach = jnp.minimum(rays.farthest, 4.0 * height / pixel)
+            ground = self._ground(rays, reach, pixel)
+        share = jnp.clip(0.5 - up / pixel, 0.0, 1.0)
+        end = height + jnp.where(solid, rays.farthest, 0.0) * up
+        share = jnp.where(solid & (end > 1e-3 * height), 1.0, share)  # above the ground
+        share = share[None]
+        seen = share * ground + (1.0 - share) * sky
         return jnp.where((rays.farthest > 0.0)[None], seen, 0.0)
 
     def _ground(
