@@ -419,8 +419,8 @@ class _FilmOfRun:
         """Write the frames and events of a packet."""
         numbers = [round(time * self._hz) for time in frames.time_s.tolist()]
         images = {
-            self._places[number]: image
-            for number, image in zip(numbers, frames.images, strict=True)
+            self._places[number]: frames.images[n]
+            for n, number in enumerate(numbers)
             if number in self._places
         }
         paths = [Path(self._files.frames or "") / self._name(n) for n in images]

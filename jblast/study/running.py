@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -83,16 +84,22 @@ class Samples(NamedTuple):
     values: Float[np.ndarray, "sample component"]
 
 
-class Frames(NamedTuple):
-    """Frames of the camera.
+@dataclass(frozen=True)
+class Frames:
+    """Frames of the camera, rendered when they are looked at.
 
     Attributes:
         time_s: Beginning of each exposure, common clock.
-        images: sRGB, 8 bits.
+        rendered: Returns the frames of some times, sRGB of 8 bits.
     """
 
     time_s: Float[np.ndarray, " frame"]
-    images: UInt8[np.ndarray, "frame height width 3"]
+    rendered: Callable[[np.ndarray], np.ndarray]
+
+    @cached_property
+    def images(self) -> UInt8[np.ndarray, "frame height width 3"]:
+        """The frames in sRGB of 8 bits."""
+        return self.rendered(self.time_s)
 
 
 class CameraEvents(NamedTuple):
@@ -423,12 +430,9 @@ def _filmed(
     if run.film is None:
         return
     bounds = np.append(bounds[:-1], math.inf)  # the last frame may be at the very end
-    for part in filmed_packets(run.film, bounds):
-        columns = ("time", "x", "y", "polarity")
-        yield (
-            Frames(part.time_s, part.frames),
-            CameraEvents(*(np.asarray(getattr(part.events, name)) for name in columns)),
-        )
+    for times, found in filmed_packets(run.film, bounds):
+        columns = found.time, found.x, found.y, found.polarity
+        yield Frames(times, run.film.levels), CameraEvents(*map(np.asarray, columns))
 
 
 def _within(flight: Trajectory, start: float, stop: float) -> Trajectory:

@@ -60,7 +60,8 @@ def run(detectors, sound, images=None):
         }
         if images is not None:
             at = start_s + np.arange(frames) / FRAMES_HZ
-            packet.frames = Frames(at, images[nth * frames :][:frames])
+            part = images[nth * frames :][:frames]
+            packet.frames = Frames(at, lambda times, part=part: part)
         found += detectors.take(packet)
     return [*found, *detectors.finish()]
 

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, UInt8
 
 from jblast.errors import InputError, argument
 from jblast.files import refuse_existing, writing
@@ -141,7 +141,7 @@ class Film:
         count, size = len(self.times), self._block
 
         def done(which: slice, found: Future[Frames]) -> tuple[slice, Frames]:
-            return which, self.gain * found.result()
+            return which, found.result()
 
         waiting: deque[tuple[slice, Future[Frames]]] = deque()
         with ThreadPoolExecutor(1) as ahead:
@@ -153,8 +153,14 @@ class Film:
             yield done(*waiting.popleft())
 
     def shot(self, times: Float[np.ndarray, " _"]) -> Frames:
-        """Return the frames that begin at some times, without the gain."""
+        """Return the frames that begin at some times."""
         return self._rendered(self._view, times)
+
+    def levels(
+        self, times: Float[np.ndarray, " _"]
+    ) -> UInt8[np.ndarray, "_ _ _ channel"]:
+        """Return the frames that begin at some times, sRGB of 8 bits."""
+        return self._rendered(self._view, times, rendering.levels)
 
     def instants(self, times: Float[np.ndarray, " _"]) -> Frames:
         """Return the light of some instants, without exposure and gain."""
@@ -165,7 +171,7 @@ class Film:
 
         A moving background is linear between its frames.
         """
-        return self._rendered(self._still, times, rendering.grey_frames)
+        return self._rendered(self._still, times, rendering.grey)
 
     def stamp_error_s(self, *, noise: bool) -> float:
         """Return the bound of the time error of all but `LEFT` of the events [s].
@@ -185,12 +191,11 @@ class Film:
         return max(1, min(BLOCK, PIXELS // pixels))
 
     def _rendered(
-        self, view: View, times: Float[np.ndarray, " _"], frames: Any = rendering.frames
+        self, view: View, times: Float[np.ndarray, " _"], shown: Any = rendering.colours
     ) -> np.ndarray:
-        """Return linear light at some times, each thread with its share of a block."""
-        size = self._block
-        threads = min(size, os.cpu_count() or 1)
-        share = -(-size // threads)
+        """Return images of some times, each thread with a few after another."""
+        threads = os.cpu_count() or 1
+        share = -(-self._block // (2 * threads))
         # padded to full shares: one compiled program serves all
         clock = np.pad(times, (0, -len(times) % share), mode="edge")
         background = self.background
@@ -200,7 +205,7 @@ class Film:
             if isinstance(background, ImageSequence):
                 # a moving background starts with the film, whatever the clock
                 behind = background.at(now - self.times[0])
-            return np.asarray(frames(view, now, behind))
+            return np.asarray(rendering.frames(view, now, behind, shown=shown))
 
         with ThreadPoolExecutor(threads) as pool:
             done = list(pool.map(part, range(0, len(clock), share)))
@@ -209,7 +214,7 @@ class Film:
     @cached_property
     def _view(self) -> View:
         """The view of frames, in single precision."""
-        return self._seen(self.camera, jnp.float32)
+        return self._seen(self.camera, jnp.float32, self.gain)
 
     @cached_property
     def _still(self) -> View:
@@ -217,7 +222,7 @@ class Film:
         none = jnp.zeros_like(self.camera.exposure_s)
         return self._seen(replace(self.camera, exposure_s=none), self.dtype)
 
-    def _seen(self, camera: Camera, dtype: Any) -> View:
+    def _seen(self, camera: Camera, dtype: Any, gain: float = 1.0) -> View:
         behind = self.background
         return view_of(
             self.scene,
@@ -227,6 +232,7 @@ class Film:
             appearance=self.appearance,
             views=self.views,
             path=self.path,
+            gain=gain,
             dtype=dtype,
             reverse=False,
         )

@@ -10,6 +10,7 @@ logarithm of light is exact to 1e-4, except that rounding decides about pixels o
 horizon.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
@@ -19,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, UInt8
 
 from jblast.errors import require
 from jblast.scene import Air, Camera, Charge, Scene
@@ -56,7 +57,9 @@ from jblast.sensors.camera.image import (
     LUMINANCE,
     Background,
     images,
+    linear_to_srgb,
     straight,
+    toned,
 )
 from jblast.sensors.camera.surroundings import (
     Landscape,
@@ -102,6 +105,7 @@ class View(eqx.Module):
             a fourth channel, transparent, gives the layer of the fires.
         pictures: Pictures of an explosion that replace the procedural fireball.
         appearance: Exposure, and distribution of the smoke.
+        gain: Factor of the light (`image.picture_gain`).
         ground: True if the plane up = 0 hides what is below it.
         relief: True if there is a depth image.
         parts: Instants averaged over an exposure; 1 for a camera without.
@@ -118,6 +122,7 @@ class View(eqx.Module):
     background: Landscape | Image
     pictures: ExplosionViews | None
     appearance: Appearance
+    gain: float
     ground: bool = eqx.field(static=True)
     relief: bool = eqx.field(static=True)
     parts: int = eqx.field(static=True)
@@ -134,6 +139,7 @@ def view_of(
     appearance: Appearance | None = None,
     views: ExplosionViews | None = None,
     path: CameraPath | None = None,
+    gain: float = 1.0,
     dtype: Any = None,
     reverse: bool = True,
 ) -> View:
@@ -148,6 +154,7 @@ def view_of(
         appearance: Exposure, and distribution of the smoke.
         views: Pictures of an explosion.
         path: Pose of the carrier of a camera on a vehicle.
+        gain: Factor of the light.
         dtype: Precision of images; None for that of the camera.
         reverse: False for films, which need no derivatives in reverse mode.
 
@@ -182,6 +189,7 @@ def view_of(
         path,
         *drawn,
         look,
+        gain,
         ground=ground,
         relief=depth is not None,
         parts=EXPOSURES if exposed else 1,
@@ -301,18 +309,38 @@ def _lit(view: View, fires: Fire, rays: Rays, image: Image) -> Image:
     return jax.lax.cond(jnp.any(bright), lit, lambda image: image, image)
 
 
+def colours(image: Image) -> Float[Array, "row column channel"]:
+    """Return linear light with the colours of a pixel together."""
+    return jnp.moveaxis(image, 0, -1)
+
+
+def grey(image: Image) -> Float[Array, "row column"]:
+    """Return the luminance; a sum, because a matrix product takes longer."""
+    red, green, blue = LUMINANCE
+    return red * image[0] + green * image[1] + blue * image[2]
+
+
+def levels(image: Image) -> UInt8[Array, "row column channel"]:
+    """Return sRGB of 8 bits, within one of `files.images.srgb_bytes`."""
+    shown = linear_to_srgb(toned(colours(image)))
+    return jnp.rint(255.0 * shown).astype(jnp.uint8)
+
+
 @eqx.filter_jit
 def frames(
     view: View,
     times: Float[Array | np.ndarray, " time"],
     behind: Float[Array | np.ndarray, "time height width 3"] | None = None,
-) -> Float[Array, "time height width channel"]:
+    *,
+    shown: Callable[[Image], Array] = colours,
+) -> Array:
     """Return the means of exposures, as `light`.
 
     Args:
         view: The view.
         times: Starts of the exposures on the common clock [s].
         behind: A background for each of them, in place of the view's.
+        shown: What is returned of each: `colours`, `grey` or `levels`.
     """
     exposure = view.camera.exposure_s
 
@@ -324,7 +352,7 @@ def frames(
         if image is not None:
             image = jnp.moveaxis(image.astype(view.lens.direction.dtype), -1, 0)
         if view.parts == 1:
-            return jnp.moveaxis(light(view, time, image), 0, -1)
+            return shown(view.gain * light(view, time, image))
         parts = jnp.where(exposure > 0.0, view.parts, 1)
 
         # midpoint rule, of second order in the length of a part
@@ -333,20 +361,9 @@ def frames(
 
         nothing = jnp.zeros_like(jax.eval_shape(light, view, time, image))
         total = turns(parts, view.parts, turn, nothing, reverse=view.reverse)
-        return jnp.moveaxis(total / parts, 0, -1)
+        return shown(view.gain * total / parts)
 
     return jax.lax.map(frame, (jnp.asarray(times), behind))
-
-
-@eqx.filter_jit
-def grey_frames(
-    view: View,
-    times: Float[Array | np.ndarray, " time"],
-    behind: Float[Array | np.ndarray, "time height width 3"] | None = None,
-) -> Float[Array, "time height width"]:
-    """Return the luminance of `frames`; a sum, as a matrix product takes longer."""
-    colours = frames(view, times, behind)
-    return sum(colours[..., n] * weight for n, weight in enumerate(LUMINANCE))
 
 
 def light_at(

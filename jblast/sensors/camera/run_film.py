@@ -1,18 +1,15 @@
-"""Frames and camera events of a run, packet by packet, in bounded memory.
+"""Camera events of a run, packet by packet, in bounded memory.
 
-They are those of the film: blocks of frames and of instants have one length, whatever
-the packets.
+They are those of the film: blocks of instants have one length, whatever the packets.
 """
 
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, PRNGKeyArray
 
-from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.film import RUN_ERROR, Film
 from jblast.sensors.camera.pixel import Events, NoiseModel
 from jblast.sensors.camera.scene_events import film_events
@@ -22,48 +19,25 @@ ROUNDING_S = 1e-9
 Columns = tuple[np.ndarray, ...]
 
 
-class FilmedPacket(NamedTuple):
-    """Frames and camera events of one packet, on the common clock.
-
-    Attributes:
-        time_s: Beginning of the exposure of each frame.
-        frames: sRGB of 8 bits, or linear light with full scale 1, shape
-            (frame, height, width, 3).
-        events: Camera events.
-    """
-
-    time_s: Float[np.ndarray, " frame"]
-    frames: np.ndarray
-    events: Events
-
-
 def filmed_packets(
     film: Film,
     bounds: Float[np.ndarray, " bound"],
     *,
-    srgb: bool = True,
     noise: NoiseModel | None = None,
     key: PRNGKeyArray | None = None,
-) -> Iterator[FilmedPacket]:
-    """Yield the frames and camera events of consecutive packets.
+) -> Iterator[tuple[Float[np.ndarray, " frame"], Events]]:
+    """Yield times of the frames and camera events of consecutive packets.
 
     Args:
         film: Camera, and times of all frames, of which the first is the reference of
             the events.
         bounds: Beginning of each packet, and end of the last [s].
-        srgb: False for frames of linear light.
         noise: Imperfections of the event camera; None for an ideal one.
         key: Random key of the noise.
 
     Raises:
         InputError: As in `render`, or there is noise without a key.
     """
-
-    def pictures() -> Iterator[tuple[float, Columns]]:
-        for which, frames in film.frames():
-            shown = np.stack([*map(srgb_bytes, frames)]) if srgb else frames
-            times = film.times[which]
-            yield times[-1], (times, shown)
 
     def events() -> Iterator[tuple[float, Columns]]:
         ends: list[float] = []
@@ -72,11 +46,13 @@ def filmed_packets(
             columns = found.time, found.x, found.y, found.polarity
             yield ends[-1], tuple(map(np.asarray, columns))
 
-    parts = Parts(pictures()), Parts(events())
+    part, begin = Parts(events()), 0
     for _, end in pairwise(np.asarray(bounds) - ROUNDING_S):
-        (times, frames), (time, x, y, sign) = (part.until(end) for part in parts)
+        time, x, y, sign = part.until(end)
         count = np.asarray(len(time)), np.asarray(0)
-        yield FilmedPacket(times, frames, Events(x, y, time, sign, *count))
+        stop = int(np.searchsorted(film.times, end))
+        yield film.times[begin:stop], Events(x, y, time, sign, *count)
+        begin = stop
 
 
 class Parts:

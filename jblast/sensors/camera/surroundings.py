@@ -95,21 +95,26 @@ class Landscape(eqx.Module):
             pixel: Angle of a pixel [rad].
         """
         up, height = rays.direction[2], rays.origin[2]
-        solid = jnp.isfinite(rays.farthest) & (rays.farthest > 0.0)
-        sky = self.horizon[:, None, None] * jnp.exp(-jnp.maximum(up, 0.0) / FALL)[None]
+        shown = rays.farthest > 0.0
+        solid = jnp.isfinite(rays.farthest) & shown
+        share = jnp.clip(0.5 - up / pixel, 0.0, 1.0)
+        end = height + jnp.where(solid, rays.farthest, 0.0) * up
+        share = jnp.where(solid & (end > 1e-3 * height), 1.0, share)  # above the ground
+        fall = jnp.exp(-jnp.maximum(up, 0.0) / FALL)
         # even ground needs no look-ups, which take most of the time
         if len(self.texels) == 1:
-            ground = self.texels[0][:, None, None]
+            ground = self.texels[0]
         else:
             # as far as a quarter of a pixel below the horizon: the mean of the texture
             reach = jnp.minimum(rays.farthest, 4.0 * height / pixel)
             ground = self._ground(rays, reach, pixel)
-        share = jnp.clip(0.5 - up / pixel, 0.0, 1.0)
-        end = height + jnp.where(solid, rays.farthest, 0.0) * up
-        share = jnp.where(solid & (end > 1e-3 * height), 1.0, share)  # above the ground
-        share = share[None]
-        seen = share * ground + (1.0 - share) * sky
-        return jnp.where((rays.farthest > 0.0)[None], seen, 0.0)
+        # colour by colour: XLA would calculate a product with all again for each
+        return jnp.stack(
+            [
+                jnp.where(shown, share * ground[n] + (1.0 - share) * fall * sky, 0.0)
+                for n, sky in enumerate(self.horizon)
+            ]
+        )
 
     def _ground(
         self, rays: Rays, distance: Float[Array, "row column"], pixel: Float[Array, ""]

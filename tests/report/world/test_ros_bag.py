@@ -109,6 +109,7 @@ def packet(number):
     sound = draw.normal(0.0, 0.3 * FULL_SCALE_PA, (800, 1))
     sound[13] = -2 * FULL_SCALE_PA
     stirred = np.sort(draw.uniform(start, end, 40)).round(6)
+    images = draw.integers(0, 256, (2, HEIGHT, WIDTH, 3)).astype(np.uint8)
     return Packet(
         start,
         end,
@@ -122,10 +123,7 @@ def packet(number):
             "geo": Samples(start, 500.0, draw.normal(0.0, 1e-3, (50, 1))),
             "imu": Samples(start, 1000.0, draw.normal(0.0, 5.0, (100, 6))),
         },
-        frames=Frames(
-            start + np.arange(2) / 20.0,
-            draw.integers(0, 256, (2, HEIGHT, WIDTH, 3)).astype(np.uint8),
-        ),
+        frames=Frames(start + np.arange(2) / 20.0, lambda times: images),
         events=CameraEvents(
             stirred if number != 7 else np.zeros(0),
             draw.integers(0, WIDTH, 40)[: 40 * (number != 7)],

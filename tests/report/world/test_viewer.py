@@ -86,7 +86,7 @@ def packet_of(start, end):
             MIC: Samples(start, float(SOUND_HZ), sound[:, None]),
             "imu": Samples(start, float(MOTION_HZ), np.zeros((now.size, 6))),
         },
-        frames=Frames(exposed, images),
+        frames=Frames(exposed, lambda times: images),
         events=events,
         detections=found if start == 0.6 else (),
     )

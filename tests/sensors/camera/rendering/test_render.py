@@ -111,13 +111,15 @@ def test_a_charge_that_never_happens_is_not_seen_and_has_no_gradient():
     assert not bool(in_view(Scene((other,)), camera))
 
 
-def carried(focal=60.0, tilt=0.0) -> Camera:
-    """Return a camera on a vehicle that looks forward and down by an angle."""
+def carried(focal=60.0, tilt=0.0, roll=0.0) -> Camera:
+    """Return a camera on a vehicle that looks forward and down by an angle, rolled."""
     turn = [0.0, np.sin(tilt / 2), 0.0, np.cos(tilt / 2)]
+    lean = [np.sin(roll / 2), 0.0, 0.0, np.cos(roll / 2)]
+    turn = quaternion_product(np.array(lean), np.array(turn))
     return dataclasses.replace(
         small_camera(focal=[focal, focal], center=[11.5, 8.5]),
         position=jnp.zeros(3),
-        quaternion=quaternion_product(np.array(turn), np.array(FORWARD)),
+        quaternion=quaternion_product(turn, np.array(FORWARD)),
         mount="vehicle",
     )
 
@@ -141,6 +143,28 @@ def test_a_carried_camera_that_stands_sees_what_a_fixed_one_sees():
     found = render(scene, eye, times, background=ground, path=path)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert np.ptp(found) > 1.0
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.3])
+def test_a_pixel_on_the_horizon_is_the_mean_of_finer_ones(roll):
+    eye, fine = carried(tilt=0.01, roll=roll), 8
+    finer = dataclasses.replace(
+        eye,
+        focal=fine * eye.focal,
+        center=fine * eye.center + (fine - 1) / 2,
+        width=fine * eye.width,
+        height=fine * eye.height,
+    )
+
+    def light(camera):
+        camera = carried_camera(camera, standing(), jnp.asarray(0.0))
+        rays = pixel_rays(camera)
+        return np.asarray(landscape().light(rays, 1.0 / jnp.max(camera.focal)))
+
+    mean = light(finer).reshape(3, eye.height, fine, eye.width, fine).mean((2, 4))
+    # a slanting edge fills a pixel along a curve, and not a line
+    np.testing.assert_allclose(light(eye), mean, atol=0.03)
+    assert np.ptp(mean[2]) > 0.5
 
 
 def test_a_far_texture_is_even_and_keeps_its_mean():
