@@ -354,7 +354,7 @@ def _refine(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
     for i, image in zip(front, images, strict=True):
         (start, stop), (before, after), _ = intervals[i]
         light = before, image, after
-        tested.append((light, _is_fine(stop - start, light, bounds)))
+        tested.append((light, _is_fine(float(stop - start), light, bounds)))
     # from the back, so that an insertion does not shift the indices before it
     for i, time, (light, fine) in reversed([*zip(front, middles, tested, strict=True)]):
         (start, stop), _, is_half = intervals[i]

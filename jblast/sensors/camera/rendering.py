@@ -122,7 +122,7 @@ class View(eqx.Module):
     background: Landscape | Image
     pictures: ExplosionViews | None
     appearance: Appearance
-    gain: float
+    gain: float = eqx.field(static=True)
     ground: bool = eqx.field(static=True)
     relief: bool = eqx.field(static=True)
     parts: int = eqx.field(static=True)
