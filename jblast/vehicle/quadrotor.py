@@ -294,19 +294,17 @@ def read(parameters: Mapping[str, Any], key: str) -> Float[Array, "..."]:
     if math.isfinite(part.least):
         what += f" of at least {part.least:g}"
     try:
-        array = as_numbers(
-            value if isinstance(value, Array) else np.array(value, float)
-        )
-        # Inside jit only the shape is known.
-        fits = array.shape == part.shape and (
-            isinstance(array, Tracer)
-            or bool(jnp.all(jnp.isfinite(array) & (array >= part.least)))
-        )
+        array = value if isinstance(value, Array) else np.array(value, float)
+        fits = array.shape == part.shape
+        # inside jit only the shape is known
+        if not isinstance(array, Tracer):
+            known = np.asarray(array)
+            fits &= bool(np.all(np.isfinite(known) & (known >= part.least)))
     except (TypeError, ValueError):
         array, fits = value, False
     if not fits:
         raise InputError(f"vehicle parameter {key}: expected {what}, got {array!s}")
-    return array
+    return as_numbers(array)
 
 
 def in_precision(tree: Any, dtype: np.dtype) -> Any:

@@ -193,22 +193,16 @@ class Film:
     def _rendered(
         self, view: View, times: Float[np.ndarray, " _"], shown: Any = rendering.colours
     ) -> np.ndarray:
-        """Return images of some times, each thread with a few after another."""
-        threads = os.cpu_count() or 1
-        share = -(-self._block // (2 * threads))
-        # padded to full shares: one compiled program serves all
-        clock = np.pad(times, (0, -len(times) % share), mode="edge")
-        background = self.background
-
-        def part(start: int) -> np.ndarray:
-            now, behind = clock[start : start + share], None
-            if isinstance(background, ImageSequence):
+        """Return images of some times; one compiled program serves all blocks."""
+        clock = np.pad(times, (0, -len(times) % self._block), mode="edge")
+        behind, done = None, []
+        for start in range(0, len(clock), self._block):
+            now = clock[start : start + self._block]
+            if isinstance(self.background, ImageSequence):
                 # a moving background starts with the film, whatever the clock
-                behind = background.at(now - self.times[0])
-            return np.asarray(rendering.frames(view, now, behind, shown=shown))
-
-        with ThreadPoolExecutor(threads) as pool:
-            done = list(pool.map(part, range(0, len(clock), share)))
+                behind = self.background.at(now - self.times[0])
+            images = rendering.frames(view, now, behind, shown=shown)
+            done.append(np.asarray(images))
         return np.concatenate(done)[: len(times)]
 
     @cached_property
@@ -322,32 +316,35 @@ def subdivided(
 
 def _instants(film: Film, bounds: _Bounds):
     """Yield time and image of one instant after another."""
-    knots = first_instants(film)
+    knots, begin = first_instants(film), 1
     last = knots[0], film.light(knots[:1])[0]
     yield last
-    for begin in range(1, len(knots), BLOCK):
-        part = knots[begin : begin + BLOCK]
-        ends = [last, *zip(part, film.light(part), strict=True)]
-        intervals = deque(
-            Interval((a[0], b[0]), (a[1], b[1])) for a, b in pairwise(ends)
-        )
-        while intervals:
-            while intervals and len(intervals[0].times) == 3:
-                interval = intervals.popleft()
-                yield interval.times[1], interval.light[1]
-                yield interval.times[2], interval.light[2]
-            _refine(intervals, film, bounds)
-        last = ends[-1]
+    intervals: deque[Interval] = deque()
+    while intervals or begin < len(knots):
+        # enough intervals for a whole block of middles
+        if begin < len(knots) and len(_untested(intervals)) < BLOCK:
+            part = knots[begin : begin + BLOCK]
+            ends = [last, *zip(part, film.light(part), strict=True)]
+            intervals.extend(
+                Interval((a[0], b[0]), (a[1], b[1])) for a, b in pairwise(ends)
+            )
+            begin, last = begin + BLOCK, ends[-1]
+        _refine(intervals, film, bounds)
+        while intervals and len(intervals[0].times) == 3:
+            interval = intervals.popleft()
+            yield interval.times[1], interval.light[1]
+            yield interval.times[2], interval.light[2]
+
+
+def _untested(intervals: deque[Interval]) -> list[int]:
+    """Return the places of the intervals without a middle."""
+    return [i for i, interval in enumerate(intervals) if len(interval.times) == 2]
 
 
 def _refine(intervals: deque[Interval], film: Film, bounds: _Bounds) -> None:
     """Evaluate the middles of the first intervals without one; halve coarse ones."""
     # one block of middles at a time: the program has a fixed number of frames
-    front = [i for i, interval in enumerate(intervals) if len(interval.times) == 2][
-        :BLOCK
-    ]
-    if not front:
-        return
+    front = _untested(intervals)[:BLOCK]
     middles = [0.5 * sum(intervals[i].times) for i in front]
     images = film.light(np.array(middles))
     tested = []
