@@ -1,7 +1,7 @@
 """Pressure records picked a second, on one core.
 
 Records of 4,096 samples as `picks_records.py` makes them (drift, coloured noise,
-rings). Beside an earlier commit: `benchmarks_before TREE --name picks`. Nothing is
+rings). Nothing is
 compiled.
 """
 

@@ -59,9 +59,9 @@ def index(root: Path) -> str:
     """Return the list of all results."""
     head = (
         "# Results\n\nOutput of the scripts in `calibration/`, from "
-        "`calibration/results`. Each script can be run again. `make check` compares "
-        "the figures quoted in this manual with these files "
-        "(`calibration/figures.csv`).\n\n| result | question |\n|---|---|\n"
+        "`calibration/results`; the page of a result names its script, which may be one "
+        "of the history. `make check` compares the figures quoted in this manual with "
+        "these files (`calibration/figures.csv`).\n\n| result | question |\n|---|---|\n"
     )
     rows = (
         f"| [{title(path)}]({path.name}) | {_source(root, path)[1]} |\n"
@@ -80,7 +80,8 @@ def _source(root: Path, path: Path) -> tuple[str, str]:
             if path.name.startswith(BENCHMARK) and command.startswith(BENCHMARK):
                 subject = path.stem.removeprefix(BENCHMARK).removesuffix("_gpu")
                 command = f"benchmarks {subject}"
-            return f"python -m calibration.{command}", question
+            shown = command.startswith("git ")
+            return command if shown else f"python -m calibration.{command}", question
     paragraphs = [" ".join(x.split()) for x in path.read_text("utf-8").split("\n\n")]
     prose = (one for one in paragraphs if one and one[0] not in "#!|<`")
     sentence = re.split(r"(?<=[.])\s", next(prose, ""))[0]

@@ -72,7 +72,7 @@ share sqrt(sqrt(pi) L/R) along the path. Least squares of a known mass, linearis
 250 random layouts with errors of seven other correlation functions (exponential, von
 Karman, Gaussian; lengths of 0.1 to 0.8): 90 % intervals of the bearing contain the
 truth in 86 to 96 % with these four, in 33 to 98 % with the third alone. Fits with a
-free mass do not reach that (`calibration/array_coverage.py`)."""
+free mass do not reach that (`calibration/results/array_coverage.txt`)."""
 TYPICAL = np.array([0.0, 0.0, 1.0, 0.0])
 """Weights of the kernels if no data weigh them, as for a planned layout."""
 DENSE = 32

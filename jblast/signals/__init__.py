@@ -5,7 +5,7 @@ The matched filter and its threshold, arrays of microphones, detection of flashe
 
 Sound is filtered by NumPy in float64, not by JAX: no gradient is needed here, a
 transform of a block takes three quarters of the time, and nothing is compiled
-(`calibration/detector_limits.py`).
+(`calibration/results/detector_limits.txt`).
 """
 
 from typing import TYPE_CHECKING

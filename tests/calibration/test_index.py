@@ -34,7 +34,7 @@ def matches(names: set[str], patterns: list[str]) -> set[str]:
 
 def scripts() -> list[str]:
     """Return the scripts of the index that measure."""
-    return [row[0].split()[0] for row in ROWS if not row[0].startswith("jblast ")]
+    return [row[0].split()[0] for row in ROWS if not row[0].startswith("git ")]
 
 
 def located(name: str) -> Path:
@@ -52,7 +52,7 @@ def test_every_script_is_listed_and_every_listed_script_exists():
 def test_parts_data_results_and_pages_of_a_row_exist(row):
     command, _, data, kept, pages = row
     script, _, part = command.partition(" ")
-    text = (FOLDER / f"{script}.py").read_text("utf-8") if script != "jblast" else ""
+    text = (FOLDER / f"{script}.py").read_text("utf-8") if script != "git" else ""
     if part and text:
         assert re.search(rf'"{part}": ', text), f"{script} has no part {part}"
     for pattern in kept:
