@@ -59,7 +59,7 @@ def index(root: Path) -> str:
     """Return the list of all results."""
     head = (
         "# Results\n\nOutput of the scripts in `calibration/`, from "
-        "`calibration/results`; the page of a result names its script, which may be one "
+        "`calibration/results`; the page of a result names its script, perhaps one "
         "of the history. `make check` compares the figures quoted in this manual with "
         "these files (`calibration/figures.csv`).\n\n| result | question |\n|---|---|\n"
     )
