@@ -5,11 +5,11 @@ the total index that of all terms in which it takes part (Sobol' 1993; Homma and
 Saltelli 1996); they differ where inputs interact. Both are bootstrapped.
 
 They follow from an expansion of the outcome in orthonormal polynomials. Each input is
-replaced by its rank, as a uniform or a normal score, whichever fits better, so that no
-prior is needed. From the coefficients $c_\alpha$ of the products $\prod_i P_{\alpha_i}$
-the variance due to input $i$ follows directly (Sudret 2008): alone it is $\sum
-c_\alpha^2$ over the terms of $i$ only, in total over all terms with $i$. The degree is
-chosen by leave-one-out cross-validation (Blatman and Sudret 2010), in closed form.
+replaced by its rank, so that no prior is needed. From the coefficients $c_\alpha$ of
+the products $\prod_i P_{\alpha_i}$ the variance due to input $i$ follows directly
+(Sudret 2008): alone it is $\sum c_\alpha^2$ over the terms of $i$ only, in total over
+all terms with $i$. The degree is chosen by leave-one-out cross-validation (Blatman and
+Sudret 2010), in closed form.
 
 An elasticity is the change of an outcome in per cent for 1 % of an input.
 """
@@ -22,9 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from numpy.polynomial import hermite_e, legendre
+from numpy.polynomial import legendre
 from scipy.linalg import solve_triangular
-from scipy.special import factorial, ndtri
 
 from jblast.quantities import QUANTITIES
 from jblast.study.columns import StudyColumns
@@ -60,7 +59,6 @@ with the cube."""
 PATIENCE = 3
 """Degrees without improvement after which the search ends; an even outcome skips
 one."""
-FAMILIES = ("hermite", "legendre")
 MAX_LANES = 12
 """Largest number of analysed lanes: each takes seconds."""
 NO_EFFECT = 0.02
@@ -233,14 +231,12 @@ class Expansion(NamedTuple):
         powers: Degree of each input in each product.
         coefficients: Coefficients of the products.
         explained: Share of variance predicted by leave-one-out cross-validation.
-        family: "hermite" (normal scores) or "legendre" (uniform ranks).
     """
 
     design: Float[np.ndarray, "sample term"]
     powers: Int[np.ndarray, "term input"]
     coefficients: Float[np.ndarray, " term"]
     explained: float
-    family: str
 
 
 def resampled(
@@ -296,27 +292,22 @@ def disagreement(first: float, total: float, by_slope: float) -> str | None:
 def expansion_of(
     inputs: Float[np.ndarray, "sample input"], values: Float[np.ndarray, " sample"]
 ) -> Expansion:
-    """Return the expansion with the best predictions, over families and degrees."""
+    """Return the expansion with the best predictions, over degrees."""
     from scipy.stats import rankdata
 
-    # the half keeps ranks inside (0, 1), where normal scores are finite
     ranks = (rankdata(inputs, axis=0) - 0.5) / len(inputs)
-    best: list[Expansion] = []
-    for family in FAMILIES:
-        own: list[Expansion] = []
-        for degree in DEGREES:
-            powers = powers_of(inputs.shape[1], degree)
-            many = len(powers) * ROWS_A_TERM > len(values) or len(powers) > MAX_TERMS
-            # the first degree is always fitted, however few samples there are
-            if own and many:
-                break
-            design = design_of(ranks, powers, family)
-            own.append(Expansion(design, powers, *fit(design, values), family))
-            at = int(np.argmax([one.explained for one in own]))
-            if len(own) > at + PATIENCE:
-                break
-        best.append(max(own, key=lambda one: one.explained))
-    return max(best, key=lambda one: one.explained)
+    found: list[Expansion] = []
+    for degree in DEGREES:
+        powers = powers_of(inputs.shape[1], degree)
+        many = len(powers) * ROWS_A_TERM > len(values) or len(powers) > MAX_TERMS
+        # the first degree is always fitted, however few samples there are
+        if found and many:
+            break
+        design = design_of(ranks, powers)
+        found.append(Expansion(design, powers, *fit(design, values)))
+        if len(found) > int(np.argmax([e.explained for e in found])) + PATIENCE:
+            break
+    return max(found, key=lambda one: one.explained)
 
 
 def fit(
@@ -348,17 +339,13 @@ def powers_of(inputs: int, degree: int) -> Int[np.ndarray, "term input"]:
 def design_of(
     ranks: Float[np.ndarray, "sample input"],
     powers: Int[np.ndarray, "term input"],
-    family: str,
 ) -> Float[np.ndarray, "sample term"]:
     """Return the products of orthonormal polynomials at each sample."""
     most = int(powers.max())
     order = np.arange(most + 1)
     # unit variance under the density of the inputs: squared coefficients are
     # variances
-    if family == "hermite":
-        each = hermite_e.hermevander(ndtri(ranks), most) / np.sqrt(factorial(order))
-    else:
-        each = legendre.legvander(2 * ranks - 1, most) * np.sqrt(2 * order + 1)
+    each = legendre.legvander(2 * ranks - 1, most) * np.sqrt(2 * order + 1)
     found = np.ones((len(ranks), len(powers)))
     for n in range(ranks.shape[1]):
         columns = each[:, n]

@@ -198,9 +198,9 @@ class Estimates:
             variant, cell = numbering.of_samples(begin, begin + count)
             which = variant * numbering.cells + cell
         for variable in self._outcomes:
-            # failed samples are -1 for yes or no, and NaN for numbers
+            # failed samples are -1 for yes or no; numbers without a mean are failed too
             values = np.asarray(columns[variable.name])
-            good = values >= 0 if variable.kind == "yes_no" else ~np.isnan(values)
+            good = values >= 0 if variable.kind == "yes_no" else np.isfinite(values)
             more = _moments(values, good, which, cells)
             self.moments[variable.name] = merged(self.moments[variable.name], more)
 

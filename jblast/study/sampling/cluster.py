@@ -92,7 +92,8 @@ def _opened(path: str, stamp: int) -> tuple[Store, Work]:
         scenes_of(attributes),
         allow_code=attributes["allow_code"],
     )
-    assert sha256_of(study.text) == attributes["study_sha256"]
+    if sha256_of(study.text) != attributes["study_sha256"]:
+        raise InputError(f"{path}: the text of the study is damaged")
     work = Work(study)
     work.cut_as(store.tile)
     return store, work

@@ -135,6 +135,15 @@ def test_a_share_of_nothing_yet_is_not_a_share_of_zero():
     assert estimates.reached({"rare": 5.01e-4})
 
 
+def test_an_infinite_value_does_not_hold_up_a_target():
+    time = Variable("time", "outcome", "s", "a time")
+    estimates = Estimates([time], Numbering(64, 1, 1, 4096, 64))
+    estimates.add(0, {"time": np.array([1.0, np.inf, 2.0, np.nan, 3.0])})
+    found = estimates.moments["time"]
+    assert (found.mean.item(), found.failed.item()) == (2.0, 2)
+    assert estimates.reached({"time": 0.6})
+
+
 def test_a_draw_that_cannot_be_fails_alone_and_is_counted(tmp_path):
     scene = (
         "[charge]\nmass_kg = 10.0\nposition_m = [0.0, 0.0, 0.0]\n[air]\n"
