@@ -193,9 +193,7 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
         law=True,
         doubts=("it runs away",),
         skill_not_seen=0.9,
-        p_excess=math.nan,
-        p_serial=0.5,
-        p_outside=1.0,
+        p_outside=math.nan,
     )
     answer = DiscoveryAnswer(
         rows=9,
@@ -211,7 +209,6 @@ def test_the_schema_of_a_discovery_takes_what_was_found_and_what_was_not():
         interval=NominalInterval(0.9, (0.7, 1.0)),
         repeated=(),
         reproduced=False,
-        nearest=False,
         error_growth_s=None,
         held_out_segments=5,
     )

@@ -20,9 +20,7 @@ from jblast.discovery.discover import (
     MEMBERS,
     THRESHOLD,
     Discovery,
-    Replay,
     discover,
-    replay,
 )
 from jblast.discovery.sparse_regression import polynomial
 from jblast.errors import InputError, argument, nearest, read_bytes, shown
@@ -71,9 +69,7 @@ class LawSearch(NamedTuple):
     Attributes:
         data: Trajectory.
         found: Equations.
-        again: Equations integrated from the first row.
         further: The same with products of one more column; None if not searched.
-        certain: Whether all equations pass their tests.
         threshold: Smallest share of a derivative that a term must contribute.
         members: Number of members of the ensemble.
         seed: Seed of its noise.
@@ -81,12 +77,15 @@ class LawSearch(NamedTuple):
 
     data: TrajectoryColumns
     found: Discovery
-    again: Replay
-    further: tuple[Discovery, Replay] | None
-    certain: bool
+    further: Discovery | None
     threshold: float
     members: int
     seed: int
+
+    @property
+    def certain(self) -> bool:
+        """Whether all equations pass their tests."""
+        return self.found.certain
 
 
 def discover_law(
@@ -116,7 +115,7 @@ def discover_law(
         seed: Seed of the noise.
 
     Returns:
-        Equations, their integration, and whether they pass their tests.
+        Equations, their integration, and their tests.
 
     Raises:
         InputError: The file cannot be read, a column is missing, or there are too many
@@ -141,13 +140,13 @@ def discover_law(
             f"{argument('inputs')}, or lower {argument('degree')}"
         )
 
-    def find(degree: int) -> tuple[Discovery, Replay]:
+    def find(degree: int) -> Discovery:
         candidates, outside = (
             # The terms of one more degree test the residuals of the search.
             polynomial(data.names, n, signed_squares=drag)
             for n in (degree, degree + 1)
         )
-        found = discover(
+        return discover(
             data.time_s,
             data.states,
             data.inputs,
@@ -160,35 +159,16 @@ def discover_law(
             members=members,
             seed=seed,
         )
-        return found, replay(found, data.time_s, data.states, data.inputs, held=held)
 
     begin("finding")
-    found, again = find(degree)
-    sure, further = certain(found, again), None
+    found, further = find(degree), None
     few = _terms(columns, degree + 1, drag) <= MAX_TERMS
     # more candidates do not distinguish exchangeable terms, and describe no jump
-    if not sure and few and not any(found.exchangeable) and not found.jumps:
+    if not found.certain and few and not any(found.exchangeable) and not found.jumps:
         begin("one degree more")
         with contextlib.suppress(InputError):  # a term overflows: no search
             further = find(degree + 1)
-    return LawSearch(data, found, again, further, sure, threshold, members, seed)
-
-
-def certain(found: Discovery, again: Replay) -> bool:
-    """Return whether all equations pass their tests.
-
-    No state jumps. Each has terms and no exchangeable ones, predicts held-out segments,
-    has residuals no larger than noise, and reproduces its column.
-    """
-    return all(
-        bool(found.terms(state))
-        and not found.exchangeable[state]
-        and not found.jumps
-        and judged.law
-        and judged.whole
-        and again.reproduced[state]
-        for state, judged in enumerate(found.judged)
-    )
+    return LawSearch(data, found, further, threshold, members, seed)
 
 
 def check_search(*, degree: int = DEGREE, members: int = MEMBERS) -> None:

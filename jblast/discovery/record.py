@@ -148,11 +148,15 @@ class Record(NamedTuple):
     runs: tuple[int, ...]
     sides_of: Callable[[Float[np.ndarray, "row state"]], Sides]
 
-    def with_noise(
-        self, states: Float[np.ndarray, "row state"], rng: np.random.Generator
-    ) -> Float[np.ndarray, "row state"]:
-        """Return states with new noise of the size of this record's."""
-        return states + self.noise_sd * rng.standard_normal(states.shape)
+    @property
+    def spread(self) -> Float[np.ndarray, " state"]:
+        """Standard deviation of each state, noise included."""
+        return np.std(self.states, axis=0)
+
+    def with_noise(self, rng: np.random.Generator) -> Sides:
+        """Return the sides of the smoothed states with new noise of the same size."""
+        drawn = self.noise_sd * rng.standard_normal(self.smooth.shape)
+        return self.sides_of(self.smooth + drawn)
 
 
 def trajectory_record(

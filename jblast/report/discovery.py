@@ -11,13 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from jblast.discovery.discover import (
-    MIN_MEMBERS,
-    SIGNIFICANCE,
-    Discovery,
-    Replay,
-)
-from jblast.discovery.law_search import LawSearch, certain
+from jblast.discovery.discover import Discovery
+from jblast.discovery.law_search import LawSearch
 from jblast.report.colours import BLUE, VERMILLION
 from jblast.report.messages import sentence
 from jblast.report.numbers import joined, significant
@@ -103,9 +98,8 @@ class FoundEquation:
         doubts: Evidence against it, the most serious first.
         skill_not_seen: Reduction of the squared error on held-out data, relative to a
             constant prediction.
-        p_excess: p value of the size of the residuals.
-        p_serial: p value of their serial correlation.
-        p_outside: p value of their correlation with a term that is not a candidate.
+        p_outside: p value of the correlation of the residuals with terms that are no
+            candidates; null if the record is too short for this test.
     """
 
     equation: str
@@ -118,8 +112,6 @@ class FoundEquation:
     law: bool
     doubts: tuple[str, ...]
     skill_not_seen: float
-    p_excess: float
-    p_serial: float
     p_outside: float
 
 
@@ -168,10 +160,8 @@ class DiscoveryAnswer(Document):
         interval: Level and coverage of the intervals.
         repeated: Terms left out, as sums of other terms equal them on this record.
         reproduced: Whether the integrated equations reproduce the data.
-        nearest: Whether misfits are those of the nearest trajectory of the equations,
-            as errors of the first row grow, instead of its integration.
         error_growth_s: Mean time in which an error of the integrated equations grows
-            tenfold; null if it does not.
+            tenfold, after which the integration restarts; null if it does not.
         held_out_segments: Number of segments of the record, each held out once.
     """
 
@@ -188,58 +178,55 @@ class DiscoveryAnswer(Document):
     interval: NominalInterval
     repeated: tuple[str, ...]
     reproduced: bool
-    nearest: bool
     error_growth_s: float | None
     held_out_segments: int
 
 
 def discovery_answer(search: LawSearch) -> Answer:
     """Return the answer of a search."""
-    data, found, again, further = search[:4]
+    data, found, further = search[:3]
     more = None
     if further is not None:
-        equations = found_equations(*further).items()
+        equations = found_equations(further).items()
         texts = {name: one.equation for name, one in equations}
-        more = FurtherEquations(certain(*further), texts)
+        more = FurtherEquations(further.certain, texts)
     document = filled(
         DiscoveryAnswer,
         search,
         found,
-        again,
         rows=len(data.time_s),
         state=found.states,
         input=data.names[len(found.states) :],
         candidates=tuple(found.candidates.names),
         ensemble=search.members,
-        equations=found_equations(found, again),
+        certain=search.certain,
+        equations=found_equations(found),
         one_degree_more=more,
         interval=NominalInterval(found.level, COVERAGE),
-        reproduced=all(again.reproduced),
+        reproduced=all(found.reproduced),
         error_growth_s=found.growth_s,
         held_out_segments=found.segments,
     )
-    draw = partial(discovery_figure, found, again, data.time_s, data.states)
-    view = discovery_view(found, again, further, [Picture("discover.png", draw)])
+    draw = partial(discovery_figure, found, data.time_s, data.states)
+    view = discovery_view(found, further, [Picture("discover.png", draw)])
     return Answer(document, view, code=0 if search.certain else PROBLEM)
 
 
 def discovery_view(
     found: Discovery,
-    again: Replay,
-    further: tuple[Discovery, Replay] | None = None,
+    further: Discovery | None = None,
     blocks: Sequence[Block] = (),
 ) -> View:
     """Return equations with their terms, validation and the evidence against them.
 
     Args:
         found: The equations.
-        again: The integrated equations.
-        further: Equations and integration with products of one column more, if tried.
+        further: Equations with products of one column more, if tried.
         blocks: Blocks after those of the equations.
     """
-    equations = found_equations(found, again)
+    equations = found_equations(found)
     doubtful = {name: one for name, one in equations.items() if one.doubts}
-    more = found_equations(*further) if further else {}
+    more = found_equations(further) if further else {}
     columns = [
         Column("term", lambda one: one.term),
         Column("coefficient", lambda one: significant(one.coefficient, 4), right=True),
@@ -251,7 +238,7 @@ def discovery_view(
     ]
     tables: list[Block] = []
     for name, one in equations.items():
-        misfit = "nearest" if again.nearest else "integrated"
+        misfit = "restarted" if found.growing_s else "integrated"
         misfit = misfit if math.isfinite(one.misfit) else "diverges"
         held = "held_out" if math.isfinite(one.skill_not_seen) else "held_out_diverges"
         left = ", ".join(f"{o.term} {_percent(o.inclusion)}" for o in one.left_out)
@@ -313,30 +300,24 @@ def _listed(title: str, equation: FoundEquation) -> str:
     return f"{title}: {'; '.join(equation.doubts)}" if equation.doubts else ""
 
 
-def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
+def doubts(found: Discovery, state: int) -> list[str]:
     """Return the evidence against one equation, the most serious first."""
     judged = found.judged[state]
     if not found.terms(state):
         return ["no term is certain"]
-    is_bad, grows = not again.reproduced[state], math.isfinite(found.growth_s)
     pairs = [f"{term} and {other}" for term, other in found.exchangeable[state]]
     kinds = {
         "jumps": bool(found.jumps),
         "exchangeable": bool(pairs),
         "not_predicted": not judged.law,
-        "not_reproduced": is_bad and not grows,
-        "none_near": is_bad and grows,
-        "untested": not judged.tested,
-        "outside": judged.outside < SIGNIFICANCE,
-        "excess": judged.excess < SIGNIFICANCE,
-        "serial": judged.serial < SIGNIFICANCE,
+        "not_reproduced": not found.reproduced[state],
+        "untested": math.isnan(judged.outside),
+        "outside": not judged.whole and not math.isnan(judged.outside),
     }
     numbers = {
         "jumped": [str(row + 1) for row in found.jumps],
         "pairs": pairs,
         "name": found.states[state],
-        "growth_s": found.growth_s,
-        "members": MIN_MEMBERS,
     }
     return [
         sentence(f"discover.{kind}", judged, **numbers)
@@ -345,15 +326,14 @@ def doubts(found: Discovery, again: Replay, state: int) -> list[str]:
     ]
 
 
-def found_equations(found: Discovery, again: Replay) -> dict[str, FoundEquation]:
+def found_equations(found: Discovery) -> dict[str, FoundEquation]:
     """Return the answer on each equation, by column."""
     return {
-        name: _found_equation(found, again, state)
-        for state, name in enumerate(found.states)
+        name: _found_equation(found, state) for state, name in enumerate(found.states)
     }
 
 
-def _found_equation(found: Discovery, again: Replay, state: int) -> FoundEquation:
+def _found_equation(found: Discovery, state: int) -> FoundEquation:
     judged, row = found.judged[state], found.coefficients[state]
     share = found.inclusion[state]
     columns = row, found.low[state], found.high[state], share
@@ -366,13 +346,11 @@ def _found_equation(found: Discovery, again: Replay, state: int) -> FoundEquatio
         left_out=tuple(LeftOutTerm(names[n], float(share[n])) for n in left),
         exchangeable=tuple(starmap(ExchangeableTerms, found.exchangeable[state])),
         noise_sd=float(found.noise_sd[state]),
-        misfit=float(again.misfit[state]),
-        reproduced=again.reproduced[state],
+        misfit=float(found.misfit[state]),
+        reproduced=found.reproduced[state],
         law=bool(found.terms(state)) and judged.law,
-        doubts=tuple(doubts(found, again, state)),
+        doubts=tuple(doubts(found, state)),
         skill_not_seen=judged.skill,
-        p_excess=judged.excess,
-        p_serial=judged.serial,
         p_outside=judged.outside,
     )
 
@@ -390,7 +368,6 @@ def equation_text(found: Discovery, state: int) -> str:
 
 def discovery_figure(
     found: Discovery,
-    again: Replay,
     time_s: Float[np.ndarray, " row"],
     states: Float[np.ndarray, "row state"],
 ) -> "Figure":
@@ -403,13 +380,13 @@ def discovery_figure(
     for state, (left, right) in enumerate(grid):
         name = found.states[state]
         quiet(left)
-        doubtful = bool(doubts(found, again, state))
-        words = "nearest trajectory" if again.nearest else "integrated"
+        doubtful = bool(doubts(found, state))
+        words = "integrated" + ", restarted" * bool(found.growing_s)
         equations = f"equations, {words}{', doubtful' * doubtful}"
         colour = VERMILLION if doubtful else BLUE
         seen = states[:, state]
         left.plot(time_s, seen, ".", color=DATA, markersize=5, label="data")
-        left.plot(time_s, again.states[:, state], color=colour, label=equations)
+        left.plot(time_s, found.predicted[:, state], color=colour, label=equations)
         spread = np.ptp(seen)
         left.set_ylim(np.min(seen) - 0.25 * spread, np.max(seen) + 0.25 * spread)
         left.set_ylabel(name)

@@ -343,9 +343,9 @@ MESSAGES = {
     # equations of motion, and the evidence against them
     "discover.integrated": "Integration from the first row: misfit {percent:.1f} % of "
     "the spread of {name}, noise removed ({noise_sd:short}){fails}",
-    "discover.nearest": "Nearest trajectory, as errors grow tenfold in {growth_s}: "
-    "misfit {percent:.1f} % of the spread of {name}, noise removed ({noise_sd:short})"
-    "{fails}",
+    "discover.restarted": "Integration, restarted as errors grow tenfold in "
+    "{growth_s}: misfit {percent:.1f} % of the spread of {name}, noise removed "
+    "({noise_sd:short}){fails}",
     "discover.diverges": "Integration from the first row: diverges, the data are not "
     "reproduced",
     "discover.held_out": "Held-out data, {segments} segments: the squared error is "
@@ -358,17 +358,11 @@ MESSAGES = {
     "collinear on this record, and either fits",
     "discover.not_predicted": "on held-out data it is hardly better than a constant "
     "prediction",
-    "discover.not_reproduced": "integrated from the first row it does not reproduce "
-    "{name}",
-    "discover.none_near": "integrated from the first row it does not reproduce {name}: "
-    "errors of its trajectories grow tenfold in {growth_s}, and no trajectory is near "
-    "the record",
-    "discover.untested": "the residuals could not be tested: the test requires that "
-    "every state is reproduced, and {members} or more records with new noise",
+    "discover.not_reproduced": "integrated, it does not reproduce {name}",
+    "discover.untested": "the residuals could not be tested: the record is too short "
+    "for the terms outside of the search",
     "discover.outside": "the residuals correlate with {outside_term}, which is not a "
     "candidate term (p = {outside:short})",
-    "discover.excess": "the residuals are larger than the noise (p = {excess:short})",
-    "discover.serial": "the residuals are correlated (p = {serial:short})",
 }
 
 

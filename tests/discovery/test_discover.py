@@ -3,15 +3,21 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from calibration.discovery import drag_case, motor_case, noisy_states
-from jblast.discovery.discover import basic_interval, discover, interval_level, replay
-from jblast.discovery.law_search import certain
-from jblast.discovery.record import half_width, smoothed, windows
+from jblast.discovery.discover import (
+    basic_interval,
+    discover,
+    interval_level,
+    misfit,
+)
+from jblast.discovery.prediction import flow, restarts
+from jblast.discovery.record import half_width, smoothed, trajectory_record, windows
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.errors import InputError
 from jblast.report.discovery import discovery_view
 from jblast.report.view import terminal
 
 TIME = np.linspace(0.0, 10.0, 401)
+ALL = slice(0, 401)
 
 
 @pytest.fixture(scope="module")
@@ -34,17 +40,15 @@ def pendulum(noise: float = 0.0, damping: float = 0.2) -> np.ndarray:
 
 
 def found_in_case(case, noise: float, seed: int = 0, members: int = 12):
-    states = noisy_states(case, noise, seed)
-    found = discover(
+    return discover(
         case.time_s,
-        states,
+        noisy_states(case, noise, seed),
         case.inputs,
         names=case.names,
         candidates=case.candidates,
         held=case.held,
         members=members,
     )
-    return found, replay(found, case.time_s, states, case.inputs, held=case.held)
 
 
 def test_a_window_integrates_by_parts():
@@ -95,7 +99,7 @@ def test_a_damped_pendulum_is_found():
     assert np.all(found.low <= found.coefficients)
     assert np.all(found.coefficients <= found.high)
     np.testing.assert_allclose(found.noise_sd, 0.01, rtol=0.15)
-    text = terminal(discovery_view(found, replay(found, TIME, pendulum(0.01))))
+    text = terminal(discovery_view(found))
     assert "88 % interval" in text  # the least and the greatest of 15: 14/16
 
 
@@ -113,30 +117,30 @@ def test_an_interval_holds_one_more_number_as_often_as_its_level_says(members):
 @pytest.mark.slow
 def test_the_drag_of_a_vehicle_is_found(drag):
     case = drag
-    found, again = found_in_case(case, 0.01)
+    found = found_in_case(case, 0.01)
     for state, (name, truth) in enumerate(case.truth.items()):
         assert set(found.terms(state)) == set(truth), name
         for term, value in truth.items():
             place = found.candidates.names.index(term)
             # the frame's drag is a fifth of the rotors': 1 % of noise makes it 3 %
             assert found.coefficients[state, place] == pytest.approx(value, rel=0.05)
-    assert again.reproduced == (True, True)
+    assert found.reproduced == (True, True)
 
 
 @pytest.mark.slow
 def test_the_lag_of_a_motor_is_found():
     case = motor_case()
-    found, again = found_in_case(case, 0.01)
+    found = found_in_case(case, 0.01)
     assert found.terms(0) == ("speed", "command")
     lag = 1.0 / found.coefficients[0, 2]
     assert lag == pytest.approx(0.072, rel=0.01)  # a Crazyflie's
-    assert again.reproduced == (True,)
+    assert found.reproduced == (True,)
 
 
 @pytest.mark.slow
 def test_held_inputs_need_to_be_said():
     case = motor_case()
-    held, _ = found_in_case(case, 0.0)
+    held = found_in_case(case, 0.0)
     linear = discover(
         case.time_s,
         case.states,
@@ -151,7 +155,7 @@ def test_held_inputs_need_to_be_said():
 
 
 def test_so_much_noise_that_terms_are_lost_is_no_certainty(drag):
-    found, _ = found_in_case(drag, 0.3)
+    found = found_in_case(drag, 0.3)
     assert "|U| u" not in found.terms(0)
     assert np.any((found.inclusion > 0.0) & (found.inclusion < 1.0))
 
@@ -179,7 +183,7 @@ def test_without_the_right_candidates_the_data_do_not_come_back():
     found = discover(
         TIME, states, names=("x", "rate"), candidates=candidates, members=5
     )
-    assert replay(found, TIME, states).reproduced == (False, False)
+    assert found.reproduced == (False, False)
 
 
 def test_a_candidate_that_overflows_is_named():
@@ -195,16 +199,22 @@ def test_a_candidate_that_overflows_is_named():
 
 
 def test_equations_that_run_away_are_given_up():
-    names = ("x",)
-    growing = np.exp(0.3 * TIME)[:, None]
-    found = discover(TIME, growing, names=names, members=5)
-    worse = found.__class__(
-        **{**vars(found), "coefficients": 40.0 * found.coefficients}
-    )
-    again = replay(worse, TIME, growing)
-    assert again.misfit[0] == np.inf
-    assert again.reproduced == (False,)
-    assert np.isnan(again.states[-1, 0])
+    states = np.exp(0.3 * TIME)[:, None]
+    record = trajectory_record(TIME, states, np.empty((401, 0)))
+    made = flow(record, polynomial(("x",), 1).evaluate, np.array([[0.0, 12.0]]), ALL)
+    assert made[0] == pytest.approx(1.0, rel=1e-3)
+    assert np.isnan(made[-1, 0])
+    assert misfit(made, states, 0.0) == np.inf
+
+
+def test_errors_grow_tenfold_where_they_should():
+    record = trajectory_record(TIME, np.sin(TIME)[:, None], np.empty((401, 0)))
+    # x' = a (x - 1): an error grows as exp(a t)
+    for rate, every in ((0.5, np.log(10.0) / 0.5), (-0.5, None)):
+        equation = np.array([[-rate, rate]])
+        rows = restarts(record, polynomial(("x",), 1).evaluate, equation, ALL)
+        expected = [] if every is None else [every, 2.0 * every]
+        assert TIME[rows] == pytest.approx(expected, abs=0.06)
 
 
 def driven() -> tuple[np.ndarray, np.ndarray]:
@@ -232,11 +242,10 @@ def test_collinear_states_are_exchangeable(noise):
     both = np.stack([state, 2.0 * state], axis=1)
     both += noise * both.std(axis=0) * np.random.default_rng(5).normal(size=both.shape)
     found = discovered(both, push[:, None], ("x", "y", "push"))
-    again = replay(found, TIME, both, push[:, None])
     for pairs in found.exchangeable:
         assert {frozenset(pair) for pair in pairs} == {frozenset(("x", "y"))}
-    assert not certain(found, again)
-    assert "x and y are exchangeable" in terminal(discovery_view(found, again)).replace(
+    assert not found.certain
+    assert "x and y are exchangeable" in terminal(discovery_view(found)).replace(
         "y and x", "x and y"
     )
 
@@ -256,5 +265,5 @@ def test_collinear_inputs_are_exchangeable_unless_the_record_distinguishes_them(
 
 @pytest.mark.slow
 def test_terms_of_a_true_law_are_not_exchangeable(drag):
-    found, _ = found_in_case(drag, 0.01)
+    found = found_in_case(drag, 0.01)
     assert found.exchangeable == ((), ())

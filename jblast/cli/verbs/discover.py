@@ -1,8 +1,9 @@
 """Identify the equations of motion of a trajectory, with the uncertainty of each term.
 
-Exit code 4: no law is found; the residual is larger than the noise, or cannot be
-judged; the integrated equations do not reproduce the data; or nearly collinear terms
-are exchangeable. Except in the last case, products of one more column are tried then.
+Exit code 4: no law is found; terms beyond the search explain the residual, or the
+record is too short to test this; the integrated equations do not reproduce the data; or
+nearly collinear terms are exchangeable. Except in the last case, products of one more
+column are tried then.
 
 example:
   jblast discover flight.csv --input push_m_s2 --drag
