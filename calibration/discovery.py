@@ -240,6 +240,7 @@ def _summary(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
     )
 
 
+@functools.cache
 def drag_case() -> Case:
     r"""Return a Hummingbird in an oscillating wind: drag of u and w.
 
@@ -308,6 +309,7 @@ def _cubes_in_air(values: Float[np.ndarray, "place column"]) -> np.ndarray:
     return np.stack([u**3, u**2 * w, u * w**2, w**3], axis=1)
 
 
+@functools.cache
 def motor_case() -> Case:
     r"""Return a rotor of a Crazyflie that follows commands: its lag.
 

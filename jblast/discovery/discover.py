@@ -165,12 +165,12 @@ class Discovery:
 
     @property
     def reproduced(self) -> tuple[bool, ...]:
-        """Whether the misfit is at most 10 %, by state."""
+        """By state, True if the misfit is at most 10 %."""
         return tuple((self.misfit <= CLOSE).tolist())
 
     @property
     def certain(self) -> bool:
-        """Whether all equations pass their tests.
+        """True if all equations pass their tests.
 
         No state jumps. Each has terms and no exchangeable ones, predicts held-out
         segments, has residuals no larger than noise, and reproduces its column.

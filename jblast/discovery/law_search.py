@@ -84,7 +84,7 @@ class LawSearch(NamedTuple):
 
     @property
     def certain(self) -> bool:
-        """Whether all equations pass their tests."""
+        """True if all equations pass their tests."""
         return self.found.certain
 
 
