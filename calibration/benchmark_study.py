@@ -17,7 +17,7 @@ sensor. Of two devices of a GPU machine: the same samples for each as for one.
 
 Flights: vehicle-seconds a second of the outcome `flies_on`, against the same flights by
 `simulate` alone (a blast of its own for each, the hold asked at every step, as many
-rows stored, over ground), and against those of `benchmark_flights`, whose hold is asked
+rows stored, over ground), and against `benchmarks flights`, whose hold is asked
 every 4 ms and whose last row alone is stored; all at the same step and in the same
 precision: float64 on a CPU, float32 on a GPU.
 
@@ -43,7 +43,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from calibration import benchmark_flights
+from calibration import benchmarks
 from jblast.files import write_text
 from jblast.inference import fit_many
 from jblast.scene import Charge, Scene
@@ -343,10 +343,8 @@ def flight_lines() -> list[str]:
     def blast(mass: Any) -> Any:
         return blast_load(Scene(Charge(mass_kg=mass, time_s=0.5)))
 
-    state = benchmark_flights.starts(count, precision)
-    hold = PositionHold(
-        benchmark_flights.TARGET, named_gains("crazyflie", integral=True)
-    )
+    state = benchmarks.starts(count, precision)
+    hold = PositionHold(benchmarks.TARGET, named_gains("crazyflie", integral=True))
     steps = round(seconds / STEP_S)
 
     def simulated(**more: Any) -> Callable[[], Any]:
@@ -366,7 +364,7 @@ def flight_lines() -> list[str]:
         return work.several(range(work.numbering.tiles))
 
     every = {"store_every": -(-steps // BATCH_ROWS)}
-    one, seldom = {"store_every": steps}, {"control_period_s": benchmark_flights.HELD_S}
+    one, seldom = {"store_every": steps}, {"control_period_s": benchmarks.HELD_S}
     ways = {
         "the same flights by simulate": {**every, "ground_up_m": 0.0},
         "without ground": every,

@@ -14,7 +14,6 @@ crossed moves with the edge, and the camera events are known.
 """
 
 import dataclasses
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -42,7 +41,6 @@ from jblast.scene import (
 from jblast.scene.charge import Burst
 from jblast.sensors import Layout, record
 from jblast.sensors.calculator import Rows
-from jblast.sensors.camera import ExplosionViews, render
 from jblast.sensors.camera.fireball import Appearance
 from jblast.signals import NoiseSpectrum
 from jblast.signals.picks import RecordPick
@@ -226,33 +224,6 @@ def filmed(
     times = life * (np.arange(frames) + 0.5) / frames
     scene = Scene(Charge(mass_kg=MASS))
     return Filmed(scene, camera, times, Appearance(flash=flash))
-
-
-def processor_seconds(views: ExplosionViews | None, film: Filmed) -> float:
-    """Return the processor time of a frame of a film, over all cores [s].
-
-    Args:
-        views: The set; None for the smooth ball.
-        film: Film to render.
-    """
-
-    def run() -> Array:
-        return render(
-            film.scene,
-            film.camera,
-            film.times,
-            views=views,
-            appearance=film.appearance,
-        )
-
-    jax.block_until_ready(run())
-    best = np.inf
-    for _ in range(REPEATS):
-        # not the wall clock, since other programs may use the machine
-        start = time.process_time()
-        jax.block_until_ready(run())
-        best = min(best, time.process_time() - start)
-    return best / len(film.times)
 
 
 def rumble(lines: bool = False) -> NoiseSpectrum:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 KEPT = "calibration/results"
 INDEX = "calibration/INDEX.md"
-BENCHMARK = "benchmark_"
 WIDE = "---\nhide: [toc]\n---\n\n"
 """Front matter of a page whose tables need the whole width."""
 
@@ -77,9 +76,6 @@ def _source(root: Path, path: Path) -> tuple[str, str]:
     """
     for command, question, _, kept, _ in index_rows(root):
         if path.suffix == ".txt" and any(fnmatch(path.name, one) for one in kept):
-            if path.name.startswith(BENCHMARK) and command.startswith(BENCHMARK):
-                subject = path.stem.removeprefix(BENCHMARK).removesuffix("_gpu")
-                command = f"benchmarks {subject}"
             shown = command.startswith("git ")
             return command if shown else f"python -m calibration.{command}", question
     paragraphs = [" ".join(x.split()) for x in path.read_text("utf-8").split("\n\n")]

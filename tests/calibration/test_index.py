@@ -112,7 +112,7 @@ def test_shared_code_is_imported_by_the_scripts_named(name, users):
 def test_a_script_is_run_as_its_own_text_says(script):
     """Its docstring names the command, and the parts that the index has."""
     text = (FOLDER / f"{script}.py").read_text("utf-8")
-    assert "__main__" in text or script.startswith("benchmark_"), script
+    assert "__main__" in text, script
     parts = {row[0].partition(" ")[2] for row in ROWS if row[0].split()[0] == script}
     for part in parts - {""}:
         assert f"{script} {part}" in text.partition("\nimport")[0], (script, part)
