@@ -7,7 +7,7 @@ and fitted to it; the samples themselves were not published. Neither the explosi
 heights, the air, nor the delay of the trigger is told.
 
 The text of the record, of which every number is computed, is part 1 of
-`calibration.gauges`. In the figure the record is the author's Friedlander fit, since
+`results/gauges.txt`. In the figure the record is the author's Friedlander fit, since
 the samples were not published, and the points that were read off them. The laws'
 waves are moved to its arrival.
 """

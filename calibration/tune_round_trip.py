@@ -1,9 +1,6 @@
 """Do the intervals of `jblast tune` hold the truth? Records of which it is known.
 
     python -m calibration.tune_round_trip [sound|frames|events [SEEDS [CASE ...]]]
-    python -m calibration.tune_round_trip figure
-    python -m calibration.tune_round_trip gains
-        --out calibration/results/tuned_gains.png > calibration/results/tuned_gains.txt
 
 Each case is simulated with every seed, what is named put wrong in the scene, and tuned
 back. Counted is how often the truth is within the 90 % interval, how it lies in
@@ -13,32 +10,19 @@ often the record counts as poorly explained.
 Writes calibration/results/tune_round_trip.txt of sound (40 seeds),
 tune_round_trip_frames.txt (16) and tune_round_trip_events.txt (16), each whole or not
 at all.
-
-With `figure` a tuning is drawn, of a microphone's record: calibration/results/tune.png.
-
-Gains: what gains are worth that were tuned by gradient through blasts, for three
-vehicles. Each vehicle holds its place 5 m up in calm air while 0.2 to 2 kg of TNT go
-off on the ground, anywhere within 5 m to the east, west, north and south. Its gains are
-tuned by 32 such blasts, within margins of 6 dB and 35 degrees, and judged by 200
-others.
 """
 
-import argparse
 import copy
 import sys
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from matplotlib.axes import Axes
 from scipy.stats import beta
 
-from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference.tuning import Tuned, tune_sound
@@ -46,11 +30,7 @@ from jblast.inference.tuning.scene_file import put_values
 from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
-from jblast.report.colours import BLUE, VERMILLION
-from jblast.report.figures import new_figure, quiet, titled, write_figure
-from jblast.report.tune import cut_words, gains_answer
-from jblast.report.tune_figures import draw_gains, tune_figure
-from jblast.report.view import aligned, terminal
+from jblast.report.view import aligned
 from jblast.scene import Scene
 from jblast.scene.reader import scene_from_document
 from jblast.sensors.camera import NoiseModel, film_events, joined
@@ -59,7 +39,6 @@ from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.listening import packets, plan
-from jblast.study.gains import TunedGains, known_peaks, tune_gains
 
 start_jax(quick=True)
 
@@ -123,18 +102,6 @@ class Case(NamedTuple):
     document: dict[str, Any]
     wrong: dict[str, float]
     tuned: "Callable[[Case, int], tuple[Tuned, Scene]]"
-
-
-FIGURE = Path(__file__).parent / "results" / "tune.png"
-
-
-GAIN_CASES = ("iris", "hummingbird", "crazyflie")
-SIDE = {"uniform": [-5.0, 5.0]}
-CHARGE = {
-    "mass_kg": {"uniform": [0.2, 2.0]},
-    "position_m": [SIDE, SIDE, 0.0],
-    "time_s": 0.5,
-}
 
 
 def heard(case: Case, seed: int) -> tuple[Tuned, Scene]:
@@ -340,78 +307,5 @@ def main() -> None:
         kept(group, seeds, asked[2:] or of_group(group))
 
 
-def example_figure() -> None:
-    """Tune, draw, and keep."""
-    case = CASES["air, filter and noise"]
-    tuned, _ = case.tuned(case, 0)
-    write_figure(tune_figure(tuned), FIGURE)
-
-
-def tuned(model: str) -> TunedGains:
-    """Tune the gains of a vehicle.
-
-    Args:
-        model: Its name.
-    """
-    start_jax(quick=True)
-    vehicle = {
-        "model": model,
-        "position_m": [0.0, 0.0, 5.0],
-        "control": {"integral": True},
-    }
-    document = {"charge": CHARGE, "vehicle": vehicle}
-    return tune_gains(scene_from_document(document, "scene"))
-
-
-def draw_middle(axes: Axes, tuned: TunedGains) -> None:
-    """Draw the path error over time for the median blast, before and after tuning."""
-    peaks = known_peaks(tuned.before)
-    # one blast, not the median over blasts at each time, which no vehicle flew
-    middle = int(np.argsort(peaks)[peaks.size // 2])
-    for tried, colour, label in (
-        (tuned.before, VERMILLION, "before"),
-        (tuned.after, BLUE, "after"),
-    ):
-        outcomes = tried.outcomes
-        error, time = outcomes.error_m[middle], outcomes.time_s
-        # the arrival is not stored: it is the time of the peak minus the peak time
-        peak = time[np.nanargmax(np.where(time > 0, error, 0.0))]
-        since = peak - float(np.asarray(outcomes.metrics.peak_time_s)[middle])
-        axes.plot(time - since, error, color=colour, linewidth=1.6, label=label)
-    # a vehicle recovers in 1 to 2 seconds
-    axes.set_xlim(-0.2, 3.0)
-    axes.set_ylim(0.0, None)
-    axes.set_xlabel("time after the blast's arrival [s]")
-    axes.set_ylabel("path error [m]")
-    axes.legend(frameon=False, fontsize=9)
-    quiet(axes)
-
-
-def gains() -> None:
-    """Tune, print what came of it, and draw it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", required=True, metavar="FIGURE.png")
-    parser.add_argument(
-        "--only", type=int, metavar="N", help="one of the cases, from 0 (default: all)"
-    )
-    parser.add_argument("--workers", type=int, default=1, metavar="N")
-    asked = parser.parse_args()
-    cases = (
-        GAIN_CASES if asked.only is None else GAIN_CASES[asked.only : asked.only + 1]
-    )
-    figure = new_figure(4.4 * len(cases), 8.0)
-    axes = figure.subplots(2, len(cases), squeeze=False)
-    with ProcessPoolExecutor(asked.workers, get_context("spawn")) as workers:
-        answers = list(workers.map(tuned, cases))
-    for name, found, (each, over_time) in zip(cases, answers, axes.T, strict=True):
-        answer = gains_answer(found, "")
-        print(f"# {name}: {cut_words(found)}")
-        print(terminal(answer.view), flush=True)
-        draw_gains(each, found)
-        draw_middle(over_time, found)
-        titled(over_time, "One of them", "of median peak before")
-    write_figure(figure, asked.out)
-
-
 if __name__ == "__main__":
-    run_part({"table": main, "figure": example_figure, "gains": gains})
+    main()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from calibration import figures
-from calibration.gauges import gauges_text
 from calibration.laws import RESULTS, SCALED_DISTANCE, laws_text, panels
 
 KEPT = """cpu
@@ -39,11 +38,6 @@ def test_the_manual_states_how_far_the_laws_lie_apart():
         " ".join(page.split()),
     )
     assert [int(n) for n in stated] == found
-
-
-@pytest.mark.slow
-def test_the_table_of_gauges_is_what_its_script_prints():
-    assert (RESULTS / "gauges.txt").read_text("utf-8") == gauges_text() + "\n"
 
 
 @pytest.fixture
