@@ -305,16 +305,6 @@ def _heated(age: float, rise: float) -> float:
     return share**3
 
 
-def _add_spot(light: Light, bright: np.float32, x: float, y: float, r: float) -> None:
-    """Add a small disc to an image in place."""
-    # only the pixels about it: glitter has up to 1,500 spots a frame
-    left, top = max(int(x - r) - 1, 0), max(int(y - r) - 1, 0)
-    bottom, right = max(int(y + r) + 3, 0), max(int(x + r) + 3, 0)
-    here = np.s_[top:bottom, left:right]
-    distance = np.hypot(_X[here] - x, _Y[here] - y)
-    light[here] += bright * np.clip(r - distance + 0.5, 0.0, 1.0).astype(np.float32)
-
-
 def car(rng: np.random.Generator) -> Disturbance:
     """Return a passing car, brighter or darker than the background, some with lamps."""
     length, height = rng.uniform(15, 90), rng.uniform(6, 40)
@@ -453,210 +443,21 @@ LOOKALIKES: dict[str, Callable[[np.random.Generator], Disturbance]] = {
 KINDS = tuple(LOOKALIKES)
 
 
-def auto_exposure(rng: np.random.Generator) -> Disturbance:
-    """Return an exposure that changes in steps or fast ramps, and a bright lamp."""
-    edges = np.sort(rng.uniform(0.0, 0.3, rng.integers(1, 8)))
-    gains = 2.0 ** np.cumsum(rng.uniform(-1.5, 1.5, len(edges) + 1))
-    gains /= gains[0]
-    ramp = rng.choice([0.0, rng.uniform(2e-3, 50e-3)])
-    x, y = _place(rng)
-    lamp = rng.uniform(0.0, 3.0) * _disc(x, y, rng.uniform(1.0, 12.0))
-
-    def exposed(time: float, behind: Light) -> Light:
-        at = int(np.searchsorted(edges, time))
-        gain = gains[at]
-        if at and ramp and time - edges[at - 1] < ramp:
-            part = (time - edges[at - 1]) / ramp
-            # A ramp linear in stops, in which a camera sets its exposure.
-            gain = gains[at - 1] * (gains[at] / gains[at - 1]) ** part
-        return np.float32(gain) * (behind + lamp)
-
-    return exposed
-
-
-def balloon(rng: np.random.Generator) -> Disturbance:
-    """Return an inflating balloon: a growing radius with constant light."""
-    x, y = _place(rng)
-    first, last = rng.uniform(1.0, 8.0), rng.uniform(12.0, 45.0)
-    begin, lasts = rng.uniform(-0.1, 0.15), 10 ** rng.uniform(-1.3, 0.3)
-    paint = rng.uniform(0.3, 1.0)
-    # 1/3 is the growth at a constant flow of air
-    power = rng.choice([1 / 3, 1 / 2, 1.0])
-    shine = rng.uniform(0.0, 2.0)
-
-    def growing(time: float, behind: Light) -> Light:
-        part = np.clip((time - begin) / lasts, 0.0, 1.0) ** power
-        radius = first + (last - first) * part
-        if time < begin and begin > 0.0:
-            return behind
-        cover = _disc(x, y, radius)
-        from_middle = np.hypot(_X - x, _Y - y) / radius
-        body = paint * (1.0 - 0.5 * np.clip(from_middle, 0.0, 1.0) ** 2)
-        light = behind + cover * (body.astype(np.float32) - behind)
-        spot = _disc(x - 0.4 * radius, y - 0.4 * radius, 0.12 * radius)
-        return light + np.float32(shine) * spot
-
-    return growing
-
-
-def camera_flash(rng: np.random.Generator) -> Disturbance:
-    """Return a camera flash: a lamp in view that lights the scene."""
-    x, y = _place(rng)
-    begin, lasts = rng.uniform(0.0, 0.25), 10 ** rng.uniform(-3.7, -2.3)
-    power, gain = rng.uniform(5.0, 100.0), rng.uniform(0.1, 3.0)
-    size, reach = rng.uniform(1.0, 5.0), rng.uniform(2.0, 15.0)
-    shape = _disc(x, y, size) + np.float32(0.03) * _glare(x, y, reach)
-    lamp = np.float32(power) * shape
-
-    def flashed(time: float, behind: Light) -> Light:
-        if time < begin:
-            return behind
-        share = np.float32(np.exp(-(time - begin) / lasts))
-        return behind * (1.0 + np.float32(gain) * share) + share * lamp
-
-    return flashed
-
-
-def clouds(rng: np.random.Generator) -> Disturbance:
-    """Return passing edges of cloud shadows, with up to five times as much light."""
-    direction, speed = rng.uniform(0, 2 * np.pi), rng.uniform(20.0, 600.0)
-    soft, gain = rng.uniform(3.0, 40.0), rng.uniform(1.2, 5.0)
-    length, phase = rng.uniform(60.0, 300.0), rng.uniform(0.0, 1.0)
-    along = _X * np.cos(direction) + _Y * np.sin(direction)
-
-    def passing(time: float, behind: Light) -> Light:
-        position = ((along - speed * time) / length + phase) % 1.0
-        edge = np.minimum(position, 1.0 - position) - 0.25
-        share = 0.5 + 0.5 * np.tanh(edge * length / soft)
-        return behind * (1.0 + (gain - 1.0) * share).astype(np.float32)
-
-    return passing
-
-
-def door(rng: np.random.Generator) -> Disturbance:
-    """Return a door or blind that opens to daylight: a widening bright stripe."""
-    x, y = _place(rng)
-    wide, high = rng.uniform(10, 60), rng.uniform(20, 90)
-    begin, lasts = rng.uniform(0.0, 0.2), 10 ** rng.uniform(-1.3, 0.0)
-    daylight, spill = rng.uniform(0.6, 5.0), rng.uniform(0.0, 0.5)
-    both = rng.random() < 0.4  # two leaves or curtains open to both sides
-
-    def opening(time: float, behind: Light) -> Light:
-        part = np.clip((time - begin) / lasts, 0.0, 1.0)
-        # It slows down until it stands open.
-        width = wide * part * (2.0 - part)
-        if width == 0.0:
-            return behind
-        gain = spill * width / wide * _glare(x, y, 60.0)
-        light = behind * (1.0 + gain.astype(np.float32))
-        cover = _box(x - 0.5 * width if both else x, y - 0.5 * high, width, high)
-        return light + cover * (np.float32(daylight) - light)
-
-    return opening
-
-
-def glitter(rng: np.random.Generator) -> Disturbance:
-    """Return the sun on waves: facets that flash throughout the film.
-
-    Each facet of the water reflects the sun for a few milliseconds in each period of
-    its wave. The number of bright facets is stationary (Cox and Munk 1954: independent
-    slopes).
-    """
-    count = rng.integers(100, 1500)
-    x0, y0 = _place(rng)
-    spread = rng.uniform(10, 60)
-    xs, ys = rng.normal(x0, spread, count), rng.normal(y0, 0.4 * spread, count)
-    periods, lives = rng.uniform(0.1, 1.0, count), rng.uniform(3e-3, 40e-3, count)
-    phases, sizes = rng.uniform(0.0, 1.0, count), rng.uniform(0.3, 1.5, count)
-    powers = rng.uniform(1.0, 6.0, count)
-
-    def sparkling(time: float, behind: Light) -> Light:
-        light = behind.copy()
-        ages = ((time / periods + phases) % 1.0) * periods
-        for i in np.flatnonzero(ages < lives):
-            bright = np.float32(powers[i] * np.sin(np.pi * ages[i] / lives[i]))
-            _add_spot(light, bright, xs[i], ys[i], sizes[i])
-        return light
-
-    return sparkling
-
-
-def headlights(rng: np.random.Generator) -> Disturbance:
-    """Return a pair of headlights: LEDs immediately, filaments within 100 ms."""
-    x, y = _place(rng)
-    apart, size = rng.uniform(4.0, 40.0), rng.uniform(1.0, 6.0)
-    begin, rise = rng.uniform(0.0, 0.2), rng.choice([0.0, rng.uniform(0.03, 0.15)])
-    power, reach = rng.uniform(1.0, 30.0), rng.uniform(2.0, 12.0)
-    left, right = (
-        _disc(c, y, size) + 0.05 * _glare(c, y, reach)
-        for c in (x - 0.5 * apart, x + 0.5 * apart)
-    )
-    return _added(
-        left + right, lambda t: power * _heated(t - begin, rise) if t >= begin else 0.0
-    )
-
-
-def welding(rng: np.random.Generator) -> Disturbance:
-    """Return a welding arc with random interruptions, glare and sparks."""
-    x, y = _place(rng)
-    size, reach = rng.uniform(0.7, 3.0), rng.uniform(3.0, 25.0)
-    power = rng.uniform(5.0, 60.0)
-    # From before the film, so that the arc may burn in its first frame.
-    edges = np.cumsum(rng.exponential(rng.uniform(3e-3, 60e-3), 400)) - 0.1
-    flicker = rng.uniform(0.0, 0.6)
-    hz, phase = rng.choice([100.0, 120.0, 300.0]), rng.uniform(0.0, 2 * np.pi)
-    square = (_X - x) ** 2 + (_Y - y) ** 2
-    shape = _disc(x, y, size) + 0.03 * _glare(x, y, reach)
-    shape = shape + 0.3 / (1.0 + square / 36.0) / power
-    count = 60
-    angles, speeds = rng.uniform(0, 2 * np.pi, count), rng.uniform(50, 600, count)
-    starts = rng.uniform(-0.1, 0.3, count)
-
-    def burning(time: float, behind: Light) -> Light:
-        # Every second interval is an interruption.
-        if np.searchsorted(edges, time) % 2:
-            return behind
-        wave = 1.0 - flicker * (0.5 + 0.5 * np.sin(2 * np.pi * hz * time + phase))
-        light = behind + np.float32(power * wave) * shape.astype(np.float32)
-        for i in np.flatnonzero((time >= starts) & (time < starts + 0.05)):
-            path = speeds[i] * (time - starts[i])
-            at = x + path * np.cos(angles[i]), y + path * np.sin(angles[i])
-            _add_spot(light, np.float32(2.0), *at, 0.6)
-        return light
-
-    return burning
-
-
-EVERYDAY: dict[str, Callable[[np.random.Generator], Disturbance]] = {
-    "sun glitter": glitter,
-    "balloon": balloon,
-    "headlights": headlights,
-    "camera flash": camera_flash,
-    "welding": welding,
-    "door": door,
-    "clouds": clouds,
-    "auto exposure": auto_exposure,
-}
-"""Further scenes by name, which were not used to set the detector's threshold."""
-OTHERS = tuple(EVERYDAY)
-"""Names of `EVERYDAY`."""
-
-
 def negative(kind: str, seed: int) -> Sequence:
     """Return times [s] and linear grey frames of 8 bits without a blast.
 
     Args:
-        kind: One of `KINDS` or `OTHERS`.
+        kind: One of `KINDS`.
         seed: Seed of the scene.
     """
     # With the kind in the seed, scenes of two kinds do not share their numbers.
-    rng = np.random.default_rng([(KINDS + OTHERS).index(kind), seed])
+    rng = np.random.default_rng([KINDS.index(kind), seed])
     behind = random_background(rng, moving=1.0 if kind == "ego-motion" else 0.7)
     sensor: tuple[float, ...] = ()
     if kind == "noise":
         worse = rng.uniform(1.0, 5.0)
         sensor = 0.008 * worse, 2e-4 * worse**2, 10 ** rng.uniform(-4, -2)
-    disturbance = (LOOKALIKES | EVERYDAY)[kind](rng)
+    disturbance = LOOKALIKES[kind](rng)
     times = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
     frames = [
         seen(rng, disturbance(float(t), behind.light(float(t))), *sensor) for t in times
