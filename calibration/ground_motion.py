@@ -1,8 +1,6 @@
 """How much does the ground move, by scaled range and burial?
 
     python -m calibration.ground_motion > calibration/results/ground_motion.txt
-    python -m calibration.ground_motion joint
-        > calibration/results/ground_motion_joint.txt
 
 Data: calibration/data/seismic_ford2021.csv (its provenance stands there; that its
 values are metres and metres a second is INFERRED, with medium confidence). No random
@@ -40,24 +38,6 @@ height known, every mass of 1e-3 to 1e9 kg as likely in ln beforehand. Shots of 
 that was seen are predicted better than claimed, for the site is no longer new. Without
 the site HR the burial at which coupling changes is not determined, so b5 is held at
 -0.2 where sites are left out: that much these rows have seen.
-
-Joint: does ground motion improve a mass from impulse and duration, of shots left out?
-
-Data: calibration/data/acoustic_ford2021.csv and seismic_ford2021.csv, the 18 shots that
-have both. The bootstrap has seed 0.
-
-Both laws, `ford_2021` and `ground_motion`, are fitted again without the shot, or
-without its campaign; height, range and air are known, the prior is flat in ln W. The
-acoustic part is that of `leave_out.py`; of the ground motion the effects and the
-errors of records are normal, so its density is in closed form. "score" is ln of the
-posterior density of ln W at the recorded mass; shots with h/W^(1/3) < -0.2 stand apart,
-outside the range of `ford_2021`.
-
-Campaigns left out lose 0.009 of mean score. The loss is at HTP, whose wet rock moved 3
-to 40 times as fast as the other sites predict; the bootstrap does not exclude a gain.
-
-The difference of the scores is bootstrapped over shots (campaigns left out: over
-campaigns, then shots).
 """
 
 import csv
@@ -74,19 +54,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import jblast.waves
-from calibration import run_part
-from calibration.ford_2021 import CAMPAIGNS, read_records
-from calibration.leave_out import (
-    SHALLOWEST_LEFT_ASIDE,
-    Judged,
-    MassEstimate,
-    inside,
-    laws_without,
-    log_density_of,
-    mass_grid,
-    resamples,
-    summarised,
-)
 from calibration.likelihood import Marginal, likelihood_maximum, marginal, print_forms
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
@@ -179,10 +146,6 @@ FORMS = {
 MASSES = np.geomspace(1e-3, 1e9, 1201)
 NINETY = 1.645
 """Standard deviations of a normal to either side that hold 90 %."""
-
-
-Compared = tuple[Judged, MassEstimate]
-"""A shot, whose `exact` is of the acoustic records, and its joint estimate."""
 
 
 def covariance_of(
@@ -557,106 +520,5 @@ def fit(
     )
 
 
-def judge_jointly(name: str) -> list[Compared]:
-    """Estimate a shot, or each shot of a campaign, from all other records."""
-    acoustic, ground = read_records(), read_ground()
-    of_campaign = name in CAMPAIGNS
-    left_out = (acoustic.campaign if of_campaign else acoustic.shot) == name
-    laws = laws_without(left_out, name)
-    campaign = np.array([shot.split("-")[0] for shot in ground.shot])
-    used = (campaign if of_campaign else ground.shot) != name
-    # without a site the burial at which coupling changes is not determined
-    whole_site = not np.isin(ground.site[~used], ground.site[used]).any()
-    form = WITHOUT["site" if whole_site else "shot"]
-    curves = {
-        quantity: fit(quantity, form, weight=used * 1.0).curve
-        for quantity in QUANTITIES
-    }
-    return [
-        compare(shot, laws, curves, where(ground, ground.shot == shot))
-        for shot in dict.fromkeys(acoustic.shot[left_out].tolist())
-    ]
-
-
-def compare(
-    shot: str, laws: list, curves: dict[str, Regression], ground: Records
-) -> Compared:
-    """Estimate the mass of one shot from its acoustic records, and from all."""
-    records = read_records()
-    log = records.where(records.shot == shot)
-    grid = mass_grid(log.charge_mass[0])
-    acoustic = log_density_of(log, laws, grid)
-    joint = acoustic + sum(
-        log_density(quantity, curve, ground, np.exp(grid))
-        for quantity, curve in curves.items()
-    )
-    told = summarised(grid, acoustic)
-    one = Judged(
-        shot=shot,
-        campaign=str(log.campaign[0]),
-        n_records=len(log.shot),
-        scaled_height=float(log.scaled_height()[0]),
-        log_mass=float(np.log(log.charge_mass[0])),
-        weighted=told,
-        emcee=told,
-        valid=float(log.scaled_height()[0]) >= SHALLOWEST_LEFT_ASIDE,
-        exact=told,
-        exact_of_impulse=told,
-    )
-    return one, summarised(grid, joint)
-
-
-def show_joint(table: list[Compared]) -> None:
-    """Print one line a shot."""
-    each = "  ln est/W     sd  90 %  score"
-    print(f"{'':26s}{'acoustic':>32s}{'with ground motion':>33s}")
-    print(f"  shot   h/W^1/3   W kg{each} |{each}")
-    for one, joint in table:
-        cells = " |".join(
-            f"{of.mean - one.log_mass:+10.3f} {of.sd:6.3f} "
-            f"{'in' if inside(one, of) else 'OUT':>5s} {of.log_density_at_truth:+6.2f}"
-            for of in (one.exact, joint)
-        )
-        mass = np.exp(one.log_mass)
-        print(f"  {one.shot:6s} {one.scaled_height:8.2f} {mass:6.0f}{cells}")
-
-
-def summarise_joint(table: list[Compared], by_campaign: bool) -> None:
-    """Print median error, score and coverage, and what ground motion adds."""
-    judged = [one for one, _ in table]
-    rows = resamples(judged, by_campaign)
-    print("  summary              median |ln est/W|  mean score  inside")
-    scores = []
-    for title, told in (
-        ("acoustic alone", [one.exact for one in judged]),
-        ("both", [joint for _, joint in table]),
-    ):
-        pairs = list(zip(judged, told, strict=True))
-        error = np.median([abs(of.mean - one.log_mass) for one, of in pairs])
-        scores.append(np.array([of.log_density_at_truth for of in told]))
-        held = sum(inside(*pair) for pair in pairs)
-        print(
-            f"  {title:20s} {error:17.3f} {scores[-1].mean():+11.3f}"
-            f"  {held} of {len(judged)}"
-        )
-    gain = scores[1] - scores[0]
-    low, high = np.quantile(gain[rows].mean(axis=1), (0.05, 0.95))
-    print(f"  gain in mean score {gain.mean():+.3f} ({low:+.3f} to {high:+.3f})")
-
-
-def joint() -> None:
-    """Print both tables."""
-    start_jax()
-    shots = list(dict.fromkeys(read_records().shot.tolist()))
-    for title, names in (("shot", shots), ("campaign", list(CAMPAIGNS))):
-        table = [pair for name in names for pair in judge_jointly(name)]
-        near = [p for p in table if p[0].scaled_height > SHALLOWEST_LEFT_ASIDE]
-        print(f"Each {title} left out in turn")
-        show_joint(near)
-        summarise_joint(near, by_campaign=title == "campaign")
-        print("  deeper:")
-        show_joint([pair for pair in table if pair not in near])
-
-
 if __name__ == "__main__":
-    run_part({"law": main, "joint": joint})
+    main()

@@ -10,7 +10,6 @@ is coloured (an autoregression of 0.3 to 0.9), a quarter come from a sensor that
 """
 
 import argparse
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -35,8 +34,6 @@ from jblast.report.view import aligned
 MANY, SEEDS = 200, (20, 21, 30, 31, *range(40, 46))
 """Records of a seed."""
 
-WORST = 10
-"""Arrivals that are told one by one."""
 
 NORMAL_90 = 1.6449
 NAMES = ("arrival", "peak", "duration", "impulse")
@@ -107,8 +104,6 @@ def main(many: int, workers: int) -> None:
     for name, inside in groups.items():
         rows.append([name, *_against_eye(inside, error, eye_error)])
     _print(rows)
-    _print(_worst_arrivals(made, found, error, sd, bound))
-    _worst(made, found, error, sd)
 
 
 def _print(rows) -> None:
@@ -203,31 +198,6 @@ def _arrivals(made, found, error, bound):
     return rows
 
 
-def _worst_arrivals(made, found, error, sd, bound):
-    """Return a table of the arrivals that are farthest off their bounds."""
-    wide = _found(found) & (np.array([o.rise for o in made]) >= 2)
-    ratio = np.where(wide, np.abs(error[0] / bound), -1.0)
-    rows = [
-        ["worst arrivals", "off/bound", "off/told sd", "ring named"],
-    ]
-    rows[0] += ["ring [1/sample]", "damping", "SNR", "rise", "duration", "colour"]
-    rows[0] += ["drift/peak"]
-    for k in np.argsort(-ratio)[:WORST]:
-        one = made[k]
-        told = "yes" if "resonating" in found.notes[k] else "no"
-        ring = f"{one.resonance:.3f}" if one.resonance else "none"
-        damping = f"{one.damping:.3f}" if one.resonance else ""
-        rows.append(
-            [
-                *(str(k), f"{ratio[k]:.1f}", f"{error[0, k] / sd[0, k]:+.1f}"),
-                *(told, ring, damping),
-                *(f"{one.snr:.0f}", f"{one.rise:.1f}", f"{one.duration:.0f}"),
-                *(f"{one.colour:.2f}", f"{one.drift / one.peak:.2f}"),
-            ]
-        )
-    return rows
-
-
 def _against_eye(inside, error, eye_error):
     """Return cells of errors by either."""
     cells = []
@@ -237,22 +207,6 @@ def _against_eye(inside, error, eye_error):
             size = size[np.isfinite(size)]
             cells.append(f"{np.quantile(size, 0.68):.3g}" if size.size else "-")
     return cells
-
-
-def _worst(made, found, error, sd) -> None:
-    """Tell on the other stream which records went most astray."""
-    z = np.nanmax(np.abs(error / sd), axis=0)
-    for k in np.argsort(-np.nan_to_num(z))[: 2 * WORST]:
-        told = " ".join(
-            f"{e / s:+.1f}" for e, s in zip(error[:, k], sd[:, k], strict=True)
-        )
-        print(f"{k}: {told}; {found.notes[k]}, {made[k]}", file=sys.stderr)
-    lost = np.flatnonzero(~_found(found))
-    print(
-        "not found",
-        [(int(k), made[k].snr, made[k].duration) for k in lost],
-        file=sys.stderr,
-    )
 
 
 if __name__ == "__main__":
