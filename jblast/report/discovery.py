@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COVERAGE = (0.73, 1.0)
+COVERAGE = (0.86, 1.0)
 """Coverage of the 90 % intervals in simulated records with noise: least and largest of
 the cases and noise levels, where the true terms were found
-(calibration/results/discovery.txt)."""
+(calibration/results/discovery_intervals.txt)."""
 MIN_SHARE = 0.05
 """Share of the ensemble from which an excluded term is reported: below 1 in 20 it is
 chance at the 5 % level."""
