@@ -270,14 +270,14 @@ def discover(
     # what the smoothed states lack to obey the equations
     smooth_left = record.windows.derivative @ record.sides.columns[:, : len(own)]
     lacking = terms @ own.T - smooth_left
-    off, shares = [], []
+    errors, shares = [], []
     for sides in ensemble():
         of_member = integrals(record, sides, candidates)
         obeying = sides.left + lacking
-        off.append(coefficients_of(of_member, obeying, kept) - own)
+        errors.append(coefficients_of(of_member, obeying, kept) - own)
         beyond = others and integrals(record, sides, others)
         shares.append(outside_share(of_member, obeying, kept, beyond)[0])
-    low, high = basic_interval(own, np.stack(off))
+    low, high = basic_interval(own, np.stack(errors))
     share, likest = outside_share(
         terms, left, kept, others and integrals(record, record.sides, others)
     )

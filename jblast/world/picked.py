@@ -166,10 +166,8 @@ def picked_jolts(
             jolts = _law_jolts(load, number, state, vehicle, yaw)
             onset_s = float(record.stamps_s[first + pick.onset])
             found = _values(record, pick, onset_s, vehicle, *np.asarray(jolts))
-            name, place = (
-                world.scene.charges[shot].name,
-                arrivals.places_m[AIR][row, shot],
-            )
+            name = world.scene.charges[shot].name
+            place = arrivals.places_m[AIR][row, shot]
             rows += [
                 Reading(record.sensor.name, what, x, sd, name, place, bound)
                 for what, x, sd, bound in found

@@ -89,8 +89,8 @@ PER_AGE = 4
 """First instants of a fireball: the age between two grows by a quarter. Fireballs and
 smoke change in proportion to their age, and intervals are sampled at their quarters."""
 MOVED = 4.0
-"""Shift of the ground between first instants of a moving camera [px]. A fine pattern
-may look the same after a whole pixel, but not after a half, which is sampled, too."""
+"""Shift of the ground between first instants of a moving camera [px]. Intervals are
+sampled at their quarters, each pixel; the finest pattern repeats after two pixels."""
 QUIET = 1e-3
 """Sum of the changes of all pixels, in thresholds, up to which an interval is not
 refined: on average a thousandth of an event is affected."""

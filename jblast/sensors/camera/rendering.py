@@ -6,8 +6,7 @@ in the middles of equal parts of it.
 
 Poses and fireballs have the precision of the scene. Images have the precision of the
 rays, and positions in them are relative to the camera: in single precision the
-logarithm of light is exact to 1e-4, except that rounding decides about pixels on the
-horizon.
+logarithm of light is exact to 1e-4.
 """
 
 from collections.abc import Callable

@@ -99,7 +99,8 @@ class Landscape(eqx.Module):
         solid = jnp.isfinite(rays.farthest) & shown
         share = jnp.clip(0.5 - up / pixel, 0.0, 1.0)
         end = height + jnp.where(solid, rays.farthest, 0.0) * up
-        share = jnp.where(solid & (end > 1e-3 * height), 1.0, share)  # above the ground
+        # surfaces of a depth image; rays that end on the ground do so up to rounding
+        share = jnp.where(solid & (end > 1e-3 * height), 1.0, share)
         fall = jnp.exp(-jnp.maximum(up, 0.0) / FALL)
         # even ground needs no look-ups, which take most of the time
         if len(self.texels) == 1:
