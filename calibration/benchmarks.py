@@ -223,7 +223,7 @@ def fits() -> Iterator[Row]:
 
 def picks() -> Iterator[Row]:
     """Give picks of records, on one core; nothing is compiled."""
-    from calibration.picks_records import SAMPLES, drawn, noise_of, signal_of
+    from calibration.picks import SAMPLES, drawn, noise_of, signal_of
     from jblast.signals.picks import pick
 
     rng = np.random.default_rng(21)

@@ -44,7 +44,7 @@ from scipy.stats import qmc
 
 from calibration import cases, stability_fits as poor
 from calibration.euler import decay_at, march
-from calibration.eye_pick import eye_pick
+from calibration.picks import eye_pick
 from calibration.timing import best_of, machine, seconds
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_PRESSURE
@@ -395,18 +395,15 @@ def fit_points() -> list[Point]:
     fits["scipy, lm"] = best_of(lambda: by_scipy(LOOPED), 1, lambda: by_scipy(1))
     fits["solve"] = best_of(lambda: by_solve(SOLVED), 1, lambda: by_solve(1))
 
-    def cost(z: np.ndarray) -> np.ndarray:
-        measured = jnp.asarray(logs.readings[: len(z)])
-        return np.array(poor.costs(logs.blank, measured, jnp.asarray(z)))
-
     # fmin ignores NaN: a method that diverged does not define the optimum
-    least = cost(poor.best_known(logs))
+    least = poor.costs(logs, poor.best_known(logs))
     for _, z in fits.values():
-        least[: len(z)] = np.fmin(least[: len(z)], cost(z))
+        least[: len(z)] = np.fmin(least[: len(z)], poor.costs(logs, z))
     points = []
     for name, (took, z) in fits.items():
         count = len(z)
-        misses = int(np.sum(~(cost(z) - least[:count] <= poor.MISFIT_LIMIT)))
+        wrong = ~(poor.costs(logs, z) - least[:count] <= poor.MISFIT_LIMIT)
+        misses = int(wrong.sum())
         starts = "own starts" if name in ("fit_many", "solve") else "poor starts"
         over = f"{misses} of {count:,} missed, {starts}"
         points.append(Point("", name, took / count, max(misses, 0.5) / count, over))

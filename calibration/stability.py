@@ -6,26 +6,28 @@ r"""Where does each method fail, and what does jblast do there?
 Each method is used past its limit. There jblast marks the answer as extrapolated,
 refuses with a message, or falls back to another method: every row states the limit,
 the behaviour of the method alone, and the response, which is observed and not claimed.
-Rows are kept in `results/stability.csv`; the page is `results/stability.md`.
+Rows are kept in `results/stability.csv`; the page is `results/stability.md`. Their
+words are in `stability.toml`, the numbers in them are measured here.
 
 Laws fail beyond their tables and ranges, clocks where the resolution of numbers exceeds
 the error of a recorder, cameras behind the lens and beyond the fold of its distortion,
 flights at long steps and strong blasts, picks by noise, drift and echoes.
-Fits and MCMC are in `stability_fits`. Near hover a vehicle's loop depends on times only
-as multiples of the step: a step longer by $s$ is the same step with motors and gains
-faster by $s$. Therefore one program flies all vehicles at all steps.
+The logs, solvers and walks of the rows on fits and MCMC are those of `stability_fits`.
+Near hover a vehicle's loop depends on times only as multiples of the step: a step
+longer by $s$ is the same step with motors and gains faster by $s$. Therefore one
+program flies all vehicles at all steps.
 """
 
 import argparse
 import csv
 import dataclasses
-import importlib
+import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,9 +35,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.optimize import root_scalar
+from scipy.optimize import brentq
 
-from calibration import cases
+from calibration import cases, stability_fits as poor
 from jblast.cli.jax_start import start_jax
 from jblast.constants import (
     STANDARD_PRESSURE,
@@ -44,7 +46,12 @@ from jblast.constants import (
 )
 from jblast.errors import InputError, whole_number
 from jblast.files import table_text, write_text
+from jblast.inference import fit_many, solve
+from jblast.inference.fitting.goodness_of_fit import suspected_outliers
 from jblast.inference.fitting.warnings import POINT_SOURCES, charge_is_no_point
+from jblast.inference.identify import AMBIGUITY
+from jblast.inference.posterior.parameters import NORMAL_Q95
+from jblast.inference.sample import NEAR
 from jblast.observations import observed, resolve_positions
 from jblast.observations.clocks import refuse_unresolved
 from jblast.progress import in_words
@@ -54,13 +61,12 @@ from jblast.report.figures import new_figure, quiet, runs, titled, write_figure
 from jblast.report.numbers import capitalised, printed_number, quantity_words
 from jblast.report.view import Column, Table, markdown
 from jblast.scene import Camera, Charge, Scene
-from jblast.scene.charge import Burst
+from jblast.scene.charge import BURSTS, Burst
 from jblast.sensors.calculator import COMBINATIONS, calculated_laws
 from jblast.sensors.camera.geometry import project, unproject
 from jblast.signals import noise_spectrum
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
-    Gains,
     PositionHold,
     State,
     Vehicle,
@@ -89,16 +95,13 @@ from jblast.waves.friedlander import impulse_fraction
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.laws.sedov_taylor import sedov_taylor_shock_pressure
 from jblast.waves.laws.wu_hao import wu_hao_air_valid
-from jblast.waves.pulse import (
-    friedlander_pressure,
-    pulse_of,
-)
+from jblast.waves.pulse import friedlander_pressure, pulse_of
 
-RESULTS = Path(__file__).parent / "results"
-KEPT = RESULTS / "stability.csv"
-Response = Literal["marks", "refuses", "falls back"]
-"""Response of jblast where a method fails."""
+HERE = Path(__file__).parent
+KEPT = HERE / "results" / "stability.csv"
+WORDS = tomllib.loads((HERE / "stability.toml").read_text("utf-8"))
 COLOURS = {"marks": VERMILLION, "refuses": INK, "falls back": "#E69F00"}
+"""Responses of jblast where a method fails."""
 MASS = 15.0
 """Charge of the examples [kg]: that of the thesis."""
 
@@ -133,43 +136,32 @@ class Mode(NamedTuple):
         return whole_number(number) or 0 if of == "of" else 0
 
 
-def verified(response: Response, seen: bool | np.bool_, what: str) -> Response:
-    """Return a response that was observed, so that no table states any other.
-
-    Raises:
-        RuntimeError: The response was not observed.
-    """
-    if not seen:
-        raise RuntimeError(f'{what}: expected the response "{response}", got another')
-    return response
-
-
-def crossing(
-    function: Callable[[float], float], low: float, high: float, *, to: float = 1e-12
-) -> float:
-    """Return the zero of a function with different signs at two bounds.
+def row(key: str, boundary: float, seen: bool | np.bool_, **numbers: Any) -> Mode:
+    """Return a row of the table.
 
     Args:
-        function: Function of one number.
-        low: Lower bound.
-        high: Upper bound.
-        to: Relative precision.
+        key: Its words in `stability.toml`.
+        boundary: Begin of the failure.
+        seen: True if the response that the words state was observed.
+        numbers: Numbers in the words.
+
+    Raises:
+        RuntimeError: The response was not observed, so no table may state it.
     """
-    return float(root_scalar(function, bracket=(low, high), rtol=to).root)
+    if not seen:
+        expected = WORDS[key]["response"]
+        raise RuntimeError(f'{key}: expected the response "{expected}", got another')
+    numbers["boundary"] = float(boundary)
+    words = {name: text.format(**numbers) for name, text in WORDS[key].items()}
+    return Mode(boundary=float(boundary), **words)
 
 
 def switching_point(
-    answer: Callable[[float], bool | np.bool_], low: float, high: float
+    answer: Callable[[float], bool | np.bool_ | jax.Array], low: float, high: float
 ) -> float:
-    """Return the point at which a condition changes, by bisection."""
+    """Return the point between two bounds at which a condition changes."""
     # +-0.5 gives the root finder the sign change that a truth value lacks
-    found = root_scalar(
-        lambda x: 0.5 - bool(answer(x)),
-        bracket=(low, high),
-        method="bisect",
-        rtol=1e-12,
-    )
-    return float(found.root)
+    return brentq(lambda x: 0.5 - bool(answer(x)), low, high, rtol=1e-12)
 
 
 def first_failure(failed: np.ndarray, what: str) -> int:
@@ -183,23 +175,6 @@ def first_failure(failed: np.ndarray, what: str) -> int:
             f"{what}: expected a failure at one of {failed.size} levels, got none"
         )
     return int(np.argmax(failed))
-
-
-def boundary_at(
-    limit: float, measured: np.ndarray, levels: np.ndarray, what: str
-) -> float:
-    """Return the level at which a rising measure reaches a limit, interpolated.
-
-    Raises:
-        RuntimeError: The measure does not pass the limit between two of the levels.
-    """
-    # np.interp would return an end of the levels without a warning
-    if not measured[0] <= limit < measured[-1]:
-        raise RuntimeError(
-            f"{what}: expected {measured[0]:g} to {measured[-1]:g}, measured at "
-            f"{levels[0]:g} and {levels[-1]:g}, to contain {limit:g}"
-        )
-    return float(np.interp(limit, measured, levels))
 
 
 def refusal(attempt: Callable[[], object]) -> str:
@@ -221,39 +196,31 @@ CURVES = {
 """Curve of the Kingery-Bulmash table by its quantity."""
 INNER_Z, OUTER_Z, LAST_Z = 0.01, 100.0, 1e3
 """Scaled distances beyond the table, which covers 0.07 to 40 m/kg^(1/3)."""
-GAMMA, DENSITY = 1.4, 1.225
-"""Ratio of specific heats [-] and density of standard air [kg/m3]."""
+AIR = 1.225, 1.4
+"""Density of standard air [kg/m3] and ratio of specific heats [-]."""
 
 
-def law_failures() -> list[Mode]:
+def law_failures() -> Iterator[Mode]:
     """Measure every failure mode of a law."""
-    tables = [mode for quantity in CURVES for mode in _table_limits(quantity)]
-    return [_wu_hao(), *tables, *_kinney_graham(), *_point_sources(), _at_the_charge()]
 
-
-def _wu_hao() -> Mode:
     def lead(distance: float) -> float:
         time = wu_hao_air_arrival_time(distance, 1.0, STANDARD_SOUND_SPEED)
         return float(distance / time) / STANDARD_SOUND_SPEED - 1.0
 
-    mean = crossing(lead, 1.0, 100.0)
-    marked = switching_point(lambda r: bool(wu_hao_air_valid(r, 1.0)), 1.0, 100.0)
-    method = "air_arrival_s by wu_hao"
-    return Mode(
-        "laws",
-        method,
-        "slower than sound on average",
-        mean,
-        "m/kg^(1/2)",
-        f"{mean * math.sqrt(MASS):.1f} m for {MASS:g} kg; at twice that "
-        f"{-100 * lead(2 * mean):.0f} % slower than sound",
-        verified("marks", math.isclose(marked, mean, rel_tol=1e-6), method),
-        "law_valid false beyond",
-    )
+    mean = brentq(lead, 1.0, 100.0)
+    marked = switching_point(lambda r: wu_hao_air_valid(r, 1.0), 1.0, 100.0)
+    numbers = {"metres": mean * math.sqrt(MASS), "slow": -100 * lead(2 * mean)}
+    seen = math.isclose(marked, mean, rel_tol=1e-6)
+    yield row("wu_hao", mean, seen, mass=MASS, **numbers)
+    for quantity in CURVES:
+        yield from _table_limits(quantity)
+    yield from _kinney_graham()
+    yield from _point_sources()
+    yield _at_the_charge()
 
 
-def _table_limits(quantity: str) -> list[Mode]:
-    law, method = LAWS[quantity, "kingery_bulmash"], f"{quantity} by kingery_bulmash"
+def _table_limits(quantity: str) -> Iterator[Mode]:
+    law = LAWS[quantity, "kingery_bulmash"]
     curve = kingery_bulmash_curves(CURVES[quantity])["surface"]
 
     def ratio_at(z: float) -> str:
@@ -263,46 +230,27 @@ def _table_limits(quantity: str) -> list[Mode]:
             ratio = float(np.exp(curve.form(log_z) - curve.exact(log_z)))
         return f"{'overflows' if math.isinf(ratio) else f'{ratio:.3g}'} at Z = {z:g}"
 
-    def power_law(end: float) -> bool:
-        """Return True if the law beyond an end has one slope and is marked invalid."""
-        # three points outside the table: two equal slopes in ln make a power law
-        factor = 2.0 if end > 1.0 else 0.5
-        z = end * np.array([1.001 if end > 1.0 else 0.999, factor, factor**2])
-        slopes = np.diff(np.log(np.asarray(law.function(z, 1.0)))) / np.diff(np.log(z))
-        straight = math.isclose(slopes[0], slopes[1], rel_tol=1e-6)
-        return straight and not np.any(law.valid(z, 1.0))
-
-    message = "power law with the end slope, law_valid false"
-    farther = message
+    farther = ""
     if quantity == "peak_overpressure_pa":
         high = float(law.function(jnp.asarray([LAST_Z]), 1.0)[0])
         weak = float(shock_kinematics_pressure(LAST_Z, 1.0))
-        farther += (
-            f": {high:.3g} Pa at Z = {LAST_Z:g}, where shock_kinematics has {weak:.3g}"
-        )
-    modes = []
-    for failure, bounds, places, words in (
-        ("table ends near the charge", (INNER_Z, 1.0), (INNER_Z,), message),
-        ("table ends far out", (1.0, LAST_Z), (OUTER_Z, LAST_Z), farther),
+        farther = f": {high:.3g} Pa at Z = {LAST_Z:g}, where shock_kinematics has "
+        farther += f"{weak:.3g}"
+    for key, bounds, places, factor in (
+        ("table_near", (INNER_Z, 1.0), (INNER_Z,), 0.5),
+        ("table_far", (1.0, LAST_Z), (OUTER_Z, LAST_Z), 2.0),
     ):
-        end = switching_point(lambda z: bool(law.valid(z, 1.0)), *bounds)
-        ratios = ", ".join(ratio_at(z) for z in places)
-        modes.append(
-            Mode(
-                "laws",
-                method,
-                failure,
-                end,
-                "m/kg^(1/3)",
-                f"polynomial over power law: {ratios}",
-                verified("marks", power_law(end), method),
-                words,
-            )
-        )
-    return modes
+        end = switching_point(lambda z: law.valid(z, 1.0), *bounds)
+        # three points outside the table: two equal slopes in ln make a power law
+        z = end * np.array([factor**0.0015, factor, factor**2])
+        slopes = np.diff(np.log(np.asarray(law.function(z, 1.0)))) / np.diff(np.log(z))
+        straight = math.isclose(slopes[0], slopes[1], rel_tol=1e-6)
+        ratios = ", ".join(map(ratio_at, places))
+        seen = straight and not np.any(law.valid(z, 1.0))
+        yield row(key, end, seen, quantity=quantity, ratios=ratios, farther=farther)
 
 
-def _kinney_graham() -> list[Mode]:
+def _kinney_graham() -> Iterator[Mode]:
     """Compare the duration with Kingery-Bulmash in free air; accepted is 30 %."""
 
     def ratio(z: float) -> float:
@@ -313,43 +261,21 @@ def _kinney_graham() -> list[Mode]:
     ratios = [ratio(z) for z in grid]
     best, worst = grid[np.argmax(ratios)], grid[np.argmin(ratios)]
     near, far = (
-        crossing(lambda z: ratio(z) - 0.7, *b) for b in ((1.5, best), (best, 40))
+        brentq(lambda z: ratio(z) - 0.7, *b) for b in ((1.5, best), (best, 40))
     )
-    method = "positive_duration_s by kinney_graham"
     law = LAWS["positive_duration_s", "kinney_graham"]
-    valid = [
-        bool(law.valid(z, 1.0, burst="free-air"))
-        for z in (0.99 * near, best, 1.01 * far)
-    ]
-    response = verified("marks", valid == [False, True, False], method)
-    of = "of kingery_bulmash"
-    return [
-        Mode(
-            "laws",
-            method,
-            "too short near the charge",
-            near,
-            "m/kg^(1/3)",
-            f"{100 * ratio(worst):.0f} % {of} at Z = {worst:.2g}, "
-            f"{100 * ratio(2.0):.0f} % at 2; {100 * ratio(best):.0f} % at best "
-            f"(Z = {best:.0f})",
-            response,
-            f"law_valid false: {law.range}",
-        ),
-        Mode(
-            "laws",
-            method,
-            "too short far out",
-            far,
-            "m/kg^(1/3)",
-            f"{100 * ratio(40.0):.0f} % {of} at Z = 40",
-            response,
-            "law_valid false",
-        ),
-    ]
+    places = 0.99 * near, best, 1.01 * far
+    valid = [bool(law.valid(z, 1.0, burst="free-air")) for z in places]
+    numbers = {
+        name: 100 * ratio(z)
+        for name, z in {"worst": worst, "two": 2.0, "best": best, "last": 40.0}.items()
+    }
+    numbers |= {"range": law.range, "worst_z": worst, "best_z": best}
+    for key, z in (("kinney_graham_near", near), ("kinney_graham_far", far)):
+        yield row(key, z, valid == [False, True, False], **numbers)
 
 
-def _point_sources() -> list[Mode]:
+def _point_sources() -> Iterator[Mode]:
     """Measure laws of point sources for 1 kg; they scale."""
 
     def is_reported(law: str) -> bool:
@@ -359,77 +285,41 @@ def _point_sources() -> list[Mode]:
 
     def sedov_error(z: float) -> float:
         exact = float(point_source_pressure(z, 1.0)) + STANDARD_PRESSURE
-        return float(sedov_taylor_shock_pressure(z, 1.0, GAMMA)) / exact - 1.0
+        return 100 * (float(sedov_taylor_shock_pressure(z, 1.0, AIR[1])) / exact - 1)
 
     law = LAWS["shock_radius_m", "sedov_taylor"]
 
-    def sedov_valid(z: float) -> bool:
-        energy = float(sedov_taylor_energy(z, 1.0, DENSITY, GAMMA))
+    def sedov_valid(z: float):
+        energy = float(sedov_taylor_energy(z, 1.0, *AIR))
         time = math.sqrt(energy / TNT_SPECIFIC_ENERGY)
-        return bool(law.valid(time, 1.0, DENSITY, GAMMA, STANDARD_PRESSURE))
+        return law.valid(time, 1.0, *AIR, STANDARD_PRESSURE)
 
     def share(z: float) -> float:
         time = kingery_bulmash_arrival_time(z, 1.0, burst="free-air")
-        return float(sedov_taylor_energy(z, time, DENSITY, GAMMA)) / TNT_SPECIFIC_ENERGY
+        return 100 * float(sedov_taylor_energy(z, time, *AIR)) / TNT_SPECIFIC_ENERGY
 
     def energy_error(z: float) -> float:
-        """Return the error of 4.184 MJ/kg as the energy with the peak of TNT."""
+        """Return the error of 4.184 MJ/kg as the energy with the peak of TNT [%]."""
         peak = float(kingery_bulmash_pressure(z, 1.0, burst="free-air"))
-        mass = crossing(lambda m: float(point_source_pressure(z, m)) - peak, 1e-3, 1e3)
-        return 1.0 / mass - 1.0
+        mass = brentq(lambda m: float(point_source_pressure(z, m)) - peak, 1e-3, 1e3)
+        return 100 * (1.0 / mass - 1.0)
 
-    weak = crossing(lambda z: sedov_error(z) + 0.1, 0.4, 1.0)
+    weak = brentq(lambda z: sedov_error(z) + 10, 0.4, 1.0)
     strength = float(point_source_pressure(weak, 1.0)) / STANDARD_PRESSURE
     end = switching_point(sedov_valid, 0.4, 1.0)
     time = float(point_source_arrival_time(end, 1.0))
-    radius = float(sedov_taylor_shock_radius(time, 1.0, DENSITY, GAMMA))
+    radius = 100 * (float(sedov_taylor_shock_radius(time, 1.0, *AIR)) / end - 1)
+    numbers = {"strength": strength, "low": -sedov_error(1.0), "end": end}
+    numbers |= {"pressure": sedov_error(end), "radius": radius}
+    yield row("sedov_weak", weak, end < weak, **numbers)
+    energies = {"near": share(0.2), "middle": share(0.4), "far": share(end)}
+    yield row("sedov_tnt", end, is_reported("sedov_taylor"), **energies)
     # 4.184 MJ/kg is the right energy at one range only; farther out it is too little
-    boundary = crossing(lambda z: energy_error(z) + 0.3, 2.5, 5.0)
-    off = np.array([energy_error(z) for z in np.geomspace(0.3, boundary, 40)])
-    by_sedov, by_exact = (
-        "shock_radius_m by sedov_taylor",
-        "peak_overpressure_pa by point_source",
-    )
-    warning = 'a warning, unless explosive = "nuclear"'
-    return [
-        Mode(
-            "laws",
-            by_sedov,
-            "the shock is no longer strong",
-            weak,
-            "m/kg^(1/3)",
-            f"pressure 10 % too low at {strength:.0f} ambient pressures, "
-            f"{-100 * sedov_error(1.0):.0f} % at Z = 1",
-            verified("marks", end < weak, by_sedov),
-            f"law_valid false from Z = {end:.2f} on; there the pressure is "
-            f"{100 * sedov_error(end):+.0f} % off, the radius "
-            f"{100 * (radius / end - 1):+.1f} %",
-        ),
-        Mode(
-            "laws",
-            by_sedov,
-            "a charge of TNT is no point",
-            end,
-            "m/kg^(1/3)",
-            "wherever its shock is strong: radius and time give "
-            f"{100 * share(0.2):.0f} % of the energy at Z = 0.2, "
-            f"{100 * share(0.4):.0f} % at 0.4, {100 * share(end):.0f} % at {end:.2f}",
-            verified("marks", is_reported("sedov_taylor"), by_sedov),
-            warning,
-        ),
-        Mode(
-            "laws",
-            by_exact,
-            "a charge of TNT is no point",
-            boundary,
-            "m/kg^(1/3)",
-            f"inside, {TNT_SPECIFIC_ENERGY / 1e6:.3f} MJ/kg differs by "
-            f"{100 * off.min():+.0f} to {100 * off.max():+.0f} % from the energy with "
-            f"the peak of kingery_bulmash; {100 * energy_error(10.0):+.0f} % at Z = 10",
-            verified("marks", is_reported("point_source"), by_exact),
-            warning,
-        ),
-    ]
+    boundary = brentq(lambda z: energy_error(z) + 30, 2.5, 5.0)
+    off = [energy_error(z) for z in np.geomspace(0.3, boundary, 40)]
+    numbers = {"least": min(off), "most": max(off), "far": energy_error(10.0)}
+    numbers["energy"] = TNT_SPECIFIC_ENERGY / 1e6
+    yield row("point_source_tnt", boundary, is_reported("point_source"), **numbers)
 
 
 def _at_the_charge() -> Mode:
@@ -438,8 +328,8 @@ def _at_the_charge() -> Mode:
 
     def values(distance):
         ranges = distance[None]
-        row = dataclasses.replace(path, slant_range=ranges, ground_range=ranges)
-        return jnp.stack([jnp.sum(call(law.function, row)) for law in laws])
+        at = dataclasses.replace(path, slant_range=ranges, ground_range=ranges)
+        return jnp.stack([jnp.sum(call(law.function, at)) for law in laws])
 
     # jvp gives value and slope in one pass, for all laws in one program
     zero = jnp.zeros(())
@@ -449,56 +339,24 @@ def _at_the_charge() -> Mode:
     peak = ["a"], ["peak_overpressure_pa"], [1e4], [1e3]
     log = observed(*peak, position=np.zeros((1, 3)))
     attempts = lambda: pressure(0.0, 1.0), lambda: resolve_positions(log, Scene())
-    return Mode(
-        "laws",
-        "laws of the slant range",
-        "no blast at distance 0",
-        0.0,
-        "m",
-        f"inside jit {bad} of {len(laws)} laws have no finite value with a finite "
-        "slope there",
-        verified("refuses", all(map(refusal, attempts)), "distance 0"),
-        "outside jit a law raises; fit, bound and simulate refuse a sensor at the "
-        "position of the charge",
-    )
+    seen = all(map(refusal, attempts))
+    return row("at_the_charge", 0.0, seen, bad=bad, laws=len(laws))
 
 
 # Wave forms and clocks
-def wave_form_failures() -> list[Mode]:
+def wave_form_failures() -> Iterator[Mode]:
     """Measure the failure modes of Friedlander's pulse."""
-    method = "Friedlander's pulse"
     late = float(friedlander_pressure(10.0, 1.0, 1.0, -0.5))
     # half of this fills a triangle: more needs a negative decay
     pulse = pulse_of(0.0, 1.0, 0.6, 1.0, 0.0, 0.3, 0.6)
     ended = float(pulse.decay) < 0.0 and float(pulse.pressure(50.0)) == 0.0
+    yield row("tail", 0.0, ended, late=late)
     # the pressure is largest at t/t_d = 1 + 1/b, which is behind the front for b < -1
     largest = float(friedlander_pressure(0.5, 1.0, 1.0, -2.0))
     holds = COMBINATIONS["friedlander_decay"].holds
     marked = not holds(-1.0 - 1e-9) and bool(holds(-1.0 + 1e-9))
     fraction = float(impulse_fraction(jnp.array(-1.0)))
-    return [
-        Mode(
-            "wave forms",
-            method,
-            "decay not positive: the tail grows without end",
-            0.0,
-            "= b and below",
-            f"b = -0.5: {late:.0f} times the peak ten durations after arrival",
-            verified("falls back", ended, method),
-            "a wave of `pulse_of` has the negative phase in place of the tail",
-        ),
-        Mode(
-            "wave forms",
-            method,
-            "pressure rises behind the front",
-            -1.0,
-            "= b and below",
-            f"impulse above {fraction:.3f} Ps td; b = -2: {largest:.2f} times the "
-            "stated peak",
-            verified("marks", marked, method),
-            "the decay is returned with valid false: this pulse has a higher peak",
-        ),
-    ]
+    yield row("rising", -1.0, marked, fraction=fraction, largest=largest)
 
 
 TIMES = {"60 s": 60.0, "1 h": 3600.0, "Unix time": 1.7e9}
@@ -509,22 +367,18 @@ SIGMAS = {np.float32: 1e-3, np.float64: 1e-6}
 
 def arrival_at(time: float, sigma: float):
     """Return a log of one arrival with its standard error [s]."""
-    place = np.array([[30.0, 0.0, 0.0]])
-    return observed(
-        ["a"], ["air_arrival_s"], [time], [sigma], position=place, source="one arrival"
-    )
+    row = ["a"], ["air_arrival_s"], [time], [sigma]
+    return observed(*row, position=np.array([[30.0, 0.0, 0.0]]), source="one arrival")
 
 
-def clock_failures() -> list[Mode]:
+def clock_failures() -> Iterator[Mode]:
     """Measure the failure modes of clocks in single and in double precision."""
-    modes = []
     for dtype, sigma in SIGMAS.items():
         # the spacing doubles at powers of two, so no other times need a test
-        boundary = 1.0
-        while float(np.spacing(dtype(boundary))) <= sigma:
-            boundary *= 2.0
-        name = f"clock times in {np.dtype(dtype).name}"
-        spacings = ", ".join(
+        powers = 2.0 ** np.arange(60)
+        coarse = np.spacing(powers.astype(dtype)).astype(float) > sigma
+        boundary = float(powers[first_failure(coarse, "clock")])
+        steps = ", ".join(
             f"{float(np.spacing(dtype(time))):.3g} s at {words}"
             for words, time in TIMES.items()
         )
@@ -535,41 +389,263 @@ def clock_failures() -> list[Mode]:
             )
             for t in (math.nextafter(boundary, 0.0) / 1.01, boundary)
         )
-        modes.append(
-            Mode(
-                "clocks",
-                name,
-                f"steps of the clock exceed sigma = {sigma:g} s",
-                boundary,
-                "s on the clock",
-                f"steps of {spacings}; a travel time of {travel:.4f} s at Unix time is "
-                f"read as {float(dtype(start + travel)) - start:.4f} s",
-                verified("refuses", bool(after) and not before, name),
-                "fit and batch_of refuse such a row; every command runs in float64",
-            )
+        numbers = {"dtype": np.dtype(dtype).name, "sigma": sigma, "steps": steps}
+        numbers |= {"travel": travel, "read": float(dtype(start + travel)) - start}
+        yield row("clock", boundary, bool(after) and not before, **numbers)
+
+
+# Fits
+OUTLIER_SD = 20
+"""Outlier size in the table [sd]: 2 ms, a clear straggler but no gross error."""
+SIZES = np.arange(0.0, 2 * OUTLIER_SD + 1)
+"""Outlier sizes [sd]: up to twice the size in the table, to see the error grow."""
+MIRRORED = (30.0, 10.0, 20.0)
+"""Mass [kg], east and north [m] of the charge next to a line of sensors: its mirror
+image, 40 m away, is a separate optimum, not a ridge."""
+WU_HAO_NULL = (1.0, -0.2, -0.02)
+"""Exponents of the mass in 0.91 R^1.03 Q^-0.02 / c_s and 0.34 R^1.4 Q^-0.2 / c_a."""
+SOLVE_LOGS = 5
+"""Logs for `solve`, which fits one at a time and is far slower than `fit_many`."""
+
+
+def fit_failures() -> Iterator[Mode]:
+    """Measure every failure mode of a fit."""
+    yield from _poor_starts()
+    yield from (_collinear(), _one_place(), _outlier(), _null_direction())
+
+
+def _poor_starts() -> Iterator[Mode]:
+    logs = poor.draw()
+    best = poor.costs(logs, poor.best_known(logs))
+
+    def missed(z) -> np.ndarray:
+        # negated: a cost of NaN is a miss
+        return ~(poor.costs(logs, z) - best[: len(z)] <= poor.MISFIT_LIMIT)
+
+    own, started = poor.ours(logs), poor.ours(logs, logs.starts)
+    alone = [
+        solve(
+            dataclasses.replace(logs.log, value=read), logs.uncertain, noise="gaussian"
+        ).answer.z
+        for read in logs.readings[:SOLVE_LOGS]
+    ]
+    own_missed, poor_missed = missed(own.z), missed(started.z)
+    unmarked = int((poor_missed & ~np.asarray(started.doubtful)).sum())
+    counts = {"own": own_missed.sum(), "alone": missed(np.array(alone)).sum()}
+    counts |= {"solved": SOLVE_LOGS, "poor": poor_missed.sum(), "unmarked": unmarked}
+    distance = np.linalg.norm((logs.starts - logs.truth)[:, 1:], axis=1)
+    for precision, solver in itertools.product(
+        poor.TOLERANCE, ("Gauss-Newton", "BFGS", poor.LM)
+    ):
+        fits = poor.stock_fits(
+            solver, logs.blank, logs.readings, logs.starts, precision
         )
-    return modes
+        wrong = missed(fits.z)
+        numbers = {"silent": (wrong & fits.successful).sum(), "fits": poor.FITS}
+        numbers |= {"metres": distance[wrong].min(), "solver": solver, **counts}
+        seen = not (own_missed.any() or unmarked)
+        yield row("poor_start", wrong.sum(), seen, precision=precision, **numbers)
+
+
+def _collinear() -> Mode:
+    def excess(bent: float) -> float:
+        """Return the excess of -2 ln density at the mirror image of the charge."""
+        found = poor.solved_log(poor.line(bent), *MIRRORED).solution
+        modes = found.draws.modes
+        north = np.array([found.density.best(u)[2] for u in modes.u])
+        other = modes.log_density[np.sign(north) != np.sign(north[0])]
+        # a mode farther below the best is not kept
+        fall = modes.log_density[0] - other.max(initial=-np.inf)
+        return 2 * min(float(fall), NEAR)
+
+    # at the limit of jblast's own search for ambiguities; 1 % is enough for the table
+    boundary = brentq(lambda bent: excess(bent) - AMBIGUITY, 0.0, 5.0, rtol=0.01)
+    at, resolved = (
+        poor.solved_log(poor.line(bent), *MIRRORED).solution
+        for bent in (0.0, 2 * boundary)
+    )
+    fits = poor.stock_solutions(at, poor.poor_starts())
+    south = int(np.sum(fits[:, 2] < 0))
+    numbers = {"fits": len(fits), "south": south, "north": len(fits) - south}
+    named = len(at.identified.other_modes) == 1 and resolved.identified.is_identifiable
+    metres = abs(float(at.answer.z[2]))
+    return row("collinear", boundary, named, metres=metres, **numbers)
+
+
+def _one_place() -> Mode:
+    def at_positions(count: int):
+        places = tuple(poor.ring()[i % count] for i in range(poor.SENSORS))
+        return poor.solved_log(places, *poor.KNOWN).solution
+
+    needed = next(
+        count
+        for count in range(1, poor.SENSORS + 1)
+        if at_positions(count).identified.is_identifiable
+    )
+    one = at_positions(1)
+    fits = poor.stock_solutions(one, poor.poor_starts())
+    mass, null = np.exp(fits[:, 0]), one.identified.null
+    valued = any(x.identified for x in one.identified.estimates.values())
+    apart = np.linalg.norm(fits[:, None, 1:] - fits[None, :, 1:], axis=-1).max()
+    numbers = {"fits": len(fits), "of": poor.FITS, "null": len(null), "apart": apart}
+    numbers |= {"least": mass.min(), "most": mass.max()}
+    return row("one_place", needed, len(null) == 2 and not valued, **numbers)
+
+
+def _outlier() -> Mode:
+    clean = poor.solved_log(poor.ring(), *poor.KNOWN, "student")
+    posterior, z = poor.rows_of(clean.solution), clean.solution.answer.z
+    # the nearest sensor, whose reading constrains the fit most
+    outlier = poor.SIGMA * (np.arange(poor.SENSORS) == 0)
+    fine = np.linspace(0.0, 2 * OUTLIER_SD, poor.FITS)
+    normal = fit_many(
+        clean.uncertain,
+        posterior.layout,
+        clean.log.value + fine[:, None] * outlier,
+        np.asarray(posterior.sigma),
+        poor.LAWS,
+        noise="gaussian",
+        starts=np.tile(z, (poor.FITS, 1)),
+    )
+    mass, sd = np.asarray(normal.z)[:, 0], float(normal.sd()[0, 0])
+    moved = np.abs(mass - mass[0]) / sd
+    boundary = np.interp(NORMAL_Q95, moved, fine)
+    student, suspected = np.empty(SIZES.size), np.empty(SIZES.size, bool)
+    for i, size in enumerate(SIZES):
+        log = dataclasses.replace(clean.log, value=clean.log.value + size * outlier)
+        answer = solve(log, clean.uncertain).answer
+        student[i] = answer.z[0]
+        suspects = suspected_outliers(log, answer.residual, answer.density.noise)
+        suspected[i] = any(o.sensor == log.sensor[0] for o in suspects)
+    shift = np.abs(student - student[0]) / sd
+    # the size from which every larger one is suspected
+    first = SIZES[min(np.flatnonzero(~suspected)[-1] + 1, SIZES.size - 1)]
+    worst = int(np.argmax(shift))
+    numbers = {"size": OUTLIER_SD, "moved": np.interp(OUTLIER_SD, fine, moved)}
+    numbers |= {"student": shift[SIZES == OUTLIER_SD][0], "worst": shift[worst]}
+    numbers |= {"worst_size": SIZES[worst], "suspected": first}
+    seen = first <= OUTLIER_SD and moved[-1] > NORMAL_Q95
+    return row("outlier", boundary, seen, **numbers)
+
+
+def _null_direction() -> Mode:
+    found = poor.wu_hao_solution()
+    rng = np.random.default_rng(0)
+    # starts from 0.1 to 1,000 kg, and speeds of air and rock far beyond plausible ones
+    low, high = np.log([[0.1, 200.0, 3000.0], [1000.0, 600.0, 8000.0]])
+    fits = poor.stock_solutions(found, rng.uniform(low, high, (poor.FITS, 3)))
+    values = np.exp(fits[np.argsort(fits[:, 0])])
+    least, most = values[0], values[-1]
+    (null,) = found.identified.null
+    along = ", ".join(f"{weight:.3g}" for weight in null)
+    named = np.allclose(null, WU_HAO_NULL, atol=1e-6)
+    numbers = {"fits": len(fits), "of": poor.FITS, "null": along}
+    factor = most[0] / least[0]
+    return row("null_direction", factor, named, least=least, most=most, **numbers)
+
+
+# Walks
+SEPARATED_SD, MINOR_SHARE = 12.0, 1 / 3
+"""Separation of two normals [sd], which hardly any walker crosses; the second's weight,
+unequal so that walkers that stay where they started have a visibly wrong share."""
+TWO_MODE_STEPS, MIRROR_STEPS, SHORT_CHAIN, LONG_CHAIN = 1000, 2500, 500, 4000
+"""Steps of the walks. The first satisfies emcee's condition of 50 autocorrelation
+times, the second every check of convergence."""
+
+
+def walk_failures() -> Iterator[Mode]:
+    """Measure every failure mode of MCMC."""
+    yield from (_shares_of_walks(), _mirror(), _null_walk(), _endless())
+
+
+def two_normals(w):
+    """Return ln of the density of unit normals apart, the second of half the weight."""
+    other = jnp.log(0.5) - 0.5 * (w[0] - SEPARATED_SD) ** 2
+    return jnp.logaddexp(-0.5 * w[0] ** 2, other) - 0.5 * jnp.sum(w[1:] ** 2)
+
+
+def _shares_of_walks() -> Mode:
+    start = poor.unit_normals()
+    start[::2, 0] += SEPARATED_SD
+    walk = poor.bare_walk(two_normals, start, TWO_MODE_STEPS)
+    share, tau = np.mean(walk.kept[..., 0] > SEPARATED_SD / 2), walk.judged.tau.max()
+    seen = not walk.judged.reached(1.0) and tau > TWO_MODE_STEPS / 50
+    numbers = {"apart": SEPARATED_SD, "weight": MINOR_SHARE, "share": share}
+    numbers |= {"steps": TWO_MODE_STEPS, "tau": walk.own_tau, "judged": tau}
+    return row("walk_shares", TWO_MODE_STEPS / walk.own_tau, seen, **numbers)
+
+
+def _mirror() -> Mode:
+    found = poor.solved_log(poor.line(), *MIRRORED).solution
+    density, root = poor.about(found)
+    walk = poor.bare_walk(density, poor.unit_normals(), MIRROR_STEPS)
+    best = found.answer.z[2]
+    north = best + walk.chain @ root[2]
+    beyond = int((np.sign(north) != np.sign(best)).any(axis=0).sum())
+    draws = found.draws
+    share = float(draws.weights @ (np.sign(draws.values[:, 2]) == np.sign(best)))
+    numbers = {"steps": MIRROR_STEPS, "walkers": poor.WALKERS, "beyond": beyond}
+    numbers |= {"share": share, "rest": 1 - share, "r_hat": walk.judged.r_hat.max()}
+    numbers["times"] = MIRROR_STEPS / walk.own_tau
+    return row("walk_mirror", poor.WALKERS - beyond, 0.3 < share < 0.7, **numbers)
+
+
+def _null_walk() -> Mode:
+    found = poor.wu_hao_solution()
+    z, likelihood = jnp.asarray(found.answer.z), poor.bare_likelihood(found)
+    start = 0.1 * poor.unit_normals()
+    walk = poor.bare_walk(lambda w: likelihood(z + w), start, LONG_CHAIN)
+    mass = found.answer.z[0] + walk.kept[..., 0]
+    estimates = found.identified.estimates.values()
+    named = len(found.identified.null) == 1 and not any(x.identified for x in estimates)
+    tau = float(walk.judged.tau.max())
+    numbers = {"least": mass.min(), "most": mass.max(), "tau": tau}
+    numbers |= {"r_hat": walk.judged.r_hat.max(), "steps": LONG_CHAIN}
+    return row("walk_null", LONG_CHAIN / tau, named, **numbers)
+
+
+def _endless() -> Mode:
+    # seen from 300 m, the sensors subtend 4 degrees
+    found = poor.solved_log(poor.circle(10.0), 30.0, 300.0, 0.0).solution
+    density, root = poor.about(found)
+    walks = [
+        poor.bare_walk(density, poor.unit_normals(), n)
+        for n in (SHORT_CHAIN, LONG_CHAIN)
+    ]
+    low = [
+        np.quantile(np.exp(found.answer.z[0] + walk.kept @ root[0]), 0.05)
+        for walk in walks
+    ]
+    mass = found.identified.estimates["charge_mass_kg"]
+    words = f"no value of the mass; it is below {mass.q95:.3g} kg"
+    if mass.identified:
+        words = "not converged (exit code 4)"
+    marked = not mass.identified or not found.converged
+    times = LONG_CHAIN / float(walks[-1].judged.tau.max())
+    numbers = {"low": low, "words": words, "short": SHORT_CHAIN, "long": LONG_CHAIN}
+    return row("walk_endless", times, marked, **numbers)
 
 
 # Cameras
-def camera_failures() -> list[Mode]:
+def camera_failures() -> Iterator[Mode]:
     """Measure the failure modes of lens formulas, for a view of over 90 degrees."""
-
-    def camera(k1: float) -> Camera:
-        return Camera(
+    k1 = -0.3  # usual for a wide lens
+    plain, bent = (
+        Camera(
             position=jnp.zeros(3),
             quaternion=jnp.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]),
             focal=jnp.full(2, 200.0),
             center=jnp.array([319.5, 239.5]),
             width=640,
             height=480,
-            distortion=jnp.array([k1, 0.0, 0.0, 0.0, 0.0]),
+            distortion=jnp.array([k, 0.0, 0.0, 0.0, 0.0]),
         )
-
-    plain, k1 = camera(0.0), -0.3  # usual for a wide lens
-    bent = camera(k1)
+        for k in (0.0, k1)
+    )
     ahead, behind = (project(plain, jnp.array([1.0, y, 0.5])).seen for y in (5.0, -5.0))
-    column, row = (200.0 * x / -5.0 + c for x, c in ((1.0, 319.5), (-0.5, 239.5)))
+    column, line = (200.0 * x / -5.0 + c for x, c in ((1.0, 319.5), (-0.5, 239.5)))
+    seen = bool(ahead) and not bool(behind)
+    yield row("behind", 0.0, seen, column=column, row=line)
     fold = math.sqrt(-1.0 / (3.0 * k1))  # 1 + 3 k1 r^2 = 0
     out, top = 1.4 * fold, fold * (1.0 + k1 * fold**2)
     beyond, inside = (
@@ -577,31 +653,10 @@ def camera_failures() -> list[Mode]:
     )
     past = bent.center + jnp.array([200.0 * 1.01 * top, 0.0])
     refused = bool(refusal(lambda: unproject(bent, past)))
-    return [
-        Mode(
-            "cameras",
-            "pinhole projection x/z",
-            "a point behind the camera has a pixel",
-            0.0,
-            "m ahead and less",
-            f"5 m behind: pixel ({column:.0f}, {row:.0f}) of 640 x 480, upside down",
-            verified("marks", bool(ahead) and not bool(behind), "behind the camera"),
-            "seen false, and a finite pixel, so that gradients stay finite",
-        ),
-        Mode(
-            "cameras",
-            f"lens distortion, k1 = {k1:g}",
-            "the formula folds over: two directions have one pixel",
-            float(np.degrees(np.arctan(fold))),
-            "degrees off the axis",
-            f"{np.degrees(np.arctan(out)):.0f} degrees off the axis are projected to "
-            f"x = {out * (1.0 + k1 * out**2):.2f}, inside the {top:.2f} of the fold",
-            verified(
-                "marks", bool(inside) and not bool(beyond) and refused, "the fold"
-            ),
-            "seen false; unproject refuses a pixel past the fold",
-        ),
-    ]
+    angle, off = np.degrees(np.arctan([fold, out]))
+    numbers = {"k1": k1, "out": off, "x": out * (1.0 + k1 * out**2), "top": top}
+    seen = bool(inside) and not bool(beyond) and refused
+    yield row("fold", angle, seen, **numbers)
 
 
 # Flights
@@ -614,6 +669,8 @@ SPEEDS = np.geomspace(1e4, 1e7, 100)
 """Absurd initial speeds: drag is stiff at 0.5 ms only far above real ones [m/s]."""
 SHARES = np.append(np.linspace(0.9, 1.1, 21), np.arange(1.15, 2.01, 0.05))
 """Steps as shares of the stated limit: 1 % apart about it."""
+POWERS = {"position": 2, "velocity": 1, "attitude": 2, "body_rate": 1, "integral": 3}
+"""Powers of 1/time in the units of gains."""
 START, HOVER_STEP_S, HOVER_STEPS = 1e-6, 1e-3, 6000
 """Initial body rate [rad/s], so small that the loop is linear; step and its number: a
 mode 1 % past its limit grows visibly between 1,500 and 6,000 steps."""
@@ -621,9 +678,11 @@ EARLY, LATE = slice(15, 30), slice(45, 61)
 """Early and late rows, one per hundred steps, that show growth or decay."""
 
 
-def flight_failures() -> list[Mode]:
+def flight_failures() -> Iterator[Mode]:
     """Measure every failure mode of a flight."""
-    return [*_step_limits(), _quaternion(), _lost(), _near(), *_charges()]
+    yield from _step_limits()
+    yield from (_quaternion(), _lost(), _near())
+    yield from _charges()
 
 
 def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
@@ -636,32 +695,23 @@ def hovering(vehicle: Vehicle, body_rate=(0.0, 0.0, 0.0)) -> State:
 
 def stacked(trees: Sequence[Any]) -> Any:
     """Return trees of one structure as one tree, with a leading axis of rows."""
-    first = jax.tree.structure(trees[0])
-    parts = zip(*map(jax.tree.leaves, trees), strict=True)
-    return jax.tree.unflatten(first, [jnp.stack(part) for part in parts])
+    return jax.tree.map(lambda *parts: jnp.stack(parts), *trees)
 
 
-def _step_limits() -> list[Mode]:
+def _step_limits() -> Iterator[Mode]:
     limits, vehicles, holds = [], [], []
     for name in NAMES:
         vehicle, gains = named(name), named_gains(name)
         limits.append(step_limit(float(vehicle.motor_lag_s), gains))
         for share in SHARES:
             times = jnp.asarray(share * limits[-1] / HOVER_STEP_S)
-            bare = eqx.tree_at(
-                lambda v: v.motor_lag_s, named(name), vehicle.motor_lag_s / times
+            lag = vehicle.motor_lag_s / times
+            # names are static: different ones could not be stacked
+            vehicles.append(
+                dataclasses.replace(vehicle, name="", body=None, motor_lag_s=lag)
             )
-            vehicles.append(eqx.tree_at(lambda v: v.body, bare, None))
-            square = times * times
-            faster = Gains(
-                position=square * gains.position,
-                velocity=times * gains.velocity,
-                attitude=square * gains.attitude,
-                body_rate=times * gains.body_rate,
-                integral=square * times * gains.integral,
-                integral_limit=gains.integral_limit,
-            )
-            holds.append(PositionHold(HOME, faster))
+            faster = {key: times**k * getattr(gains, key) for key, k in POWERS.items()}
+            holds.append(PositionHold(HOME, dataclasses.replace(gains, **faster)))
     starts = [hovering(vehicle, (START, 2 * START, START)) for vehicle in vehicles]
 
     @jax.jit  # simulate refuses steps past a limit unless the limit is a tracer
@@ -684,34 +734,22 @@ def _step_limits() -> list[Mode]:
     )
     # a decayed rate is rounding alone
     up = ((late > early) & (late > 1e-3 * START)) | (late > 1e3 * START)
-    modes = []
     for name, limit, grows, last in zip(NAMES, limits, up, late, strict=True):
 
-        def attempt(step: float, name=name) -> str:
-            hold = PositionHold(HOME, named_gains(name))
+        def refused(step: float, name=name) -> bool:
+            hold, vehicle = PositionHold(HOME, named_gains(name)), named(name)
             options = {"duration_s": step, "step_s": step, "control": hold}
-            vehicle = named(name)
-            return refusal(lambda: simulate(vehicle, hovering(vehicle), **options))
-
-        method = f"{name}, position controller, RK4"
-        first = first_failure(grows[:-1], method)
-        end = "lost" if np.isinf(last[first + 1]) else f"{last[first + 1]:.1g} rad/s"
-        refused = not attempt(0.999 * limit) and bool(attempt(1.001 * limit))
-        modes.append(
-            Mode(
-                "flights",
-                method,
-                "a step too long: a body rate of 1e-6 rad/s grows",
-                1e3 * float(limit * SHARES[first]),
-                "ms",
-                f"{1e3 * limit * SHARES[first + 1]:.3g} ms: {end} after "
-                f"{HOVER_STEPS:,} steps",
-                verified("refuses", SHARES[first] > 0.99 and refused, method),
-                f"refused above {1e3 * limit:.4g} ms, the limit by the eigenvalues of "
-                "motors and loop",
+            return bool(
+                refusal(lambda: simulate(vehicle, hovering(vehicle), **options))
             )
-        )
-    return modes
+
+        first = first_failure(grows[:-1], name)
+        end = "lost" if np.isinf(last[first + 1]) else f"{last[first + 1]:.1g} rad/s"
+        seen = SHARES[first] > 0.99 and not refused(0.999 * limit)
+        at, longer = 1e3 * limit * SHARES[first], 1e3 * limit * SHARES[first + 1]
+        numbers = {"vehicle": name, "longer": longer, "end": end, "steps": HOVER_STEPS}
+        seen = seen and refused(1.001 * limit)
+        yield row("step_limit", at, seen, limit=1e3 * limit, **numbers)
 
 
 def _quaternion() -> Mode:
@@ -729,18 +767,11 @@ def _quaternion() -> Mode:
 
     nan = int(np.isnan(np.asarray(unit(tuple(jnp.zeros(4))))).sum())
     single, double = shortest(np.float32), shortest(np.float64)
-    messages = [attempt(length) for length in (0.0, single)]
-    return Mode(
-        "flights",
-        "quaternion scaled to length 1, float32",
-        "its square is zero",
-        single,
-        "long and shorter",
-        f"length 0: {nan} of 4 numbers are NaN, and the flight stays NaN; in float64 "
-        f"from {double:.0e}",
-        verified("refuses", all("length 1, got" in m for m in messages), "quaternion"),
-        f"{messages[0]}; {messages[1].partition(', ')[2]}",
-    )
+    zero, short = attempt(0.0), attempt(single)
+    seen = "length 1, got" in zero and "length 1, got" in short
+    messages = zero, short.partition(", ")[2]
+    numbers = {"nan": nan, "double": double, "messages": messages}
+    return row("quaternion", single, seen, **numbers)
 
 
 def _lost() -> Mode:
@@ -758,25 +789,12 @@ def _lost() -> Mode:
     calm, both = fly(slow), fly(np.where(np.arange(SPEEDS.size) % 2, SPEEDS, slow))
     lost = np.asarray(both.lost)
     alike = all(
-        np.array_equal(np.asarray(a)[::2], np.asarray(b)[::2])
-        for a, b in (
-            (calm.position_m, both.position_m),
-            (calm.quaternion, both.quaternion),
-        )
+        np.array_equal(*(np.asarray(getattr(one, name))[::2] for one in (calm, both)))
+        for name in ("position_m", "quaternion")
     )
     first = first_failure(lost, "a batch with ever faster vehicles")
     seen = alike and lost[first::2].all() and not lost[::2].any()
-    return Mode(
-        "flights",
-        "a batch of 100, every other vehicle faster than the one before",
-        "quadratic drag, too stiff for a step of 0.5 ms: it diverges",
-        float(SPEEDS[first]),
-        "m/s",
-        f"{int(lost.sum())} of 50 end in NaN",
-        verified("marks", seen, "a batch"),
-        "those are reported as lost, with NaN rows; the flights of the rest are "
-        "bit-identical to those without them",
-    )
+    return row("lost", SPEEDS[first], seen, lost=int(lost.sum()))
 
 
 def _near() -> Mode:
@@ -792,32 +810,20 @@ def _near() -> Mode:
     near = jnp.array([0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0])
     sizes, valid = map(np.asarray, jax.jit(jax.vmap(given))(near))
     begins = switching_point(
-        lambda r: bool(load.in_range(jnp.array([r, 0.0, 0.0]))[0]), 0.1, 1.0
+        lambda r: load.in_range(jnp.array([r, 0.0, 0.0]))[0], 0.1, 1.0
     )
     seen = np.isfinite(sizes).all() and not valid[:3].any() and valid[4:].all()
-    return Mode(
-        "flights",
-        "blast load of 1 kg on the ground",
-        "nearer than the range of the laws",
-        begins,
-        "m from the charge",
-        f"0.01 m: {sizes[1]:.2g} N s, the value at Z = 0.07; {sizes[0]:.2g} at the "
-        "charge, without a direction",
-        verified("marks", seen, "near"),
-        "in_range is false there; the load stays finite",
-    )
+    return row("near", begins, seen, close=sizes[1], zero=sizes[0])
 
 
-def _charges() -> list[Mode]:
+def _charges() -> Iterator[Mode]:
     # one batch of all vehicles and charges, so that one program flies them
     vehicles, holds, loads = [], [], []
-    for name in NAMES:
-        for mass in CHARGES:
-            charge = Charge(mass_kg=mass, position_m=(5.0, 0.0, 5.0), burst="free-air")
-            # names are static: different ones could not be stacked
-            vehicles.append(dataclasses.replace(named(name), name=""))
-            holds.append(PositionHold(HOME, named_gains(name)))
-            loads.append(blast_load(Scene(charge)))
+    for name, mass in itertools.product(NAMES, CHARGES):
+        charge = Charge(mass_kg=mass, position_m=(5.0, 0.0, 5.0), burst="free-air")
+        vehicles.append(dataclasses.replace(named(name), name=""))
+        holds.append(PositionHold(HOME, named_gains(name)))
+        loads.append(blast_load(Scene(charge)))
     flown = simulate(
         stacked(vehicles),
         stacked([hovering(vehicle) for vehicle in vehicles]),
@@ -829,31 +835,20 @@ def _charges() -> list[Mode]:
         store_every=10,
     )
     found = flight_metrics(flown, jnp.asarray(HOME), blast_time_s=0.0, ground_up_m=0.0)
-    shape = len(NAMES), CHARGES.size
-    alive = ~np.asarray(found.crashed).reshape(shape)
-    moved = np.asarray(found.peak_deviation_m).reshape(shape)
-    modes = []
+    alive, moved = (
+        np.asarray(each).reshape(len(NAMES), CHARGES.size)
+        for each in (~found.crashed, found.peak_deviation_m)
+    )
     for name, flies, peak in zip(NAMES, alive, moved, strict=True):
         first = int(np.argmin(flies))
-        modes.append(
-            Mode(
-                "flights",
-                f"{name}, position controller, 5 m from a charge",
-                "it turns over or touches the ground",
-                float(CHARGES[first]),
-                "kg of TNT",
-                f"{CHARGES[first - 1]:.2g} kg moves it {peak[first - 1]:.2g} m; it "
-                f"flies on after {int(flies[first:].sum())} of "
-                f"{CHARGES.size - first - 1} larger charges",
-                verified("marks", first > 0 and not flies[first], name),
-                "reported as crashed in the metrics of the flight",
-            )
-        )
-    return modes
+        numbers = {"smaller": CHARGES[first - 1], "moved": peak[first - 1]}
+        numbers |= {"flies": flies[first:].sum(), "larger": CHARGES.size - first - 1}
+        seen = first > 0 and not flies[first]
+        yield row("charge", CHARGES[first], seen, vehicle=name, **numbers)
 
 
 # Detectors and picks
-OUTLIER_SD, FAILED_SHARE, PICK_LOGS = 4.0, 0.05, 5
+OUTLIER, FAILED_SHARE, PICK_LOGS = 4.0, 0.05, 5
 """Error of a failed pick [sd]; accepted share (one of 30 is 3 %); shots of six."""
 CLEAR, WANDER, ECHO = 100.0, 0.1, 0.3
 """Peak over noise in the rows on other effects; amplitude of the baseline and peak of
@@ -865,25 +860,14 @@ TWO_OF_30 = 0.07
 """Accepted unmarked share for echoes: chance gives 2 of 30 with 45 % at 5 %."""
 
 
-def detector_failures() -> list[Mode]:
+def detector_failures() -> Iterator[Mode]:
     """Measure the failure mode of a detector of sound."""
     message = refusal(lambda: noise_spectrum(np.zeros(2**15), cases.RATE))
-    return [
-        Mode(
-            "detectors",
-            "noise measured in digital silence",
-            "it is 0, and every ratio to it is infinite",
-            1.0,
-            "of the recording",
-            "0 over 0: NaN at each sample",
-            verified("refuses", "digital silence" in message, "silence"),
-            message,
-        )
-    ]
+    yield row("silence", 1.0, "digital silence" in message, message=message)
 
 
-def pick_shares(recorders: Sequence[cases.Recorder]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the share of failed picks, and of unmarked outliers, by recorder."""
+def pick_shares(recorders: Sequence[cases.Recorder]) -> np.ndarray:
+    """Return the shares of failed picks and of unmarked outliers, by recorder."""
     rng = np.random.default_rng(3)
     truths = [cases.readings(rng, scatter=True) for _ in range(PICK_LOGS)]
     records = []
@@ -891,7 +875,7 @@ def pick_shares(recorders: Sequence[cases.Recorder]) -> tuple[np.ndarray, np.nda
         # common random numbers: shares differ by the recorder alone
         drawn = np.random.default_rng(4)
         records += [r for one in truths for r in cases.recorded(drawn, one, recorder)]
-    failed, unmarked = [], []
+    seen = []
     truth = np.tile(np.concatenate(truths), (len(recorders), 1))
     for one, true in zip(pick_records(records), truth, strict=True):
         pick = one.pick
@@ -902,92 +886,56 @@ def pick_shares(recorders: Sequence[cases.Recorder]) -> tuple[np.ndarray, np.nda
         ]
         off = np.log(np.array(others) / true[1:])
         error = np.append(pick.air_arrival_s - true[0], off)
-        sd = np.sqrt(np.diag(pick.covariance))
-        far = bool(np.any(np.abs(error) > OUTLIER_SD * sd))
-        failed.append(far or not pick.found)
-        unmarked.append(far and one.quality == "good")
-    shape = len(recorders), -1
-    return tuple(np.reshape(each, shape).mean(axis=1) for each in (failed, unmarked))
+        far = bool((np.abs(error) > OUTLIER * np.sqrt(np.diag(pick.covariance))).any())
+        seen.append((far or not pick.found, far and one.quality == "good"))
+    return np.reshape(seen, (len(recorders), -1, 2)).mean(axis=1).T
 
 
-def pick_failures() -> list[Mode]:
+def pick_failures() -> Iterator[Mode]:
     """Measure every failure mode of picks of pressure records."""
-    snrs = (1000.0, 100.0, 30.0, 10.0, 7.0, 5.0, 4.0, 3.0, 2.0)
-    periods, delays = (20.0, 10.0, 7.0, 4.0, 2.0), (0.7, 0.4, 0.1, 0.05, *MERGED)
-    echoes = [
-        cases.Recorder(snr=CLEAR, echo=d, echo_size=ECHO, echo_rise=4.0) for d in delays
-    ]
-    echoed = pick_shares(echoes)
-    merged = echoed[1][-len(MERGED) :].max()
-    modes = []
-    for method, levels, shares, unit_words, words, accepted, message in (
-        (
-            "pick, coloured noise (correlation 0.7 of successive samples)",
-            snrs,
-            pick_shares([cases.Recorder(snr=snr, colour=0.7) for snr in snrs]),
-            "peak over noise, and less",
-            "{:g}",
-            FAILED_SHARE,
-            "",
-        ),
-        (
-            f"pick, baseline that oscillates by {WANDER:.0%} of the peak",
-            periods,
-            pick_shares(
-                [
-                    cases.Recorder(snr=CLEAR, wander=WANDER, wander_period=period)
-                    for period in periods
-                ]
-            ),
-            "durations a period, and less",
-            "{:g} durations",
-            FAILED_SHARE,
-            "",
-        ),
-        (
-            f"pick, an echo of {ECHO:g} within the positive phase",
-            delays[: -len(MERGED)],
-            tuple(share[: -len(MERGED)] for share in echoed),
-            "durations behind the front, and less",
-            "{:g} durations behind",
-            TWO_OF_30,
-            f"at {MERGED[0]:g} durations and less an echo counts as part of the front, "
-            f"up to {merged:.0%} unmarked outliers; ",
-        ),
-    ):
-        failed, unmarked = shares
-        first = first_failure(failed > FAILED_SHARE, method)
+    delays, merged = (0.7, 0.4, 0.1, 0.05, *MERGED), len(MERGED)
+    sets = {
+        "noise": [
+            (snr, cases.Recorder(snr=snr, colour=0.7))
+            for snr in (1000.0, 100.0, 30.0, 10.0, 7.0, 5.0, 4.0, 3.0, 2.0)
+        ],
+        "baseline": [
+            (period, cases.Recorder(snr=CLEAR, wander=WANDER, wander_period=period))
+            for period in (20.0, 10.0, 7.0, 4.0, 2.0)
+        ],
+        "echo": [
+            (d, cases.Recorder(snr=CLEAR, echo=d, echo_size=ECHO, echo_rise=4.0))
+            for d in delays
+        ],
+    }
+    for key, recorders in sets.items():
+        levels, cases_of_it = zip(*recorders, strict=True)
+        failed, unmarked = pick_shares(cases_of_it)
+        numbers = {"share": FAILED_SHARE, "sd": OUTLIER, "wander": WANDER, "echo": ECHO}
+        numbers |= {"merged_at": MERGED[0], "merged": unmarked[-merged:].max()}
+        accepted = FAILED_SHARE
+        if key == "echo":
+            failed, unmarked = failed[:-merged], unmarked[:-merged]
+            accepted = TWO_OF_30
         worst, silent = int(np.argmax(failed)), int(np.argmax(unmarked))
-        modes.append(
-            Mode(
-                "records",
-                method,
-                f"over {FAILED_SHARE:.0%} of picks are missing, or off by "
-                f"{OUTLIER_SD:g} of their sd",
-                levels[first],
-                unit_words,
-                f"{failed[worst]:.0%} at {words.format(levels[worst])}",
-                verified("marks", bool(unmarked.max() <= accepted), method),
-                f"{message}outliers of good quality: {unmarked[silent]:.0%} at most, "
-                f"at {words.format(levels[silent])}",
-            )
-        )
-    return modes
+        numbers |= {"worst": failed[worst], "worst_at": levels[worst]}
+        numbers |= {"unmarked": unmarked[silent], "unmarked_at": levels[silent]}
+        first = first_failure(failed > FAILED_SHARE, key)
+        yield row(key, levels[first], unmarked.max() <= accepted, **numbers)
 
 
-_HERE, _FITS = "calibration.stability", "calibration.stability_fits"
 AREAS = {
-    "laws": (_HERE, "law_failures"),
-    "wave forms": (_HERE, "wave_form_failures"),
-    "clocks": (_HERE, "clock_failures"),
-    "fits": (_FITS, "fit_failures"),
-    "walks": (_FITS, "walk_failures"),
-    "cameras": (_HERE, "camera_failures"),
-    "flights": (_HERE, "flight_failures"),
-    "detectors": (_HERE, "detector_failures"),
-    "records": (_HERE, "pick_failures"),
+    "laws": law_failures,
+    "wave forms": wave_form_failures,
+    "clocks": clock_failures,
+    "fits": fit_failures,
+    "walks": walk_failures,
+    "cameras": camera_failures,
+    "flights": flight_failures,
+    "detectors": detector_failures,
+    "records": pick_failures,
 }
-"""Module and function that measures the failure modes of each area."""
+"""Function that measures the failure modes of each area."""
 
 
 # Page and figure
@@ -1052,45 +1000,35 @@ def figure_of(modes: Mapping[str, Sequence[Mode]]) -> Figure:
 
 
 def _law_map(axes: Axes, modes: Sequence[Mode]) -> None:
-    row, places, names = 0.0, [], []
+    line, names = 0.0, {}
     for quantity in DRAWN:
-        axes.text(
-            *(0.0, row),
-            f"  {capitalised(quantity_words(quantity))}",
-            transform=axes.get_yaxis_transform(),
-            fontsize=9.5,
-            fontweight="bold",
-            color=INK,
-            va="center",
-        )
-        row += 1.0
+        words = f"  {capitalised(quantity_words(quantity))}"
+        head = {"fontsize": 9.5, "fontweight": "bold", "color": INK, "va": "center"}
+        axes.text(0.0, line, words, transform=axes.get_yaxis_transform(), **head)
         for law in (law for law in LAWS.values() if law.quantity == quantity):
+            line += 1.0
+            names[line] = law.name
             # a law counts as valid if it is so for at least one kind of burst
-            bursts: tuple[Burst, ...] = ("surface", "free-air")
-            valid = np.any([_valid(law, burst) for burst in bursts], axis=0)
+            valid = np.any([_valid(law, burst) for burst in BURSTS], axis=0)
             for start, stop, good in runs(valid):
                 width, low = Z[stop - 1] - Z[start], Z[start]
                 look = (BLUE, 0.75, 0.56) if good else ("#d8d8d8", 1.0, 0.17)
                 color, alpha, height = look
-                axes.barh(row, width, height, left=low, color=color, alpha=alpha)
+                axes.barh(line, width, height, left=low, color=color, alpha=alpha)
             limits = sorted(
                 mode.boundary * UNITS[mode.unit]
                 for mode in modes
                 if mode.method == f"{quantity} by {law.name}" and mode.unit in UNITS
             )
             for z in limits:
-                axes.plot([z, z], [row - 0.42, row + 0.42], color=VERMILLION, lw=2)
-                lower = z < limits[-1]  # its number stands outside, on the left
-                place = (z / 1.08, row) if lower else (1.08 * z, row)
-                side = "right" if lower else "left"
-                axes.text(*place, f"{z:.2g}", fontsize=8, va="center", ha=side)
-            places.append(row)
-            names.append(law.name)
-            row += 1.0
-        row += 0.25
+                axes.plot([z, z], [line - 0.42, line + 0.42], color=VERMILLION, lw=2)
+                # the number of a lower limit stands outside, on the left
+                x, side = (z / 1.08, "right") if z < limits[-1] else (1.08 * z, "left")
+                axes.text(x, line, f"{z:.2g}", fontsize=8, va="center", ha=side)
+        line += 1.25
     axes.set_xscale("log")
-    axes.set(xlim=(Z[0], Z[-1]), ylim=(row - 0.4, -0.8))
-    axes.set_yticks(places, names)
+    axes.set(xlim=(Z[0], Z[-1]), ylim=(line - 0.4, -0.8))
+    axes.set_yticks([*names], [*names.values()])
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(which="both", color=MUTED, labelcolor=INK, labelsize=9)
     axes.tick_params(axis="y", length=0)
@@ -1140,16 +1078,14 @@ def _clocks(axes: Axes, modes: Sequence[Mode]) -> None:
 
 
 def _shares(axes: Axes, modes: Sequence[Mode]) -> None:
-    for row, mode in enumerate(modes):
+    look = {"va": "center", "fontsize": 8.5, "color": INK}
+    for line, mode in enumerate(modes):
         share = 100.0 * mode.boundary / mode.cases
-        axes.barh(row, share, 0.36, color=COLOURS[mode.response], alpha=0.8)
+        axes.barh(line, share, 0.36, color=COLOURS[mode.response], alpha=0.8)
         words = f"{mode.method}: {mode.failure}; jblast {mode.response}"
         # the name stands above its bar, where long ones have the whole width
-        for x, y, text in (
-            (0.0, row - 0.36, words),
-            (share + 1.0, row, boundary_words(mode)),
-        ):
-            axes.text(x, y, text, va="center", fontsize=8.5, color=INK)
+        axes.text(0.0, line - 0.36, words, **look)
+        axes.text(share + 1.0, line, boundary_words(mode), **look)
     axes.set_yticks([])
     axes.set(xlim=(0.0, 110.0), ylim=(len(modes) - 0.5, -0.8))
     axes.set_xticks([0, 25, 50, 75, 100])
@@ -1172,10 +1108,8 @@ def main() -> None:
     modes, progress = read(), in_words()
     for area in areas if options.measure else ():
         progress(area)
-        module, function = AREAS[area]
-        modes[area] = getattr(importlib.import_module(module), function)()
-        modes = {name: modes[name] for name in AREAS if name in modes}
-        rows = [mode for found in modes.values() for mode in found]
+        modes[area] = list(AREAS[area]())
+        rows = [mode for name in AREAS for mode in modes.get(name, ())]
         write_text(KEPT, table_text([Mode._fields, *rows]))
     write_text(KEPT.with_suffix(".md"), page(modes))
     write_figure(figure_of(modes), KEPT.with_suffix(".png"))

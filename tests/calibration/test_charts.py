@@ -5,9 +5,7 @@ import pytest
 
 from calibration import charts, stability
 from calibration.charts import Point, pareto_front
-from calibration.stability import Mode, boundary_at, first_failure, verified
-
-LEVELS = np.array([1.0, 2.0, 4.0])
+from calibration.stability import Mode, first_failure, row
 
 
 def test_the_page_of_charts_is_that_of_the_kept_table():
@@ -45,10 +43,11 @@ def test_the_page_of_failure_modes_is_that_of_the_kept_table():
         assert len({(m.method, m.failure) for m in modes}) == len(modes)
         assert {m.area for m in modes} == {area}
         assert {m.response for m in modes} <= set(stability.COLOURS)
+    assert {words["area"] for words in stability.WORDS.values()} == set(kept)
 
 
 def test_failure_modes_of_clocks_are_measured_as_kept():
-    measured, kept = stability.clock_failures(), stability.read()["clocks"]
+    measured, kept = list(stability.clock_failures()), stability.read()["clocks"]
     assert measured == kept
     assert [mode.boundary for mode in measured] == [2.0**14, 2.0**33]
 
@@ -56,29 +55,19 @@ def test_failure_modes_of_clocks_are_measured_as_kept():
 @pytest.mark.slow
 @pytest.mark.parametrize("area", ["laws", "wave forms", "cameras", "detectors"])
 def test_failure_modes_are_observed_at_the_kept_limits(area):
-    _, function = stability.AREAS[area]
-    for now, kept in zip(
-        getattr(stability, function)(), stability.read()[area], strict=True
-    ):
+    for now, kept in zip(stability.AREAS[area](), stability.read()[area], strict=True):
         assert now[:3] + now[4:5] == kept[:3] + kept[4:5]
         assert now.boundary == pytest.approx(kept.boundary, rel=1e-6)
 
 
-def test_a_boundary_lies_between_two_levels_and_only_there():
-    measured = np.array([0.0, 0.25, 0.75])
-    assert boundary_at(0.5, measured, LEVELS, "a method") == pytest.approx(3.0)
-    for limit in (-0.1, 0.75, 2.0, np.nan):
-        with pytest.raises(RuntimeError, match="measured at 1 and 4, to contain"):
-            boundary_at(limit, measured, LEVELS, "a method")
+def test_a_level_without_failure_and_a_response_that_was_not_seen_are_errors():
     assert first_failure(np.array([False, True, False]), "a method") == 1
     with pytest.raises(RuntimeError, match="got none"):
         first_failure(np.zeros(3, bool), "a method")
-
-
-def test_a_response_that_was_not_seen_is_not_stated():
-    assert verified("marks", True, "a") == "marks"
-    with pytest.raises(RuntimeError, match='expected the response "marks"'):
-        verified("marks", False, "a")
+    seen = row("silence", 1.0, True, message="words")
+    assert (seen.response, seen.message, seen.boundary) == ("refuses", "words", 1.0)
+    with pytest.raises(RuntimeError, match='expected the response "refuses"'):
+        row("silence", 1.0, False, message="words")
 
 
 def test_a_share_of_cases_has_a_number():
