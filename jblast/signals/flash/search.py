@@ -423,6 +423,8 @@ class FlashWatch:
 
     def _decide(self, spot: _Spot) -> None:
         """Measure the spot of an alarm by all stored frames; list another cause."""
+        from scipy import ndimage
+
         assert spot.alarm is not None
         spot.decided = True
         frames = [one for one in self._kept if one.number > spot.alarm - FRAMES_BEFORE]
@@ -435,16 +437,20 @@ class FlashWatch:
         if cause != "fireball":
             self._list(spot, cause)
             return
-        # spots within the fire, such as ground that it lights, are a part of it
-        largest = max(growing(seen), key=lambda one: one.radius_px, default=seen[0])
-        rows, columns = np.ogrid[: images.shape[1], : images.shape[2]]
-        away = np.hypot(columns - largest.x_px, rows - largest.y_px)
-        spot.pixels |= away < largest.radius_px
-        for other in [*self._spots]:
-            shared = 2 * (other.pixels & spot.pixels).sum()
-            if other is not spot and shared > other.pixels.sum():
-                spot.pixels |= other.pixels
-                self._spots.remove(other)
+        # what lights up nearer to a fire than half its size is a part of it: ground,
+        # and flames that soot or the edge of the image cuts off
+        parts = [spot]
+        while parts:
+            spot.pixels = np.logical_or.reduce([one.pixels for one in [spot, *parts]])
+            radius = max(map(np.ptp, np.nonzero(spot.pixels))) / 2
+            near = ndimage.distance_transform_edt(~spot.pixels) < radius
+            parts = [
+                one
+                for one in self._spots
+                if not one.decided and (one.pixels & near).any()
+            ]
+            self._spots = [one for one in self._spots if one not in parts]
+        spot.pixels = near
         seen = [_unbinned(one, self.binned) for one in seen]
         # event pixels respond late by an unknown part of their low-pass
         lag = LAG_S if self._changes else 0.0

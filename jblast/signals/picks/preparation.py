@@ -4,7 +4,9 @@ r"""Preparation of a record for the fit: front, noise, bins, clipped samples, st
 instant is the front, for $w = 1, 2, 4 \ldots$ Steps of each width are divided by their
 own size in the record, since long means of coloured noise step more than those of white
 noise. (It is the energy ratio of STA/LTA, Allen 1978, with a sign.) An earlier step is
-the front if it is clear, too, because a reflection may be larger.
+the front if it is clear, too, because a reflection may be larger. Means of half the
+width place the front within the step: a mean that is longer than the pulse contains all
+of it from several instants on.
 
 **Bins.** The record is averaged over bins: single samples near the front and wider ones
 away from it, the same for all records. A pulse changes at a time $x$ behind its front
@@ -195,7 +197,9 @@ def first_front(x: Float[np.ndarray, " sample"]) -> int:
         least = max(EARLIER_STEP_SD * rms, STEP_SHARE * steps[row, at])
         if rms and early[k, i] > least:
             row, at = k, i
-    return int(at)
+    # a mean longer than the pulse holds it all from several instants on
+    first, narrower = max(at - widths[row], 0), max(row - 1, 0)
+    return int(first + np.argmax(steps[narrower, first : at + widths[row]]))
 
 
 def clipped_samples(

@@ -163,6 +163,17 @@ def test_blasts_at_the_same_time_are_all_found():
     assert not seen.candidates
 
 
+def test_a_fire_at_the_edge_of_the_image_is_one_flash():
+    # two flames that the edge separates, and one that rises out of soot after 60 ms
+    radii = [lambda k, r=r: -r * np.expm1(-k / 4.0) for r in (13.0, 11.0)]
+    radii.append(lambda k: -5.0 * np.expm1(-max(k - 6.0, 0.0) / 4.0))
+    places = [(20.2, 119.0), (48.3, 119.0), (14.6, 87.1)]
+    seen = searched(film(radii, places, shape=(120, 160)))
+    (flash,) = seen.flashes
+    assert flash.frame == 30
+    assert not seen.candidates
+
+
 def test_small_flashes_of_a_slow_film_are_listed_with_their_frame():
     # diameters of 16, 12 and 7 px, grown in 30 ms at 30 frames a second
     radii = [lambda k, d=d: 0.5 * d * min(k / 0.9, 1.0) for d in (16, 12, 7)]

@@ -170,6 +170,15 @@ def test_a_front_is_found_in_flicker_noise_and_before_a_larger_reflection():
     assert abs(first_front(clean + 0.01 * rng.standard_normal(2048)) - 600) < 3
 
 
+def test_the_front_of_a_strong_pulse_is_its_first_sample():
+    # chance alone decides which of two wide means has the smaller noise
+    t = np.arange(14400) - 9600.0
+    pulse = np.where(t >= 0, (1 - t / 500) * np.exp(-t / 500), 0.0)
+    for seed in range(30):
+        noise = np.random.default_rng(seed).standard_normal(t.size)
+        assert first_front(pulse + 2e-6 * noise) == 9600
+
+
 RAMP = np.linspace(0.0, 1.0, 20)
 
 
