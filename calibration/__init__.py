@@ -4,8 +4,10 @@
 that answers several questions has parts, chosen by the first word of its command line.
 """
 
+import csv
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 
 def run_part(parts: Mapping[str, Callable[[], object]]) -> None:
@@ -23,3 +25,9 @@ def run_part(parts: Mapping[str, Callable[[], object]]) -> None:
         print(f"parts: {', '.join(names)} (default: {names[0]})")
         return
     parts[sys.argv.pop(1) if words and words[0] in parts else names[0]]()
+
+
+def table_rows(file: Path) -> list[dict[str, str]]:
+    """Return the rows of a table whose comments begin with #."""
+    with file.open(encoding="utf-8") as lines:
+        return list(csv.DictReader(line for line in lines if line[:1] != "#"))

@@ -76,8 +76,6 @@ MASS = 15.0
 """Charge of the films and of the pressure records [kg]: that of the thesis."""
 BACKGROUND = 0.18
 """Linear grey behind the fire: the mid-grey of photography."""
-REPEATS = 3
-"""Timed runs, of which the fastest counts."""
 RATE = 48000.0
 """Sampling rate of sound [Hz]."""
 # Factors of about 1.4: scaled distances of 3 to 16 m/kg^(1/3).

@@ -18,7 +18,6 @@ windows without a blast. The records of `records` are those of six gauges about 
 """
 
 import argparse
-import csv
 import functools
 import itertools
 import math
@@ -42,7 +41,7 @@ from scipy.optimize import least_squares
 from scipy.special import ndtr, ndtri
 from scipy.stats import qmc
 
-from calibration import cases, stability_fits as poor
+from calibration import cases, stability_fits as poor, table_rows
 from calibration.euler import decay_at, march
 from calibration.picks import eye_pick
 from calibration.timing import best_of, machine, seconds
@@ -87,7 +86,6 @@ from jblast.waves.pulse import friedlander_pressure
 
 RESULTS = Path(__file__).parent / "results"
 KEPT = RESULTS / "charts.csv"
-COLUMNS = ("topic", "panel", "method", "cost_s", "error", "whole", "reference", "over")
 SHOWN = ("arrival", "sampler", "vehicle", "records", "montecarlo")
 """Topics whose figure a page of the manual shows; others are drawn in `out/charts`."""
 
@@ -986,30 +984,20 @@ TOPICS = {
 # Page and figures
 def panels(points: Sequence[Point]) -> dict[str, list[Point]]:
     """Return the points of each panel, in order of appearance."""
-    parts: dict[str, list[Point]] = {}
-    for point in points:
-        parts.setdefault(point.panel, []).append(point)
-    return parts
+    names = dict.fromkeys(point.panel for point in points)
+    return {name: [p for p in points if p.panel == name] for name in names}
 
 
 def pareto_front(panel: Sequence[Point]) -> set[Point]:
     """Return the points of a panel that no other point of it dominates."""
-    whole = [point for point in panel if point.whole]
-    return {
-        one
-        for one in whole
-        if not any(
-            other.cost_s <= one.cost_s
-            and other.error <= one.error
-            and (other.cost_s, other.error) != (one.cost_s, one.error)
-            for other in whole
-        )
-    }
-
-
-def error_words(point: Point) -> str:
-    """Return the error of a point, and whether it is the reference."""
-    return f"{point.error:.2g}" + " (the reference)" * point.reference
+    found, least = set(), math.inf
+    for (_, error), points in itertools.groupby(
+        sorted((p for p in panel if p.whole), key=lambda p: p[2:4]), lambda p: p[2:4]
+    ):
+        if error < least:
+            found.update(points)
+            least = error
+    return found
 
 
 def page(kept: Mapping[str, Sequence[Point]], measured_on: str) -> str:
@@ -1028,11 +1016,15 @@ def page(kept: Mapping[str, Sequence[Point]], measured_on: str) -> str:
             lines += ["", f"### {capitalised(panel)}", ""] if panel else [""]
             front = pareto_front(within)
             columns = [
-                Column("", lambda point, front=front: "*" if point in front else ""),
-                Column("method", lambda point: point.method),
-                Column("cost [s]", lambda point: f"{point.cost_s:.2g}", right=True),
-                Column("error", error_words, right=True),
-                Column("over", lambda point: point.over),
+                Column("", lambda p, front=front: "*" * (p in front)),
+                Column("method", lambda p: p.method),
+                Column("cost [s]", lambda p: f"{p.cost_s:.2g}", right=True),
+                Column(
+                    "error",
+                    lambda p: f"{p.error:.2g}" + " (the reference)" * p.reference,
+                    right=True,
+                ),
+                Column("over", lambda p: p.over),
             ]
             rows = sorted(within, key=lambda point: point.cost_s)
             lines.append(markdown(Table(columns, rows)))
@@ -1066,11 +1058,8 @@ def figure_of(topic: Topic, points: Sequence[Point]) -> Figure:
         axis.set_major_locator(LogLocator(subs=subs))
         axis.set_minor_formatter(NullFormatter())
     axes.xaxis.set_major_formatter(EngFormatter(unit="s"))
-    axes.yaxis.set_major_formatter(
-        FuncFormatter(
-            (lambda y, _: f"{100 * y:g} %") if topic.relative else lambda y, _: f"{y:g}"
-        )
-    )
+    size, unit = (100, " %") if topic.relative else (1, "")
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{size * y:g}{unit}"))
     for axes, (panel, within) in zip(grid.flat, parts.items(), strict=False):
         _draw(axes, panel, within, topic)
     figure.supxlabel(f"cost: {topic.cost}", fontsize=10, color=INK)
@@ -1089,16 +1078,9 @@ def _draw(axes, panel: str, points: Sequence[Point], topic: Topic) -> None:
     front = pareto_front(points)
     for point in points:
         colour = _colour(point, front)
-        axes.plot(
-            point.cost_s,
-            point.error,
-            marker="D" if point.reference else "o",
-            color=colour,
-            markerfacecolor=colour if point.whole else "white",
-            markersize=6,
-            linestyle="none",
-            zorder=3,
-        )
+        look = {"markerfacecolor": colour if point.whole else "white", "zorder": 3}
+        form = "D" if point.reference else "o"
+        axes.plot(point.cost_s, point.error, form, color=colour, markersize=6, **look)
     if front:
         x, y = zip(*sorted((p.cost_s, p.error) for p in front), strict=True)
         axes.step(x, y, where="post", color=BLUE, linewidth=1.2, zorder=1)
@@ -1138,65 +1120,52 @@ def _name(axes, points: Sequence[Point]) -> None:
 
     # from the right: names near the right edge have the fewest free positions
     for point in sorted(points, key=lambda p: -p.cost_s):
-        colour, tried = _colour(point, front), []
-        for dx, dy, across, along in PLACES:
-            text = axes.annotate(
-                point.method,
-                (point.cost_s, point.error),
-                xytext=(dx, dy),
-                textcoords="offset points",
-                ha=across,
-                va=along,
-                fontsize=8,
-                color=INK if colour == MUTED else colour,
-                path_effects=[withStroke(linewidth=2.5, foreground="white")],
-            )
+        colour = _colour(point, front)
+        text = axes.annotate(
+            point.method,
+            (point.cost_s, point.error),
+            xytext=(0, 0),
+            textcoords="offset points",
+            fontsize=8,
+            color=INK if colour == MUTED else colour,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
+        )
+
+        def covered(place, text=text) -> float:
+            dx, dy, across, along = place
+            text.set(position=(dx, dy), ha=across, va=along)
             box = text.get_window_extent()
-            covered = sum(shared(box, other) for other in taken)
-            covered += box.width * box.height - shared(box, inside)
-            tried.append((covered, len(tried), text, box))
-        _, best, _, box = min(tried)[:4]
-        for _, number, text, _ in tried:
-            if number != best:
-                text.remove()
-        taken.append(box)
+            outside = box.width * box.height - shared(box, inside)
+            return outside + sum(shared(box, other) for other in taken)
+
+        covered(min(PLACES, key=covered))
+        taken.append(text.get_window_extent())
 
 
 def read() -> tuple[dict[str, list[Point]], str]:
     """Return the kept points of each topic, and the machine that measured them."""
-    first, *lines = KEPT.read_text().splitlines()
     kept: dict[str, list[Point]] = {}
-    for row in csv.DictReader(lines):
-        point = Point(
-            row["panel"],
-            row["method"],
-            float(row["cost_s"]),
-            float(row["error"]),
-            row["over"],
-            row["whole"] == "true",
-            row["reference"] == "true",
+    for row in table_rows(KEPT):
+        topic, numbers = (
+            row.pop("topic"),
+            (float(row.pop(n)) for n in ("cost_s", "error")),
         )
-        kept.setdefault(row["topic"], []).append(point)
-    return kept, first.removeprefix("# ")
+        flags = {name: row.pop(name) == "true" for name in ("whole", "reference")}
+        point = Point(row["panel"], row["method"], *numbers, row["over"], **flags)
+        kept.setdefault(topic, []).append(point)
+    return kept, KEPT.read_text().partition("\n")[0].removeprefix("# ")
 
 
 def table(kept: Mapping[str, Sequence[Point]], measured_on: str) -> str:
     """Return the table of all points; four digits, as repeated timings differ more."""
-    rows = [
-        (
-            name,
-            p.panel,
-            p.method,
-            f"{p.cost_s:.4g}",
-            f"{p.error:.4g}",
-            str(p.whole).lower(),
-            str(p.reference).lower(),
-            p.over,
-        )
-        for name, points in kept.items()
-        for p in points
-    ]
-    return table_text([COLUMNS, *rows], [measured_on])
+
+    def cell(value: str | float) -> str:
+        if isinstance(value, bool):
+            return str(value).lower()
+        return value if isinstance(value, str) else f"{value:.4g}"
+
+    rows = [(name, *map(cell, p)) for name, points in kept.items() for p in points]
+    return table_text([("topic", *Point._fields), *rows], [measured_on])
 
 
 def main() -> None:

@@ -31,16 +31,12 @@ degrees of freedom and scale $\sqrt{r^2 + (R g)^2}$. Levels and $u_s$ are integr
 A loss by half in all weathers would be a claim on four campaigns at three sites, and
 downwind peaks are known to rise.
 
-Held-out shots. Mass of each shot from its peaks past Z = 300 alone, with a flat prior
-in ln W, by quadrature: with the scatter near the charge (10 % a shot, 10 % a record),
-with the far scatter estimated without the shot, with a fitted loss B as well, and with
-both estimated without the campaign. Burial is no part of these laws, so deep shots
-(h/W^(1/3) < -0.2) are marked. No model makes these intervals honest: the loss differs
-from campaign to campaign, and a heavier charge would place the same rows where the laws
-hold. Therefore the laws end at `FAR_END`, and such an answer is outside them.
+Masses of held-out shots from their peaks past Z = 300 alone are in
+`results/far_pressure_masses.txt`: no model makes these intervals honest, since the loss
+differs from campaign to campaign, and a heavier charge would place the same rows where
+the laws hold. Therefore the laws end at `FAR_END`, and such an answer is outside them.
 """
 
-import csv
 import json
 from functools import cache
 from pathlib import Path
@@ -50,17 +46,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import logsumexp
 from scipy.stats import t as student
 
 import jblast.waves
-from calibration.likelihood import marginal
+from calibration.likelihood import Records, marginal, read_records
 from jblast.cli.jax_start import start_jax
-from jblast.constants import (
-    STANDARD_PRESSURE,
-    STANDARD_SOUND_SPEED,
-    STANDARD_TEMPERATURE,
-)
+from jblast.constants import STANDARD_PRESSURE
 from jblast.files import write_text
 from jblast.waves import (
     kingery_bulmash_duration,
@@ -74,104 +65,58 @@ from jblast.waves import (
 )
 from jblast.waves.shock import FAR_SCATTER_EXPONENT, FarScatter
 
-FILE = Path(__file__).parent / "data" / "acoustic_ford2021.csv"
+TABLE = Path(__file__).parent / "data" / "acoustic_ford2021.csv"
 OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "far_scatter.json"
 SPAN = (20.0, 300.0)
 SHALLOW = 0.1
 """Scaled height or depth up to which a charge counts as on the ground [m/kg^(1/3)]."""
-
 DEEP = -0.2
-"""Scaled height below which a shot is listed apart, as for `ford_2021`."""
-
+"""Scaled height below which a shot is left out of a table, as for `ford_2021`."""
 FAR = 300.0
-"""Scaled distance past which masses are estimated [m/kg^(1/3)]."""
-
-NEAR_SD = 0.10
-"""Declared scatter of a shot, and of a record, near the charge [ln]."""
-
+"""Scaled distance past which peaks are far [m/kg^(1/3)]."""
 EXPONENTS = (2.0, FAR_SCATTER_EXPONENT, 8.0)
 QUANTITIES = ("peak_overpressure_pa", "positive_impulse_pa_s", "positive_duration_s")
 BINS = ((20, 40), (40, 100), (100, 200), (200, 300), (300, 450), (450, 1000))
+LAWS = {"swisdak": swisdak_pressure, "shock_kinematics": shock_kinematics_pressure}
 
 
-class Records(NamedTuple):
-    """One row a record.
+class Far(NamedTuple):
+    """All records, their scaled distances and heights, and what they measured.
 
     Attributes:
-        shot: Its name; the campaign is the part before the hyphen.
+        records: The records.
         z: Scaled distance [m/kg^(1/3)].
         height: Scaled height of burst [m/kg^(1/3)].
-        charge_mass: W [kg].
-        slant_range: R [m].
-        ambient_pressure: P0 [Pa].
-        sound_speed: Of dry air [m/s].
         value: By quantity, in its unit.
     """
 
-    shot: np.ndarray
+    records: Records
     z: np.ndarray
     height: np.ndarray
-    charge_mass: np.ndarray
-    slant_range: np.ndarray
-    ambient_pressure: np.ndarray
-    sound_speed: np.ndarray
     value: dict[str, np.ndarray]
-
-    def campaign(self) -> np.ndarray:
-        """Return the campaign of each record."""
-        return np.array([name.split("-")[0] for name in self.shot])
 
     def log_ratio(self, quantity: str) -> np.ndarray:
         """Return ln of recorded over `shock_kinematics` on the surface."""
-        place = self.slant_range, self.charge_mass, self.ambient_pressure
+        found, ambient = self.records, self.records.ambient_pressure()
+        place = found.slant_range, found.charge_mass, ambient
         if quantity == "peak_overpressure_pa":
             law = shock_kinematics_pressure(*place)
         elif quantity == "positive_impulse_pa_s":
-            law = shock_kinematics_impulse(*place, self.sound_speed)
+            law = shock_kinematics_impulse(*place, found.sound_speed())
         else:
-            law = shock_kinematics_duration(*place, self.sound_speed)
+            law = shock_kinematics_duration(*place, found.sound_speed())
         return np.log(self.value[quantity] / np.asarray(law))
 
 
 @cache
-def every_record() -> Records:
-    """Return all records of chemical shots that have impulse and duration."""
-    lines = [line for line in FILE.read_text().splitlines() if line[:1] != "#"]
-    rows = [row for row in csv.DictReader(lines) if row["kind"] == "chemical"]
-    rows = [row for row in rows if row["impulse_Pa_s"] and row["duration_s"]]
-
-    def column(name: str) -> np.ndarray:
-        return np.array([float(row[name]) for row in rows])
-
-    mass, ambient = column("yield_kg"), 1e3 * column("P_ambient_kPa")
-    size = np.cbrt(mass * STANDARD_PRESSURE / ambient)
-    impulse, duration = column("impulse_Pa_s"), column("duration_s")
-    warmth = column("T_ambient_K") / STANDARD_TEMPERATURE
-    return Records(
-        shot=np.array([row["source"] for row in rows]),
-        z=column("range_m") / size,
-        height=column("hob_m") / size,
-        charge_mass=mass,
-        slant_range=column("range_m"),
-        ambient_pressure=ambient,
-        sound_speed=STANDARD_SOUND_SPEED * np.sqrt(warmth),
-        value=dict(
-            zip(QUANTITIES, (2.0 * impulse / duration, impulse, duration), strict=True)
-        ),
-    )
-
-
-def records() -> dict[str, np.ndarray]:
-    """Return shot, Z, and the peak of a triangle over the ambient pressure [1 atm].
-
-    Of shots on the ground, and records within `SPAN`.
-    """
-    found = every_record()
-    good = np.abs(found.height) <= SHALLOW
-    good &= (found.z >= SPAN[0]) & (found.z <= SPAN[1])
-    relative = found.ambient_pressure / STANDARD_PRESSURE
-    peak = found.value["peak_overpressure_pa"] / relative
-    return {"shot": found.shot[good], "z": found.z[good], "peak": peak[good]}
+def every_record() -> Far:
+    """Return all records; the peak is that of a triangle."""
+    found = read_records(TABLE)
+    log_range, height = map(np.asarray, found.place(found.ambient_pressure()))
+    impulse, duration = found.column("impulse_Pa_s"), found.column("duration_s")
+    values = 2.0 * impulse / duration, impulse, duration
+    value = dict(zip(QUANTITIES, values, strict=True))
+    return Far(found, np.exp(log_range), height, value)
 
 
 def slope_of(
@@ -223,12 +168,12 @@ class FarFit(NamedTuple):
 def _objective():
     """Return minus the log-likelihood and its gradient, compiled once.
 
-    It takes ln F, ln R, ln Z_k, B, n and ln r, then y and the weights of the records.
+    It takes ln F, ln R, ln Z_k, B, n and ln r, then y.
     """
     found = every_record()
-    names, of_shot = np.unique(found.shot, return_inverse=True)
+    names, of_shot = np.unique(found.records.shot, return_inverse=True)
     n_shots, z = len(names), jnp.asarray(found.z)
-    # A level with sd 100 is free, and a shot left out needs some precision.
+    # A level with sd 100 is free.
     precision = jnp.concatenate([jnp.full(n_shots, 1e-4), jnp.ones(n_shots)])
 
     def parts(p: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -237,7 +182,7 @@ def _objective():
         wider = jnp.sqrt(1.0 + (own * share / near) ** 2)
         return shared * share, loss * share, wider
 
-    def cost(theta: jax.Array, y: jax.Array, weight: jax.Array) -> jax.Array:
+    def cost(theta: jax.Array, y: jax.Array) -> jax.Array:
         def scaled(p: jax.Array, x: jax.Array) -> jax.Array:
             # residual over the growth of its scale, so that one scale serves all
             shared, loss, wider = parts(p)
@@ -247,8 +192,8 @@ def _objective():
         p = jnp.concatenate([jnp.exp(theta[:3]), theta[3:5], jnp.exp(theta[5:])])
         start = jnp.zeros(2 * n_shots)
         nothing = jnp.zeros(len(found.z))
-        found_at = marginal(scaled, p, precision, start, nothing, weight, 4.0)
-        return jnp.sum(weight * jnp.log(parts(p)[2])) - found_at.log_likelihood
+        found_at = marginal(scaled, p, precision, start, nothing, 1.0 + nothing, 4.0)
+        return jnp.sum(jnp.log(parts(p)[2])) - found_at.log_likelihood
 
     return jax.jit(jax.value_and_grad(cost))
 
@@ -258,7 +203,6 @@ def fit(
     *,
     exponent: float = FAR_SCATTER_EXPONENT,
     loss: bool = False,
-    keep: np.ndarray | None = None,
 ) -> FarFit:
     """Estimate the far scatter of a quantity.
 
@@ -266,18 +210,15 @@ def fit(
         quantity: One of `QUANTITIES`.
         exponent: $n$.
         loss: Whether $B$ is fitted, or zero.
-        keep: Which records are used; None: all.
     """
-    found = every_record()
-    y = jnp.asarray(found.log_ratio(quantity))
-    weight = jnp.asarray(np.ones(len(y)) if keep is None else keep.astype(float))
+    y = jnp.asarray(every_record().log_ratio(quantity))
     bounds = [(-3.0, 1.5), (-4.0, 1.0), (4.0, 7.0), (-2.0, 3.0), (exponent,) * 2]
     bounds += [(-4.0, 0.0)]
     if not loss:
         bounds[3] = (0.0, 0.0)
 
     def value_and_slope(theta: np.ndarray) -> tuple[float, np.ndarray]:
-        value, slope = _objective()(jnp.asarray(theta), y, weight)
+        value, slope = _objective()(jnp.asarray(theta), y)
         return float(value), np.asarray(slope)
 
     ends = []
@@ -296,72 +237,26 @@ def fit(
     )
 
 
-STEP = 0.04
-GRID = np.arange(-24.0, 10.0 + STEP / 2, STEP)
-"""ln of the mass over the true one."""
-NORMAL = np.linspace(-5.0, 5.0, 41)
-
-
-def mass_interval(shot: str, far: FarFit | None) -> tuple[float, float, float]:
-    """Return 5, 50 and 95 % of ln(mass/true mass), from peaks past `FAR` alone.
-
-    Args:
-        shot: Its name.
-        far: Fitted far away; None: scatter near the charge, everywhere.
-    """
+def slopes() -> list[str]:
+    """Return the slope of recorded over law, and its medians by Z, on the ground."""
     found = every_record()
-    rows = (found.shot == shot) & (found.z > FAR)
-    mass = found.charge_mass[rows] * np.exp(GRID)[:, None]
-    place = found.slant_range[rows] + 0.0 * mass, mass, found.ambient_pressure[rows]
-    law = np.asarray(shock_kinematics_pressure(*place))
-    left = np.log(found.value["peak_overpressure_pa"][rows] / law)
-    z = found.z[rows] * np.exp(-GRID / 3.0)[:, None]
-    shared, own = map(np.asarray, far.far.at(z)) if far else (0.0 * z, 0.0 * z)
-    if far:
-        left = left + far.loss * shared / far.far.shared
-    scale = np.hypot(NEAR_SD, own)
-    prior = -0.5 * NORMAL**2
-    log_density = []
-    for level in NEAR_SD * NORMAL:
-        each = left[:, None] - level - NORMAL[:, None] * shared[:, None]
-        terms = student.logpdf(each / scale[:, None], 4.0) - np.log(scale[:, None])
-        log_density.append(logsumexp(terms.sum(axis=-1) + prior, axis=1))
-    total = np.asarray(logsumexp(np.array(log_density) + prior[:, None], axis=0))
-    density = np.exp(total - total.max())
-    if max(density[0], density[-1]) > 1e-3:
-        raise ValueError(f"the posterior of the mass of {shot} leaves its grid")
-    cumulative = np.cumsum(density) / density.sum()
-    q05, q50, q95 = np.interp((0.05, 0.5, 0.95), cumulative, GRID + STEP / 2)
-    return float(q05), float(q50), float(q95)
-
-
-def far_shots() -> list[str]:
-    """Return the shots with records past `FAR`."""
-    found = every_record()
-    return sorted(set(found.shot[found.z > FAR].tolist()))
-
-
-def text() -> str:
-    """Return the tables."""
-    lines = [*_slopes(), "", *_bins(), "", *_fits(), "", *_absorbed(), "", *_masses()]
-    return "\n".join(lines)
-
-
-def _slopes() -> list[str]:
-    found = records()
-    shot, z, peak = found["shot"], found["z"], found["peak"]
-    laws = {"swisdak": swisdak_pressure, "shock_kinematics": shock_kinematics_pressure}
+    good = (np.abs(found.height) <= SHALLOW) & (found.z >= SPAN[0])
+    good &= found.z <= SPAN[1]
+    shot, z = found.records.shot[good], found.z[good]
+    relative = found.records.ambient_pressure()[good] / STANDARD_PRESSURE
+    peak = found.value["peak_overpressure_pa"][good] / relative
+    names = np.unique(shot)
+    off = {name: np.log(peak / np.asarray(law(z, 1.0))) for name, law in LAWS.items()}
     lines = [
-        f"{len(z)} records of {len(np.unique(shot))} shots, Z = {z.min():.0f} to "
+        f"{len(z)} records of {len(names)} shots, Z = {z.min():.0f} to "
         f"{z.max():.0f}; peak = 2 impulse/duration",
         "",
         "slope of ln(recorded/law) in ln Z, a level a shot; 90 % interval; scatter",
     ]
     for words, factor in (("triangle", 1.0), ("bent as Kingery-Bulmash", bend(z))):
-        for name, law in laws.items():
-            ratio = np.log(factor * peak / np.asarray(law(z, 1.0)))
-            slope, sd, scatter = slope_of(shot, z, ratio)
-            wide = sd * student.ppf(0.95, len(z) - 1 - len(np.unique(shot)))
+        for name, ratio in off.items():
+            slope, sd, scatter = slope_of(shot, z, ratio + np.log(factor))
+            wide = sd * student.ppf(0.95, len(z) - 1 - len(names))
             lines.append(
                 f"  {words:24s} {name:18s}{slope:+6.2f} ({slope - wide:+.2f} to "
                 f"{slope + wide:+.2f})   {scatter:.2f}"
@@ -369,81 +264,63 @@ def _slopes() -> list[str]:
     lines += [
         "",
         "recorded/law, the median by Z (a level a shot taken out at 20 to 40)",
+        "  Z            records   " + "".join(f"{name:>18s}" for name in LAWS),
     ]
-    lines.append("  Z            records   " + "".join(f"{n:>18s}" for n in laws))
-    near = z < 40.0
     levels = {
-        name: {
-            s: np.median(np.log(peak / np.asarray(law(z, 1.0)))[near & (shot == s)])
-            for s in np.unique(shot[near])
-        }
-        for name, law in laws.items()
+        name: ratio - levels_of(shot, z < 40.0, ratio) for name, ratio in off.items()
     }
     for low, high in ((20, 40), (40, 70), (70, 100), (100, 160), (160, 300)):
-        some = (z >= low) & (z < high) & np.isin(shot, list(levels["swisdak"]))
-        cells = ""
-        for name, law in laws.items():
-            ratio = np.log(peak / np.asarray(law(z, 1.0)))
-            ratio = ratio - np.array([levels[name].get(s, np.nan) for s in shot])
-            cells += f"{np.exp(np.median(ratio[some])):18.2f}"
+        some = (z >= low) & (z < high) & np.isfinite(levels["swisdak"])
+        cells = "".join(f"{np.exp(np.median(y[some])):18.2f}" for y in levels.values())
         lines.append(f"  {low:3d} to {high:3d}   {some.sum():6d}    {cells}")
-    lines += [
-        "",
-        "at Z = 130 [Pa]: "
-        + ", ".join(
-            f"{name} {float(law(130.0, 1.0)):.0f}" for name, law in laws.items()
-        ),
-    ]
-    return lines
+    at = ", ".join(f"{name} {float(law(130.0, 1.0)):.0f}" for name, law in LAWS.items())
+    return [*lines, "", f"at Z = 130 [Pa]: {at}"]
 
 
-def _bins() -> list[str]:
+def levels_of(shot: np.ndarray, near: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return the median of each record's shot near the charge; NaN if it has none."""
+    level = np.full(len(y), np.nan)
+    for name in np.unique(shot[near]):
+        level[shot == name] = np.median(y[near & (shot == name)])
+    return level
+
+
+def bins() -> list[str]:
     """Return recorded over law by Z: all shots, and those that are not deep."""
     found = every_record()
-    shallow = found.height > DEEP
+    shot, shallow = found.records.shot, found.height > DEEP
+    ratios = {quantity: found.log_ratio(quantity) for quantity in QUANTITIES}
     lines = [
-        f"all {len(found.z)} records of {len(set(found.shot))} shots, Z = "
+        f"all {len(found.z)} records of {len(set(shot))} shots, Z = "
         f"{found.z.min():.0f} to {found.z.max():.0f}: recorded/shock_kinematics, the "
         "median and the 16 to 84 % range",
-        f"  not deep: the {len(set(found.shot[shallow]))} shots above h/W^(1/3) = "
+        f"  not deep: the {len(set(shot[shallow]))} shots above h/W^(1/3) = "
         f"{DEEP:g}; level out: each of all shots over its own median at Z < 200",
         "  Z              records shots  "
         + "".join(f"{q:>26s}" for q in ("peak", "impulse", "duration")),
     ]
-    ratios = {quantity: found.log_ratio(quantity) for quantity in QUANTITIES}
-    for words, use, out in (("not deep", shallow, False), ("level out", None, True)):
+    level = {q: y - levels_of(shot, found.z < 200.0, y) for q, y in ratios.items()}
+    leveled = np.isfinite(level[QUANTITIES[0]])
+    for words, use, of in (
+        ("not deep", shallow, ratios),
+        ("level out", leveled, level),
+    ):
         lines.append(f"  {words}")
         for low, high in BINS:
-            some = (found.z >= low) & (found.z < high)
-            some &= use if use is not None else np.isfinite(_levels(ratios)["peak"])
+            some = (found.z >= low) & (found.z < high) & use
             cells = ""
-            for quantity in QUANTITIES:
-                y = ratios[quantity] - (_levels(ratios)[quantity] if out else 0.0)
+            for y in of.values():
                 at = np.exp(np.quantile(y[some], (0.16, 0.5, 0.84)))
                 cells += f"{at[1]:12.2f} ({at[0]:.2f} to {at[2]:.2f})"
-            shots = len(set(found.shot[some]))
+            shots = len(set(shot[some]))
             lines.append(
                 f"  {low:4d} to {high:4d}   {some.sum():6d} {shots:5d}  {cells}"
             )
     return lines
 
 
-def _levels(ratios: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the level of each record's shot near the charge; NaN where it has none."""
-    found = every_record()
-    levels = {}
-    for quantity, y in ratios.items():
-        of_shot = np.full(len(y), np.nan)
-        for shot in set(found.shot):
-            near = (found.shot == shot) & (found.z < 200.0)
-            if near.any():
-                of_shot[found.shot == shot] = np.median(y[near])
-        levels[quantity] = of_shot
-    levels["peak"] = levels[QUANTITIES[0]]
-    return levels
-
-
-def _fits() -> list[str]:
+def fits() -> list[str]:
+    """Return the far scatter of each quantity, by form."""
     lines = [
         "far scatter [ln]: F shared by the far records of a shot, R of a record, both "
         "half at Zk; r near; B median loss",
@@ -462,63 +339,23 @@ def _fits() -> list[str]:
     return lines
 
 
-def _absorbed() -> list[str]:
+def absorbed() -> str:
     """Return what absorption takes from the peaks past `FAR`, by ISO 9613-1."""
     found = every_record()
-    far = found.z > FAR
-    distance, mass = found.slant_range[far], found.charge_mass[far]
-    ambient, sound = found.ambient_pressure[far], found.sound_speed[far]
-    plain = np.asarray(shock_kinematics_pressure(distance, mass, ambient))
-    worst = 0.0
-    for humidity in (0.1, 0.3, 0.5):
-        lossy = weak_shock_iso_pressure(distance, mass, ambient, sound, 300.0, humidity)
-        worst = max(worst, float(np.max(1.0 - np.asarray(lossy) / plain)))
-    return [
+    far = found.records.where(found.z > FAR)
+    place = far.slant_range, far.charge_mass, far.ambient_pressure()
+    plain = np.asarray(shock_kinematics_pressure(*place))
+    sound = far.sound_speed()
+    worst = max(
+        np.max(
+            1.0 - np.asarray(weak_shock_iso_pressure(*place, sound, 300.0, x)) / plain
+        )
+        for x in (0.1, 0.3, 0.5)
+    )
+    return (
         f"ISO 9613-1 takes at most {100 * worst:.1f} % of the peaks past Z = {FAR:g} "
         "(27 C, 10 to 50 % humidity)"
-    ]
-
-
-def _masses() -> list[str]:
-    found = every_record()
-    lines = [
-        f"mass from peaks past Z = {FAR:g} alone: 5, 50 and 95 % of mass/true mass",
-        "  shot    records h/W^1/3  median peak/law   near scatter                "
-        "shot left out, B = 0        shot left out, B fitted     campaign left out, B",
-    ]
-    count = np.zeros(4, int)
-    shallow = 0
-    for shot in far_shots():
-        rows = found.shot == shot
-        of_campaign = found.campaign() == shot.split("-")[0]
-        deep = found.height[rows][0] < DEEP
-        far_rows = rows & (found.z > FAR)
-        ratio = np.exp(np.median(found.log_ratio(QUANTITIES[0])[far_rows]))
-        cells = ""
-        models = (
-            None,
-            fit(QUANTITIES[0], keep=~rows),
-            fit(QUANTITIES[0], keep=~rows, loss=True),
-            fit(QUANTITIES[0], keep=~of_campaign, loss=True),
-        )
-        for i, far in enumerate(models):
-            low, middle, high = mass_interval(shot, far)
-            inside = low <= 0.0 <= high
-            count[i] += inside and not deep
-            low, middle, high = np.exp([low, middle, high])
-            cells += (
-                f"{low:8.2g} {middle:7.2g} {high:6.2g} {'in ' if inside else 'OUT'}"
-            )
-        shallow += not deep
-        lines.append(
-            f"  {shot:8s}{far_rows.sum():6d} {found.height[rows][0]:8.2f} {ratio:13.2f}"
-            f"   {cells}{'  deep' if deep else ''}"
-        )
-    lines.append(
-        f"  contain the true mass, of {shallow} that are not deep: "
-        + ", ".join(map(str, count))
     )
-    return lines
 
 
 def as_json() -> str:
@@ -543,5 +380,5 @@ def as_json() -> str:
 
 if __name__ == "__main__":
     start_jax()
-    print(text())
+    print(*slopes(), "", *bins(), "", *fits(), "", absorbed(), sep="\n")
     write_text(OUTPUT, as_json())

@@ -14,7 +14,7 @@ over reference, of the shots whose charge stood on the ground (`far_pressure.py`
 the peak of a recording is defined), and the scatter of all shots that grows with Z.
 
 Past Z = 20 the last stretch of Kingery's and Bulmash's pressure bends away from a weak
-shock (`python -m calibration.laws tail`), so the reference there is also as uncertain
+shock (slope -1.25 at Z = 20, -1.40 at 30), so the reference there is also as uncertain
 as the choice of where the tail joins: at 20 or at 40.
 
 Arrival and speed: the two statements of one report. A front of their pressure moves by

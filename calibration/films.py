@@ -19,6 +19,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, UInt8
+from scipy.ndimage import map_coordinates, shift
 
 from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera.explosion import ExplosionViews
@@ -154,7 +155,7 @@ def blast(
     for time, layer in zip(times[LEAD + 1 :], layers, strict=True):
         # the motion of the camera moves the fireball together with the background
         dx, dy = np.array(behind.moved(float(time))) - start
-        light, alpha = _moved(layer, dx, dy)
+        light, alpha = shift(layer, (0, dy, dx), order=1, mode="grid-constant")
         frames.append(seen(rng, light + (1 - alpha) * behind.light(float(time))))
     pixel = 0.5 * (WIDTH - 1) + across, 0.5 * (HEIGHT - 1) + down
     return BlastFilm(
@@ -211,46 +212,20 @@ def _layers(
 
     Alpha is negative where the fire adds light to the background.
     """
-    scene = Scene(charge)
-    # light = a + (1 - alpha) x background: two backgrounds give both unknowns
-    before_black, before_white = (
-        luminance(
-            np.asarray(
-                render(
-                    scene,
-                    camera,
-                    jnp.asarray(since),
-                    background=behind,
-                    views=pictures,
-                ),
-                np.float32,
-            )
+
+    def before(background: float) -> np.ndarray:
+        seen = render(
+            Scene(charge),
+            camera,
+            jnp.asarray(since),
+            background=background,
+            views=pictures,
         )
-        for behind in (0.0, 1.0)
-    )
+        return luminance(np.asarray(seen, np.float32))
+
+    # light = a + (1 - alpha) x background: two backgrounds give both unknowns
+    before_black, before_white = before(0.0), before(1.0)
     return np.stack([before_black, 1.0 - (before_white - before_black)], axis=1)
-
-
-def _moved(
-    layer: Float[np.ndarray, "2 height width"], dx: float, dy: float
-) -> Float[np.ndarray, "2 height width"]:
-    """Return a layer shifted right and down, with linear interpolation."""
-    i, j = int(np.floor(dy)), int(np.floor(dx))
-    b, a = np.float32(dy - i), np.float32(dx - j)
-    # a margin of one pixel for the interpolation; light moved out of view is dropped
-    wide = np.pad(layer, ((0, 0), (1, 1), (1, 1)))
-    across = (1 - a) * wide[:, :, 1:] + a * wide[:, :, :-1]
-    moved = ((1 - b) * across[:, 1:] + b * across[:, :-1])[:, :HEIGHT, :WIDTH]
-    out = np.zeros_like(layer)
-    rows = slice(max(i, 0), min(HEIGHT + i, HEIGHT))
-    columns = slice(max(j, 0), min(WIDTH + j, WIDTH))
-    if rows.start < rows.stop and columns.start < columns.stop:
-        out[:, rows, columns] = moved[
-            :,
-            rows.start - i : rows.stop - i,
-            columns.start - j : columns.stop - j,
-        ]
-    return out
 
 
 def _place(rng: np.random.Generator) -> tuple[float, float]:
@@ -524,38 +499,10 @@ class Background:
     def light(self, time: float) -> Float[np.ndarray, "height width"]:
         """Return the light of the background at a time [s]."""
         dx, dy = self.moved(time)
-        if self.roll == 0.0:
-            return _shifted(self.texture, dx, dy)
-        angle = self.roll * time
-        x, y = np.meshgrid(
-            np.arange(WIDTH, dtype=np.float32) - 0.5 * WIDTH,
-            np.arange(HEIGHT, dtype=np.float32) - 0.5 * HEIGHT,
-        )
-        c, s = np.float32(np.cos(angle)), np.float32(np.sin(angle))
-        u = c * x + s * y + np.float32(0.5 * WIDTH - dx)
-        v = c * y - s * x + np.float32(0.5 * HEIGHT - dy)
-        return _sampled(self.texture, u, v)
-
-
-def _shifted(texture: np.ndarray, dx: float, dy: float) -> np.ndarray:
-    """Return the corner of the texture, shifted right and down, interpolated."""
-    left, top = int(np.floor(-dx)), int(np.floor(-dy))
-    a, b = np.float32(-dx - left), np.float32(-dy - top)
-    rows = (top + np.arange(HEIGHT + 1)) % SIZE
-    columns = (left + np.arange(WIDTH + 1)) % SIZE
-    part = texture[rows[:, None], columns]
-    across = (1 - a) * part[:, :-1] + a * part[:, 1:]
-    return (1 - b) * across[:-1] + b * across[1:]
-
-
-def _sampled(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the texture at columns and rows, with linear interpolation."""
-    left, top = np.floor(u), np.floor(v)
-    a, b = u - left, v - top
-    i, j = top.astype(np.int32) % SIZE, left.astype(np.int32) % SIZE
-    k, m = (i + 1) % SIZE, (j + 1) % SIZE
-    above = (1 - a) * texture[i, j] + a * texture[i, m]
-    return (1 - b) * above + b * ((1 - a) * texture[k, j] + a * texture[k, m])
+        c, s = np.cos(self.roll * time), np.sin(self.roll * time)
+        x, y = _X - 0.5 * WIDTH, _Y - 0.5 * HEIGHT
+        u, v = c * x + s * y + 0.5 * WIDTH - dx, c * y - s * x + 0.5 * HEIGHT - dy
+        return map_coordinates(self.texture, (v, u), order=1, mode="grid-wrap")
 
 
 def random_background(rng: np.random.Generator, *, moving: float = 0.7) -> Background:

@@ -85,18 +85,6 @@ class Row(NamedTuple):
     crashed: np.ndarray
 
 
-RECOVERY_SECONDS, RECOVERY_STEP_S, NEAR_M = 12.0, 4e-3, 0.25
-LEVELS = np.linspace(0.0, 10.0, 11)
-"""Of a speed [m/s] or a body rate [rad/s]."""
-WAYS = {
-    "sideways [m/s]": (np.array([1.0, 0.0, 0.0]), np.zeros(3)),
-    "roll rate [rad/s]": (np.zeros(3), np.array([1.0, 0.0, 0.0])),
-    "pitch and yaw rate, each [rad/s]": (np.zeros(3), np.array([0.0, 1.0, 1.0])),
-}
-"""Velocity and body rate of one unit across; the other axis is the speed upwards."""
-WORDS = ("hit the ground", "turned over, came back", "not back yet", "recovered")
-
-
 CONTROLLED, COUNT, CONTROLLER_STEP_S = ("crazyflie", "hummingbird", "iris"), 500, 2e-3
 SCENE = """[charge]
 mass_kg = {{ loguniform = [1.0, 10.0] }}
@@ -230,23 +218,6 @@ def main() -> None:
         print(flights_text())
         if out:
             flights_figure().savefig(out)
-
-
-def table(maps: dict[tuple[str, bool], np.ndarray]) -> str:
-    """Return the shares of each outcome."""
-    lines = [
-        f"kicks and turns of 0 to {LEVELS[-1]:g}, {LEVELS.size} x {LEVELS.size} of "
-        f"each; shares of them [%], {RECOVERY_SECONDS:g} s later",
-        f"{'vehicle':13}{'upwards and':34}{'hold':10}"
-        + "".join(f"{word:>24}" for word in WORDS),
-    ]
-    for (name, bare), found in maps.items():
-        for way, each in zip((*WAYS, "all of these"), (*found, found), strict=True):
-            shares = [100 * np.mean(each == n) for n in range(len(WORDS))]
-            cells = "".join(f"{share:24.1f}" for share in shares)
-            law = "bare law" if bare else "ours"
-            lines.append(f"{name:13}{way:34}{law:10}{cells}")
-    return "\n".join(lines)
 
 
 def flown(vehicle: str, count: int) -> Flights:

@@ -40,21 +40,25 @@ the site HR the burial at which coupling changes is not determined, so b5 is hel
 -0.2 where sites are left out: that much these rows have seen.
 """
 
-import csv
 import itertools
-import json
-import math
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 import jblast.waves
-from calibration.likelihood import Marginal, likelihood_maximum, marginal, print_forms
+from calibration.likelihood import (
+    Form,
+    Maximum,
+    Model,
+    Records,
+    objective,
+    packaged,
+    read_records,
+    with_mode,
+)
 from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.report.colours import COLOURS, INK
@@ -62,11 +66,16 @@ from jblast.report.figures import MARKERS, new_figure, quiet, titled, write_figu
 from jblast.waves.laws.ground_motion import ground_motion_form
 from jblast.waves.regression import Regression, log_scaled_place
 
-DATA = Path(__file__).parent / "data" / "seismic_ford2021.csv"
-QUANTITIES = ("ground_displacement_m", "ground_peak_velocity_m_s")
+TABLE = Path(__file__).parent / "data" / "seismic_ford2021.csv"
+OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ground_motion.json"
+FIGURE = Path(__file__).parent / "results" / "ground_motion.png"
+COLUMNS = {
+    "ground_displacement_m": "p_wave_displacement",
+    "ground_peak_velocity_m_s": "p_wave_max_velocity",
+}
+QUANTITIES = tuple(COLUMNS)
 COEFFICIENTS = ("b1", "b2", "b3", "b4", "b5")
 SCATTERS = ("site", "shot", "path", "record")
-NAMES = COEFFICIENTS + SCATTERS
 EXPECTED_SD = {"site": 1.0, "shot": 1.0}
 """Mode of the prior on two scatters [ln], Gamma of shape 2: wide (90 % from 0.36 to
 4.7), it excludes that a few sites have no scatter at all. It lowers the most probable
@@ -81,40 +90,6 @@ STARTS = {
 }
 
 
-class Records(NamedTuple):
-    """One row a record; the first part of a path's name is its site."""
-
-    shot: np.ndarray
-    site: np.ndarray
-    path: np.ndarray
-    charge_mass: np.ndarray
-    height_of_burst: np.ndarray
-    slant_range: np.ndarray
-    log_value: dict[str, np.ndarray]
-
-    def place(self) -> tuple[jax.Array, jax.Array]:
-        """Return ln Z and the scaled height [m/kg^(1/3)]."""
-        return log_scaled_place(
-            self.slant_range, self.charge_mass, self.height_of_burst
-        )
-
-
-class Form(NamedTuple):
-    """What is held at a value instead of fitted, and how records err."""
-
-    held: tuple[tuple[str, float], ...] = ()
-    nu: float = math.inf
-
-
-class Fit(NamedTuple):
-    """A curve, and what it reached; the prior tells the last two apart."""
-
-    curve: Regression
-    log_likelihood: float
-    log_posterior: float
-    n_free: int
-
-
 AXES = {
     "ground_displacement_m": (
         "peak displacement over W$^{1/3}$ [m/kg$^{1/3}$]",
@@ -126,8 +101,6 @@ ABOVE, BURIED = 0.5, -1.0
 """Scaled heights that curves are drawn for [m/kg^(1/3)]."""
 
 
-OUTPUT = Path(jblast.waves.__path__[0]) / "data" / "ground_motion.json"
-FIGURE = Path(__file__).parent / "results" / "ground_motion.png"
 STEEP = (("b4", 15.0),)
 ADOPTED = Form(STEEP)
 WITHOUT = {"shot": ADOPTED, "site": Form((*STEEP, ("b5", -0.2)))}
@@ -146,6 +119,107 @@ FORMS = {
 MASSES = np.geomspace(1e-3, 1e9, 1201)
 NINETY = 1.645
 """Standard deviations of a normal to either side that hold 90 %."""
+
+
+def records() -> Records:
+    """Return all 200 records."""
+    return read_records(TABLE)
+
+
+def log_value(quantity: str, some: Records) -> np.ndarray:
+    """Return ln y of records, of the displacement over the scaling length."""
+    value = some.column(COLUMNS[quantity])
+    displacement = quantity == "ground_displacement_m"
+    return np.log(value / np.cbrt(some.charge_mass) ** displacement)
+
+
+@cache
+def model(quantity: str) -> Model:
+    """Return the records of a quantity about the curve."""
+    found = records()
+    place = found.place()
+    return Model(
+        found,
+        log_value(quantity, found),
+        lambda b: ground_motion_form(b, *place)[0],
+        lambda sd: (sd[0], sd[1], sd[2]),
+        COEFFICIENTS,
+        SCATTERS,
+        (STARTS[quantity],),
+        EXPECTED_SD,
+    )
+
+
+def predictive(
+    quantity: str, form: Form, weight: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    r"""Return values with the scatter of a new shot, and the covariance with it.
+
+    The variance of a new site's effect is the posterior mean of $\sigma^2$, not the
+    square of the most probable $\sigma$: of three or four sites the scatter is known
+    to a factor of two, and the mode is too small. The curve is linear about its most
+    probable coefficients for the sum over both scatters; path and record scatter, which
+    many records determine, stay. Coefficients are then those of generalised least
+    squares with these scatters.
+
+    Args:
+        quantity: Of `QUANTITIES`.
+        form: What is fitted.
+        weight: 1 for a record that is used, 0 for one left out.
+        values: The most probable coefficients and scatters.
+    """
+    found, used, n = model(quantity), weight > 0, len(COEFFICIENTS)
+    held, inner, records = dict(form.held), found.inner(form), found.records
+    curve, gradient = ground_motion_form(jnp.asarray(values[:n]), *records.place())
+    left = np.asarray(found.value - curve)[used]
+    slopes = np.stack(gradient, axis=-1)[used][:, inner]
+    alike = [
+        np.equal.outer(names[used], names[used])
+        for names in (records.site, records.shot, records.path)
+    ]
+    path_sd, record_sd = values[n + 2 :]
+    known = path_sd**2 * alike[2] + record_sd**2 * np.eye(used.sum())
+    grids = [
+        np.array([held[name]]) if name in held else SD_GRID for name in SCATTERS[:2]
+    ]
+    density = np.zeros([grid.size for grid in grids])
+    for (i, site), (j, shot) in itertools.product(*map(enumerate, grids)):
+        covariance = known + site**2 * alike[0] + shot**2 * alike[1]
+        solved = np.linalg.solve(covariance, np.column_stack([slopes, left]))
+        information = slopes.T @ solved[:, :-1]
+        pull = slopes.T @ solved[:, -1]
+        density[i, j] = -0.5 * (
+            np.linalg.slogdet(covariance)[1]
+            + np.linalg.slogdet(information)[1]
+            + left @ solved[:, -1]
+            - pull @ np.linalg.solve(information, pull)
+        )
+        for name, sd in (("site", site), ("shot", shot)):
+            if name not in held:  # prior, and the step of a geometric grid
+                density[i, j] += np.log(sd) - sd / EXPECTED_SD[name] + np.log(sd)
+    share = np.exp(density - density.max())
+    share /= share.sum()
+    values = values.copy()
+    for place_of, axis, grid in zip((n, n + 1), (1, 0), grids, strict=True):
+        values[place_of] = np.sqrt(share.sum(axis=axis) @ grid**2)
+    (_, end), _ = objective(found, form, True)(values, jnp.asarray(weight))
+    return with_mode(values, end, inner, n)
+
+
+def fit(
+    quantity: str, form: Form = ADOPTED, weight: np.ndarray | None = None
+) -> Maximum:
+    """Fit a quantity, with the scatter of a new site; weight 0 leaves a record out."""
+    weight = np.ones(len(records().shot)) if weight is None else weight
+    found = model(quantity).fit(form, weight=weight)
+    values, covariance = predictive(quantity, form, weight, found.values)
+    return found._replace(values=values, covariance=covariance)
+
+
+def curve_of(found: Maximum) -> Regression:
+    """Return the curve of a fit."""
+    values, n = found.values, len(COEFFICIENTS)
+    return Regression(ground_motion_form, values[:n], found.covariance, *values[n:])
 
 
 def covariance_of(
@@ -185,7 +259,7 @@ def log_density(
     mass = mass[:, None]
     # measured values, scaled by each mass instead
     scale = np.log(mass / shot.charge_mass) / 3.0
-    value = shot.log_value[quantity] - scale * (quantity == "ground_displacement_m")
+    value = log_value(quantity, shot) - scale * (quantity == "ground_displacement_m")
     place = log_scaled_place(shot.slant_range, mass, shot.height_of_burst)
     residual = value - np.asarray(curve.at(*place)[0])
     claimed = covariance_of(curve, shot, mass)
@@ -204,36 +278,29 @@ def log_mass(quantity: str, curve: Regression, shot: Records) -> tuple[float, fl
     return float(masses[np.argmax(weights)]), float(sd)
 
 
-def where(records: Records, keep: np.ndarray) -> Records:
-    """Pick rows."""
-    values = {name: value[keep] for name, value in records.log_value.items()}
-    return Records(*(column[keep] for column in records[:-1]), log_value=values)
-
-
 def show_left_out(quantity: str, by: str) -> None:
     """Print how shots come out by curves that have not seen them, or their site."""
-    records = read_ground()
-    groups = records.shot if by == "shot" else records.site
+    found = records()
+    groups = found.shot if by == "shot" else found.site
     print(f"  each {by} left out in turn")
     print("    shot     records  h/W^(1/3)   mean     sd  inside   ln W   true     sd")
     scores, inside, total = [], 0, 0
     for name in dict.fromkeys(groups.tolist()):
-        learned = fit(quantity, WITHOUT[by], weight=(groups != name) * 1.0).curve
-        for shot in dict.fromkeys(records.shot[groups == name].tolist()):
-            mine = where(records, records.shot == shot)
-            residual = mine.log_value[quantity] - np.asarray(
-                learned.at(*mine.place())[0]
-            )
+        learned = curve_of(fit(quantity, WITHOUT[by], (groups != name) * 1.0))
+        for shot in dict.fromkeys(found.shot[groups == name].tolist()):
+            mine = found.where(found.shot == shot)
+            residual = log_value(quantity, mine)
+            residual = residual - np.asarray(learned.at(*mine.place())[0])
             claimed = covariance_of(learned, mine, mine.charge_mass)
             n = len(residual)
             hits = int(np.sum(np.abs(residual) < NINETY * np.sqrt(np.diag(claimed))))
             sd = np.sqrt(claimed.sum()) / n
-            found, found_sd = log_mass(quantity, learned, mine)
+            mass, mass_sd = log_mass(quantity, learned, mine)
             true = np.log(mine.charge_mass[0])
             print(
                 f"    {shot:8s} {n:7d} {float(mine.place()[1][0]):10.2f} "
                 f"{residual.mean():6.2f} {sd:6.2f} {hits:3d}/{n:<3d}"
-                f"{found:6.2f} {true:6.2f} {found_sd:6.2f}"
+                f"{mass:6.2f} {true:6.2f} {mass_sd:6.2f}"
             )
             scores.append(residual.mean() / sd)
             inside, total = inside + hits, total + n
@@ -241,57 +308,25 @@ def show_left_out(quantity: str, by: str) -> None:
     print(f"    mean over sd, rms {rms:.2f}; {inside} of {total} records inside")
 
 
-def as_json(fits: dict[str, Fit], records: Records) -> str:
-    """Return the packaged data file: six significant digits, the same each run."""
-
-    def rounded(array: jax.Array | np.ndarray) -> object:
-        return np.vectorize(lambda x: float(f"{x:.6g}"))(np.asarray(array)).tolist()
-
-    log_range, height = map(np.asarray, records.place())
-    content = {
-        "source": "LLNL recordings of S.R. Ford et al. 2021, from "
-        "lanl/MultiPEM_Toolbox (BSD-3-Clause); calibration/data/seismic_ford2021.csv; "
-        "units inferred",
-        "script": "calibration/ground_motion.py",
-        "shots": sorted(set(records.shot.tolist())),
-        "n_records": len(records.shot),
-        "scaled_range": rounded(np.exp([log_range.min(), log_range.max()])),
-        "scaled_height": rounded(np.array([height.min(), height.max()])),
-        "curves": {
-            quantity: {
-                name: rounded(x)
-                for name, x in vars(found.curve).items()
-                if name != "form"
-            }
-            for quantity, found in fits.items()
-        },
-    }
-    return json.dumps(content, indent=1) + "\n"
-
-
 def main() -> None:
     """Print the tables, write the data file and the picture."""
     start_jax()
-    fits: dict[str, Fit] = {}
+    curves: dict[str, Regression] = {}
     for quantity in QUANTITIES:
-        print_forms(quantity, FORMS, fit)
-        curve = (fits.setdefault(quantity, fit(quantity, ADOPTED))).curve
-        sds = np.sqrt(np.diag(curve.covariance))
-        for name, value, sd in zip(COEFFICIENTS, curve.coefficients, sds, strict=True):
-            print(f"  {name} = {value:9.4f} +- {sd:.4f}")
-        for name in SCATTERS:
-            print(f"  {name} scatter {getattr(curve, f'{name}_sd'):.4f}")
-        show_left_out(quantity, "shot")
-        show_left_out(quantity, "site")
-    write_text(OUTPUT, as_json(fits, read_ground()))
-    draw({quantity: found.curve for quantity, found in fits.items()}, FIGURE)
+        found = fit(quantity)
+        model(quantity).show(quantity, FORMS, found)
+        curves[quantity] = curve_of(found)
+        for by in WITHOUT:
+            show_left_out(quantity, by)
+    write_text(OUTPUT, packaged("ground_motion", TABLE.name, records(), curves))
+    draw(curves)
     print(f"wrote {OUTPUT.name} and {FIGURE.name}")
 
 
-def draw(curves: Mapping[str, Regression], path: Path) -> None:
+def draw(curves: Mapping[str, Regression]) -> None:
     """Write the figure: each quantity by range, and its coupling by burial."""
-    records = read_ground()
-    log_range, height = map(np.asarray, records.place())
+    found = records()
+    log_range, height = map(np.asarray, found.place())
     figure = new_figure(10.0, 7.6)
     panels = figure.subplots(2, 2)
     z = np.geomspace(20.0, 1000.0, 50)
@@ -300,11 +335,11 @@ def draw(curves: Mapping[str, Regression], path: Path) -> None:
         panels, curves.items(), strict=True
     ):
         label, word = AXES[quantity]
-        value, b = records.log_value[quantity], np.asarray(curve.coefficients)
+        value, b = log_value(quantity, found), np.asarray(curve.coefficients)
         for site, colour, marker in zip(
-            np.unique(records.site), COLOURS, MARKERS, strict=False
+            np.unique(found.site), COLOURS, MARKERS, strict=False
         ):
-            mine = records.site == site
+            mine = found.site == site
             buried = mine & (height < float(b[4]))
             for rows, face in ((mine & ~buried, "none"), (buried, colour)):
                 by_range.plot(
@@ -339,185 +374,7 @@ def draw(curves: Mapping[str, Regression], path: Path) -> None:
         by_burial.legend(frameon=False, fontsize=9)
         for axes in (by_range, by_burial):
             quiet(axes)
-    write_figure(figure, path)
-
-
-@cache
-def read_ground() -> Records:
-    """Read all 200 records; values are ln of y/S."""
-    with DATA.open(encoding="utf-8") as lines:
-        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-
-    def text(name: str) -> np.ndarray:
-        return np.array([row[name] for row in rows])
-
-    def number(name: str) -> np.ndarray:
-        return text(name).astype(float)
-
-    mass = number("yield_kg")
-    return Records(
-        shot=text("source"),
-        site=np.array([row["path"].split("-")[0] for row in rows]),
-        path=text("path"),
-        charge_mass=mass,
-        height_of_burst=number("hob_m"),
-        slant_range=number("range_m"),
-        log_value={
-            "ground_displacement_m": np.log(
-                number("p_wave_displacement") / np.cbrt(mass)
-            ),
-            "ground_peak_velocity_m_s": np.log(number("p_wave_max_velocity")),
-        },
-    )
-
-
-@cache
-def objective(quantity: str, form: Form, restricted: bool):
-    """Return minus the log posterior, the marginal and the gradient, compiled.
-
-    It takes the values of `NAMES` and the weights of the records. Restricted
-    likelihoods integrate the free coefficients too, from those values on.
-    """
-    records = read_ground()
-    place, value = records.place(), jnp.asarray(records.log_value[quantity])
-    groups = [
-        np.unique(names, return_inverse=True)[1]
-        for names in (records.site, records.shot, records.path)
-    ]
-    held, n = dict(form.held), len(COEFFICIENTS)
-    sizes = [int(index.max()) + 1 for index in groups]
-    inner = np.array(
-        [i for i, name in enumerate(COEFFICIENTS) if restricted and name not in held],
-        int,
-    )
-    ends = np.cumsum([len(inner), *sizes])
-
-    def cost(theta: jax.Array, weight: jax.Array) -> tuple[jax.Array, Marginal]:
-        def predict(theta: jax.Array, x: jax.Array) -> jax.Array:
-            coefficients = theta[:n].at[inner].set(x[: len(inner)])
-            curve, _ = ground_motion_form(coefficients, *place)
-            for sd, index, (start, stop) in zip(
-                theta[n:-1], groups, itertools.pairwise(ends), strict=True
-            ):
-                curve += sd * x[start:stop][index]
-            return curve
-
-        start = jnp.concatenate([theta[inner], jnp.zeros(sum(sizes))])
-        precision = jnp.concatenate([jnp.zeros(len(inner)), jnp.ones(sum(sizes))])
-        integral = marginal(predict, theta, precision, start, value, weight, form.nu)
-        log_prior = 0.0
-        for name, mode in EXPECTED_SD.items():
-            if restricted and name not in held:
-                sd = theta[NAMES.index(name)]
-                log_prior += jnp.log(sd) - sd / mode
-        return -integral.log_likelihood - log_prior, integral
-
-    return jax.jit(jax.value_and_grad(cost, has_aux=True))
-
-
-def predictive(
-    quantity: str, form: Form, weight: np.ndarray, values: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    r"""Return values with the scatter of a new shot, and the covariance with it.
-
-    The variance of a new site's effect is the posterior mean of $\sigma^2$, not the
-    square of the most probable $\sigma$: of three or four sites the scatter is known
-    to a factor of two, and the mode is too small. The curve is linear about its most
-    probable coefficients for the sum over both scatters; path and record scatter, which
-    many records determine, stay. Coefficients are then those of generalised least
-    squares with these scatters.
-
-    Args:
-        quantity: Of `QUANTITIES`.
-        form: What is fitted.
-        weight: 1 for a record that is used, 0 for one left out.
-        values: The most probable coefficients and scatters.
-    """
-    records, used, n = read_ground(), weight > 0, len(COEFFICIENTS)
-    held = dict(form.held)
-    inner = [i for i, name in enumerate(COEFFICIENTS) if name not in held]
-    place, b = records.place(), jnp.asarray(values[:n])
-    curve, gradient = ground_motion_form(b, *place)
-    left = np.asarray(records.log_value[quantity] - curve)[used]
-    slopes = np.stack(gradient, axis=-1)[used][:, inner]
-    alike = [
-        np.equal.outer(names[used], names[used])
-        for names in (records.site, records.shot, records.path)
-    ]
-    path_sd, record_sd = values[n + 2 :]
-    known = path_sd**2 * alike[2] + record_sd**2 * np.eye(used.sum())
-    grids = [
-        np.array([held[name]]) if name in held else SD_GRID for name in SCATTERS[:2]
-    ]
-    density = np.zeros([grid.size for grid in grids])
-    for (i, site), (j, shot) in itertools.product(*map(enumerate, grids)):
-        covariance = known + site**2 * alike[0] + shot**2 * alike[1]
-        solved = np.linalg.solve(covariance, np.column_stack([slopes, left]))
-        information = slopes.T @ solved[:, :-1]
-        pull = slopes.T @ solved[:, -1]
-        density[i, j] = -0.5 * (
-            np.linalg.slogdet(covariance)[1]
-            + np.linalg.slogdet(information)[1]
-            + left @ solved[:, -1]
-            - pull @ np.linalg.solve(information, pull)
-        )
-        for name, sd in (("site", site), ("shot", shot)):
-            if name not in held:  # prior, and the step of a geometric grid
-                density[i, j] += np.log(sd) - sd / EXPECTED_SD[name] + np.log(sd)
-    share = np.exp(density - density.max())
-    share /= share.sum()
-    values = values.copy()
-    for place_of, axis, grid in zip((n, n + 1), (1, 0), grids, strict=True):
-        values[place_of] = np.sqrt(share.sum(axis=axis) @ grid**2)
-    (_, end), _ = objective(quantity, form, True)(values, jnp.asarray(weight))
-    values[inner] = end.mode[: len(inner)]
-    covariance = np.zeros((n, n))
-    covariance[np.ix_(inner, inner)] = end.covariance[: len(inner), : len(inner)]
-    return values, covariance
-
-
-def fit(
-    quantity: str,
-    form: Form,
-    *,
-    restricted: bool = True,
-    weight: np.ndarray | None = None,
-) -> Fit:
-    """Fit one quantity.
-
-    Args:
-        quantity: Of `QUANTITIES`.
-        form: What is fitted.
-        restricted: Whether to integrate over the coefficients (for estimates), or to
-            maximise over them too (for AIC).
-        weight: 1 for a record that is used, 0 for one left out.
-
-    Raises:
-        RuntimeError: The search ended away from a maximum.
-    """
-    held = dict(form.held)
-    start = zip(NAMES, STARTS[quantity], strict=True)
-    fitted = SCATTERS if restricted else NAMES
-    n = len(COEFFICIENTS)
-    weights = np.ones(len(read_ground().shot)) if weight is None else weight
-    found = likelihood_maximum(
-        objective(quantity, form, restricted),
-        weights,
-        np.array([held.get(name, value) for name, value in start]),
-        np.array([NAMES.index(name) for name in fitted if name not in held]),
-        [i for i, name in enumerate(COEFFICIENTS) if name not in held],
-        n,
-        restricted=restricted,
-    )
-    values, covariance = found.values, found.covariance
-    if restricted:
-        values, covariance = predictive(quantity, form, weights, values)
-    return Fit(
-        curve=Regression(ground_motion_form, values[:n], covariance, *values[n:]),
-        log_likelihood=found.log_likelihood,
-        log_posterior=found.log_posterior,
-        n_free=len(NAMES) - len(held),
-    )
+    write_figure(figure, FIGURE)
 
 
 if __name__ == "__main__":

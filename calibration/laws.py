@@ -1,27 +1,16 @@
 """Which laws there are, where they hold, and how far they lie apart.
 
     python -m calibration.laws          # writes laws.md and figures of DRAWN
-    python -m calibration.laws tail     # the tail of `shock_kinematics`
 
 Data: the registry of laws, jblast/waves/data/kingery_bulmash.csv. Every word of the
 tables comes from the registry. Shown by docs/explanation/laws.md.
-
-Tail: where should the weak-shock tail take over from the Kingery-Bulmash pressure?
-The last stretch of the polynomials wiggles: on the surface their slope is -1.25 at
-Z = 20 and -1.40 at 30, while a weak shock only flattens, towards -1. A tail joined at
-40 takes the wiggle for physics: at Z = 400 its pressure is 25 % lower on the surface,
-about a factor of 2 in the mass read from it (6 % in free air). So `shock_kinematics`
-joins at 20. What this changes inside the table, Z = 20 to 40, is in the column "20/KB":
-up to 10 % at Z = 40 on the surface, 6 % in free air.
 """
 
 import dataclasses
 import io
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -31,7 +20,6 @@ from PIL import Image
 
 import jblast.sensors.jolt  # registers the laws of jolts
 import jblast.waves  # noqa: F401  registers the laws
-from calibration import run_part
 from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.files import write_text
@@ -43,11 +31,8 @@ from jblast.report.numbers import Unit, capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import Rows
-from jblast.waves.laws.kingery_bulmash import kingery_bulmash_curves
 from jblast.waves.laws.weak_shock import HUMIDITY
 from jblast.waves.paths import Path as WavePath
-from jblast.waves.shock import weak_shock_tail
-from jblast.waves.tables import slope_of
 
 MASS = 15.0
 """Of the charge [kg]: scaled by its cube root, few laws depend on it."""
@@ -118,9 +103,6 @@ In Python a law is `jblast.registry.law_for(QUANTITY, LAW).function`, and most a
 functions of `jblast.waves`. The scatter is one standard deviation of what a whole shot
 shares, and of each record.
 """
-
-
-SCALED_DISTANCES = (20.0, 25.0, 30.0, 35.0, 40.0, 400.0)
 
 
 def laws_text() -> str:
@@ -414,26 +396,5 @@ def _factor(quantity: str) -> float | Float[np.ndarray, " point"]:
     return 1.0
 
 
-def tail() -> None:
-    """Print the table for both bursts."""
-    for burst, curve in kingery_bulmash_curves("incident_pressure").items():
-        tails = {join: weak_shock_tail(curve, join) for join in (20, 40)}
-        for join, tail in tails.items():
-            print(
-                f"{burst}, joined at Z = {join}: A = {tail.amplitude:.1f} Pa "
-                f"m/kg^(1/3), b = {tail.length:.5f} m/kg^(1/3)"
-            )
-        print("      Z     KB [Pa]  slope    at 20    at 40   20/KB   40/KB   40/20")
-        for z in SCALED_DISTANCES:
-            log_z: Any = math.log(z)
-            plain, slope = math.exp(curve(log_z)), slope_of(curve, log_z)
-            at_20, at_40 = (math.exp(tails[j].log_pressure(log_z)) for j in (20, 40))
-            print(
-                f"{z:7.0f} {plain:11.2f} {slope:6.3f} {at_20:8.2f} {at_40:8.2f} "
-                f"{at_20 / plain:7.4f} {at_40 / plain:7.4f} {at_40 / at_20:7.4f}"
-            )
-        print(f"(past Z = {curve.z_max:.0f} KB is its power-law continuation)\n")
-
-
 if __name__ == "__main__":
-    run_part({"page": main, "tail": tail})
+    main()

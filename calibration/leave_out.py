@@ -52,16 +52,15 @@ from jax.scipy.special import logsumexp
 
 from calibration import run_part
 from calibration.ford_2021 import (
-    ADOPTED,
     CAMPAIGNS,
-    Records,
-    fit as fit_curve,
-    read_records,
+    COLUMNS,
+    curve,
+    records as every_record,
     rows_of,
     shot_log,
     shot_scene,
 )
-from calibration.likelihood import log_student_t
+from calibration.likelihood import Records, log_student_t
 from jblast.cli.jax_start import start_jax
 from jblast.inference import ensemble, solve
 from jblast.inference.density import Density
@@ -153,18 +152,14 @@ def laws_without(left_out: np.ndarray, name: str) -> list[Law]:
     """Fit both curves to the records that are not left out."""
     weight = (~left_out).astype(float)
     return [
-        ford_2021_law(
-            quantity,
-            fit_curve(quantity, form, weight=weight).curve,
-            f"ford_2021 without {name}",
-        )
-        for quantity, form in ADOPTED.items()
+        ford_2021_law(quantity, curve(quantity, weight), f"ford_2021 without {name}")
+        for quantity in COLUMNS
     ]
 
 
 def judge(name: str) -> list[Judged]:
     """Estimate a shot, or each shot of a campaign, from all other records."""
-    records = read_records()
+    records = every_record()
     left_out = (records.campaign if name in CAMPAIGNS else records.shot) == name
     laws = laws_without(left_out, name)
     for law in laws:
@@ -178,7 +173,7 @@ def judge(name: str) -> list[Judged]:
                 shot=shot,
                 campaign=str(log.campaign[0]),
                 n_records=len(log.shot),
-                scaled_height=float(log.scaled_height()[0]),
+                scaled_height=float(log.place()[1][0]),
                 log_mass=float(np.log(log.charge_mass[0])),
                 weighted=weighed.weighted,
                 emcee=weighed.emcee,
@@ -192,7 +187,7 @@ def judge(name: str) -> list[Judged]:
 
 def main() -> None:
     """Print both tables."""
-    shots = list(dict.fromkeys(read_records().shot.tolist()))
+    shots = list(dict.fromkeys(every_record().shot.tolist()))
     groups = (*CAMPAIGNS, *shots)  # the long ones first
     with ProcessPoolExecutor(
         PROCESSES, mp_context=get_context("spawn"), initializer=start
@@ -383,8 +378,8 @@ def log_density_of(log: Records, laws: list[Law], grid: np.ndarray) -> np.ndarra
         ground_range=jnp.asarray(log.slant_range)[None, :],
         charge_mass=jnp.exp(jnp.asarray(grid))[:, None],
         height_of_burst=jnp.asarray(log.height_of_burst)[None, :],
-        ambient_pressure=jnp.asarray(log.ambient_pressure)[None, :],
-        sound_speed=jnp.asarray(log.sound_speed)[None, :],
+        ambient_pressure=jnp.asarray(log.ambient_pressure())[None, :],
+        sound_speed=jnp.asarray(log.sound_speed())[None, :],
         air_density=nothing,
         p_speed=nothing,
         sedov_gamma=nothing,
@@ -397,7 +392,9 @@ def log_density_of(log: Records, laws: list[Law], grid: np.ndarray) -> np.ndarra
     total = np.zeros(len(grid))
     for law in laws:
         predicted = call(law.function, path)
-        residual = jnp.log(log.value[law.quantity])[None, :] - jnp.log(predicted)
+        residual = jnp.log(log.column(COLUMNS[law.quantity]))[None, :] - jnp.log(
+            predicted
+        )
         scatter = tuple(
             jnp.broadcast_to(sd, residual.shape) for sd in call(law.scatter, path)
         )

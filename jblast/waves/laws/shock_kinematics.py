@@ -2,7 +2,7 @@ r"""A shock front from the charge to the acoustic limit, in one consistent pictu
 
 Peak overpressure: Kingery and Bulmash up to $Z = 20$ m/kg^(1/3), from there the
 weak-shock tail that meets it in value and slope. Not from 40, where their table ends:
-its last stretch bends away (`python -m calibration.laws tail` prints it).
+its last stretch bends away (on the surface its slope is -1.25 at 20, -1.40 at 30).
 Surface: $A$ = 170256 Pa m/kg^(1/3), $b$ = 2.7953 m/kg^(1/3); free air: 105693, 4.8852.
 
 Shock speed, by Rankine and Hugoniot for air of $\gamma$ = 1.4:
@@ -89,8 +89,7 @@ END = 1e6
 """Last scaled distance of the curves [m/kg^(1/3)]."""
 END_OF_TABLE = 40.0
 """Largest scaled distance of the Kingery-Bulmash curves [m/kg^(1/3)]."""
-# Not at 40, where the table ends: its last segment departs from a weak shock
-# (`python -m calibration.laws tail`).
+# Not at 40, where the table ends: its last segment departs from a weak shock.
 JOIN = 20.0
 """Scaled distance at the start of the tail [m/kg^(1/3)]."""
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from calibration.ford_2021 import QUANTITIES, read_records
+from calibration.ford_2021 import QUANTITIES, records
 from calibration.leave_out import estimate, weigh
 from jblast.registry import law_for
 
@@ -10,8 +10,7 @@ LAWS = [law_for(quantity, "ford_2021") for quantity in QUANTITIES]
 
 
 def log_of(shot):
-    records = read_records()
-    return records.where(records.shot == shot)
+    return records().where(records().shot == shot)
 
 
 def agree(told, exact, mean, sd, ends):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.ford_2021 import ADOPTED, QUANTITIES, fit
+from calibration.ford_2021 import QUANTITIES, curve as fitted
 from jblast.registry import law_for
 from jblast.waves.laws.ford_2021 import ford_2021_form, ford_2021_law
 from jblast.waves.laws.ground_motion import ground_motion_form
@@ -129,7 +129,7 @@ def test_packaged_covariances_are_symmetric_and_not_negative():
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_packaged_coefficients_are_those_of_the_script(quantity):
-    found = fit(quantity, ADOPTED[quantity]).curve
+    found = fitted(quantity)
     # The search stops where the likelihood is flat to 1e-13 of itself.
     for name in [name for name in vars(found) if name != "form"]:
         kept, value = getattr(PACKAGED[quantity], name), getattr(found, name)

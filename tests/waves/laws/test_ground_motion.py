@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 import jblast
-from calibration.ground_motion import COEFFICIENTS, QUANTITIES, read_ground
+from calibration.ground_motion import (
+    COEFFICIENTS,
+    QUANTITIES,
+    log_value,
+    records as recordings,
+)
 from jblast.registry import law_for
 from jblast.scene import Charge, Scene, Sensor, with_values
 from jblast.sensors import planned_layout, record
@@ -95,7 +100,7 @@ def test_what_never_happens_moves_nothing():
 def test_coefficients_are_those_of_least_squares_with_the_scatter_they_came_with(
     quantity,
 ):
-    records, curve = read_ground(), PACKAGED["curves"][quantity]
+    records, curve = recordings(), PACKAGED["curves"][quantity]
     b = dict(zip(COEFFICIENTS, curve["coefficients"], strict=True))
     mass = np.cbrt(records.charge_mass)
     height = records.height_of_burst / mass
@@ -110,7 +115,7 @@ def test_coefficients_are_those_of_least_squares_with_the_scatter_they_came_with
     ):
         covariance += sd**2 * (names[:, None] == names[None, :])
     weighted = np.linalg.solve(covariance, design)
-    value = records.log_value[quantity]
+    value = log_value(quantity, records)
     found = np.linalg.solve(design.T @ weighted, weighted.T @ value)
     # what is packaged is rounded to six digits, and b5 with it
     np.testing.assert_allclose(found, curve["coefficients"][:3], rtol=1e-4, atol=1e-4)
