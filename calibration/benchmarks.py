@@ -291,13 +291,15 @@ def flights() -> Iterator[Row]:
             says = partial(lambda d, _: error(step, d), dtype)
             yield Row(f"right-hand sides/s, {dtype}", work, fly, says, 3)
 
+        begin = starts(100, "float64")
+
         def off(mass: Array, near: Array) -> Array:
             """Return the mean square distance, by the charge and a factor of a gain."""
             gains = named_gains("crazyflie", integral=True)
             own = eqx.tree_at(lambda g: g.position, gains, near * gains.position)
             flight = simulate(
                 named("crazyflie"),
-                starts(100, "float64"),
+                begin,
                 duration_s=1.0,
                 step_s=1e-3,
                 control=PositionHold(TARGET, own),

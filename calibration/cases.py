@@ -305,10 +305,9 @@ class Recorder:
         samples: Samples of a record.
         rise: Rise time of the front [samples].
         colour: Correlation of the noise of successive samples.
-        drift: Drift of the baseline over the record, as a share of the peak.
         wander: Amplitude of an oscillation of the baseline, as a share of the peak.
         wander_period: Period of the oscillation [durations].
-        full_scale: Clipping level, as a share of the peak; None for no clipping.
+        full_scale: Clipping level, as a share of the peak; infinite for no clipping.
         echo: Delay of a second wave [durations]; None for no second wave.
         echo_size: Peak of the second wave over that of the first.
         echo_rise: Rise time of the second wave [samples]; None for that of the first.
@@ -319,10 +318,9 @@ class Recorder:
     samples: int = 1024
     rise: float = 2.0
     colour: float = 0.0
-    drift: float = 0.0
     wander: float = 0.0
     wander_period: float = 4.0
-    full_scale: float | None = None
+    full_scale: float = np.inf
     echo: float | None = None
     echo_size: float = 0.3
     echo_rise: float | None = None
@@ -388,25 +386,21 @@ def recorded(
             slow = rise if recorder.echo_rise is None else recorder.echo_rise * step
             samples = samples + recorder.echo_size * _wave(later, slow, edges)
         samples = samples + _noise(rng, recorder) * peak / recorder.snr
-        run = np.linspace(-0.5, 0.5, recorder.samples)
-        samples = samples + recorder.drift * peak * run
         if recorder.wander:
+            run = np.linspace(-0.5, 0.5, recorder.samples)
             turns = recorder.samples * step / (recorder.wander_period * duration)
             phase = 2.0 * np.pi * (turns * run + rng.uniform())
             samples = samples + recorder.wander * peak * np.cos(phase)
-        level = None
-        if recorder.full_scale is not None:
-            level = recorder.full_scale * peak
-            samples = np.clip(samples, -level, level)
-        found.append(
-            PressureRecord(
-                f"g{gauge}",
-                samples,
-                rate_hz=1.0 / step,
-                start_s=start,
-                full_scale=level,
-            )
+        level = recorder.full_scale * peak
+        clipping = {"full_scale": level} if np.isfinite(level) else {}
+        record = PressureRecord(
+            f"g{gauge}",
+            np.clip(samples, -level, level),
+            rate_hz=1.0 / step,
+            start_s=start,
+            **clipping,
         )
+        found.append(record)
     return found
 
 

@@ -1,7 +1,7 @@
 r"""Shock solver for a point source: spherical flow behind a fitted shock, one gas.
 
-It computed the table of the law `point_source`. It is differentiable, batched by `vmap`
-and meant for float64. All amounts are per steradian: areas $r^2$, volumes $r^3/3$.
+It computed the table of the law `point_source`. All amounts are per steradian: areas
+$r^2$, volumes $r^3/3$.
 
 A face is identified by its label, the radius $a$ of its air before the blast. With the
 radius $R$ of the shock as clock, $dt = dR/U$, the labels are
@@ -11,8 +11,7 @@ $$a = R - D, \qquad D = \frac{\eta\,R L}{L + R(1-\eta)}$$
 with $\eta$ equally spaced from 1 at the centre to 0 at the shock. Near the source the
 labels are equally spaced. Far out the cells at the shock keep the width $L\,\Delta\eta$
 and the hot, thin core has a few large cells. The mass that a face overtakes is thereby
-known before the step, and mass is conserved exactly. A run ends at a given radius, and
-derivatives are at fixed radius.
+known before the step, and mass is conserved exactly. A run ends at a given radius.
 
 In a cell of mass $M$, between faces of area $A$ that overtake the mass $\dot M$,
 
@@ -26,7 +25,7 @@ Osher 1988).
 
 Values at the faces follow from means by MUSCL with $\kappa = 1/3$ and the limiter of
 van Albada (Anderson, Thomas and van Leer 1986, AIAA J. 24:1453). It has switches at
-extrema only, so it is differentiable.
+extrema only.
 
 Fluxes are those of HLLC in mass coordinates (Toro 2009, section 10.4): two waves of
 mass flux $Q_l$ and $Q_r$ leave the contact, where
@@ -65,7 +64,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jblast.constants import AIR_HEAT_CAPACITY_RATIO
@@ -219,16 +217,13 @@ def point_source(
     time = jnp.sqrt(sedov_alpha(gamma) * air.density * radius**5 / energy)
     speed = 0.4 * radius / time
     strength = 2.0 * air.density * speed**2 / (gamma + 1.0) / air.pressure
-    if not isinstance(strength, Tracer) and strength < STRONG_START:
+    if strength < STRONG_START:
         raise InputError(
             f"radius: expected a shock of at least {STRONG_START:g} ambient pressures "
             f"at the start, got {strength:.3g} at {radius:g} m; start nearer to the "
             "source"
         )
-    if length is None:
-        # The spacing of the cells is no property of the flow: it has no derivative.
-        length = jax.lax.stop_gradient(jnp.cbrt(energy / air.pressure))
-    length = as_numbers(length)
+    length = jnp.cbrt(energy / air.pressure) if length is None else as_numbers(length)
     labels, crowding, _ = _labels(radius, length, cells)
     # a difference of depths in closed form: thin cells would lose their digits
     stretch = radius * (1.0 + radius / length) / cells
@@ -254,47 +249,21 @@ def point_source(
     )
 
 
-def run(
-    flow: Flow,
-    end: Float[ArrayLike, ""],
-    *,
-    records: int,
-    stride: int = STRIDE,
-    gauges: Sequence[float] | Float[Array, " gauge"] = (),
-) -> tuple[Flow, History]:
-    """Advance by `records` times `stride` steps, or until the shock is at a radius.
-
-    The function is pure: it can be jitted, batched and differentiated in both modes.
-    Reverse mode stores the flow at each step and recomputes the rest of the step.
-
-    Args:
-        flow: Flow at the begin.
-        end: Radius of the shock at the end [m].
-        records: Number of records, each at the begin of `stride` steps.
-        stride: Steps between records.
-        gauges: Radii at which pressure and velocity are recorded [m].
-    """
-    end, radii = as_numbers(end), jnp.asarray(gauges, flow.radius.dtype)
-    # Inside a scan no common subexpressions can be shared, so no barrier is needed.
-    recomputed = functools.partial(jax.checkpoint, prevent_cse=False)
-
-    @recomputed
-    def one_step(flow: Flow, _) -> tuple[Flow, None]:
-        return _step(flow, end)[0], None
+@functools.partial(jax.jit, static_argnames="stride")
+def _run(flow: Flow, end, radii, stride: int) -> tuple[Flow, History]:
+    """Advance by `RECORDS` times `stride` steps, or until the shock is at a radius."""
 
     def segment(flow: Flow, _) -> tuple[Flow, History]:
-        first, front = recomputed(lambda f: _step(f, end))(flow)
+        first, front = _step(flow, end)
         record = History(flow.shock, flow.time, front, *_readings(flow, front, radii))
-        return jax.lax.scan(one_step, first, length=stride - 1)[0], record
+        last = jax.lax.fori_loop(1, stride, lambda _, f: _step(f, end)[0], first)
+        return last, record
 
-    last, history = jax.lax.scan(segment, flow, length=records)
+    last, history = jax.lax.scan(segment, flow, length=RECORDS)
     # Each step checks the flow before it, so the last one is still unchecked.
     least = jnp.minimum(*gas_of(last)[::2])
     alive = last.alive & jnp.all(least > 0.0)
-    return eqx.tree_at(lambda f: f.alive, last, alive), history
-
-
-_run = eqx.filter_jit(run)
+    return dataclasses.replace(last, alive=alive), history
 
 
 def march(
@@ -305,7 +274,7 @@ def march(
     stride: int = STRIDE,
     gauges: Sequence[float] = (),
 ) -> tuple[Flow, History]:
-    r"""Run a point source until its shock is at a radius. It is not differentiable.
+    r"""Run a point source until its shock is at a radius.
 
     Args:
         cells: Number of cells.
@@ -320,7 +289,7 @@ def march(
     flow = point_source(cells=cells) if flow is None else flow
     parts: list[History] = []
     while not parts or parts[-1].shock[-1] < end:
-        flow, history = _run(flow, end, records=RECORDS, stride=stride, gauges=gauges)
+        flow, history = _run(flow, end, jnp.asarray(gauges, flow.radius.dtype), stride)
         parts.append(jax.tree.map(np.asarray, history))
         if not flow.alive or not parts[-1].shock[-1] > parts[-1].shock[0]:
             at = f"at a shock radius of {float(flow.shock):g} m"
@@ -433,10 +402,8 @@ def _step(flow: Flow, end) -> tuple[Flow, Front]:
     limit = COURANT * jnp.min(crossed)
     alive = flow.alive & (limit > 0.0)
     length = jnp.minimum(jnp.where(alive, limit, 0.0), end - flow.shock)
-    # Steps are constant while parameters vary: derivatives are those of the same steps.
     # The rounding of the clock is part of the step.
-    clock = flow.shock + jnp.maximum(length, 0.0)
-    advance = jax.lax.stop_gradient(clock - flow.shock)
+    advance = (flow.shock + jnp.maximum(length, 0.0)) - flow.shock
     mass = _overtaken(flow, advance)[0]
     first = _rates(flow, cells, front, mass, advance)
     middle = jax.lax.optimization_barrier(_advanced(flow, first, mass, advance))
@@ -446,7 +413,7 @@ def _step(flow: Flow, end) -> tuple[Flow, Front]:
     both = jax.lax.optimization_barrier(both)
     advanced = _advanced(flow, both, mass, advance)
     new = jax.tree.map(lambda a, b: jnp.where(alive, a, b), advanced, flow)
-    return eqx.tree_at(lambda f: f.alive, new, alive), front
+    return dataclasses.replace(new, alive=alive), front
 
 
 def _advanced(flow: Flow, rates, mass, advance) -> Flow:

@@ -9,8 +9,8 @@ tables comes from the registry. Shown by docs/explanation/laws.md.
 import dataclasses
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -24,15 +24,14 @@ from jblast.cli.jax_start import start_jax
 from jblast.constants import STANDARD_SOUND_SPEED
 from jblast.files import write_text
 from jblast.quantities import DERIVED_QUANTITIES, QUANTITIES
-from jblast.registry import LAWS, Law, call
+from jblast.registry import LAWS, call
 from jblast.report.colours import COLOURS, INK, MUTED
 from jblast.report.figures import log_ticks, new_figure, quiet, titled
-from jblast.report.numbers import Unit, capitalised, quantity_words, unit_for
+from jblast.report.numbers import capitalised, quantity_words, unit_for
 from jblast.scene import Air, Charge, Scene
 from jblast.scene.charge import Burst
 from jblast.sensors.calculator import Rows
 from jblast.waves.laws.weak_shock import HUMIDITY
-from jblast.waves.paths import Path as WavePath
 
 MASS = 15.0
 """Of the charge [kg]: scaled by its cube root, few laws depend on it."""
@@ -40,6 +39,7 @@ UNSCALED = ("weak_shock_iso", "wu_hao")
 """Those that do."""
 SCALED_DISTANCE = np.geomspace(0.05, 1e4, 600)
 DRAWN = ("peak_overpressure_pa", "air_arrival_s")
+"""Quantities with a figure."""
 PALETTE = (
     *(*COLOURS, INK, "#882255", "#E8308A", "#332288", "#999933", "#AA4499"),
     *("#8C510A", "#44AA99", "#661100", "#888888", "#117733", "#B8860B"),
@@ -48,31 +48,11 @@ PALETTE = (
 """Colours of laws: those of Okabe and Ito, then mostly Tol's muted ones."""
 LABEL_GAP = 0.062
 """Least distance of two labels, as a fraction of a panel's height: one line of text."""
-"""Quantities with a figure."""
 BURSTS: tuple[Burst, Burst] = ("surface", "free-air")
 ON_THE_GROUND = ("ford_2021",)
 """Laws whose range asks for no burst, found with charges on or near the ground."""
 SPEEDS = {"air_arrival_s": STANDARD_SOUND_SPEED}
 """Arrivals are drawn over range/speed [m/s]: over decades of range they hide all."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """One law along the x axis.
-
-    Attributes:
-        value: Scaled by the cube root of the mass where it grows with it, in SI.
-        valid: Where the law holds.
-    """
-
-    value: Float[np.ndarray, " point"]
-    valid: Bool[np.ndarray, " point"]
-
-
-Curves = Mapping[str, Curve]
-"""By law name."""
-
-
 REFERENCES = ("shock_kinematics", "kingery_bulmash", "ufc_3_340_02")
 """The first that gives a quantity is what the others are compared with."""
 MOST_APART = {"air_arrival_s": 15.0}
@@ -80,9 +60,17 @@ MOST_APART = {"air_arrival_s": 15.0}
 CUT_OFF = 45.0
 LEAST_SLOWNESS = 0.03
 """Where arrivals are cut off, of that of sound: some laws start at no time at all."""
-ROOT = "kg$^{1/3}$"
 
-Limits = tuple[float, float]
+
+class Curve(NamedTuple):
+    """One law along the x axis: its value in SI, and where it holds."""
+
+    value: Float[np.ndarray, " point"]
+    valid: Bool[np.ndarray, " point"]
+
+
+Curves = Mapping[str, Curve]
+"""By law name."""
 
 
 RESULTS = Path(__file__).parent / "results"
@@ -107,37 +95,25 @@ shares, and of each record.
 
 def laws_text() -> str:
     """Return the page."""
-    order = (*QUANTITIES, *DERIVED_QUANTITIES)
-    parts = [HEAD]
-    for quantity, one in (QUANTITIES | DERIVED_QUANTITIES).items():
-        laws = sorted(
-            (law for law in LAWS.values() if law.quantity == quantity),
-            key=lambda law: law.name,
-        )
-        if laws:
-            parts.append(_section(quantity, one.meaning, laws))
-    unknown = {quantity for quantity, _ in LAWS} - set(order)
+    parts, quantities = [HEAD], QUANTITIES | DERIVED_QUANTITIES
+    for quantity, one in quantities.items():
+        laws = [law for law in LAWS.values() if law.quantity == quantity]
+        if not laws:
+            continue
+        title = capitalised(quantity_words(quantity))
+        lines = [f"## {title}", "", f"`{quantity}`: {one.meaning}.", ""]
+        if quantity in DRAWN:
+            lines += [f"![{title} by every law](laws_{quantity}.png)", ""]
+        lines += ["| law | range | source | scatter |", "|---|---|---|---|"]
+        lines += [
+            f"| `{law.name}` | {law.range} | {law.source} | "
+            f"{law.scatter_words().removeprefix('scatter ')} |"
+            for law in sorted(laws, key=lambda law: law.name)
+        ]
+        parts.append("\n".join(lines) + "\n")
+    unknown = {quantity for quantity, _ in LAWS} - {*quantities}
     assert not unknown, f"quantities.py has no {unknown}"
     return "\n".join(parts)
-
-
-def figure_name(quantity: str) -> str:
-    """Return the file of a quantity's figure."""
-    return f"laws_{quantity}.png"
-
-
-def _section(quantity: str, meaning: str, laws: list[Law]) -> str:
-    title = capitalised(quantity_words(quantity))
-    lines = [f"## {title}", "", f"`{quantity}`: {meaning}.", ""]
-    if quantity in DRAWN:
-        lines += [f"![{title} by every law]({figure_name(quantity)})", ""]
-    lines += ["| law | range | source | scatter |", "|---|---|---|---|"]
-    lines += [
-        f"| `{law.name}` | {law.range} | {law.source} | "
-        f"{law.scatter_words().removeprefix('scatter ')} |"
-        for law in laws
-    ]
-    return "\n".join(lines) + "\n"
 
 
 def _save(figure: Figure, file: Path) -> None:
@@ -152,7 +128,7 @@ def main() -> None:
     """Write it."""
     start_jax()
     for quantity in DRAWN:
-        file = RESULTS / figure_name(quantity)
+        file = RESULTS / f"laws_{quantity}.png"
         _save(law_figure(quantity, panels(quantity)), file)
         print(f"wrote {file.name}, {file.stat().st_size / 1e3:.0f} kB")
     write_text(RESULTS / "laws.md", laws_text())
@@ -166,46 +142,47 @@ def law_figure(quantity: str, panels: Mapping[str, Curves]) -> Figure:
         quantity: Its name.
         panels: Its curves by burst.
     """
-    x = SCALED_DISTANCE
-    shown = _where_laws_hold(panels, x)
-    x = x[shown]
-    panels = {
-        burst: {
-            name: Curve(curve.value[shown], curve.valid[shown])
-            for name, curve in curves.items()
-        }
-        for burst, curves in panels.items()
-    }
-    compared = {burst: _differences(curves) for burst, curves in panels.items()}
-    rows = 2 if any(compared.values()) else 1
-    figure = new_figure(5.6 * len(panels), 3.0 * rows + 1.0)
-    grid = figure.subplots(rows, len(panels), squeeze=False)
-    unit = _unit(quantity, panels)
-    for axes, (burst, curves) in zip(grid[0], panels.items(), strict=True):
+    every = [curve for curves in panels.values() for curve in curves.values()]
+    held = np.flatnonzero(np.any([curve.valid for curve in every], axis=0))
+    shown = slice(int(held[0]), int(held[-1]) + 1)
+    x = SCALED_DISTANCE[shown]
+    values = np.concatenate([curve.value[curve.valid] for curve in every])
+    if quantity in SPEEDS:
+        size, label = 1.0, f"arrival × {SPEEDS[quantity]:g} m/s / R"
+        values = values[values > LEAST_SLOWNESS]
+    else:
+        unit = unit_for(quantity, float(np.median(values)))
+        size, label = unit.size, unit.symbol
+    figure = new_figure(5.6 * len(panels), 7.0)
+    grid = figure.subplots(2, len(panels), squeeze=False)
+    margin = 1.1 if values.max() < 20.0 * values.min() else 1.5
+    limits = values.min() / size / margin, values.max() / size * margin
+    compared = {burst: _differences(curves, shown) for burst, curves in panels.items()}
+    apart = [y for differences in compared.values() for y in differences.values()]
+    low, high = min(float(np.nanmin(apart)), -1.0), max(float(np.nanmax(apart)), 1.0)
+    wider, most = 0.08 * (high - low), MOST_APART.get(quantity, CUT_OFF)
+    differ = max(low - wider, -most), min(high + wider, most)
+    for (above, below), (burst, curves) in zip(grid.T, panels.items(), strict=True):
+        above.set_yscale("log")
         scaled = {
-            name: Curve(curve.value / unit.size, curve.valid)
+            name: Curve(curve.value[shown] / size, curve.valid[shown])
             for name, curve in curves.items()
         }
-        axes.set_yscale("log")
-        _panel(axes, x, scaled, _value_limits(quantity, panels, unit))
-        axes.set_ylabel(_label(quantity, unit))
-        log_ticks(axes.yaxis, axes.get_ylim())
-        titled(axes, f"{capitalised(burst)} burst")
-    limits = _difference_limits(quantity, compared) if rows == 2 else (0.0, 0.0)
-    for column, (burst, differences) in zip(grid.T, compared.items(), strict=True):
-        axes = column[-1]
-        if differences:
-            reference = _reference(panels[burst])
-            _panel(axes, x, differences, limits, reference)
-            axes.set_ylabel(f"% above {reference}")
-        elif rows == 2:
-            axes.set_axis_off()
-            axes.text(0.5, 0.5, "one law only", ha="center", fontsize=9, color=MUTED)
-            axes = column[0]
-        axes.set_xlabel(f"Z (m/{ROOT})")
+        _panel(above, x, scaled, limits)
+        above.set_ylabel(label)
+        log_ticks(above.yaxis, above.get_ylim())
+        titled(above, f"{capitalised(burst)} burst")
+        reference, solid = _reference(curves), np.ones(x.shape, bool)
+        differences = {name: Curve(y, solid) for name, y in compared[burst].items()}
+        _panel(below, x, differences, differ, reference)
+        below.set_ylabel(f"% above {reference}")
+        below.set_xlabel("Z (m/kg$^{1/3}$)")
     title = capitalised(quantity_words(quantity))
     figure.suptitle(title, x=0.01, ha="left", fontsize=13, color=INK)
-    figure.supxlabel(_key(quantity, panels), fontsize=9, color=MUTED)
+    key = ["solid: where the law holds", "dashed: outside its range"]
+    names = {name for curves in panels.values() for name in curves}
+    key += [f"{name}: {MASS:g} kg" for name in UNSCALED if name in names]
+    figure.supxlabel("    ".join(key), fontsize=9, color=MUTED)
     return figure
 
 
@@ -213,7 +190,7 @@ def _panel(
     axes: Axes,
     x: Float[np.ndarray, " point"],
     curves: Curves,
-    limits: Limits,
+    limits: tuple[float, float],
     reference: str = "",
 ) -> None:
     """Draw curves and their names; a reference is broad, so others on it are seen."""
@@ -224,13 +201,14 @@ def _panel(
     axes.set_ylim(*limits)
     log_ticks(axes.xaxis, axes.get_xlim())
     ends = {}
-    for name, curve in curves.items():
+    for name, (value, valid) in curves.items():
+        colour = colours[name]
         if name == reference:
-            axes.plot(x, curve.value, color=colours[name], linewidth=5.0, alpha=0.35)
+            axes.plot(x, value, color=colour, linewidth=5.0, alpha=0.35)
         else:
-            draw_curve(axes, x, curve.value, curve.valid, colours[name])
-        last = np.flatnonzero(np.isfinite(curve.value))[-1]
-        ends[name] = (float(x[last]), float(curve.value[last]))
+            draw_curve(axes, x, value, valid, colour)
+        last = np.flatnonzero(np.isfinite(value))[-1]
+        ends[name] = (float(x[last]), float(value[last]))
     name_curves(axes, ends, colours)
 
 
@@ -281,86 +259,38 @@ def name_curves(
         )
 
 
-def _where_laws_hold(
-    panels: Mapping[str, Curves], x: Float[np.ndarray, " point"]
-) -> slice:
-    """Return the stretch of x in which some law of the quantity holds."""
-    valid = [curve.valid for curves in panels.values() for curve in curves.values()]
-    held = np.flatnonzero(np.any(valid, axis=0))
-    return slice(int(held[0]), int(held[-1]) + 1)
-
-
 def _reference(curves: Curves) -> str:
-    """Return the law that others of a panel are compared with, "" if none."""
-    return next((name for name in REFERENCES if name in curves), "")
+    """Return the law that others of a panel are compared with."""
+    return next(name for name in REFERENCES if name in curves)
 
 
-def _differences(curves: Curves) -> Curves:
+def _differences(curves: Curves, shown: slice) -> dict[str, np.ndarray]:
     """Return each law over the reference less one, where both hold [%]."""
-    reference = _reference(curves)
-    if not reference:
-        return {}
-    against = curves[reference]
-    found = {}
+    against, found = curves[_reference(curves)], {}
     for name, curve in curves.items():
-        both = curve.valid & against.valid
+        both = (curve.valid & against.valid)[shown]
         if both.any():
-            per_cent = 100.0 * (curve.value / against.value - 1.0)
-            found[name] = Curve(np.where(both, per_cent, np.nan), np.ones_like(both))
-    return found if len(found) > 1 else {}
-
-
-def _unit(quantity: str, panels: Mapping[str, Curves]) -> Unit:
-    if quantity in SPEEDS:
-        return Unit("", 1.0)
-    return unit_for(quantity, float(np.median(_valid_values(panels))))
-
-
-def _valid_values(panels: Mapping[str, Curves]) -> Float[np.ndarray, " value"]:
-    every = [curve for curves in panels.values() for curve in curves.values()]
-    return np.concatenate([curve.value[curve.valid] for curve in every])
-
-
-def _value_limits(quantity: str, panels: Mapping[str, Curves], unit: Unit) -> Limits:
-    values = _valid_values(panels) / unit.size
-    if quantity in SPEEDS:
-        values = values[values > LEAST_SLOWNESS]
-    margin = 1.1 if values.max() < 20.0 * values.min() else 1.5
-    return float(values.min()) / margin, float(values.max()) * margin
-
-
-def _difference_limits(quantity: str, compared: Mapping[str, Curves]) -> Limits:
-    every = [curve.value for curves in compared.values() for curve in curves.values()]
-    low, high = min(float(np.nanmin(every)), -1.0), max(float(np.nanmax(every)), 1.0)
-    margin = 0.08 * (high - low)
-    most = MOST_APART.get(quantity, CUT_OFF)
-    return max(low - margin, -most), min(high + margin, most)
-
-
-def _label(quantity: str, unit: Unit) -> str:
-    if quantity in SPEEDS:
-        return f"arrival × {SPEEDS[quantity]:g} m/s / R"
-    return unit.symbol
-
-
-def _key(quantity: str, panels: Mapping[str, Curves]) -> str:
-    parts = ["solid: where the law holds", "dashed: outside its range"]
-    parts += [
-        f"{name}: {MASS:g} kg"
-        for name in UNSCALED
-        if any(name in curves for curves in panels.values())
-    ]
-    return "    ".join(parts)
+            ratio = (curve.value / against.value)[shown]
+            found[name] = np.where(both, 100.0 * (ratio - 1.0), np.nan)
+    return found
 
 
 def panels(quantity: str) -> dict[str, Curves]:
     """Return the curves of a quantity by burst, without laws valid nowhere there."""
-    by_burst = {burst: _curves(quantity, burst) for burst in BURSTS}
-    return {burst: curves for burst, curves in by_burst.items() if curves}
+    return {burst: _curves(quantity, burst) for burst in BURSTS}
 
 
 def _curves(quantity: str, burst: Burst) -> Curves:
-    path, factor = _path(burst), _factor(quantity)
+    """Return the laws from a charge of TNT in dry standard air, on granite.
+
+    Air without any vapour absorbs much more than any outdoors: absorption is that at
+    `HUMIDITY`.
+    """
+    scene = Scene(Charge(burst=burst), air=Air(relative_humidity=0.0))
+    ranges = np.cbrt(MASS) * SCALED_DISTANCE
+    path = Rows(scene, ranges, np.full_like(ranges, MASS)).path()
+    path = dataclasses.replace(path, relative_humidity=HUMIDITY)
+    factor = SPEEDS[quantity] / ranges if quantity in SPEEDS else 1.0
     found = {}
     laws = (law for law in LAWS.values() if law.quantity == quantity)
     for law in sorted(laws, key=lambda law: law.name):
@@ -371,29 +301,6 @@ def _curves(quantity: str, burst: Burst) -> Curves:
         if valid.any():
             found[law.name] = Curve(value, valid)
     return found
-
-
-def _size() -> float:
-    return float(np.cbrt(MASS))
-
-
-def _path(burst: Burst) -> WavePath:
-    """Return the ways from a charge of TNT in dry standard air, on granite.
-
-    Air without any vapour absorbs much more than any outdoors: absorption is that at
-    `HUMIDITY`.
-    """
-    scene = Scene(Charge(burst=burst), air=Air(relative_humidity=0.0))
-    ranges = _size() * SCALED_DISTANCE
-    path = Rows(scene, ranges, np.full_like(ranges, MASS)).path()
-    return dataclasses.replace(path, relative_humidity=HUMIDITY)
-
-
-def _factor(quantity: str) -> float | Float[np.ndarray, " point"]:
-    """Return what turns a value at the charge into the one that is drawn."""
-    if quantity in SPEEDS:
-        return SPEEDS[quantity] / (_size() * SCALED_DISTANCE)
-    return 1.0
 
 
 if __name__ == "__main__":
