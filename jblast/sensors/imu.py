@@ -162,6 +162,7 @@ def inertial_between(before: State, now: State, period_s: Float[Array, ""]) -> I
     return Inertial(quaternion_matrix(middle).T @ gained, turn / period_s)
 
 
+@kept
 def inertial_of(
     flight: Trajectory,
     edges_s: Float[Array, " edge"],
@@ -217,6 +218,7 @@ def rotation_quaternion(vector: Float[Array, "3"]) -> Float[Array, "4"]:
     return jnp.append(scale * vector, cosine)
 
 
+@kept
 def with_errors(key: PRNGKeyArray, imu: Imu, true: Inertial) -> Inertial:
     """Return the samples of a record with the errors of the instrument.
 
