@@ -1146,12 +1146,9 @@ def read() -> tuple[dict[str, list[Point]], str]:
     """Return the kept points of each topic, and the machine that measured them."""
     kept: dict[str, list[Point]] = {}
     for row in table_rows(KEPT):
-        topic, numbers = (
-            row.pop("topic"),
-            (float(row.pop(n)) for n in ("cost_s", "error")),
-        )
-        flags = {name: row.pop(name) == "true" for name in ("whole", "reference")}
-        point = Point(row["panel"], row["method"], *numbers, row["over"], **flags)
+        topic, cost, error = row["topic"], float(row["cost_s"]), float(row["error"])
+        flags = (row[name] == "true" for name in ("whole", "reference"))
+        point = Point(row["panel"], row["method"], cost, error, row["over"], *flags)
         kept.setdefault(topic, []).append(point)
     return kept, KEPT.read_text().partition("\n")[0].removeprefix("# ")
 

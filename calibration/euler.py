@@ -286,17 +286,17 @@ def march(
     Returns:
         The flow at the end, and the records as NumPy arrays.
     """
-    flow = point_source(cells=cells) if flow is None else flow
-    parts: list[History] = []
+    last = point_source(cells=cells) if flow is None else flow
+    radii, parts = jnp.asarray(gauges, last.radius.dtype), []
     while not parts or parts[-1].shock[-1] < end:
-        flow, history = _run(flow, end, jnp.asarray(gauges, flow.radius.dtype), stride)
+        last, history = _run(last, end, radii, stride)
         parts.append(jax.tree.map(np.asarray, history))
-        if not flow.alive or not parts[-1].shock[-1] > parts[-1].shock[0]:
-            at = f"at a shock radius of {float(flow.shock):g} m"
+        if not last.alive or not parts[-1].shock[-1] > parts[-1].shock[0]:
+            at = f"at a shock radius of {float(last.shock):g} m"
             raise RuntimeError(f"expected positive densities and pressures, lost {at}")
     whole = jax.tree.map(lambda *part: np.concatenate(part), *parts)
     moved = np.concatenate([[True], np.diff(whole.shock) > 0.0])
-    return flow, jax.tree.map(lambda values: values[moved], whole)
+    return last, jax.tree.map(lambda values: values[moved], whole)
 
 
 def decay_at(scaled: Float[np.ndarray, " node"], history: History) -> Decay:

@@ -18,7 +18,7 @@ searched in packets as in `jblast world`: found, false alarms, errors of times.
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -111,7 +111,8 @@ def counted(clips: Iterable[Clip]) -> Count:
 
 def total(counts: Iterable[Count]) -> Count:
     """Return the sum of several."""
-    return Count(*(sum(column) for column in zip(*counts, strict=True)))
+    sums: list[Any] = [sum(column) for column in zip(*counts, strict=True)]
+    return Count(*sums)
 
 
 def ambient(name: str) -> np.ndarray:
@@ -214,7 +215,8 @@ def live() -> Iterator[str]:
         ]
         hits, alarms = near.any(axis=0).sum(), (~near.any(axis=1)).sum()
         table[name] += len(fronts), hits, alarms
-    for name, row in (table | {"all": sum(table.values())}).items():
+    table["all"] = np.sum([*table.values()], axis=0)
+    for name, row in table.items():
         yield f"  {name:22s}" + "".join(f"{n:8d}" for n in row)
     z = np.abs(errors)
     shares = ", ".join(f"{100 * np.mean(z < k):.1f} % below {k}" for k in (1, 2, 3))

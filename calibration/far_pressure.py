@@ -115,8 +115,8 @@ def every_record() -> Far:
     log_range, height = map(np.asarray, found.place(found.ambient_pressure()))
     impulse, duration = found.column("impulse_Pa_s"), found.column("duration_s")
     values = 2.0 * impulse / duration, impulse, duration
-    value = dict(zip(QUANTITIES, values, strict=True))
-    return Far(found, np.exp(log_range), height, value)
+    named: dict[str, np.ndarray] = dict(zip(QUANTITIES, values, strict=True))
+    return Far(found, np.exp(log_range), height, named)
 
 
 def slope_of(

@@ -41,6 +41,7 @@ shared with `jblast.inference`, which it checks.
 
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
@@ -51,6 +52,7 @@ import numpy as np
 from jax.scipy.special import logsumexp
 
 from calibration import run_part
+from calibration.cases import standard_path
 from calibration.ford_2021 import (
     CAMPAIGNS,
     COLUMNS,
@@ -70,7 +72,6 @@ from jblast.observations import Observations, read, resolve_positions
 from jblast.registry import Law, call, register
 from jblast.scene import UncertainScene, read_scene, with_laws
 from jblast.waves.laws.ford_2021 import ford_2021_law
-from jblast.waves.paths import Path as WavePath
 
 HALF_WIDTH = 5.0
 """The grid reaches so far to each side of the true ln W."""
@@ -92,46 +93,36 @@ class MassEstimate(NamedTuple):
     log_density_at_truth: float
 
 
+FIT, EMCEE, EXACT = "jblast fit", "jblast fit, emcee", "by quadrature"
+IMPULSE = "  from the impulse alone"
+
+
 class Judged(NamedTuple):
     """A shot estimated from the others: what `jblast fit` says, and two checks.
 
     Attributes:
-        shot: Its name.
-        campaign: Its campaign's.
-        n_records: How many the log has, of each quantity.
-        scaled_height: Height of burst h/W^(1/3) [m/kg^(1/3)].
-        log_mass: The recorded mass, ln of kg.
-        weighted: By `jblast fit`.
-        emcee: By `jblast fit --posterior emcee`.
-        valid: Whether these are marked valid.
-        exact: By quadrature.
-        exact_of_impulse: The same from the impulses alone.
+        log: The records of the shot.
+        valid: Whether the answer of `jblast fit` is marked valid.
+        told: The posterior by `FIT`, `EMCEE`, `EXACT` and `IMPULSE`.
     """
 
-    shot: str
-    campaign: str
-    n_records: int
-    scaled_height: float
-    log_mass: float
-    weighted: MassEstimate
-    emcee: MassEstimate
+    log: Records
     valid: bool
-    exact: MassEstimate
-    exact_of_impulse: MassEstimate
+    told: dict[str, MassEstimate]
 
+    @property
+    def scaled_height(self) -> float:
+        """Height of burst h/W^(1/3) [m/kg^(1/3)]."""
+        return float(self.log.place()[1][0])
 
-class Weighed(NamedTuple):
-    """What `jblast fit` says of the mass of a shot.
+    @property
+    def log_mass(self) -> float:
+        """The recorded mass, ln of kg."""
+        return float(np.log(self.log.charge_mass[0]))
 
-    Attributes:
-        weighted: By weighted draws.
-        emcee: By walkers.
-        valid: Whether the answer is marked valid.
-    """
-
-    weighted: MassEstimate
-    emcee: MassEstimate
-    valid: bool
+    def inside(self, way: str) -> bool:
+        """Return whether the 90 % interval holds the true mass."""
+        return self.told[way].q05 <= self.log_mass <= self.told[way].q95
 
 
 PROCESSES = 2
@@ -167,21 +158,9 @@ def judge(name: str) -> list[Judged]:
     judged = []
     for shot in dict.fromkeys(records.shot[left_out].tolist()):
         log = records.where(records.shot == shot)
-        weighed = weigh(shot, laws)
-        judged.append(
-            Judged(
-                shot=shot,
-                campaign=str(log.campaign[0]),
-                n_records=len(log.shot),
-                scaled_height=float(log.place()[1][0]),
-                log_mass=float(np.log(log.charge_mass[0])),
-                weighted=weighed.weighted,
-                emcee=weighed.emcee,
-                valid=weighed.valid,
-                exact=estimate(log, laws),
-                exact_of_impulse=estimate(log, laws[:1]),
-            )
-        )
+        told, valid = weigh(shot, laws)
+        told |= {EXACT: estimate(log, laws), IMPULSE: estimate(log, laws[:1])}
+        judged.append(Judged(log, valid, told))
     return judged
 
 
@@ -206,11 +185,6 @@ def main() -> None:
         compare(deep)
 
 
-def inside(one: Judged, told: MassEstimate) -> bool:
-    """Return whether the 90 % interval holds the true mass."""
-    return told.q05 <= one.log_mass <= told.q95
-
-
 def show(judged: list[Judged]) -> None:
     """Print one line a shot: by weighted draws, then by emcee."""
     each = "  ln est/W     sd  90 %  score"
@@ -219,11 +193,12 @@ def show(judged: list[Judged]) -> None:
     for one in judged:
         told = " |".join(
             f"{of.mean - one.log_mass:+10.3f} {of.sd:6.3f} "
-            f"{'in' if inside(one, of) else 'OUT':>5s} {of.log_density_at_truth:+6.2f}"
-            for of in (one.weighted, one.emcee)
+            f"{'in' if one.inside(way) else 'OUT':>5s} {of.log_density_at_truth:+6.2f}"
+            for way in (FIT, EMCEE)
+            for of in [one.told[way]]
         )
         print(
-            f"  {one.shot:6s} {one.n_records:7d} {one.scaled_height:8.2f} "
+            f"  {one.log.shot[0]:6s} {len(one.log.shot):7d} {one.scaled_height:8.2f} "
             f"{np.exp(one.log_mass):6.0f}{told}{'' if one.valid else ' outside'}"
         )
 
@@ -233,7 +208,7 @@ def resamples(judged: list[Judged], by_campaign: bool, n: int = 10_000) -> np.nd
     draw = np.random.default_rng(0)
     if not by_campaign:
         return draw.integers(len(judged), size=(n, len(judged)))
-    campaign = np.array([one.campaign for one in judged])
+    campaign = np.array([one.log.campaign[0] for one in judged])
     groups = [np.flatnonzero(campaign == name) for name in np.unique(campaign)]
     # A campaign keeps its size, so the rows are filled in turn and cut to one length.
     rows = []
@@ -252,21 +227,16 @@ def summarise(judged: list[Judged], by_campaign: bool) -> None:
     print(
         "  summary                       median |ln est/W|    mean score       inside"
     )
-    for title, which in (
-        ("jblast fit", "weighted"),
-        ("jblast fit, emcee", "emcee"),
-        ("by quadrature", "exact"),
-        ("  from the impulse alone", "exact_of_impulse"),
-    ):
-        told: list[MassEstimate] = [getattr(one, which) for one in judged]
-        pairs = list(zip(judged, told, strict=True))
+    for way in (FIT, EMCEE, EXACT, IMPULSE):
+        told = [one.told[way] for one in judged]
+        pairs = zip(judged, told, strict=True)
         error = np.array([abs(t.mean - one.log_mass) for one, t in pairs])
         score = np.array([t.log_density_at_truth for t in told])
-        held = sum(inside(*pair) for pair in pairs)
+        held = sum(one.inside(way) for one in judged)
         e = np.quantile(np.median(error[rows], axis=1), (0.05, 0.95))
         s = np.quantile(score[rows].mean(axis=1), (0.05, 0.95))
         print(
-            f"  {title:27s} {np.median(error):.3f} ({e[0]:.3f} to {e[1]:.3f})"
+            f"  {way:27s} {np.median(error):.3f} ({e[0]:.3f} to {e[1]:.3f})"
             f"  {score.mean():+.3f} ({s[0]:+.3f} to {s[1]:+.3f})"
             f"  {held} of {len(judged)}"
         )
@@ -275,17 +245,10 @@ def summarise(judged: list[Judged], by_campaign: bool) -> None:
 def compare(judged: list[Judged]) -> None:
     """Print how far both methods lie from the quadrature at most."""
     print("  less quadrature, largest [its sd]    mean      sd     5 %    95 %   score")
-    for title, which in (("weighted draws", "weighted"), ("emcee", "emcee")):
-        told: list[MassEstimate] = [getattr(one, which) for one in judged]
-        away = np.array(
-            [
-                [
-                    *(np.array(of[:4]) - np.array(one.exact[:4])) / one.exact.sd,
-                    of.log_density_at_truth - one.exact.log_density_at_truth,
-                ]
-                for one, of in zip(judged, told, strict=True)
-            ]
-        )
+    exact = np.array([one.told[EXACT] for one in judged])
+    for title, way in (("weighted draws", FIT), ("emcee", EMCEE)):
+        away = np.array([one.told[way] for one in judged]) - exact
+        away[:, :4] /= exact[:, 1:2]
         worst = away[np.argmax(np.abs(away), axis=0), range(away.shape[1])]
         print(f"    {title:31s}" + "".join(f"{x:+8.3f}" for x in worst))
 
@@ -300,8 +263,12 @@ def log_and_scene(shot: str, laws: list[Law]) -> tuple[Observations, UncertainSc
         return read(file), with_laws(read_scene(known), by_quantity)
 
 
-def weigh(shot: str, laws: list[Law]) -> Weighed:
-    """Fit the log of a shot as a user would, by laws that are registered."""
+def weigh(shot: str, laws: list[Law]) -> tuple[dict[str, MassEstimate], bool]:
+    """Fit the log of a shot as a user would, by laws that are registered.
+
+    Returns:
+        The posterior by `FIT` and by `EMCEE`, and whether the answer is marked valid.
+    """
     log, uncertain = log_and_scene(shot, laws)
     log = resolve_positions(log, uncertain.scene, uncertain.beliefs)
     solution = solve(log, uncertain)
@@ -310,11 +277,8 @@ def weigh(shot: str, laws: list[Law]) -> Weighed:
     if not (draws.reliable and walk.converged):
         raise RuntimeError(f"the fit of {shot} did not converge")
     score = log_density_at(density, draws, float(rows_of(shot)[0]["yield_kg"]))
-    return Weighed(
-        _told(draws, score),
-        _told(walk.as_draws(draws), score),
-        bool(solution.answer.valid.all()),
-    )
+    told = {FIT: _told(draws, score), EMCEE: _told(walk.as_draws(draws), score)}
+    return told, bool(solution.answer.valid.all())
 
 
 def _told(draws: Draws, score: float) -> MassEstimate:
@@ -358,12 +322,6 @@ def log_likelihood(
     return logsumexp(shots + weight[:, None], axis=0)
 
 
-def mass_grid(charge_mass: float) -> np.ndarray:
-    """Return the values of ln W of the quadrature, about the true one."""
-    truth = np.log(charge_mass)
-    return truth + np.arange(-HALF_WIDTH, HALF_WIDTH + STEP / 2, STEP)
-
-
 def log_density_of(log: Records, laws: list[Law], grid: np.ndarray) -> np.ndarray:
     """Return the log-likelihood of one shot's records at each ln W of a grid.
 
@@ -372,21 +330,15 @@ def log_density_of(log: Records, laws: list[Law], grid: np.ndarray) -> np.ndarra
         laws: One law for each quantity that is used.
         grid: Values of ln W.
     """
-    nothing = jnp.zeros(())
-    path = WavePath(
-        slant_range=jnp.asarray(log.slant_range)[None, :],
-        ground_range=jnp.asarray(log.slant_range)[None, :],
+    ranges = jnp.asarray(log.slant_range)[None, :]
+    path = replace(
+        jax.tree.map(jnp.asarray, standard_path(np.ones(1), "surface")),
+        slant_range=ranges,
+        ground_range=ranges,
         charge_mass=jnp.exp(jnp.asarray(grid))[:, None],
         height_of_burst=jnp.asarray(log.height_of_burst)[None, :],
         ambient_pressure=jnp.asarray(log.ambient_pressure())[None, :],
         sound_speed=jnp.asarray(log.sound_speed())[None, :],
-        air_density=nothing,
-        p_speed=nothing,
-        sedov_gamma=nothing,
-        time_since_detonation=nothing,
-        sensor_height=nothing,
-        temperature=nothing,
-        relative_humidity=nothing,
     )
     of_path = jnp.asarray(np.unique(log.path)[:, None] == log.path[None, :], float)
     total = np.zeros(len(grid))
@@ -403,27 +355,18 @@ def log_density_of(log: Records, laws: list[Law], grid: np.ndarray) -> np.ndarra
 
 
 def estimate(log: Records, laws: list[Law]) -> MassEstimate:
-    """Return what the records of one shot say about its mass.
+    """Return what the records of one shot say about its mass, with a flat prior.
 
     Args:
         log: The records of one shot; its true mass only places the grid.
         laws: One law for each quantity that is used.
-    """
-    grid = mass_grid(log.charge_mass[0])
-    return summarised(grid, log_density_of(log, laws, grid))
-
-
-def summarised(grid: np.ndarray, total: np.ndarray) -> MassEstimate:
-    """Return mean, sd and 90 % interval of ln W by a log-likelihood and a flat prior.
-
-    Args:
-        grid: Of `mass_grid`; the true ln W is its centre.
-        total: Log-likelihood on it.
 
     Raises:
         ValueError: The posterior does not end within the grid.
     """
-    truth = float(grid[len(grid) // 2])
+    truth = np.log(log.charge_mass[0])
+    grid = truth + np.arange(-HALF_WIDTH, HALF_WIDTH + STEP / 2, STEP)
+    total = log_density_of(log, laws, grid)
     log_density = total - total.max()
     log_density -= np.log(np.sum(np.exp(log_density)) * STEP)
     density = np.exp(log_density)
@@ -432,13 +375,9 @@ def summarised(grid: np.ndarray, total: np.ndarray) -> MassEstimate:
     mean = float(np.sum(grid * density) * STEP)
     # The cumulative sum belongs to the upper edge of each cell.
     q05, q95 = np.interp((0.05, 0.95), np.cumsum(density) * STEP, grid + STEP / 2)
-    return MassEstimate(
-        mean=mean,
-        sd=float(np.sqrt(np.sum((grid - mean) ** 2 * density) * STEP)),
-        q05=float(q05),
-        q95=float(q95),
-        log_density_at_truth=float(np.interp(truth, grid, log_density)),
-    )
+    sd = float(np.sqrt(np.sum((grid - mean) ** 2 * density) * STEP))
+    score = float(np.interp(truth, grid, log_density))
+    return MassEstimate(mean, sd, float(q05), float(q95), score)
 
 
 if __name__ == "__main__":

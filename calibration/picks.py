@@ -27,7 +27,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -89,7 +89,7 @@ class Made(NamedTuple):
 def drawn(many: int, rng: np.random.Generator) -> list[Made]:
     """Draw what records hold: Z of 2 to 300, 10 to 500 kHz, SNR of 5 to 1000."""
 
-    def even(low: float, high: float, size: int | None = None):
+    def even(low: float, high: float, size: int | None = None) -> Any:
         return np.exp(rng.uniform(np.log(low), np.log(high), size))
 
     z, mass, rate = (even(*x, 4 * many) for x in ((2, 300), (0.05, 100), (1e4, 5e5)))
@@ -258,9 +258,8 @@ def of_seed(seed: int) -> Seed:
     named = [any(note == "resonating" for note in one.notes) for one in picks]
     bound = [arrival_bound(one) for one in made]
     eye = [eye_pick(time, x) for x in records]
-    return Seed(
-        made, logs(read), np.transpose(sds), *map(np.array, (named, bound)), logs(eye)
-    )
+    named, bound = np.array(named), np.array(bound)
+    return Seed(made, logs(read), np.transpose(sds), named, bound, logs(eye))
 
 
 def logs(rows: ArrayLike) -> np.ndarray:
@@ -273,10 +272,12 @@ def logs(rows: ArrayLike) -> np.ndarray:
 def simulated() -> None:
     """Print the tables."""
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        seeds = zip(*pool.map(of_seed, SEEDS), strict=True)
-        all_made, *parts = map(list, seeds)
-    made = [one for each in all_made for one in each]
-    found, sd, named, bound, eye = (np.concatenate(x, axis=-1) for x in parts)
+        seeds = list(pool.map(of_seed, SEEDS))
+    made = [one for seed in seeds for one in seed.made]
+    found, sd, named, bound, eye = (
+        np.concatenate(each, axis=-1)
+        for each in zip(*(seed[1:] for seed in seeds), strict=True)
+    )
     value = {name: np.array([getattr(o, name) for o in made]) for name in Made._fields}
     truth = logs([[getattr(o, name) for name in NAMES] for o in made])
     error, eye_error = found - truth, eye - truth

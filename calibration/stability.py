@@ -35,7 +35,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from calibration import cases, stability_fits as poor
 from jblast.cli.jax_start import start_jax
@@ -137,7 +137,7 @@ class Mode(NamedTuple):
         return whole_number(number) or 0 if of == "of" else 0
 
 
-def row(key: str, boundary: float, seen: bool | np.bool_, **numbers: Any) -> Mode:
+def row(key: str, boundary: float, seen: Any, **numbers: Any) -> Mode:
     """Return a row of the table.
 
     Args:
@@ -157,12 +157,19 @@ def row(key: str, boundary: float, seen: bool | np.bool_, **numbers: Any) -> Mod
     return Mode(boundary=float(boundary), **words)
 
 
+def crossing(
+    function: Callable[[float], float], low: float, high: float, to: float = 1e-12
+) -> float:
+    """Return the zero of a function with different signs at two bounds."""
+    return float(root_scalar(function, bracket=(low, high), rtol=to).root)
+
+
 def switching_point(
     answer: Callable[[float], bool | np.bool_ | jax.Array], low: float, high: float
 ) -> float:
     """Return the point between two bounds at which a condition changes."""
     # +-0.5 gives the root finder the sign change that a truth value lacks
-    return brentq(lambda x: 0.5 - bool(answer(x)), low, high, rtol=1e-12)
+    return crossing(lambda x: 0.5 - bool(answer(x)), low, high)
 
 
 def first_failure(failed: np.ndarray, what: str) -> int:
@@ -208,7 +215,7 @@ def law_failures() -> Iterator[Mode]:
         time = wu_hao_air_arrival_time(distance, 1.0, STANDARD_SOUND_SPEED)
         return float(distance / time) / STANDARD_SOUND_SPEED - 1.0
 
-    mean = brentq(lead, 1.0, 100.0)
+    mean = crossing(lead, 1.0, 100.0)
     marked = switching_point(lambda r: wu_hao_air_valid(r, 1.0), 1.0, 100.0)
     numbers = {"metres": mean * math.sqrt(MASS), "slow": -100 * lead(2 * mean)}
     seen = math.isclose(marked, mean, rel_tol=1e-6)
@@ -262,7 +269,7 @@ def _kinney_graham() -> Iterator[Mode]:
     ratios = [ratio(z) for z in grid]
     best, worst = grid[np.argmax(ratios)], grid[np.argmin(ratios)]
     near, far = (
-        brentq(lambda z: ratio(z) - 0.7, *b) for b in ((1.5, best), (best, 40))
+        crossing(lambda z: ratio(z) - 0.7, *b) for b in ((1.5, best), (best, 40))
     )
     law = LAWS["positive_duration_s", "kinney_graham"]
     places = 0.99 * near, best, 1.01 * far
@@ -302,10 +309,10 @@ def _point_sources() -> Iterator[Mode]:
     def energy_error(z: float) -> float:
         """Return the error of 4.184 MJ/kg as the energy with the peak of TNT [%]."""
         peak = float(kingery_bulmash_pressure(z, 1.0, burst="free-air"))
-        mass = brentq(lambda m: float(point_source_pressure(z, m)) - peak, 1e-3, 1e3)
+        mass = crossing(lambda m: float(point_source_pressure(z, m)) - peak, 1e-3, 1e3)
         return 100 * (1.0 / mass - 1.0)
 
-    weak = brentq(lambda z: sedov_error(z) + 10, 0.4, 1.0)
+    weak = crossing(lambda z: sedov_error(z) + 10, 0.4, 1.0)
     strength = float(point_source_pressure(weak, 1.0)) / STANDARD_PRESSURE
     end = switching_point(sedov_valid, 0.4, 1.0)
     time = float(point_source_arrival_time(end, 1.0))
@@ -316,7 +323,7 @@ def _point_sources() -> Iterator[Mode]:
     energies = {"near": share(0.2), "middle": share(0.4), "far": share(end)}
     yield row("sedov_tnt", end, is_reported("sedov_taylor"), **energies)
     # 4.184 MJ/kg is the right energy at one range only; farther out it is too little
-    boundary = brentq(lambda z: energy_error(z) + 30, 2.5, 5.0)
+    boundary = crossing(lambda z: energy_error(z) + 30, 2.5, 5.0)
     off = [energy_error(z) for z in np.geomspace(0.3, boundary, 40)]
     numbers = {"least": min(off), "most": max(off), "far": energy_error(10.0)}
     numbers["energy"] = TNT_SPECIFIC_ENERGY / 1e6
@@ -460,7 +467,7 @@ def _collinear() -> Mode:
         return 2 * min(float(fall), NEAR)
 
     # at the limit of jblast's own search for ambiguities; 1 % is enough for the table
-    boundary = brentq(lambda bent: excess(bent) - AMBIGUITY, 0.0, 5.0, rtol=0.01)
+    boundary = crossing(lambda bent: excess(bent) - AMBIGUITY, 0.0, 5.0, to=0.01)
     at, resolved = (
         poor.solved_log(poor.line(bent), *MIRRORED).solution
         for bent in (0.0, 2 * boundary)
@@ -790,7 +797,7 @@ def _lost() -> Mode:
     calm, both = fly(slow), fly(np.where(np.arange(SPEEDS.size) % 2, SPEEDS, slow))
     lost = np.asarray(both.lost)
     alike = all(
-        np.array_equal(*(np.asarray(getattr(one, name))[::2] for one in (calm, both)))
+        np.array_equal(getattr(calm, name)[::2], getattr(both, name)[::2])
         for name in ("position_m", "quaternion")
     )
     first = first_failure(lost, "a batch with ever faster vehicles")
@@ -913,7 +920,8 @@ def pick_failures() -> Iterator[Mode]:
     for key, recorders in sets.items():
         levels, cases_of_it = zip(*recorders, strict=True)
         failed, unmarked = pick_shares(cases_of_it)
-        numbers = {"share": FAILED_SHARE, "sd": OUTLIER, "wander": WANDER, "echo": ECHO}
+        numbers: dict[str, Any] = {"share": FAILED_SHARE, "sd": OUTLIER}
+        numbers |= {"wander": WANDER, "echo": ECHO}
         numbers |= {"merged_at": MERGED[0], "merged": unmarked[-merged:].max()}
         if key == "echo":
             failed, unmarked = failed[:-merged], unmarked[:-merged]

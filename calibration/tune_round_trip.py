@@ -1,25 +1,23 @@
 """Do the intervals of `jblast tune` hold the truth? Records of which it is known.
 
-    python -m calibration.tune_round_trip [sound|frames|events [SEEDS [CASE ...]]]
+    python -m calibration.tune_round_trip [sound|frames [SEEDS]]
 
 Each case is simulated with every seed, what is named put wrong in the scene, and tuned
 back. Counted is how often the truth is within the 90 % interval, how it lies in
 standard deviations (mean and sd of the normal scores; 0 and 1 are wanted), and how
 often the record counts as poorly explained.
 
-Writes calibration/results/tune_round_trip.txt of sound (40 seeds),
-tune_round_trip_frames.txt (16) and tune_round_trip_events.txt (16), each whole or not
-at all.
+Writes calibration/results/tune_round_trip.txt of sound (40 seeds) and
+tune_round_trip_frames.txt (16).
 """
 
 import copy
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from scipy.stats import beta
 
@@ -27,15 +25,13 @@ from jblast.cli.jax_start import start_jax
 from jblast.files import write_text
 from jblast.inference.tuning import Tuned, tune_sound
 from jblast.inference.tuning.scene_file import put_values
-from jblast.inference.tuning.tune_sight import look_of, paired, tune_events, tune_frames
+from jblast.inference.tuning.tune_sight import look_of, tune_frames
 from jblast.inference.tuning.tune_sound import RecordedSound
 from jblast.inference.tuning.unknowns import tuned_value
 from jblast.report.view import aligned
 from jblast.scene import Scene
 from jblast.scene.reader import scene_from_document
-from jblast.sensors.camera import NoiseModel, film_events, joined
 from jblast.sensors.camera.files.images import srgb_bytes
-from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.image import linear_to_srgb, luminance, srgb_to_linear
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.listening import packets, plan
@@ -47,9 +43,8 @@ RESULTS = Path(__file__).parent / "results"
 KEPT = {
     "sound": "tune_round_trip.txt",
     "frames": "tune_round_trip_frames.txt",
-    "events": "tune_round_trip_events.txt",
 }
-SEEDS = {"sound": 40, "frames": 16, "events": 16}
+SEEDS = {"sound": 40, "frames": 16}
 NOMINAL = 0.9
 
 MICROPHONE = {
@@ -80,11 +75,6 @@ CAMERA = {
         "threshold": [0.25, 0.3],
         "daylight_lux": 5e4,
     },
-}
-THRESHOLDS = {
-    "fireball_growth_s": 2.5e-3,
-    "camera_threshold_brighter": 0.2,
-    "camera_threshold_darker": 0.2,
 }
 
 
@@ -154,28 +144,6 @@ def filmed(case: Case, seed: int) -> tuple[Tuned, Scene]:
     return tune_frames(wrong, values, times, [*case.wrong]), truth
 
 
-def seen(case: Case, seed: int, noise: NoiseModel | None = None) -> tuple[Tuned, Scene]:
-    """Find the events of a fireball, to the microsecond, and tune the wrong scene."""
-    truth = scene_from_document(drawn(case, seed), "true").scene
-    camera = truth.camera
-    assert camera is not None
-    times = np.linspace(0.0, 0.1, 401)
-    film = Film(truth, camera, times, appearance=look_of(camera))
-    key = jax.random.key(seed)
-    found = joined(film_events(film, noise=noise, key=key))
-    time_s = np.round(found.time, 6)
-    pairs = paired(found.x, found.y, time_s, found.polarity, 0.0)
-    wrong = scene_from_document(
-        put_values(copy.deepcopy(case.document), case.wrong, None), "w"
-    )
-    return tune_events(wrong, pairs, [*case.wrong]), truth
-
-
-def really_seen(case: Case, seed: int) -> tuple[Tuned, Scene]:
-    """Do the same with a camera that has the imperfections of a real one."""
-    return seen(case, seed, NoiseModel())
-
-
 def beside(document: dict[str, Any], **tables: Any) -> dict[str, Any]:
     """Return tables with some keys of theirs replaced."""
     changed = copy.deepcopy(document)
@@ -222,19 +190,6 @@ CASES = {
         | {"camera_focal_x_px": 90.0, "camera_focal_y_px": 90.0},
         filmed,
     ),
-    "events": Case(
-        "events of an ideal camera to the microsecond; the truth is drawn",
-        CAMERA,
-        THRESHOLDS,
-        seen,
-    ),
-    "events of a real camera": Case(
-        "the same with mismatch, bandwidth, leaks, noise and refractory periods, "
-        "which the model lacks",
-        CAMERA,
-        THRESHOLDS,
-        really_seen,
-    ),
 }
 
 
@@ -277,34 +232,28 @@ def counted(case: Case, seeds: int) -> list[list[str]]:
     return rows
 
 
-def kept(group: str, seeds: int, named: Sequence[str]) -> None:
-    """Count some cases of a kind of record, print, and keep if they are all."""
-    lines = [
-        f"Truth within the {100 * NOMINAL:.0f} % interval of jblast tune, {seeds} seeds"
-    ]
-    for name in named:
-        case = CASES[name]
-        head = ["number", "within", "95 % of that", "mean score", "sd of scores"]
-        table = aligned([head, *counted(case, seeds)], right=(1, 2, 3, 4))
-        lines += ["", f"{name}: {case.words}", *table]
-        sys.stdout.write("\n".join(lines[-len(table) - 1 :]) + "\n")
-        sys.stdout.flush()
-    if list(named) == of_group(group):
-        write_text(RESULTS / KEPT[group], "\n".join(lines) + "\n")
-
-
-def of_group(group: str) -> list[str]:
-    """Return the names of the cases of a kind of record."""
-    ways = {"sound": (heard,), "frames": (filmed,), "events": (seen, really_seen)}
-    return [name for name, case in CASES.items() if case.tuned in ways[group]]
-
-
 def main() -> None:
     """Count, print, and keep."""
-    asked = sys.argv[1:]
-    for group in asked[:1] or KEPT:
-        seeds = int(asked[1]) if len(asked) > 1 else SEEDS[group]
-        kept(group, seeds, asked[2:] or of_group(group))
+    words = sys.argv[1:]
+    for group in words[:1] or KEPT:
+        seeds = int(words[1]) if len(words) > 1 else SEEDS[group]
+        text = f"Truth within the {100 * NOMINAL:.0f} % interval of jblast tune, "
+        text += f"{seeds} seeds\n"
+        tuned = {"sound": heard, "frames": filmed}[group]
+        for name, case in CASES.items():
+            if case.tuned is tuned:
+                head = [
+                    "number",
+                    "within",
+                    "95 % of that",
+                    "mean score",
+                    "sd of scores",
+                ]
+                table = aligned([head, *counted(case, seeds)], right=(1, 2, 3, 4))
+                text += "\n".join(["", f"{name}: {case.words}", *table, ""])
+        print(text)
+        if seeds == SEEDS[group]:
+            write_text(RESULTS / KEPT[group], text)
 
 
 if __name__ == "__main__":
