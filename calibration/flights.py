@@ -1,11 +1,8 @@
 """Quadrotors that hold their place in blasts: what moves them, how far, what recovers.
 
-    python -m calibration.flights --out calibration/results/flights.png
-        > calibration/results/flights.txt
-    python -m calibration.flights controllers --out calibration/results/controllers.png
-        > calibration/results/controllers.txt
-    python -m calibration.flights estimator [VEHICLES]
-        > calibration/results/estimator.txt
+    python -m calibration.flights > calibration/results/flights.txt
+    python -m calibration.flights controllers > calibration/results/controllers.txt
+    python -m calibration.flights estimator > calibration/results/estimator.txt
 
 Blast: what one blast does to quadrotors that hold their place: what moves them, how
 far. A kilogram of TNT on the ground, vehicles 2 m above it at some distances, for 12 s;
@@ -22,8 +19,6 @@ with masses that make fronts of 10 to 100 kPa; beside it flies the same hold by 
 truth. Each row is a mass: medians, and greatest of the vehicles.
 """
 
-import argparse
-import sys
 import tempfile
 from importlib import import_module
 from pathlib import Path
@@ -42,7 +37,8 @@ from jblast.report.colours import COLOURS, MUTED
 from jblast.report.figures import log_ticks, new_figure, quiet, titled
 from jblast.report.flight_figures import distribution_figure
 from jblast.report.view import aligned
-from jblast.scene import Air, Charge, Scene, read_scene
+from jblast.scene import Air, Charge, Scene, UncertainScene, VehicleSpec, read_scene
+from jblast.scene.uncertain import Normal
 from jblast.study.flight_results import (
     Flights,
     flies_on,
@@ -65,6 +61,7 @@ from jblast.vehicle import (
     simulate,
 )
 
+RESULTS = Path(__file__).parent / "results"
 MASS_KG, HEIGHT_M, SECONDS, BLAST_S, STEP_S = 1.0, 2.0, 12.0, 5.0, 2e-4
 DISTANCES_M = np.array([3.0, 4.0, 5.0, 7.0, 10.0, 14.0, 20.0, 30.0])
 VEHICLES = ("crazyflie", "hummingbird", "iris")
@@ -85,7 +82,7 @@ class Row(NamedTuple):
     crashed: np.ndarray
 
 
-CONTROLLED, COUNT, CONTROLLER_STEP_S = ("crazyflie", "hummingbird", "iris"), 500, 2e-3
+COUNT, CONTROLLER_STEP_S = 500, 2e-3
 SCENE = """[charge]
 mass_kg = {{ loguniform = [1.0, 10.0] }}
 position_m = [{{ loguniform = [3.0, 30.0] }}, 0.0, 0.0]
@@ -210,17 +207,13 @@ def flights_figure() -> Figure:
 
 
 def main() -> None:
-    """Print the table; draw the figure where a file is named."""
-    parser = argparse.ArgumentParser(description="What a blast does to quadrotors.")
-    parser.add_argument("--out", metavar="FIGURE.png")
-    out = parser.parse_args().out
+    """Print the table and draw the figure."""
     with jax.enable_x64(True):
         print(flights_text())
-        if out:
-            flights_figure().savefig(out)
+        flights_figure().savefig(RESULTS / "flights.png")
 
 
-def flown(vehicle: str, count: int) -> Flights:
+def flown(vehicle: str) -> Flights:
     """Fly a vehicle by every controller."""
     import_module("tests.extensions.observer")  # registers its controller
     with tempfile.TemporaryDirectory() as folder:
@@ -228,7 +221,7 @@ def flown(vehicle: str, count: int) -> Flights:
         file.write_text(SCENE.format(vehicle=vehicle), encoding="utf-8")
         scene = read_scene(str(file))
     options = {"seconds": 8.0, "step_s": CONTROLLER_STEP_S, "backend": "jax"}
-    return fly(scene, vehicles=count, controllers=tuple(CONTROLLERS), **options)
+    return fly(scene, vehicles=COUNT, controllers=tuple(CONTROLLERS), **options)
 
 
 def rows(flights: Flights) -> list[tuple[str, ...]]:
@@ -254,10 +247,6 @@ def rows(flights: Flights) -> list[tuple[str, ...]]:
 
 def controllers() -> None:
     """Fly, print, draw."""
-    parser = argparse.ArgumentParser(description="Controllers side by side.")
-    parser.add_argument("--out", type=Path, help="the figure")
-    parser.add_argument("--count", type=int, default=COUNT)
-    asked = parser.parse_args()
     start_jax(all_cores=True)
     head = (
         "vehicle",
@@ -267,26 +256,17 @@ def controllers() -> None:
         "recovery [s], median",
         "recovered",
     )
-    table = [head]
-    every = [flown(vehicle, asked.count) for vehicle in CONTROLLED]
-    for flights in every:
-        table += rows(flights)
-    print(f"{asked.count} blasts a vehicle, 8 s, steps of {CONTROLLER_STEP_S:g} s")
-    print("\n".join(aligned(table)))
-    if asked.out is not None:
-        distribution_figure(every[-1]).savefig(asked.out)
+    every = [flown(vehicle) for vehicle in VEHICLES]
+    print(f"{COUNT} blasts a vehicle, 8 s, steps of {CONTROLLER_STEP_S:g} s")
+    print("\n".join(aligned([head, *(row for one in every for row in rows(one))])))
+    distribution_figure(every[-1]).savefig(RESULTS / "controllers.png")
 
 
 def estimator() -> None:
     """Fly by the estimate and by the truth, and print the table."""
-    vehicles = int(sys.argv[1]) if len(sys.argv) > 1 else EACH
     start_jax(all_cores=True)
-    from jblast.scene import Charge, Scene, UncertainScene, VehicleSpec
-    from jblast.scene.uncertain import Normal
-    from jblast.study.flights import fly
-
     lines = [
-        f"{vehicles} Iris a row, hold with integral action, blast at "
+        f"{EACH} Iris a row, hold with integral action, blast at "
         f"{ESTIMATED_BLAST_S:g} s; errors of the estimate",
         "in the second before it and greatest in 8 s after: median (greatest)",
         "mass [kg]  front [kPa]  place before [m]  after [m]     velocity before "
@@ -300,7 +280,7 @@ def estimator() -> None:
         found = [
             fly(
                 uncertain,
-                vehicles=vehicles,
+                vehicles=EACH,
                 seconds=ESTIMATED_SECONDS,
                 step_s=0.004,
                 estimator=flown_by,

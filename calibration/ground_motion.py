@@ -340,26 +340,14 @@ def draw(curves: Mapping[str, Regression]) -> None:
             np.unique(found.site), COLOURS, MARKERS, strict=False
         ):
             mine = found.site == site
-            buried = mine & (height < float(b[4]))
-            for rows, face in ((mine & ~buried, "none"), (buried, colour)):
-                by_range.plot(
-                    np.exp(log_range[rows]),
-                    np.exp(value[rows]),
-                    marker,
-                    color=colour,
-                    markerfacecolor=face,
-                    markersize=5,
-                )
-            at_100 = value - float(b[1]) * (log_range - np.log(100.0))
-            by_burial.plot(
-                height[mine],
-                np.exp(at_100[mine]),
-                marker,
-                color=colour,
-                markerfacecolor="none",
-                markersize=5,
-                label=site,
-            )
+            buried = height < float(b[4])
+            look = {"marker": marker, "color": colour, "markersize": 5, "ls": ""}
+            for rows, face in ((mine & ~buried, "none"), (mine & buried, colour)):
+                at = np.exp(log_range[rows]), np.exp(value[rows])
+                by_range.plot(*at, markerfacecolor=face, **look)
+            at_100 = np.exp(value - float(b[1]) * (log_range - np.log(100.0)))
+            look |= {"markerfacecolor": "none", "label": site}
+            by_burial.plot(height[mine], at_100[mine], **look)
         for level, style in ((BURIED, "-"), (ABOVE, "--")):
             line, _ = curve.at(jnp.log(z), jnp.full(z.shape, level))
             by_range.plot(z, np.exp(line), style, color=INK)

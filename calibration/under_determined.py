@@ -13,7 +13,7 @@ import numpy as np
 
 from jblast.cli.jax_start import start_jax
 from jblast.inference import Fit, fit
-from jblast.observations import Observations
+from jblast.observations import Observations, observed
 from jblast.report.fit_report import not_identified
 from jblast.scene import UncertainScene, default_scene, freed, with_laws
 
@@ -104,25 +104,12 @@ def drawn(kind: Kind, rng: np.random.Generator) -> tuple[Observations, Uncertain
                     value *= np.exp(SHARE * error)
                 else:
                     value += sigma * error
-                timed = quantity == "fireball_radius_m"
-                seen = 3 + time if timed else np.nan
+                seen = 3 + time if quantity == "fireball_radius_m" else np.nan
                 rows.append((f"s{i}", quantity, value, sigma, at, seen))
-    sensor, quantity, value, sigma, position, time = zip(*rows, strict=True)
-    nowhere = ("",) * len(rows)
-    observed = Observations(
-        sensor=sensor,
-        quantity=quantity,
-        value=np.array(value),
-        sigma=np.array(sigma),
-        position=np.array(position),
-        slant_range=np.full(len(rows), np.nan),
-        time=np.array(time),
-        path=nowhere,
-        shot=nowhere,
-        clock=nowhere,
-    )
+    *row, position, time = zip(*rows, strict=True)
+    log = observed(*row, position=np.array(position), time=np.array(time))
     asked = freed(with_laws(default_scene(), dict(kind.law)), list(kind.free))
-    return observed, asked
+    return log, asked
 
 
 def logs(
