@@ -22,8 +22,7 @@ from jblast.vehicle import (
 )
 
 TABLE = Path(__file__).parents[2] / "calibration/data/rotorpy_flights.csv"
-GUSTS = {
-    "calm": lambda gust: None,
+KINDS = {
     "step": lambda gust: Gust(gust.velocity, gust.start),
     "n-wave": lambda gust: Gust(gust.velocity, gust.start, gust.duration, n_wave),
     "friedlander": lambda gust: Gust(
@@ -35,20 +34,24 @@ GUSTS = {
 class Gusts(eqx.Module):
     """A wind of every kind, of which a flight meets one: the others are still air."""
 
-    parts: tuple[Gust, Gust, Gust]
+    step: Gust
+    n_wave: Gust
+    friedlander: Gust
 
     def __call__(self, time_s, position_m):
-        return sum(part(time_s, position_m) for part in self.parts)
+        parts = self.step, self.n_wave, self.friedlander
+        return sum(part(time_s, position_m) for part in parts)
 
 
 def in_gusts(gust) -> Gusts:
     """One of the table's gusts."""
-
-    def part(kind):
-        own = gust._replace(velocity=np.array(gust.velocity) * (gust.kind == kind))
-        return GUSTS[kind](own)
-
-    return Gusts((part("step"), part("n-wave"), part("friedlander")))
+    velocity = np.array(gust.velocity)
+    return Gusts(
+        *(
+            made(gust._replace(velocity=velocity * (gust.kind == kind)))
+            for kind, made in KINDS.items()
+        )
+    )
 
 
 def stacked(trees):
@@ -67,56 +70,44 @@ def stored():
     return numbers[..., 1:4], numbers[..., 4:]
 
 
-def flown(flights, wind, dtype="float64", step=5e-4, **options):
-    """Fly each vehicle through each of some flights, one after another."""
-    starts, asked, vehicles = [], [], []
+def flown(dtype="float64", step=5e-4, backend="jax"):
+    """Fly each vehicle through each of the flights."""
+    starts, asked, vehicles, winds = [], [], [], []
     for name, hover in HOVER.items():
         vehicle = dataclasses.replace(named(name), name="")  # or they do not stack
-        for flight in flights:
-            parts = (*FLIGHTS[flight][0].values(), [hover] * 4)
+        for begins, gust in FLIGHTS.values():
+            parts = (*begins.values(), [hover] * 4)
             starts.append(State(*(np.array(part, dtype) for part in parts)))
             asked.append(commands(hover))
             vehicles.append(vehicle)
+            winds.append(in_gusts(gust))
     found = simulate(
         stacked(vehicles),
         stacked(starts),
         duration_s=DURATION,
         step_s=step,
         control=Commands(np.stack(asked), np.full(len(asked), HELD)),
-        wind=wind,
+        wind=stacked(winds),
         store_every=round(EVERY / step),
-        **options,
+        backend=backend,
     )
     assert found.position_m.dtype == dtype
     return found
 
 
-def farthest(flight, dtype, step):
-    """Greatest distance of the kernel from the stored places [m]."""
-    gust = FLIGHTS[flight][1]
-    found = flown([flight], GUSTS[gust.kind](gust), dtype, step, backend="warp:cpu")
-    expected = stored()[0][:, list(FLIGHTS).index(flight)]
-    return np.linalg.norm(np.asarray(found.position_m) - expected, axis=-1).max()
-
-
-@pytest.mark.parametrize("flight", FLIGHTS)
-def test_flights_are_those_of_rotorpy(flight):
-    assert farthest(flight, "float64", 5e-4) < 1e-5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("step", [5e-4, 2.5e-4, 1e-4])
-@pytest.mark.parametrize("flight", FLIGHTS)
-def test_short_steps_do_not_round_away_in_single_precision(flight, step):
-    assert farthest(flight, "float32", step) < 1e-3
-
-
-@pytest.mark.parametrize("step", [5e-4, pytest.param(2.5e-4, marks=pytest.mark.slow)])
-def test_flights_by_jax_are_those_of_rotorpy(step):
-    winds = [in_gusts(gust) for _ in HOVER for _, gust in FLIGHTS.values()]
-    found = flown(FLIGHTS, stacked(winds), step=step)
+@pytest.mark.parametrize("backend", ["jax", "warp:cpu"])
+def test_flights_are_those_of_rotorpy(backend):
+    found = flown(backend=backend)
     places, turns = stored()
     assert (np.ptp(places, axis=2).max(axis=2) > 1).all()  # they go somewhere
     for ours, theirs in ((found.position_m, places), (found.quaternion, turns)):
         off = np.asarray(ours).reshape(theirs.shape) - theirs
         assert (np.linalg.norm(off, axis=-1) < 1e-5).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [5e-4, 1e-4])
+def test_short_steps_do_not_round_away_in_single_precision(step):
+    found, (places, _) = flown("float32", step, "warp:cpu"), stored()
+    off = np.asarray(found.position_m).reshape(places.shape) - places
+    assert np.linalg.norm(off, axis=-1).max() < 1e-3

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.vehicle import Gust, PositionHold, named, named_gains, simulate
+from jblast.vehicle import PositionHold, named, named_gains
 from jblast.vehicle.control.allocation import lead_compensated
 from jblast.vehicle.control.stability import chains, growth, hold_margins
 from tests.vehicle.flights import at_hover
@@ -28,30 +28,18 @@ def test_a_led_motor_is_asked_for_more_than_is_wanted_within_its_limits():
     np.testing.assert_allclose(asked, [1300.0, 700.0, fast, 0.0])
 
 
-@pytest.mark.slow  # a flight of each; by default its loops alone
-def test_near_hover_a_led_vehicle_flies_as_one_with_quick_motors():
+def test_a_hold_with_a_lead_asks_for_what_it_would_without_one_led():
     vehicle = named("crazyflie")
-    quick = replace(vehicle, motor_lag_s=vehicle.motor_lag_s / LEAD)
-    paths = {
-        name: simulate(
-            each,
-            at_hover(vehicle),
-            duration_s=1.0,
-            step_s=5e-4,
-            control=PositionHold([0.0, 0.0, 5.0], gains_with(jnp.asarray(lead))),
-            wind=Gust(np.array([0.2, 0.1, 0.05]), 0.1),
-            store_every=20,
-        ).position_m
-        for name, each, lead in (
-            ("led", vehicle, LEAD),
-            ("quick", quick, 1.0),
-            ("slow", vehicle, 1.0),
-        )
-    }
-    apart = jnp.abs(paths["led"] - paths["quick"]).max()
-    slower = jnp.abs(paths["slow"] - paths["quick"]).max()
-    # the speed fed back is held over a step, 2 % of the shortened lag
-    assert float(apart) < 0.03 * float(slower)
+    state = at_hover(vehicle, velocity_m_s=np.array([0.2, 0.1, -0.1]))
+
+    def asked(lead):
+        hold = PositionHold([0.0, 0.0, 5.0], gains_with(lead))
+        return hold(jnp.zeros(()), state, vehicle, jnp.zeros(3), jnp.asarray(0.01))[0]
+
+    lead, turns = jnp.asarray(LEAD), state.rotor_speed_rad_s
+    expected = lead_compensated(vehicle, lead, turns, asked(None))
+    np.testing.assert_allclose(asked(lead), expected, rtol=1e-12)
+    assert float(jnp.abs(expected - asked(None)).max()) > 1.0
 
 
 def test_a_led_loop_grows_as_one_with_quick_motors():

@@ -15,10 +15,8 @@ from jblast.vehicle import (
 )
 from tests.vehicle.flights import GRAVITY, at_hover, hover_speed
 
-NAMES = ["crazyflie", "hummingbird", "iris"]
 
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["crazyflie", "hummingbird", "iris"])
 def test_rotor_speeds_make_the_thrust_and_the_moment_asked_for(name):
     vehicle = named(name)
     wanted = jnp.array([float(vehicle.mass_kg) * GRAVITY, 1e-3, -2e-3, 1e-4])
@@ -30,10 +28,9 @@ def test_rotor_speeds_make_the_thrust_and_the_moment_asked_for(name):
     np.testing.assert_allclose(wanted[1:3], by_hand[:2], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_hold_comes_to_its_target_and_heading(name):
-    vehicle = named(name)
-    hold = PositionHold(np.array([1.0, -1.0, 6.0]), named_gains(name), 0.7)
+def test_the_hold_comes_to_its_target_and_heading():
+    vehicle, gains = named("crazyflie"), named_gains("crazyflie")
+    hold = PositionHold(np.array([1.0, -1.0, 6.0]), gains, 0.7)
     answer = simulate(
         vehicle,
         at_hover(vehicle),
@@ -79,9 +76,10 @@ def test_the_motors_limit_is_where_a_step_stops_shrinking():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "held"), [("crazyflie", 1), ("crazyflie", 3)])
-def test_the_hold_is_stable_just_below_its_limit_and_not_above(name, held):
-    vehicle, gains = named(name), named_gains(name, integral=True)
+@pytest.mark.parametrize("held", [1, 3])
+def test_the_hold_is_stable_just_below_its_limit_and_not_above(held):
+    vehicle = named("crazyflie")
+    gains = named_gains("crazyflie", integral=True)
     limit = step_limit(float(vehicle.motor_lag_s), gains, held)
     assert limit < step_limit(float(vehicle.motor_lag_s))
     hold = PositionHold(np.array([0, 0, 5.0]), gains)

@@ -33,27 +33,6 @@ def written(path: Path, rows, columns=COLUMNS) -> Path:
     return path
 
 
-# the thesis's own sample, custom_blast_impulses.csv beside its code
-SAMPLE = np.array(
-    [
-        [0.0152527222, 8.660254037844387, 125.26438968275465, -135.0],
-        [0.029374545, 17.320508075688775, 125.26438968275465, -135.0],
-    ]
-)
-FORCES = np.array(
-    [
-        [0.09279357141272189, 0.09566386866174002, 0.2117570789277321],
-        [0.029612091682948406, 0.03139291896649157, 0.05660320046749514],
-    ]
-)
-MOMENTS = np.array(
-    [
-        [-0.0017737493622030124, -21.17334931621583, 9.565926105132245],
-        [-0.00027761661953933277, -5.659821222629029, 3.1391007587969755],
-    ]
-)
-
-
 @pytest.fixture
 def cases(tmp_path):
     return read_custom_profile(written(tmp_path / "cases.csv", ROWS))
@@ -67,19 +46,6 @@ def test_columns_come_in_any_order_and_others_are_not_read(tmp_path):
     expected = read_custom_profile(written(tmp_path / "b.csv", ROWS))
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_allclose(np.degrees(found[:, 2:4]), [[ASIDE, -135.0]] * 2)
-
-
-def test_the_sample_s_moments_are_about_a_point_100_m_away(tmp_path):
-    rows = np.hstack([SAMPLE, FORCES, MOMENTS]).tolist()
-    cases = read_custom_profile(written(tmp_path / "sample.csv", rows))
-    assert cases.shape == (2, 10)
-    for case in cases:
-        lever = -case[8] / case[6], case[9] / case[5]
-        np.testing.assert_allclose(lever, 100.0, rtol=2e-4)
-        about = case[7:] - np.cross([100.0, 0.0, 0.0], case[4:7])
-        assert np.abs(about).max() < 3e-3
-        # it pushes away from where the charge is seen, (-1, -1, -1)
-        assert -case[4:7].sum() / 3**0.5 < -0.9 * np.linalg.norm(case[4:7])
 
 
 HEADER = ",".join(COLUMNS)
