@@ -65,10 +65,9 @@ from jblast.report.numbers import capitalised
 from jblast.report.view import Column, Table, markdown
 from jblast.scene import Charge, Scene, UncertainScene, freed, with_laws
 from jblast.scene.charge import BURSTS
-from jblast.sensors import planned_layout
 from jblast.sensors.camera.pixel import NoiseModel, Pixel, noisy_pixel
 from jblast.sensors.camera.stream import event_stream
-from jblast.sensors.simulated_readings import readings, written
+from jblast.sensors.simulated_readings import readings
 from jblast.signals import filtered, matched_kernel, threshold_for, white_noise
 from jblast.signals.picks import pick_records
 from jblast.vehicle import (
@@ -365,15 +364,8 @@ def fit_points() -> list[Point]:
         )
 
     def by_solve(count: int) -> np.ndarray:
-        layout, sigma, names = planned_layout(logs.uncertain.scene)
-        found = (
-            solve(
-                written(logs.uncertain.scene, layout, read, np.asarray(sigma), names),
-                logs.uncertain,
-                noise="gaussian",
-            )
-            for read in logs.readings[:count]
-        )
+        some = (replace(logs.log, value=read) for read in logs.readings[:count])
+        found = (solve(log, logs.uncertain, noise="gaussian") for log in some)
         return np.array([one.answer.z for one in found])
 
     timed = {
@@ -822,22 +814,13 @@ RECORD_LOGS, SNR, EYE_ERROR = 60, 20.0, 0.05
 """Logs for each case; peak over noise; assumed error of a duration by eye."""
 
 
-class Estimate(NamedTuple):
-    """Median, bounds of the 90 % interval and standard deviation of ln mass."""
-
-    middle: float
-    low: float
-    high: float
-    sd: float
-
-
-def mass_of(log: Observations, uncertain: UncertainScene) -> Estimate:
-    """Return the estimate of a fit."""
+def mass_of(log: Observations, uncertain: UncertainScene) -> np.ndarray:
+    """Return low end, median and high end of the 90 % interval, and sd of ln mass."""
     draws = solve(log, uncertain).draws
     ln_mass = np.log(draws.values[:, 0])
-    low, middle, high = quantiles(ln_mass, draws.weights)
     away = ln_mass - draws.weights @ ln_mass
-    return Estimate(middle, low, high, float(np.sqrt(draws.weights @ away**2)))
+    sd = np.sqrt(draws.weights @ away**2)
+    return np.array([*quantiles(ln_mass, draws.weights), sd])
 
 
 def by_eye(records) -> Observations:
@@ -867,7 +850,7 @@ def record_points() -> list[Point]:
         def picked(records) -> Observations:
             return cases.log_of_picks(pick_records(records))
 
-        methods: dict[str, Callable[[Any], Estimate]] = {
+        methods: dict[str, Callable[[Any], np.ndarray]] = {
             "by eye": lambda r, u=uncertain: mass_of(by_eye(r), u),
             "picks": lambda r, u=uncertain: mass_of(
                 replace(picked(r), covariances=()), u
@@ -885,11 +868,10 @@ def record_points() -> list[Point]:
         for name, method in methods.items():
             method(drawn[0])  # compiles, so that the timed calls do not
             start = perf_counter()
-            answers = [method(records) for records in drawn]
+            low, middle, high, sds = np.transpose([method(one) for one in drawn])
             took = (perf_counter() - start) / RECORD_LOGS
-            off = np.array([one.middle - truth for one in answers])
-            covered = sum(one.low <= truth <= one.high for one in answers)
-            sd = np.median([one.sd for one in answers])
+            off, sd = middle - truth, np.median(sds)
+            covered = int(((low <= truth) & (truth <= high)).sum())
             over = (
                 f"bias {off.mean():+.2%}, reported sd {sd:.2%}, 90 % intervals contain "
                 f"{covered} of {RECORD_LOGS}"

@@ -1,15 +1,14 @@
 """How long a newcomer waits: set-up, `make fit` and `make test` on a fresh clone.
 
-    python3 calibration/first_minutes.py [--slow] [--out FILE]
+    python3 calibration/first_minutes.py > calibration/results/first_minutes.txt
 
 Needs git and make alone, and a network. Clones the last commit into an empty folder and
 runs there with empty caches, as on a machine that has never seen the project; prints
 seconds and J, how long `import jax` takes (tests/tools/import_time.py): machines differ
 threefold. The second runs of the Python of the README and of the same fit by the
-command compare the library with the command. With `--slow` the slow tests as well.
+command compare the library with the command.
 """
 
-import argparse
 import os
 import re
 import subprocess
@@ -61,37 +60,20 @@ class Clone:
         whole = time.perf_counter() - begun
         return answered or whole, whole, last
 
-    def timed(self, *words: str) -> float:
-        """Return the time of the second of two runs of a program of `.venv` [s]."""
-        command = [str(self.tree / ".venv/bin" / words[0]), *words[1:]]
-        seconds = 0.0
-        for _ in range(2):
-            begun = time.perf_counter()
-            subprocess.run(
-                command, cwd=self.tree, env=self.env, check=True, capture_output=True
-            )
-            seconds = time.perf_counter() - begun
-        return seconds
+    def run(self, *words: str) -> tuple[float, str]:
+        """Return the time of a program of `.venv` [s], and its output."""
+        command, begun = [f".venv/bin/{words[0]}", *words[1:]], time.perf_counter()
+        options = {"cwd": self.tree, "env": self.env, "check": True}
+        done = subprocess.run(command, capture_output=True, text=True, **options)
+        return time.perf_counter() - begun, done.stdout
 
-    def import_time(self) -> float:
-        """Return J [s]."""
-        run = subprocess.run(
-            [".venv/bin/python", "tests/tools/import_time.py"],
-            cwd=self.tree,
-            env=self.env,
-            check=True,
-            capture_output=True,
-            text=True,
-        )
-        return float(run.stdout)
+    def second(self, *words: str) -> float:
+        """Return the time of the second of two runs [s]."""
+        return [self.run(*words)[0] for _ in range(2)][1]
 
 
 def main() -> None:
     """Measure, and print a table."""
-    options = argparse.ArgumentParser(description="Time a newcomer's wait.")
-    options.add_argument("--slow", action="store_true", help="the slow tests as well")
-    options.add_argument("--out", type=Path, help="write the table here too")
-    asked = options.parse_args()
     rows: list[tuple[str, float, int]] = []
     with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
         clone = Clone(Path(one))
@@ -103,13 +85,13 @@ def main() -> None:
         answered, whole, _ = clone.make("fit")
         rows.append(("second `make fit`, to the answer", answered, 0))
         rows.append(("second `make fit`, with its reports", whole, 30))
-        unit = clone.import_time()
+        unit = float(clone.run("python", "tests/tools/import_time.py")[1])
         data = "calibration/data/hta_1"
-        fitted = clone.timed("jblast", "fit", f"{data}.csv", "--scene", f"{data}.toml")
+        fitted = clone.second("jblast", "fit", f"{data}.csv", "--scene", f"{data}.toml")
         rows.append(("second `jblast fit` of the log of the README", fitted, 0))
         readme = (clone.tree / "README.md").read_text()
         python = re.findall(r"^```python\n(.*?)^```", readme, re.M | re.S)[0]
-        called = clone.timed("python", "-c", python)
+        called = clone.second("python", "-c", python)
         rows.append(
             ("second run of the README's Python", called, round(1.5 * fitted / unit))
         )
@@ -118,9 +100,6 @@ def main() -> None:
         rows.append((f"first `make test`: {last.strip('= ')}", seconds, 400))
         _, seconds, last = clone.make("test")
         rows.append((f"second `make test`: {last.strip('= ')}", seconds, 250))
-        if asked.slow:
-            _, seconds, last = clone.make("test-slow")
-            rows.append((f"`make test-slow`: {last.strip('= ')}", seconds, 1200))
     lines = [
         f"J = {unit:.2f} s, {os.cpu_count()} cores; a fresh clone, empty caches",
         "",
@@ -129,10 +108,7 @@ def main() -> None:
     for what, seconds, bound in rows:
         wanted = f"{bound:d}" if bound else ""
         lines.append(f"{seconds:6.0f} s  {seconds / unit:6.0f}  {wanted:>6s}  {what}")
-    text = "\n".join(lines) + "\n"
-    print(text, end="")
-    if asked.out:
-        asked.out.write_text(text)
+    print("\n".join(lines))
 
 
 if __name__ == "__main__":

@@ -116,22 +116,12 @@ def figure() -> Figure:
         axes.plot(1e3 * time, 1e-3 * np.asarray(told), color=colour, label=label)
     seen = time[time <= front.duration]
     pulse = friedlander_pressure(seen, front.peak, front.duration, front.decay)
-    axes.plot(
-        1e3 * seen,
-        1e-3 * np.asarray(pulse),
-        color=INK,
-        linestyle="--",
-        label="record: Friedlander fit of its author",
-    )
+    label = "record: Friedlander fit of its author"
+    axes.plot(1e3 * seen, 1e-3 * np.asarray(pulse), "--", color=INK, label=label)
     rise = table()["peak_time_from_trigger"] - table()["arrival_from_trigger"]
-    axes.plot(
-        (0.0, rise, 1e3 * read.duration),
-        (0.0, 1e-3 * read.peak, 0.0),
-        "o",
-        color=INK,
-        markersize=4,
-        label="record: first, largest and last positive sample",
-    )
+    times, label = (0.0, rise, 1e3 * read.duration), "record: first, largest and last "
+    label += "positive sample"
+    axes.plot(times, (0.0, 1e-3 * read.peak, 0.0), "o", color=INK, ms=4, label=label)
     axes.set_xlabel("time since arrival [ms]")
     axes.set_ylabel("overpressure [kPa]")
     quiet(axes)
