@@ -1,4 +1,4 @@
-"""A short mission flown by a vehicle, wind and all, from the ground to the ground."""
+"""Short missions flown by a batch of vehicles, from the ground to the ground."""
 
 import dataclasses
 
@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.missions import Mission, MissionControl, replay
+from jblast.missions import Mission, MissionControl
 from jblast.vehicle import (
     PositionHold,
     State,
@@ -47,30 +47,6 @@ def flown(control, model="iris", state=None, **options):
 
 
 @pytest.mark.slow
-def test_it_takes_off_flies_and_stands_where_it_landed():
-    one = mission(*ROWS)
-    control = control_of(one, "iris")
-    flight = flown(control)
-    aim, item, armed = map(
-        np.asarray, replay(control.guidance, flight, jnp.asarray(STEP))
-    )
-    assert armed.any()
-    assert not armed[-1]
-    assert (np.diff(item[item >= 0]) >= 0).all()
-    assert not bool(flight.lost)
-    place = np.asarray(flight.position_m)
-    # it has not stirred before it flies, and its rotors stand at the end
-    assert np.abs(place[: np.argmax(item >= 0)]).max() < 1e-6
-    assert np.abs(flight.rotor_speed_rad_s[-1]).max() < 1.0
-    np.testing.assert_allclose(place[-1], (0, 0, 0), atol=0.05)
-    error = np.linalg.norm(place - aim, axis=1)
-    assert error[item >= 0].max() < 0.5
-    for stop in one.stops[:3]:
-        off = np.linalg.norm(place - stop.goal_m, axis=1).min()
-        assert off < stop.limits.acceptance_m
-
-
-@pytest.mark.slow
 def test_a_batch_flies_plans_of_different_lengths_as_each_alone():
     many = [mission(*ROWS), mission(UP, LAND)]
     count = max(one.guidance.legs.count for one in many)
@@ -88,3 +64,6 @@ def test_a_batch_flies_plans_of_different_lengths_as_each_alone():
     for n, one in enumerate(many):
         alone = flown(control_of(one, "iris"), store_every=500)
         np.testing.assert_allclose(together.position_m[n], alone.position_m, atol=1e-6)
+        # it stands where it landed, and its rotors stand
+        np.testing.assert_allclose(alone.position_m[-1], (0, 0, 0), atol=0.05)
+        assert np.abs(alone.rotor_speed_rad_s[-1]).max() < 1.0

@@ -55,12 +55,6 @@ def test_jumps_within_jumps_begin_to_count_again():
     assert [s.item for s in one.stops].count(1) == 4
 
 
-def test_headings_are_from_east_to_north():
-    one = mission(UP, (16, (9, 0, 6), {"p4": 0}), (16, (0, 9, 6), {"p4": 90}), LAND)
-    yaws = [stop.yaw_rad for stop in one.stops]
-    np.testing.assert_allclose(yaws, [0, math.pi / 2, 0, 0, 0, 0], atol=1e-12)
-
-
 def test_heights_above_the_sea_and_above_home_are_told_apart():
     # 10: above the terrain, which is level
     low = replace(item(2, 16, (20, 0, 6)), frame=10)
@@ -175,12 +169,6 @@ def test_a_home_or_a_start_above_the_ground_is_refused():
     stays = type(items[0])(1, 22, 3, items[0].params, auto_continue=False)
     with pytest.raises(InputError, match="autoContinue"):
         mission_of(Plan((stays, items[1]), HOME))
-
-
-def test_without_an_end_it_hovers_on_where_that_is_wanted():
-    one = mission(UP, (16, (9, 0, 6), {}), may_hover_on=True)
-    assert one.stops[-1].hold_s == math.inf
-    assert goals(one)[-1] == goals(one)[-2]
 
 
 def places(plan):

@@ -212,7 +212,3 @@ def test_what_is_out_of_view_is_not_perceived_by_the_camera_alone():
     missing = set(everything) - set(seen)
     assert {(one.entity, one.sense) for one in missing} == {(CAMERA, "flash")}
     assert late == as_late == 0
-
-
-def test_without_a_camera_nothing_is_out_of_its_view():
-    assert out_of_view(drawn(world=EAST).scene) == ()

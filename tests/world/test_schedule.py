@@ -35,20 +35,28 @@ def passes(values: Any, distribution: Any) -> bool:
     return stats.kstest(values, distribution.cdf).pvalue > ALPHA
 
 
-def test_times_of_a_count_are_order_statistics_of_what_the_gaps_leave():
-    world = WorldSpec(ByCount(5), time=Uniform(2.0, 12.0), gap=1.5)
-    times = np.sort(worlds(world, 5).time_s, axis=1)
+@pytest.fixture(scope="module")
+def counted():
+    """Five blasts with gaps, on a ring."""
+    time, region = Uniform(2.0, 12.0), Ring(10.0, 20.0)
+    return worlds(WorldSpec(ByCount(5), region=region, time=time, gap=1.5), 5)
+
+
+def test_times_of_a_count_are_order_statistics_of_what_the_gaps_leave(counted):
+    times = np.sort(counted.time_s, axis=1)
     free = 10.0 - 4 * 1.5
     for number in range(5):
         share = (times[:, number] - 2.0 - 1.5 * number) / free
         assert passes(share, stats.beta(number + 1, 5 - number))
 
 
-def test_a_number_says_nothing_of_when_its_blast_comes():
-    times = worlds(WorldSpec(ByCount(3)), 3).time_s
-    first = np.argmin(times, axis=1)
-    counts = np.bincount(first, minlength=3)
-    assert stats.chisquare(counts).pvalue > ALPHA
+def test_a_number_says_nothing_of_when_its_blast_comes(counted):
+    first = np.argmin(counted.time_s, axis=1)
+    assert stats.chisquare(np.bincount(first, minlength=5)).pvalue > ALPHA
+
+
+def test_masses_follow_their_prior(counted):
+    assert passes(counted.mass_kg[:, 0], stats.uniform(5, 10))
 
 
 def test_waits_by_rate_are_exponential_beyond_the_gap():
@@ -83,22 +91,17 @@ def test_a_certain_blast_comes_at_every_tick():
     np.testing.assert_allclose(times, [1.0, 1.5, 2.0, 2.5, 3.0])
 
 
-def test_places_are_uniform_over_a_box_and_over_the_area_of_a_ring():
+def test_places_are_uniform_over_a_box_and_over_the_area_of_a_ring(counted):
     box = WorldSpec(region=Box(jnp.array([-5.0, 0, 1]), jnp.array([5.0, 2, 4])))
     place = worlds(box, 5).position_m[:, 4]
     for axis, (low, length) in enumerate([(-5, 10), (0, 2), (1, 3)]):
         assert passes(place[:, axis], stats.uniform(low, length))
-    place = worlds(WorldSpec(region=Ring(10.0, 20.0)), 5).position_m[:, 2]
+    place = counted.position_m[:, 2]
     square = np.square(place[:, :2]).sum(axis=1)
     assert passes(square, stats.uniform(100, 300))
-    assert passes(
-        np.arctan2(place[:, 1], place[:, 0]), stats.uniform(-np.pi, 2 * np.pi)
-    )
+    turn = np.arctan2(place[:, 1], place[:, 0])
+    assert passes(turn, stats.uniform(-np.pi, 2 * np.pi))
     assert (place[:, 2] == 0).all()
-
-
-def test_masses_follow_their_prior():
-    assert passes(worlds(WorldSpec(), 5).mass_kg[:, 0], stats.uniform(5, 10))
 
 
 def test_a_region_about_a_vehicle_is_moved_and_a_ring_stays_on_the_ground():

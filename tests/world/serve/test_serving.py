@@ -360,14 +360,6 @@ def test_a_server_that_stops_says_so_and_drops_nobody(capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_a_port_that_is_taken_is_reported(server):
-    with (
-        pytest.raises(InputError, match="expected a free port"),
-        serving(world(), Options(address=server.address)),
-    ):
-        pass
-
-
 OPTION_ERRORS = {
     "everybody": ({"address": "0.0.0.0:1234"}, "expected a loopback address"),
     "a name": ({"address": "example:1234"}, "expected a loopback address"),
