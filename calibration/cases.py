@@ -307,7 +307,7 @@ class Recorder:
         colour: Correlation of the noise of successive samples.
         wander: Amplitude of an oscillation of the baseline, as a share of the peak.
         wander_period: Period of the oscillation [durations].
-        full_scale: Clipping level, as a share of the peak; infinite for no clipping.
+        full_scale: Clipping level, as a share of the peak; None for no clipping.
         echo: Delay of a second wave [durations]; None for no second wave.
         echo_size: Peak of the second wave over that of the first.
         echo_rise: Rise time of the second wave [samples]; None for that of the first.
@@ -320,7 +320,7 @@ class Recorder:
     colour: float = 0.0
     wander: float = 0.0
     wander_period: float = 4.0
-    full_scale: float = np.inf
+    full_scale: float | None = None
     echo: float | None = None
     echo_size: float = 0.3
     echo_rise: float | None = None
@@ -391,14 +391,13 @@ def recorded(
             turns = recorder.samples * step / (recorder.wander_period * duration)
             phase = 2.0 * np.pi * (turns * run + rng.uniform())
             samples = samples + recorder.wander * peak * np.cos(phase)
-        level = recorder.full_scale * peak
-        clipping = {"full_scale": level} if np.isfinite(level) else {}
+        level = recorder.full_scale
+        if level is not None:
+            level *= peak
+            samples = np.clip(samples, -level, level)
+        rate_hz = 1.0 / step
         record = PressureRecord(
-            f"g{gauge}",
-            np.clip(samples, -level, level),
-            rate_hz=1.0 / step,
-            start_s=start,
-            **clipping,
+            f"g{gauge}", samples, rate_hz=rate_hz, start_s=start, full_scale=level
         )
         found.append(record)
     return found
