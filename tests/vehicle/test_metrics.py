@@ -1,15 +1,15 @@
 """What a blast did to a flight, against flights made by hand."""
 
-import jax.numpy as jnp
 import numpy as np
 
 from jblast.vehicle import Trajectory
 from jblast.vehicle.metrics import flight_metrics, path_error
+from tests.vehicle.flights import by_hand
 
 TARGET = np.array([1.0, 0.0, 5.0])
 
 
-def flight(east, *, up=None, quaternion=None, speed=0.0, lost=None) -> Trajectory:
+def flight(east, *, up=None, speed=0.0, **parts) -> Trajectory:
     """A flight with a row each 0.5 s, so far east of its target."""
     east = np.asarray(east, float)
     position = np.zeros((*east.shape, 3))
@@ -17,22 +17,8 @@ def flight(east, *, up=None, quaternion=None, speed=0.0, lost=None) -> Trajector
     position[..., 2] = TARGET[2] if up is None else up
     velocity = np.zeros_like(position)
     velocity[..., 1] = speed
-    if quaternion is None:
-        quaternion = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*east.shape, 4))
-    if lost is None:
-        lost = np.zeros(east.shape[:-1], bool)
-    zero = jnp.zeros_like(position)
-    return Trajectory(
-        jnp.asarray(0.5 * np.arange(east.shape[-1])),
-        jnp.asarray(position),
-        jnp.asarray(velocity),
-        jnp.asarray(quaternion),
-        zero,
-        jnp.zeros((*east.shape, 4)),
-        zero,
-        zero,
-        jnp.asarray(lost),
-    )
+    times = 0.5 * np.arange(east.shape[-1])
+    return by_hand(times, position, velocity_m_s=velocity, **parts)
 
 
 def test_path_error_is_the_distance_from_the_target():

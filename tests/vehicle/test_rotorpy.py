@@ -5,8 +5,6 @@ import dataclasses
 from pathlib import Path
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -20,6 +18,7 @@ from jblast.vehicle import (
     named,
     simulate,
 )
+from tests.vehicle.flights import stacked
 
 TABLE = Path(__file__).parents[2] / "calibration/data/rotorpy_flights.csv"
 KINDS = {
@@ -52,10 +51,6 @@ def in_gusts(gust) -> Gusts:
             for kind, made in KINDS.items()
         )
     )
-
-
-def stacked(trees):
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *trees)
 
 
 def stored():

@@ -14,6 +14,7 @@ from jblast.waves.propagation import sound_speed_of
 from jblast.world import arrivals_of, perceived, readings_of
 from jblast.world.drawn import CAMERA
 from jblast.world.perceived import out_of_view, waves_of
+from tests.vehicle.flights import by_hand
 from tests.world.worlds import VEHICLE, drawn
 
 VELOCITY = np.array([30.0, -10.0, 5.0])
@@ -174,20 +175,9 @@ def looking(**camera):
 
 def turned(about_up_rad: float) -> Trajectory:
     """A vehicle that stands still, turned to the left of east."""
-    half = 0.5 * about_up_rad
-    turn = jnp.array([0.0, 0.0, jnp.sin(half), jnp.cos(half)])
-    still, held = jnp.zeros((2, 3)), jnp.array([5.0, 0.0, 3.0])
-    return Trajectory(
-        time_s=jnp.array([0.0, 5.0]),
-        position_m=jnp.stack([held, held]),
-        velocity_m_s=still,
-        quaternion=jnp.stack([turn, turn]),
-        body_rate_rad_s=still,
-        rotor_speed_rad_s=jnp.zeros((2, 4)),
-        force_n=still,
-        moment_n_m=still,
-        lost=jnp.array(False),
-    )
+    half, held = 0.5 * about_up_rad, np.array([5.0, 0.0, 3.0])
+    turn = [0.0, 0.0, np.sin(half), np.cos(half)]
+    return by_hand([0.0, 5.0], [held, held], quaternion=[turn, turn])
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import numpy as np
 from jblast.autopilot.estimator import Estimate, aligned, alignment
 from jblast.sensors.flight_sensors import Magnetometer, Suite
 from jblast.vehicle import State, Trajectory
+from tests.vehicle.flights import by_hand
 
 FIELD = jnp.array([0.01, 0.2, -0.43])
 SUITE = Suite(Magnetometer(FIELD))
@@ -49,25 +50,5 @@ def swinging(key: int, seconds: float) -> Trajectory:
     angle = np.linalg.norm(turn, axis=1, keepdims=True)
     axis = turn / np.maximum(angle, 1e-12)
     quaternion = np.concatenate([np.sin(angle / 2) * axis, np.cos(angle / 2)], axis=1)
-    zero = np.zeros_like(place)
-    columns = (
-        place + np.array([0, 0, 20.0]),
-        moves,
-        quaternion,
-        zero,
-        np.zeros((time.size, 4)),
-    )
-    rest = (zero, zero)
-    arrays = [jnp.asarray(x) for x in (time, *columns, *rest)]
-    return Trajectory(*arrays, lost=jnp.asarray(False))
-
-
-def first_of(flight: Trajectory) -> State:
-    """The state that a flight begins with."""
-    return State(
-        flight.position_m[0],
-        flight.velocity_m_s[0],
-        flight.quaternion[0],
-        flight.body_rate_rad_s[0],
-        flight.rotor_speed_rad_s[0],
-    )
+    above = place + np.array([0, 0, 20.0])
+    return by_hand(time, above, velocity_m_s=moves, quaternion=quaternion)

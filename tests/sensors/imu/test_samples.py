@@ -18,7 +18,7 @@ from jblast.sensors.imu import (
     sampled,
     with_errors,
 )
-from jblast.vehicle import Trajectory
+from tests.vehicle.flights import by_hand
 
 LEVEL = jnp.array([0.0, 0.0, 0.0, 1.0])
 TIMES = np.linspace(0.0, 0.4, 401)
@@ -27,19 +27,13 @@ STEP_S = 0.004
 
 
 def samples_of(velocity, rotations: Rotation, rate, offset=(0.0, 0, 0), mount=LEVEL):
-    rows = len(TIMES)
-    velocity, rate = (np.broadcast_to(x, (rows, 3)) for x in (velocity, rate))
-    zero = jnp.zeros((rows, 3))
-    flight = Trajectory(
-        jnp.asarray(TIMES),
+    zero = np.zeros((len(TIMES), 3))
+    flight = by_hand(
+        TIMES,
         zero,
-        jnp.asarray(velocity),
-        jnp.asarray(rotations.as_quat()),
-        jnp.asarray(rate),
-        jnp.zeros((rows, 4)),
-        zero,
-        zero,
-        jnp.asarray(False),
+        velocity_m_s=zero + velocity,
+        quaternion=rotations.as_quat(),
+        body_rate_rad_s=zero + rate,
     )
     return inertial_of(flight, EDGES, jnp.asarray(offset), jnp.asarray(mount))
 

@@ -2,13 +2,11 @@
 
 import dataclasses
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.vehicle import PositionHold, named, named_gains, simulate
-from tests.vehicle.flights import at_hover
+from tests.vehicle.flights import at_hover, stacked
 
 HOME = np.array([0.0, 0.0, 10.0])
 KICKS = {
@@ -26,10 +24,6 @@ KICKS = {
     "hummingbird rolls and turns": ("hummingbird", (0, 0, 0), (10, 0, 10)),
 }
 """Vehicle, velocity [m/s] and body rate [rad/s] of each thrown from `HOME`."""
-
-
-def stacked(trees):
-    return jax.tree.map(lambda *x: jnp.stack(x), *trees)
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import numpy as np
 from jblast.scene import Charge, Scene
 from jblast.vehicle import BlastLoad, State, named
 from jblast.vehicle.loads.blast_wave import Wave
+from tests.vehicle.flights import at_hover
 
 CRAZYFLIE = named("crazyflie")
 
@@ -45,14 +46,7 @@ HEAVY = of_parts(CRAZYFLIE, mass_kg=1e6)
 
 
 def hovering(vehicle, position, velocity=(0.0, 0.0, 0.0)) -> State:
-    speed = jnp.sqrt(vehicle.mass_kg * 9.81 / 4 / vehicle.thrust_coefficient)
-    return State(
-        jnp.asarray(position, float),
-        jnp.asarray(velocity, float),
-        jnp.array([0.0, 0.0, 0.0, 1.0]),
-        jnp.zeros(3),
-        jnp.full(4, speed),
-    )
+    return at_hover(vehicle, position, velocity_m_s=jnp.asarray(velocity, float))
 
 
 def scene(mass=1.0, **charge) -> Scene:

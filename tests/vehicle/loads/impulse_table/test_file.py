@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.vehicle import State, named
+from jblast.vehicle import named
 from jblast.vehicle.loads.impulse_table import (
     COLUMNS as LIMITS,
     custom_profile,
     read_custom_profile,
 )
+from tests.vehicle.flights import at_hover
 
 COLUMNS = tuple(LIMITS)
 # delay, distance, polar and azimuthal angle: seen towards (-1, -1, -1) and along x
@@ -97,16 +98,6 @@ UPRIGHT = jnp.array([0.0, 0.0, 0.0, 1.0])
 AHEAD = [0.020, 10.0, 90.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.001, 0.0]
 
 
-def state_at(position) -> State:
-    return State(
-        jnp.asarray(position, float),
-        jnp.zeros(3),
-        UPRIGHT,
-        jnp.zeros(3),
-        jnp.full(4, 1788.0),
-    )
-
-
 def away(distance) -> np.ndarray:
     """A place that sees a charge at the origin towards (-1, -1, -1)."""
     return np.full(3, distance / np.sqrt(3))
@@ -140,7 +131,7 @@ def test_directions_are_the_body_s_and_impulses_turn_with_it(cases):
     turned = jnp.array([0.0, 0.0, half, half])
     place = away(8.66) * np.array([-1.0, 1.0, 1.0])
     assert profile.in_range(jnp.asarray(place), turned)
-    state = dataclasses.replace(state_at(place), quaternion=turned)
+    state = dataclasses.replace(at_hover(CRAZYFLIE, place), quaternion=turned)
     push, _ = profile.impulse(jnp.asarray(0.0), jnp.asarray(1.0), state, CRAZYFLIE)
     x, y, z = ROWS[0][4:7]
     np.testing.assert_allclose(push, [-y, x, z], rtol=1e-9)
@@ -190,7 +181,7 @@ def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
 
 def test_the_whole_share_is_given_once_however_steps_cut_it(cases):
     profile = custom_profile(cases, (0.0, 0.0, 0.0), duration_s=5e-3)
-    state = state_at(away(8.66))
+    state = at_hover(CRAZYFLIE, away(8.66))
     edges = np.concatenate([[0.0], np.linspace(0.0151, 0.0193, 9), [0.1]])
     heavy = eqx.tree_at(lambda v: v.mass_kg, CRAZYFLIE, jnp.asarray(1e9))  # it stays
     give = jax.jit(lambda a, b: profile.impulse(a, b, state, heavy)[0])
