@@ -318,7 +318,10 @@ def main() -> None:
         curves[quantity] = curve_of(found)
         for by in WITHOUT:
             show_left_out(quantity, by)
-    write_text(OUTPUT, packaged("ground_motion", TABLE.name, records(), curves))
+    write_text(
+        OUTPUT,
+        packaged("ground_motion", f"{TABLE.name}; units inferred", records(), curves),
+    )
     draw(curves)
     print(f"wrote {OUTPUT.name} and {FIGURE.name}")
 
