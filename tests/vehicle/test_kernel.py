@@ -271,26 +271,13 @@ def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(
     assert (asked, without_jax) == ([None], [(BATCH,)])
 
 
-def squared_deviation(mass, backend):
-    """Return how far a held vehicle is from its place after a blast."""
-    state = at_hover(CRAFT, position=(5.0, 0.0, 4.0))
-    load = blast_load(Scene(Charge(mass_kg=mass)), rotors=False)
-    flown = simulate(
-        CRAFT,
-        state,
-        duration_s=0.02,
-        loads=(load,),
-        control=PositionHold(state.position_m, named_gains("hummingbird")),
-        backend=backend,
-    )
-    return jnp.sum(jnp.square(flown.position_m[-1] - state.position_m))
+def test_flights_on_warp_have_no_derivatives():
+    """Those of JAX are held against differences with the loads."""
 
+    def height(east):
+        state = at_hover(CRAFT, position=(east, 0.0, 4.0))
+        flown = simulate(CRAFT, state, duration_s=0.01, backend="warp:cpu")
+        return flown.position_m[-1, 2]
 
-@pytest.mark.slow
-def test_derivatives_by_jax_are_right_and_warp_has_none():
-    slope = float(jax.grad(squared_deviation)(1.0, "auto"))
-    high, low = (float(squared_deviation(1.0 + h, "auto")) for h in (1e-4, -1e-4))
-    assert slope > 0
-    assert slope == pytest.approx((high - low) / 2e-4, rel=1e-5)
     with pytest.raises(InputError, match="Warp flights have no derivatives"):
-        jax.grad(squared_deviation)(1.0, "warp:cpu")
+        jax.grad(height)(1.0)

@@ -12,7 +12,7 @@ import pytest
 
 from jblast.errors import InputError
 from jblast.scene import Air, Charge, Scene
-from jblast.vehicle import blast_load, simulate
+from jblast.vehicle import PositionHold, blast_load, named_gains, simulate
 from jblast.vehicle.loads.blast_wave import (
     blast_passage,
     density_ratio,
@@ -286,6 +286,7 @@ def deviation(mass, east, step=1e-3):
         duration_s=0.05,
         step_s=step,
         loads=(load,),
+        control=PositionHold(np.array([6.0, 0.0, 2.0]), named_gains("crazyflie")),
         store_every=1000,
     )
     return flight.position_m[-1, 0]
