@@ -257,18 +257,14 @@ def test_what_has_no_c_code_flies_on_jax_and_says_so(without_jax, kind, said):
 def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(
     without_jax, monkeypatch
 ):
-    asked, device_named = [], kernel.device_named
-
-    def noted(name):
-        asked.append(name)
-        return device_named("cpu")
-
+    asked, flown = [], []
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    monkeypatch.setattr(kernel, "device_named", noted)
+    monkeypatch.setattr(kernel, "device_named", asked.append)
+    monkeypatch.setattr(kernel, "fly_on", lambda *_, batch, **__: flown.append(batch))
     simulate(CRAFT, start("float32"), duration_s=0.001)
-    assert (asked, without_jax) == ([None], [])
+    assert (asked, flown, without_jax) == ([None], [(BATCH,)], [])
     simulate(CRAFT, start(), duration_s=0.001)
-    assert (asked, without_jax) == ([None], [(BATCH,)])
+    assert (asked, flown, without_jax) == ([None], [(BATCH,)], [(BATCH,)])
 
 
 def test_flights_on_warp_have_no_derivatives():

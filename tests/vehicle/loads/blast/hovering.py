@@ -10,9 +10,11 @@ import numpy as np
 from jblast.scene import Charge, Scene
 from jblast.vehicle import BlastLoad, State, named
 from jblast.vehicle.loads.blast_wave import Wave
+from jblast.vehicle.quadrotor import required_body
 from tests.vehicle.flights import at_hover
 
 CRAZYFLIE = named("crazyflie")
+BODY = required_body(CRAZYFLIE.body)
 
 
 def of_parts(vehicle, *, drag=True, front=True, rotors=False, mass_kg=None):
