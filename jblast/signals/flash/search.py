@@ -80,6 +80,7 @@ LIT_SUM = 0.3
 """Sum of the changes of the logarithm by events from which on a pixel belongs to a
 fireball: one or two events of the usual threshold, 0.2."""
 Image = Float[np.ndarray, "height width"]
+Mask = Bool[np.ndarray, "height width"]
 SLOWEST_S = 0.02
 """Time constant of the slowest fireball [s]: twice that of 1 t by the law, which is
 known to a factor of two (`waves.fireball`). The test is tuned for up to 1 t."""
@@ -423,8 +424,6 @@ class FlashWatch:
 
     def _decide(self, spot: _Spot) -> None:
         """Measure the spot of an alarm by all stored frames; list another cause."""
-        from scipy import ndimage
-
         assert spot.alarm is not None
         spot.decided = True
         frames = [one for one in self._kept if one.number > spot.alarm - FRAMES_BEFORE]
@@ -437,20 +436,7 @@ class FlashWatch:
         if cause != "fireball":
             self._list(spot, cause)
             return
-        # what lights up nearer to a fire than half its size is a part of it: ground,
-        # and flames that soot or the edge of the image cuts off
-        parts = [spot]
-        while parts:
-            spot.pixels = np.logical_or.reduce([one.pixels for one in [spot, *parts]])
-            radius = max(map(np.ptp, np.nonzero(spot.pixels))) / 2
-            near = ndimage.distance_transform_edt(~spot.pixels) < radius
-            parts = [
-                one
-                for one in self._spots
-                if not one.decided and (one.pixels & near).any()
-            ]
-            self._spots = [one for one in self._spots if one not in parts]
-        spot.pixels = near
+        spot.pixels = self._fire_about(spot.pixels)
         seen = [_unbinned(one, self.binned) for one in seen]
         # event pixels respond late by an unknown part of their low-pass
         lag = LAG_S if self._changes else 0.0
@@ -465,6 +451,26 @@ class FlashWatch:
                 tuple(seen),
                 None if self._changes else images[min(first + 15, len(images) - 1)],
             )
+        )
+
+    def _fire_about(self, fire: Mask) -> Mask:
+        """Return the place of a fire, and drop the spots that are a part of it.
+
+        What lights up nearer to a fire than half its size is a part of it: ground, and
+        flames that soot or the edge of the image cuts off.
+        """
+        from scipy import ndimage
+
+        half = max(map(np.ptp, np.nonzero(fire))) / 2
+        near = np.asarray(ndimage.distance_transform_edt(~fire)) < half
+        parts = [
+            one for one in self._spots if not one.decided and (one.pixels & near).any()
+        ]
+        if not parts:
+            return near
+        self._spots = [one for one in self._spots if one not in parts]
+        return self._fire_about(
+            np.logical_or.reduce([fire, *(one.pixels for one in parts)])
         )
 
 

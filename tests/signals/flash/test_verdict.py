@@ -165,8 +165,10 @@ def test_blasts_at_the_same_time_are_all_found():
 
 def test_a_fire_at_the_edge_of_the_image_is_one_flash():
     # two flames that the edge separates, and one that rises out of soot after 60 ms
-    radii = [lambda k, r=r: -r * np.expm1(-k / 4.0) for r in (13.0, 11.0)]
-    radii.append(lambda k: -5.0 * np.expm1(-max(k - 6.0, 0.0) / 4.0))
+    flames = (13.0, 0.0), (11.0, 0.0), (5.0, 6.0)
+    radii = [
+        lambda k, r=r, at=at: -r * np.expm1(-max(k - at, 0.0) / 4.0) for r, at in flames
+    ]
     places = [(20.2, 119.0), (48.3, 119.0), (14.6, 87.1)]
     seen = searched(film(radii, places, shape=(120, 160)))
     (flash,) = seen.flashes
