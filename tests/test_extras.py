@@ -49,7 +49,7 @@ def aedat4(folder):
 
 
 def scheduler(folder):
-    from jblast.study.sampling.cluster import client_of
+    from jblast.study.runs import client_of
 
     with client_of("tcp://127.0.0.1:1"):
         pass
@@ -125,6 +125,5 @@ def test_an_extra_that_is_not_installed_is_named(
 
 def test_every_extra_is_tried():
     extras = tomllib.loads(PROJECT.read_text())["project"]["optional-dependencies"]
-    # jblast reads its stores itself: the extra is for other programs, such as xarray;
     # without geo there is no KML file, which a caption states
-    assert {extra for extra, _, _ in USES} == set(extras) - {"study", "geo"}
+    assert {extra for extra, _, _ in USES} == set(extras) - {"geo"}

@@ -24,14 +24,13 @@ from jblast.report.view import (
 )
 from jblast.results import Document, filled
 from jblast.study.columns import Lane, StudyColumns, read_columns
-from jblast.study.engine.merge import merged, summary_of
-from jblast.study.engine.store import Variable
-from jblast.study.engine.tiles import Moments
 from jblast.study.outcome.family import Outcome
 from jblast.study.outcome.quantities import LIMITS, limit_of
 from jblast.study.outcome.registry import OUTCOMES
-from jblast.study.sampling.run import Ran
+from jblast.study.runs import Ran, merged
 from jblast.study.sensitivity import Shares, lane_shares, rest_name
+from jblast.study.statistics import Moments, finish_moments, over_cases
+from jblast.study.store import Variable
 
 MAX_ROWS = 200
 """Largest number of rows of a table on the page; the JSON has all of them."""
@@ -131,15 +130,15 @@ class MergeAnswer(Document):
     Attributes:
         store: Folder of the merged store.
         complete: Whether no sample is missing.
-        tiles: Number of its stored tiles.
-        tiles_of_study: Number of tiles of the complete study.
+        slabs: Number of its stored slabs.
+        slabs_of_study: Number of slabs of the complete study.
         stores: Number of merged stores.
     """
 
     store: str
     complete: bool
-    tiles: int
-    tiles_of_study: int
+    slabs: int
+    slabs_of_study: int
     stores: int
 
 
@@ -222,9 +221,9 @@ def unit_of(units: str) -> str:
 
 def run_answer(ran: Ran) -> Answer:
     """Return the answer of a run: number of samples and mean of each outcome."""
-    outcomes = [v for v in ran.store.variables if v.role == "outcome"]
-    moments = ran.estimates.moments
-    known = tuple(one for v in outcomes for one in _known(v, moments[v.name]))
+    known = tuple(
+        one for v in ran.slabs.outcomes for one in _known(v, ran.moments[v.name])
+    )
     found = filled(
         StudyAnswer, ran, store=str(ran.store.path), calculated=ran.new, outcomes=known
     )
@@ -242,21 +241,19 @@ def run_answer(ran: Ran) -> Answer:
 
 
 def _known(variable: Variable, moments: Moments) -> Iterable[OutcomeKnown]:
-    whole = moments.whole()
-    error = whole.standard_error()
+    whole = finish_moments(over_cases(moments, slice(None)))
     for n, sensor in enumerate(variable.sensors or ("",)):
-        at = (0, n) if variable.sensors else (0,)
-        samples = int(whole.answers[at])
+        found = {name: np.ravel(value)[n].item() for name, value in whole.items()}
         yield filled(
             OutcomeKnown,
             variable,
             outcome=variable.name,
             sensor=sensor,
-            mean=float(whole.mean[at]) if samples else math.nan,
-            sd=float(error[at] * np.sqrt(samples)),
-            standard_error=float(error[at]),
-            samples=samples,
-            failed=int(whole.failed[at]),
+            mean=found["mean"],
+            sd=found["sd"],
+            standard_error=found["standard_error"],
+            samples=found["count"],
+            failed=found["lost"] + found["infinite"],
         )
 
 
@@ -275,13 +272,12 @@ def merge_answer(stores: Sequence[str], out: str | None = None) -> Answer:
     """
     if len(stores) < 2:
         raise InputError(f"merge: expected at least two stores, got {len(stores)}")
-    store = merged(stores, out or stores[0])
-    parts = [store] if store.attributes["keep"] == "all" else [store, summary_of(store)]
-    tiles, of = sum(len(x.done()) for x in parts), sum(x.tiles for x in parts)
+    store, slabs = merged(stores, out or stores[0])
     complete = bool(store.attributes["complete"])
     state = "complete" if complete else "not complete"
-    found = MergeAnswer(str(store.path), complete, tiles, of, len(stores))
-    title = f"{store.path}: {tiles:,} of {of:,} tiles from {len(stores)} stores"
+    of = store.slabs
+    found = MergeAnswer(str(store.path), complete, slabs, of, len(stores))
+    title = f"{store.path}: {slabs:,} of {of:,} slabs from {len(stores)} stores"
     return Answer(found, View(f"{title}; {state}"))
 
 

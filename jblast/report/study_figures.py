@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from jblast.report.colours import BLUE, COLOURS, INK, MUTED, VERMILLION
 from jblast.report.figures import MARKERS, log_ticks, new_figure, quiet, titled
-from jblast.study.columns import ALL, Lane, StudyAxis, StudyColumns, Which, total
+from jblast.study.columns import ALL, Lane, StudyAxis, StudyColumns, Which
 from jblast.study.sensitivity import Shares, rest_name
 from jblast.study.statistics import wilson_interval
 
@@ -126,7 +126,8 @@ def _curves(
     chosen = np.unique(np.linspace(0, other.values.size - 1, count).astype(int))
     words = other.name if not other.words else ""
     return [
-        (lanes[0], other.at == n, f"{words} {other.shown(n)}".strip()) for n in chosen
+        (lanes[0], other.at == n, f"{words} {other.shown(int(n))}".strip())
+        for n in chosen
     ]
 
 
@@ -220,9 +221,9 @@ def exceedance_figure(columns: StudyColumns, limits: Limits = ()) -> Figure:
 
 def exceedance(lane: Lane) -> tuple[np.ndarray, np.ndarray, int]:
     """Return finite values, share of samples above each, and number of samples."""
-    values, counts = lane.distribution()
-    count = max(1, int(counts.sum()))
-    above = 1 - np.cumsum(counts) / count
+    values = lane.distribution()
+    count = max(1, values.size)
+    above = 1 - np.arange(1, values.size + 1) / count
     finite = np.flatnonzero(np.isfinite(values))
     if not finite.size:
         return np.zeros(0), np.zeros(0), 1
@@ -276,7 +277,7 @@ def convergence_figure(columns: StudyColumns) -> Figure:
             ]
             rows = [(mean, mean - half, mean + half) for mean, half in pairs]
         middle, low, high = np.array(rows).T
-        band(axes, [total(found) for found in course], middle, low, high, 0)
+        band(axes, [int(state.samples) for state in lane.after], middle, low, high, 0)
         axes.axhline(rows[-1][0], color=MUTED, linewidth=0.8, linestyle=":")
         titled(axes, lane.title, "90 % intervals")
         axes.set_xscale("log")

@@ -11,17 +11,17 @@ from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
     from jblast.study.file import Axis as Axis, Study as Study, read_study as read_study
-    from jblast.study.sampling.run import run as run, run_into as run_into
-    from jblast.study.sampling.work import draw as draw, outcomes as outcomes
+    from jblast.study.runs import run as run, run_into as run_into
+    from jblast.study.slabs import draw as draw, outcomes as outcomes
 
 HOMES = {
     "Axis": "jblast.study.file",
     "Study": "jblast.study.file",
-    "draw": "jblast.study.sampling.work",
-    "outcomes": "jblast.study.sampling.work",
+    "draw": "jblast.study.slabs",
+    "outcomes": "jblast.study.slabs",
     "read_study": "jblast.study.file",
-    "run": "jblast.study.sampling.run",
-    "run_into": "jblast.study.sampling.run",
+    "run": "jblast.study.runs",
+    "run_into": "jblast.study.runs",
 }
 
 __all__ = ["Axis", "Study", "draw", "outcomes", "read_study", "run", "run_into"]

@@ -1,58 +1,42 @@
-"""Columns of a study: its axes, inputs and outcomes, from samples or statistics.
+"""Columns of a study: its axes, inputs and outcomes, from samples and moments.
 
-A store has all samples, or only statistics of each cell of the axes. Both have one
-interface: `Lane.statistics` of chosen elements, and `Lane.distribution`.
+Statistics of chosen cases are the merged moments of all their samples. Quantiles and
+distributions are those of the stored samples, which are the first ones.
 """
 
 import itertools
 import math
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jblast.errors import InputError
-from jblast.study.engine.merge import opened_intact, summary_of
-from jblast.study.engine.store import SCHEMA, Kind, Store, Variable
-from jblast.study.engine.summary import State, merged_states, outcomes_of
-from jblast.study.file import study_from_text
-from jblast.study.sampling.run import scenes_of
 from jblast.study.statistics import (
     Moments,
-    QuantileSketch,
-    bin_edges,
-    blocks,
-    empty_moments,
     finish_moments,
     finish_share,
-    fold,
-    merge_moments,
-    merge_shares,
-    moments_of,
-    share_of,
-    sketch_quantiles,
+    merged_moments,
+    moments,
+    over_cases,
 )
+from jblast.study.store import SCHEMA, Kind, opened_store
 
 if TYPE_CHECKING:
     import xarray
 
 QUANTILES = {"q05": 0.05, "q50": 0.5, "q95": 0.95}
 MAX_POINTS = 40
-"""Largest number of points of a course: each one merges all statistics."""
-SKETCHED = (
-    "Only statistics of the samples were stored: the error of a quantile is below "
-    "0.8 % of its distance from the origin of its cell's sketch."
-)
-Which = Bool[np.ndarray, " element"] | slice
+"""Largest number of points of a course."""
+Which = Bool[np.ndarray, " case"] | slice
 ALL = slice(None)
 
 
 @dataclass(frozen=True)
-class Lane(ABC):
+class Lane:
     """An outcome at one sensor, or without a sensor.
 
     Attributes:
@@ -61,7 +45,9 @@ class Lane(ABC):
         units: Unit of the values; "1" for none.
         kind: "number" or "yes_no".
         long_name: Description.
-        values: Value of each sample, NaN for a failed one; empty for statistics.
+        values: Values of the stored samples, NaN for a failed one.
+        moments: Moments of all samples by case.
+        after: Moments of all cases together after growing numbers of samples.
     """
 
     name: str
@@ -69,123 +55,39 @@ class Lane(ABC):
     units: str
     kind: Kind
     long_name: str
-    values: Float[np.ndarray, " sample"]
+    values: Float[np.ndarray, "draw case"]
+    moments: Moments
+    after: tuple[Moments, ...]
 
     @property
     def title(self) -> str:
         """Name of outcome and sensor."""
         return f"{self.name}, {self.sensor}" if self.sensor else self.name
 
-    @abstractmethod
-    def state(self, which: Which = ALL) -> State:
-        """Return `Moments` or `ShareState` of some elements: samples or cells."""
-
-    @abstractmethod
-    def distribution(
-        self, which: Which = ALL
-    ) -> tuple[Float[np.ndarray, " value"], Int[np.ndarray, " value"]]:
-        """Return distinct or repeated values in ascending order, and their counts."""
-
-    @abstractmethod
-    def course(self) -> list[dict[str, Any]]:
-        """Return `finished` after growing numbers of samples, all of them last."""
-
     def statistics(self, which: Which = ALL) -> dict[str, Any]:
-        """Return the results of `finished`, for numbers with `QUANTILES`."""
-        found = self.finished(self.state(which))
+        """Return the statistics of some cases, of numbers with `QUANTILES`."""
+        found = self.finished(over_cases(self.moments, which))
         if self.kind == "number":
-            at = self.quantiles(which, np.array([*QUANTILES.values()]))
-            found |= dict(zip(QUANTILES, map(float, at), strict=True))
+            known, at = self.distribution(which), np.array([*QUANTILES.values()])
+            quantiles = np.full(at.size, math.nan)
+            if known.size:
+                quantiles = np.quantile(known, at, method="inverted_cdf")
+            found |= dict(zip(QUANTILES, map(float, quantiles), strict=True))
         return found
 
-    def quantiles(
-        self, which: Which, shares: Float[np.ndarray, " quantile"]
-    ) -> Float[np.ndarray, " quantile"]:
-        """Return quantiles of the distribution; NaN without values."""
-        values, counts = self.distribution(which)
-        if not len(values):
-            return np.full(len(shares), math.nan)
-        return np.quantile(values, shares, weights=counts, method="inverted_cdf")
-
-    def finished(self, state: State) -> dict[str, Any]:
+    def finished(self, state: Moments) -> dict[str, Any]:
         """Return `finish_share` or `finish_moments` of a state, as plain numbers."""
         found = (finish_share if self.kind == "yes_no" else finish_moments)(state)
         return {name: value.item() for name, value in found.items()}
 
-
-class SampledLane(Lane):
-    """A lane with all samples."""
-
-    def state(self, which: Which = ALL) -> State:
-        """Return the state of some samples."""
-        values = self.values[which]
-        if self.kind == "yes_no":
-            flags = np.where(np.isnan(values), -1, values).astype(np.int8)
-            return share_of(flags)
-        parts = [moments_of(values[part]) for part in blocks(len(values))]
-        return fold(empty_moments(), parts, merge_moments)
-
-    def distribution(self, which: Which = ALL):
-        """Return the values of some samples, each counted once."""
-        values = self.values[which]
-        known = np.sort(values[~np.isnan(values)])
-        return known, np.ones(known.size, int)
+    def distribution(self, which: Which = ALL) -> Float[np.ndarray, " value"]:
+        """Return the values of the stored samples of some cases, in ascending order."""
+        values = self.values[:, which].ravel()
+        return np.sort(values[~np.isnan(values)])
 
     def course(self) -> list[dict[str, Any]]:
-        """Return the statistics of the first samples."""
-        ends = points(10, len(self.values))
-        return [self.finished(self.state(slice(end))) for end in ends]
-
-
-@dataclass(frozen=True)
-class CountedLane(Lane):
-    """A lane with statistics of each variant and cell.
-
-    Attributes:
-        cells: Statistics of each variant and cell.
-        after: Statistics of all cells together after growing numbers of samples.
-    """
-
-    cells: State
-    after: list[dict[str, Any]] = field(default_factory=list)
-
-    def state(self, which: Which = ALL) -> State:
-        """Return the merged state of some cells."""
-        yes_no = self.kind == "yes_no"
-        state, merge = (
-            (self.cells, merge_shares)
-            if yes_no
-            else (self.cells.moments, merge_moments)
-        )
-        parts = [np.asarray(part)[which] for part in state]
-        first, *others = (type(state)(*one) for one in zip(*parts, strict=True))
-        return fold(first, others, merge)
-
-    def quantiles(
-        self, which: Which, shares: Float[np.ndarray, " quantile"]
-    ) -> Float[np.ndarray, " quantile"]:
-        """Return quantiles, for a single cell interpolated within its bins."""
-        sketch = QuantileSketch(*(np.asarray(x)[which] for x in self.cells.sketch))
-        if len(sketch.origin) > 1:
-            return super().quantiles(which, shares)
-        found: Moments = self.state(which)
-        ends = np.asarray(found.minimum), np.asarray(found.maximum)
-        return sketch_quantiles(sketch, shares, *ends)[:, 0]
-
-    def distribution(self, which: Which = ALL):
-        """Return the middles of the bins of some cells, and their counts."""
-        found: Moments = self.state(which)
-        counts, origin = (np.asarray(part)[which] for part in self.cells.sketch)
-        edges = np.clip(bin_edges(), -1e300, 1e300)
-        middle = 0.5 * (edges[:-1] + edges[1:])
-        group, place = np.nonzero(counts)
-        values = np.clip(origin[group] + middle[place], found.minimum, found.maximum)
-        order = np.argsort(values, kind="stable")
-        return values[order], counts[group, place][order]
-
-    def course(self) -> list[dict[str, Any]]:
-        """Return the statistics after growing numbers of tiles."""
-        return self.after
+        """Return `finished` after growing numbers of samples, all of them last."""
+        return [self.finished(state) for state in self.after]
 
 
 @dataclass(frozen=True)
@@ -195,16 +97,16 @@ class StudyAxis:
     Attributes:
         name: Parameter of the scene, or key of its file.
         units: Unit of the values.
-        values: Distinct values in ascending order; codes if it has words.
-        words: Words of the codes; () for numbers.
-        at: Index of the value of each element of a lane.
+        values: Values; their numbers if the axis has words.
+        words: Words; () for numbers.
+        at: Index of the value of each case.
     """
 
     name: str
     units: str
     values: Float[np.ndarray, " value"]
     words: tuple[str, ...]
-    at: Int[np.ndarray, " element"]
+    at: Int[np.ndarray, " case"]
 
     def shown(self, index: int) -> str:
         """Return one of its values as text."""
@@ -213,30 +115,34 @@ class StudyAxis:
 
 @dataclass(frozen=True)
 class StudyColumns:
-    """The stored samples or statistics of a study.
+    """The stored samples and moments of a study.
 
     Attributes:
         lanes: The outcomes.
-        inputs: Sampled parameters, by name.
+        inputs: Sampled parameters of the stored samples, by name.
         axes: Axes of the study, in the order of the store.
         attributes: Attributes of the store.
         samples: Number of computed samples.
         missing: Number of samples that are not computed yet.
-        rows: Samples that were stored in addition to statistics.
     """
 
     lanes: tuple[Lane, ...]
-    inputs: Mapping[str, Float[np.ndarray, " sample"]]
+    inputs: Mapping[str, Float[np.ndarray, "draw case"]]
     axes: tuple[StudyAxis, ...]
     attributes: Mapping[str, Any]
     samples: int
     missing: int = 0
-    rows: "StudyColumns | None" = None
 
     @property
     def notes(self) -> list[str]:
         """Notes on precision and missing samples, as sentences."""
-        notes = [SKETCHED] if any(not lane.values.size for lane in self.lanes) else []
+        notes = []
+        stored = self.lanes[0].values.size if self.lanes else self.samples
+        if stored < self.samples:
+            notes.append(
+                f"Quantiles, distributions and sources of scatter are those of the "
+                f"first {stored:,} samples."
+            )
         if self.missing:
             notes.append(
                 f"The study is not complete: {self.missing:,} of "
@@ -255,169 +161,133 @@ class StudyColumns:
         """Axes over words, with two or more values."""
         return [one for one in self.axes if one.words and one.values.size > 1]
 
-    def cells(self) -> Iterator[tuple[dict[str, str], Bool[np.ndarray, " element"]]]:
-        """Yield the values of each cell of the axes, as text, and its elements."""
+    def cells(self) -> Iterator[tuple[dict[str, str], Bool[np.ndarray, " case"]]]:
+        """Yield the values of each case of the axes, as text, and its mask."""
         for chosen in itertools.product(*(range(a.values.size) for a in self.axes)):
             pairs = list(zip(self.axes, chosen, strict=True))
             mask = np.all([axis.at == place for axis, place in pairs], axis=0)
-            if self.axes and mask.any():
+            if self.axes:
                 yield {axis.name: axis.shown(place) for axis, place in pairs}, mask
 
 
 def read_columns(path: str | os.PathLike[str]) -> StudyColumns:
-    """Read a store: its samples, or its statistics.
+    """Read a store.
 
     Raises:
-        InputError: There is no store, it has another layout or schema, or it is
-            damaged.
+        InputError: There is no store, it has another layout or schema, it is damaged,
+            or it has no samples.
     """
-    store = opened_intact(path)
-    tiles = [store.read_tile(tile) for tile in sorted(store.written())]
-    rows = None
-    if tiles:
-        names = [v.name for v in store.variables]
-        columns = {
-            name: np.concatenate([tile[name] for tile in tiles]) for name in names
-        }
-        rows = _columns(store.variables, columns, store.attributes, store.samples)
-    if store.attributes.get("keep", "all") != "all":
-        return _counted(store, rows)
-    if rows is None:
+    import xarray
+
+    store = opened_store(path)
+    # the order of merging is that of the run, which stops at the first missing slab
+    found = [store.states(n) for n in range(store.slabs)]
+    states = list(itertools.takewhile(lambda state: state is not None, found))
+    if store.faults or (store.attributes["complete"] and len(states) < len(found)):
+        lost = len(states), "a chunk is missing"
+        n, fault = min(store.faults.items(), default=lost)
+        raise InputError(
+            f"{path}: slab {n}: {fault}; a resumed study computes damaged slabs again"
+        )
+    if not states:
         raise InputError(f"{path}: expected samples, got a store without any")
-    return rows
+    rows = min(store.keep, len(states) * store.slab)
+    with xarray.open_zarr(store.path, consolidated=False, chunks=None) as dataset:
+        return columns_of(dataset.isel(draw=slice(rows)).load(), str(path), states)
 
 
-def columns_of(dataset: "xarray.Dataset", source: str = "study") -> StudyColumns:
+def columns_of(
+    dataset: "xarray.Dataset",
+    source: str = "study",
+    states: Sequence[Mapping[str, Moments] | None] = (),
+) -> StudyColumns:
     """Return the columns of a data set of `run`.
+
+    Args:
+        dataset: Data set.
+        source: Its name, for messages.
+        states: Moments of slabs, in their order; empty for those of the samples.
 
     Raises:
         InputError: It has another layout or schema, or no samples.
     """
     schema = dataset.attrs.get("jblast_study_schema")
-    if schema != SCHEMA or "sample" not in dataset.sizes:
+    if schema != SCHEMA or "draw" not in dataset.sizes:
         raise InputError(
             f"{source}: expected samples and jblast_study_schema {SCHEMA}, "
             f"got {schema} and the dimensions {', '.join(map(str, dataset.sizes))}"
         )
-    sensors = (
-        tuple(str(one) for one in dataset["sensor"].values)
-        if "sensor" in dataset
-        else ()
+    names = dataset.attrs["columns"]
+    columns = {name: dataset[name] for name in names}
+    dims = next(iter(columns.values())).dims
+    names = [str(name) for name in dims if name not in ("draw", "sensor")]
+    sizes = [dataset.sizes[name] for name in names]
+    places = np.unravel_index(np.arange(math.prod(sizes)), sizes) if sizes else ()
+    axes = tuple(
+        _axis(dataset[name], at) for name, at in zip(names, places, strict=True)
     )
-    variables, columns = [], {}
-    for name, column in dataset.data_vars.items():
-        own: dict[str, Any] = {"units": "1", "long_name": str(name)} | column.attrs
-        own["names"] = tuple(own.get("names", ()))
-        own["sensors"] = sensors if column.ndim > 1 else ()
-        variables.append(Variable(str(name), **own))
-        columns[str(name)] = column.values
-    samples = int(dataset.sizes["sample"])
-    return _columns(variables, columns, dict(dataset.attrs), samples)
-
-
-def _columns(
-    variables: Sequence[Variable],
-    columns: Mapping[str, np.ndarray],
-    attributes: Mapping[str, Any],
-    whole: int,
-) -> StudyColumns:
-    """Return the columns of samples, some of `whole` requested ones."""
-    lanes: list[Lane] = []
-    for v in outcomes_of(variables):
-        values = np.asarray(columns[v.name], float)
-        if v.kind == "yes_no":
+    cases, lanes, draws = math.prod(sizes), [], dataset.sizes["draw"]
+    for name, column in columns.items():
+        if column.attrs["role"] != "outcome":
+            continue
+        sensors = dataset["sensor"].values if "sensor" in column.dims else [""]
+        values = column.values.astype(float).reshape(draws, cases, len(sensors))
+        kind = column.attrs["kind"]
+        if kind == "yes_no":
             values = np.where(values < 0, np.nan, values)
-        for n, sensor in enumerate(v.sensors or ("",)):
-            own = values[:, n] if v.sensors else values
-            lanes.append(SampledLane(v.name, sensor, v.units, v.kind, v.long_name, own))
-    by_role = {r: [v for v in variables if v.role == r] for r in ("input", "axis")}
-    samples = len(next(iter(columns.values())))
+        whole, after = _whole(values, [s[name] for s in states if s is not None])
+        for n, sensor in enumerate(sensors):
+            own, *points = (
+                Moments(*(np.asarray(x).reshape(-1, len(sensors))[:, n] for x in one))
+                for one in (whole, *after)
+            )
+            about = column.attrs["units"], kind, column.attrs["long_name"]
+            points = tuple(Moments(*(x[0] for x in point)) for point in points)
+            lanes.append(Lane(name, str(sensor), *about, values[:, :, n], own, points))
+    samples = int(lanes[0].after[-1].samples)
     return StudyColumns(
         tuple(lanes),
-        {v.name: np.asarray(columns[v.name], float) for v in by_role["input"]},
-        tuple(_axis(v, columns[v.name]) for v in by_role["axis"]),
-        attributes,
+        {
+            name: column.values.reshape(draws, cases)
+            for name, column in columns.items()
+            if column.attrs["role"] == "input"
+        },
+        axes,
+        dict(dataset.attrs),
         samples,
-        whole - samples,
+        int(dataset.attrs.get("draws", draws)) * cases - samples,
     )
 
 
-def _axis(v: Variable, column: np.ndarray) -> StudyAxis:
-    values, at = np.unique(np.asarray(column, float), return_inverse=True)
-    words = tuple(v.names[int(n)] if n >= 0 else "-" for n in values) if v.names else ()
-    return StudyAxis(v.name, v.units, values, words, at.reshape(-1))
+def _whole(
+    values: Float[np.ndarray, "draw case sensor"], states: Sequence[Moments]
+) -> tuple[Moments, list[Moments]]:
+    """Return moments by case, and those of all cases after growing numbers of draws."""
+    draws = len(values)
+    parts = [moments(part) for part in np.split(values, points(draws)[:-1])]
+    growing = list(itertools.accumulate(parts, merged_moments))
+    if states:
+        slabs = list(itertools.accumulate(states, merged_moments))
+        beyond = [s for s in slabs if np.max(s.samples) > draws]
+        growing += [beyond[n - 1] for n in points(len(beyond))]
+        # the sums of the run, to the last bit
+        growing[-1] = slabs[-1]
+    return growing[-1], [over_cases(one, ALL) for one in growing]
 
 
-def points(first: int, last: int) -> list[int]:
-    """Return at most `MAX_POINTS` growing numbers of samples or tiles."""
-    ends = np.geomspace(min(first, last), last, MAX_POINTS) if last else np.zeros(0)
+def _axis(column: "xarray.DataArray", at: Int[np.ndarray, " case"]) -> StudyAxis:
+    words = column.dtype.kind not in "fi"
+    values = np.arange(column.size, dtype=float) if words else column.values
+    return StudyAxis(
+        str(column.name),
+        column.attrs["units"],
+        np.asarray(values, float),
+        tuple(map(str, column.values)) if words else (),
+        at,
+    )
+
+
+def points(last: int) -> list[int]:
+    """Return at most `MAX_POINTS` growing numbers of draws or slabs up to the last."""
+    ends = np.geomspace(min(10, last), last, MAX_POINTS) if last else np.zeros(0)
     return [int(end) for end in np.unique(ends.astype(int))]
-
-
-def _counted(store: Store, rows: StudyColumns | None) -> StudyColumns:
-    """Return the statistics of a store.
-
-    Raises:
-        InputError: There are no statistics.
-    """
-    summary, attributes = summary_of(store), store.attributes
-    anchors, done = summary.anchors(), summary.written()
-    # the order of merging is that of the run, which stops at the first missing tile
-    tiles = list(itertools.takewhile(done.__contains__, range(summary.tiles)))
-    ends = points(1, len(tiles))
-    states: dict[str, State] = {}
-    lanes: list[CountedLane] = []
-    for number in tiles:
-        own = summary.read(number, anchors)
-        states = merged_states(store.variables, states, own) if states else own
-        if number + 1 in ends:
-            # of earlier points only the totals are kept, as sketches may take gigabytes
-            before = [lane.after for lane in lanes] or itertools.repeat([])
-            lanes = [
-                replace(lane, after=[*after, lane.finished(lane.state())])
-                for lane, after in zip(
-                    _counted_lanes(store, states), before, strict=False
-                )
-            ]
-    samples = total(lanes[0].after[-1]) if lanes else 0
-    missing = int(attributes["samples"]) - samples
-    axes = _axes(store, summary.groups)
-    return StudyColumns(tuple(lanes), {}, axes, attributes, samples, missing, rows)
-
-
-def total(found: Mapping[str, int]) -> int:
-    """Return the number of samples of some statistics, failed ones included."""
-    return sum(found.get(name, 0) for name in ("count", "infinite", "lost"))
-
-
-def _counted_lanes(store: Store, states: Mapping[str, State]) -> Iterator[CountedLane]:
-    for v in outcomes_of(store.variables):
-        for n, sensor in enumerate(v.sensors or ("",)):
-            state = _at_sensor(states[v.name], n if v.sensors else None)
-            none = np.empty(0)
-            yield CountedLane(v.name, sensor, v.units, v.kind, v.long_name, none, state)
-
-
-def _at_sensor(state: State, sensor: int | None) -> State:
-    """Return the part of a state that belongs to a sensor; all of it for None."""
-    if hasattr(state, "_fields"):
-        return type(state)(*(_at_sensor(part, sensor) for part in state))
-    return np.asarray(state) if sensor is None else np.asarray(state)[:, sensor]
-
-
-def _axes(store: Store, groups: int) -> tuple[StudyAxis, ...]:
-    """Return the axes, with the value of each variant and cell."""
-    kept = store.attributes
-    study = study_from_text(
-        kept["study"], scenes_of(kept), allow_code=kept["allow_code"]
-    )
-    variant, cell = np.divmod(np.arange(groups), len(study.cells))
-    columns: dict[str, Any] = {}
-    for n, axis in enumerate(study.numbers):
-        columns[axis.key] = np.array([values[n] for values in study.cells])[cell]
-    each = len(study.variants)
-    for axis in study.words:
-        # variants count in mixed radix, the last axis fastest
-        each //= len(axis.values)
-        columns[axis.key] = variant // each % len(axis.values)
-    return tuple(_axis(v, columns[v.name]) for v in store.variables if v.role == "axis")

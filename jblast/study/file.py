@@ -49,7 +49,10 @@ SCALES = ("linear", "log")
 Design = Literal["random", "sobol"]
 DESIGNS: tuple[Design, ...] = ("random", "sobol")
 """Kinds of samples of the priors."""
-Keep = Literal["all", "summary"] | int
+Keep = Literal["all"] | int
+KEEP = 1_000_000
+"""Default number of stored samples: the rank of a quantile from them has a standard
+error of 2e-4 at 5 % and 95 %."""
 MAX_SAMPLES = 2**40
 """Largest number of samples, 1e12: a sample's number is a counter of its random key."""
 
@@ -76,11 +79,11 @@ class Study:
         believed: The same scenes with their own priors, for fits within the study.
         outcomes: Names of the requested outcomes.
         seed: Seed of all samples.
-        samples: Number of samples in each cell of each variant.
+        samples: Number of draws: samples of each combination of the axes.
         sd_target: Target standard error by outcome; the study ends when all are
             reached.
         design: Kind of samples.
-        keep: "all" samples, only their "summary", or the number of stored samples.
+        keep: Number of stored samples, the first ones, or "all"; statistics are of all.
         numbers: Axes over scene parameters, crossed with each other.
         words: Axes over other keys of the scene file, crossed likewise.
         options: Options of outcomes.
@@ -98,7 +101,7 @@ class Study:
     samples: int = 1000
     sd_target: Mapping[str, float] = field(default_factory=dict)
     design: Design = "random"
-    keep: Keep = "all"
+    keep: Keep = KEEP
     numbers: tuple[Axis, ...] = ()
     words: tuple[Axis, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -218,7 +221,7 @@ def study_from_document(
         samples=samples,
         sd_target=targets,
         design=design_of(document.get("design", "random"), source),
-        keep=keep_of(document.get("keep", "all"), source),
+        keep=keep_of(document.get("keep", KEEP), source),
         numbers=numbers,
         words=words,
         options=options_of(document.get("options", {}), source),
@@ -348,14 +351,9 @@ def design_of(value: Any, source: str) -> Design:
 
 def keep_of(value: Any, source: str) -> Keep:
     """Return which samples are stored."""
-    if value in ("all", "summary"):
-        return value
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InputError(
-            f'{source}: keep: expected "all", "summary" or a number of samples, got '
-            f"{shown(value)}"
-        )
-    return value
+    if value == "all":
+        return "all"
+    return whole_of(value, f"{source}: keep", 1, MAX_SAMPLES)
 
 
 def outcomes_of(value: Any, source: str) -> tuple[str, ...]:

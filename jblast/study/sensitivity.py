@@ -389,13 +389,13 @@ def lane_shares(columns: StudyColumns) -> tuple[Shares, ...]:
 
     Axes over numbers count as sampled evenly from their values.
     """
-    columns = columns.rows or columns
-    inputs = dict(columns.inputs)
-    inputs |= {axis.name: axis.values[axis.at] for axis in columns.numeric_axes}
+    draws = len(columns.lanes[0].values) if columns.lanes else 0
+    inputs = {name: values.ravel() for name, values in columns.inputs.items()}
+    for axis in columns.numeric_axes:
+        inputs[axis.name] = np.tile(axis.values[axis.at], draws)
     found = [
-        shares_from_samples(inputs, lane.values, lane.name, lane.sensor or None)
+        shares_from_samples(inputs, lane.values.ravel(), lane.name, lane.sensor or None)
         for lane in columns.lanes[:MAX_LANES]
-        if len(lane.values)  # a store of statistics has no samples
     ]
     return tuple(shares for shares in found if shares is not None)
 

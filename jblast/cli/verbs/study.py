@@ -14,7 +14,8 @@ input:
 model:
   --limit N            integer; approximate number of samples to compute in this run
                        (default: all)
-  --resume             continuation of an existing store, or start of a new one
+  --resume             continuation of an existing store, also with more
+                       samples, or start of a new one
 output:
   --out STUDY.zarr     path; store, a folder; of a report the folder of page, figures
                        and study.json
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(
             f"{argument('out')}: expected the folder of the store, got nothing"
         )
-    # with a scheduler this process only distributes tiles; merging compiles nothing
+    # with a scheduler this process only distributes slabs; merging compiles nothing
     if task != "merge":
         start_jax(
             all_cores=task == "run" and not options.scheduler, quick=task != "run"
@@ -81,19 +82,16 @@ def run(options: argparse.Namespace) -> int:
         answer = report.store_answer(paths[0])
         return deliver(answer, options, folder=options.out, names=report.NAMES)
     from jblast.study import read_study, run_into
-    from jblast.study.engine.launch import mesh_of
-    from jblast.study.sampling.cluster import tiles_on
+    from jblast.study.slabs import devices_of
 
     study = read_study(paths[0], allow_code=options.allow_code)
     # Each sample has a key of its own, so that results do not depend on the devices.
-    mesh = mesh_of(options.devices)
-    with tiles_on(options.scheduler, options.out) as tiles:
-        ran = run_into(
-            study,
-            options.out,
-            resume=options.resume,
-            limit=options.limit,
-            mesh=mesh,
-            tiles=tiles,
-        )
+    ran = run_into(
+        study,
+        options.out,
+        resume=options.resume,
+        limit=options.limit,
+        devices=devices_of(options.devices),
+        scheduler=options.scheduler,
+    )
     return deliver(report.run_answer(ran), options)

@@ -196,9 +196,7 @@ def _positive(options: Mapping[str, Any], name: str, default: float) -> float:
     return value
 
 
-register_family(
-    Family("detection", 4, prepare, block=64, tile=1 << 14, options=OPTIONS)
-)
+register_family(Family("detection", 4, prepare, block=64, options=OPTIONS))
 for _name, _units, _words, _yes in (
     ("detected", "1", "whether a microphone detects the blast", True),
     (

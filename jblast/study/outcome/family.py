@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int8, Key
 
 from jblast.scene import UncertainScene
-from jblast.study.engine.store import NO_ANSWER, Kind
+from jblast.study.statistics import NO_ANSWER
+from jblast.study.store import Kind
 
 Answers = Mapping[str, Array]
 """Values by outcome, with axes sample, or sample and sensor."""
@@ -100,11 +101,10 @@ class Family:
         number: Number folded into a sample's key for the random numbers of the family.
             It never changes, so that studies stay reproducible.
         prepare: Preparation for a scene.
-        block: Largest number of samples computed together, a power of two.
-        tile: Largest number of samples of a chunk of the store.
+        block: Samples computed together on a core, a power of two.
+        on_core: Values computed together on a core, a power of two, if samples are
+            small: as many as stay in its cache.
         together: Largest number of samples computed together on a GPU.
-        on_core: Values computed together on a core, a power of two, limited by its
-            cache; 1 for one block at a time.
         options: Keys of [options] of the family, with their descriptions.
     """
 
@@ -112,9 +112,8 @@ class Family:
     number: int
     prepare: Prepare
     block: int = 1024
-    tile: int = 1 << 20
-    together: int = 1 << 19
     on_core: int = 1
+    together: int = 1 << 19
     options: Mapping[str, str] = field(default_factory=dict)
 
 

@@ -192,7 +192,7 @@ def _compared(
     }
 
 
-register_family(Family("fit", 3, prepare, block=1 << 14, tile=1 << 16, options=OPTIONS))
+register_family(Family("fit", 3, prepare, block=1 << 14, options=OPTIONS))
 for _name, _words, _yes in (
     ("fit_value", "fitted number, in its own unit", False),
     ("fit_error", "fit minus truth; for a positive number ln of their ratio", False),

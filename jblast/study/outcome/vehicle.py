@@ -131,7 +131,6 @@ register_family(
         2,
         prepare,
         block=64,
-        tile=1024,
         together=FLIGHTS_ON_DEVICE,
         options=OPTIONS,
     )

@@ -1,5 +1,6 @@
 """Reports on data sets in the layout of a study, made of known numbers."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -15,11 +16,11 @@ from jblast.report.study_figures import shares_on_grid
 from jblast.report.view import Lines, Picture, terminal
 from jblast.study import run_into
 from jblast.study.columns import ALL, columns_of, read_columns
-from jblast.study.sampling import work as work_module
+from jblast.study.outcome.family import FAMILIES
 from tests.study.example import STUDY, study_in
 
 ATTRIBUTES = {
-    "jblast_study_schema": 1,
+    "jblast_study_schema": 2,
     "study": 'outcomes = ["above_threshold"]\noptions.threshold_pa = 5e4',
     "study_sha256": "ab",
     "scene": "[charge]",
@@ -32,30 +33,33 @@ ATTRIBUTES = {
 MASSES, RANGES = np.array([1.0, 3.0, 10.0]), np.array([5.0, 10.0, 20.0, 40.0])
 
 
-def column(values, role, units="1", dims: object = "sample", **more):
+def column(values, role, units="1", dims: object = "draw", **more):
     return dims, values, {"role": role, "units": units, "long_name": f"a {role}"} | more
 
 
 def crossed(draws=50):
     """Two axes and one over words; half survive at a range of 4 W^(1/2)."""
     rng = np.random.default_rng(1)
-    grid = np.meshgrid(np.arange(draws), MASSES, RANGES, [0, 1], indexing="ij")
-    _, mass, away, model = (one.ravel() for one in grid)
-    wind = rng.normal(size=mass.size)
+    mass, away, _ = np.meshgrid(MASSES, RANGES, [0, 1], indexing="ij")
+    wind = rng.normal(size=(draws, *mass.shape))
     score = np.log(away / 4) - 0.5 * np.log(mass) + 0.1 * wind
-    survives = (score + 0.3 * rng.normal(size=mass.size) > 0).astype(np.int8)
-    survives[0] = -1
-    models = column(model.astype(np.int16), "axis", names=["crazyflie", "px4"])
+    survives = (score + 0.3 * rng.normal(size=wind.shape) > 0).astype(np.int8)
+    survives[0, 0, 0, 0] = -1
+    names = ("charge_mass_kg", "range_m", "vehicle.model")
+    dims, units = ("draw", *names), ("kg", "m", "1")
+    axes = (MASSES, RANGES, np.array(["crazyflie", "px4"], object))
+    columns = {
+        "wind_m_s": column(wind, "input", "m/s", dims),
+        "survives": column(survives, "outcome", dims=dims, kind="yes_no"),
+        "deviation_m": column(np.exp(-score), "outcome", "m", dims, kind="number"),
+    }
     return xarray.Dataset(
+        columns,
         {
-            "charge_mass_kg": column(mass, "axis", "kg"),
-            "range_m": column(away, "axis", "m"),
-            "vehicle.model": models,
-            "wind_m_s": column(wind, "input", "m/s"),
-            "survives": column(survives, "outcome", kind="yes_no"),
-            "deviation_m": column(np.exp(-score), "outcome", "m", kind="number"),
+            name: column(values, "axis", unit, name)
+            for name, values, unit in zip(names, axes, units, strict=True)
         },
-        attrs=ATTRIBUTES,
+        ATTRIBUTES | {"columns": list(columns)},
     )
 
 
@@ -66,17 +70,15 @@ def per_sensor(samples=300, **attributes):
     scatter = np.exp(rng.normal(0, 0.1, (samples, 1)))
     pressure = 1e4 * mass[:, None] ** [[0.5, 0.4]] * scatter
     pressure[3 % samples, 1] = np.nan
-    dims = ("sample", "sensor")
+    dims = ("draw", "sensor")
     values = column(pressure, "outcome", "Pa", dims, kind="number")
-    return xarray.Dataset(
-        {
-            "charge_mass_kg": column(mass, "input", "kg"),
-            "wind_m_s": column(rng.normal(size=samples), "input", "m/s"),
-            "peak_overpressure_pa": values,
-        },
-        {"sensor": ["a", "b"]},
-        ATTRIBUTES | attributes,
-    )
+    columns = {
+        "charge_mass_kg": column(mass, "input", "kg"),
+        "wind_m_s": column(rng.normal(size=samples), "input", "m/s"),
+        "peak_overpressure_pa": values,
+    }
+    about = ATTRIBUTES | {"columns": list(columns)} | attributes
+    return xarray.Dataset(columns, {"sensor": ["a", "b"]}, about)
 
 
 @pytest.fixture(scope="module")
@@ -155,13 +157,13 @@ def test_names_of_a_study_cannot_write_to_the_page(tmp_path):
 @pytest.mark.parametrize(
     "data",
     [
-        per_sensor(4, jblast_study_schema=2),
+        per_sensor(4, jblast_study_schema=3),
         per_sensor(4, jblast_study_schema=None),
         xarray.Dataset({"x": ("statistic", [1.0])}, attrs=ATTRIBUTES),
     ],
 )
 def test_a_data_set_of_another_kind_is_refused(data):
-    with pytest.raises(InputError, match="expected samples and jblast_study_schema 1"):
+    with pytest.raises(InputError, match="expected samples and jblast_study_schema 2"):
         columns_of(data)
 
 
@@ -190,11 +192,12 @@ ASKED = STUDY.replace('["air_arrival_s"]', '["air_arrival_s", "above_threshold"]
 
 @pytest.fixture(scope="module")
 def stores(tmp_path_factory):
-    """Stores of one study: all samples, statistics only, statistics and samples."""
+    """Stores of one study: all samples, and the first ones."""
     folder = tmp_path_factory.mktemp("stores")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(work_module, "_tile_samples", lambda _: 256)
-        for name, keep in {"all": '"all"', "summary": '"summary"', "some": 600}.items():
+        few = dataclasses.replace(FAMILIES["quantities"], block=256, on_core=1)
+        patch.setitem(FAMILIES, "quantities", few)
+        for name, keep in {"all": '"all"', "some": 600}.items():
             study = study_in(folder, f"keep = {keep}\n{ASKED}{AXES}")
             run_into(study, folder / name)
         run_into(study_in(folder, ASKED + AXES), folder / "part", limit=500)
@@ -206,7 +209,7 @@ def report_on(store):
 
 
 @pytest.mark.slow  # three studies are run
-@pytest.mark.parametrize("name", ["summary", "some"])
+@pytest.mark.parametrize("name", ["some"])
 def test_statistics_alone_give_the_tables_of_all_samples(stores, name):
     ours, exact = report_on(stores / name), report_on(stores / "all")
     assert ours["samples"] == exact["samples"] == 1800
@@ -220,19 +223,18 @@ def test_statistics_alone_give_the_tables_of_all_samples(stores, name):
                 key: found.pop(key) for key in ("q05", "q50", "q95") if key in found
             }
             for key, value in near.items():
-                assert value == pytest.approx(all_of.pop(key), abs=0.02 * spread)
+                assert value == pytest.approx(all_of.pop(key), abs=0.04 * spread)
             assert found == pytest.approx(all_of, rel=1e-11)
 
 
 @pytest.mark.slow  # three studies are run
 def test_sensitivities_come_from_stored_samples(stores):
-    assert not report_on(stores / "summary")["sensitivity"]
-    assert report_on(stores / "some")["sensitivity"][0]["rows"] == 600
+    assert report_on(stores / "some")["sensitivity"][0]["rows"] == 768
 
 
 @pytest.mark.slow  # three studies are run
 def test_samples_that_are_not_computed_are_missing_and_not_failed(stores):
     found = report_on(stores / "part")
-    assert found["samples"] == 1024
+    assert found["samples"] == 576
     assert {one["found"]["lost"] for one in found["outcomes"]} == {0}
-    assert "776 of 1,800 samples are missing" in found["notes"][0]
+    assert "1,224 of 1,800 samples are missing" in found["notes"][0]

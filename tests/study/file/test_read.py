@@ -3,7 +3,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import LogUniform
 from jblast.study import read_study, run_into
-from jblast.study.sampling.work import parts_of
+from jblast.study.slabs import parts_of
 from tests.study.example import SCENE, STUDY, study_in, written
 
 SAYS = {
@@ -13,7 +13,7 @@ SAYS = {
     "samples = true": "samples: expected a whole number, got True",
     "sd_target = { air_arival_s = 1.0 }": "did you mean air_arrival_s",
     "sd_target = { air_arrival_s = 0.0 }": "expected a positive number",
-    'keep = "some"': 'expected "all", "summary" or a number',
+    'keep = "some"': "keep: expected a whole number, got 'some'",
     "[axes]\ncharge_mas_kg = [1]": "did you mean charge_mass_kg",
     "[axes]\ncharge_mass_kg = [0.0]": "expected a number that is positive, got 0.0",
     "[axes]\ncharge_mass_kg = []": "expected a list of values",

@@ -6,8 +6,8 @@ import pytest
 from jblast.scene import UncertainScene, read_scene
 from jblast.scene.uncertain import with_values
 from jblast.study import run
-from jblast.study.engine.launch import mesh_of
 from jblast.study.flights import fly
+from jblast.study.slabs import devices_of
 from tests.study.example import study_in
 
 SCENE = """
@@ -32,7 +32,7 @@ flight_step_s = {STEP_S}
 @pytest.mark.slow
 def test_flights_are_those_of_fly_on_one_device_as_on_all(tmp_path):
     study = study_in(tmp_path, STUDY, SCENE)
-    one, whole = (run(study, mesh_of(n)) for n in (1, None))
+    one, whole = (run(study, devices_of(n)) for n in (1, None))
     for name in one.data_vars:
         np.testing.assert_array_equal(one[name], whole[name])
     masses = one.charge_mass_kg.values

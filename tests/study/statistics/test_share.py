@@ -3,13 +3,13 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.stats import binomtest
 
-from jblast.study.statistics import YES_NO, wilson_interval
+from jblast.study.statistics import finish_share, moments, wilson_interval
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=50))
 def test_a_share_has_the_interval_of_wilson(flags):
-    found = YES_NO.finish(YES_NO.add(YES_NO.empty(), np.array(flags, np.int8)))
+    found = finish_share(moments(np.array(flags, np.int8)))
     yes, known = flags.count(1), len(flags) - flags.count(-1)
     assert (found["yes"], found["count"]) == (yes, known)
     assert found["lost"] == flags.count(-1)

@@ -59,7 +59,7 @@ def points_of(design: Design, dimensions: int, seed: int) -> Points | None:
         return None
 
     def sobol(begin: int, count: int) -> np.ndarray:
-        # an engine for each call: threads compute tiles in any order
+        # an engine for each call: threads compute slabs in any order
         engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
         if begin:  # SciPy rejects a step of 0
             engine.fast_forward(begin)
@@ -76,18 +76,13 @@ def _scores(unit: np.ndarray) -> np.ndarray:
     return ndtri(np.clip(unit, tiny, 1 - tiny))
 
 
-def part_of(keys: Key[Array, " sample"], number: int) -> Key[Array, " sample"]:
-    """Return keys derived from those of samples, for one purpose."""
-    return folded(keys, number)
-
-
 def normal_scores(
     keys: Key[Array, " sample"], count: int
 ) -> Float[Array, "sample drawn"]:
     """Return standard normal samples, which priors convert to parameters."""
     if not count:
         return jnp.zeros((keys.shape[0], 0))
-    return normals(part_of(keys, OF_NUMBERS), count)
+    return normals(folded(keys, OF_NUMBERS), count)
 
 
 def numbers_at(

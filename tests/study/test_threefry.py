@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jblast.study.sampling.draws import folded, normals
+from jblast.study.draws import folded, normals
 
 INDEX = jnp.array([0, 1, 2, 12345, 2**31, 2**32 - 1], jnp.uint32)
 

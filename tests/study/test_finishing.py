@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from jblast.study import run
-from jblast.study.engine.launch import mesh_of
 from jblast.study.outcome.family import FAMILIES
-from jblast.study.sampling import work as work_module
+from jblast.study.slabs import devices_of
 from tests.study.example import study_in
 
 SCENE = """
@@ -40,15 +39,13 @@ BLOCK = 256
 def study(tmp_path, monkeypatch):
     few = dataclasses.replace(FAMILIES["fit"], block=BLOCK)
     monkeypatch.setitem(FAMILIES, "fit", few)
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: BLOCK)
     return study_in(tmp_path, STUDY, SCENE)
 
 
-def test_fits_do_not_depend_on_tiles_or_devices(study, monkeypatch):
-    one = run(study, mesh_of(1))
+def test_fits_do_not_depend_on_devices(study):
+    one = run(study, devices_of(1))
     assert one.fit_converged.all()
-    monkeypatch.setattr(work_module, "_tile_samples", lambda _: 4 * BLOCK)
-    all_of_them = run(study, mesh_of())
+    all_of_them = run(study, devices_of())
     for name in one:
         np.testing.assert_array_equal(one[name], all_of_them[name])
 

@@ -9,13 +9,12 @@ from scipy.stats import lognorm
 from jblast.errors import InputError
 from jblast.scene import Air
 from jblast.study import draw, outcomes, run, run_into
-from jblast.study.engine.launch import mesh_of
-from jblast.study.engine.store import Variable
-from jblast.study.engine.tiles import Estimates, Numbering
-from jblast.study.sampling import work
+from jblast.study.slabs import devices_of
+from jblast.study.statistics import standard_error
 from jblast.waves import wu_hao_air_arrival_time
 from jblast.waves.propagation import sound_speed_of
 from tests.study.example import STUDY, study_in
+from tests.study.test_killed import chunks, thousands  # noqa: F401  a fixture
 
 
 @pytest.fixture(scope="module")
@@ -26,15 +25,6 @@ def study(tmp_path_factory):
 @pytest.fixture(scope="module")
 def whole(study):
     return run(study)
-
-
-def chunks(folder):
-    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.name[0] != ".")
-    return {
-        str(p.relative_to(folder)): p.read_bytes()
-        for p in files
-        if p.name != "zarr.json"
-    }
 
 
 def test_arrivals_are_the_laws_of_the_drawn_numbers(whole):
@@ -80,68 +70,65 @@ def test_a_number_that_is_not_drawn_is_refused_with_the_nearest(study):
         outcomes(jax.random.key(0), study, {"charge_mas_kg": 1.0})
 
 
-def test_samples_do_not_depend_on_tiles_devices_or_interruption(
-    study, whole, tmp_path, monkeypatch
-):
-    monkeypatch.setattr(work, "_tile_samples", lambda _: 512)
+def test_samples_do_not_depend_on_slabs_devices_or_interruption(study, whole, tmp_path):
     small = dataclasses.replace(study, samples=1500)
-    longer = run(dataclasses.replace(study, samples=1500))
-    monkeypatch.setattr(work, "_tile_samples", lambda _: 1024)
+    longer = run(small)
     for name in ("charge_mass_kg", "air_arrival_s"):
         np.testing.assert_array_equal(longer[name][:300], whole[name])
-    run_into(small, tmp_path / "a", mesh=mesh_of(1))
+    run_into(small, tmp_path / "a", devices=devices_of(1))
     ran = run_into(small, tmp_path / "b", limit=1)
     assert (ran.samples, ran.complete) == (1024, False)
-    assert not xarray.open_zarr(tmp_path / "b").complete
     ran = run_into(small, tmp_path / "b", resume=True)
     assert (ran.samples, ran.new, ran.complete) == (1500, 476, True)
     assert chunks(tmp_path / "a") == chunks(tmp_path / "b")
-    np.testing.assert_array_equal(
-        xarray.open_zarr(tmp_path / "b").air_arrival_s, longer.air_arrival_s
-    )
+    found = xarray.open_zarr(tmp_path / "b", consolidated=False)
+    np.testing.assert_array_equal(found.air_arrival_s, longer.air_arrival_s)
 
 
-def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path, monkeypatch):
-    monkeypatch.setattr(work, "_tile_samples", lambda _: 512)
-    text = STUDY.replace("samples = 300", "samples = 5000") + (
+def test_a_study_ends_when_its_standard_errors_are_reached(tmp_path):
+    text = STUDY.replace("samples = 300", "samples = 9000") + (
         "sd_target = { air_arrival_s = 2e-3 }\n"
     )
     ran = run_into(study_in(tmp_path, text), tmp_path / "store")
-    error = ran.estimates.moments["air_arrival_s"].standard_error()
+    error = standard_error(ran.moments["air_arrival_s"])
     assert ran.complete
     assert ran.reached
-    assert ran.samples % 512 == 0
-    assert 0 < ran.samples < 5000
+    assert ran.samples % 1024 == 0
+    assert 0 < ran.samples < 9000
     assert error.max() <= 2e-3
-    found = xarray.open_zarr(tmp_path / "store")
-    assert found.sizes["sample"] == ran.samples
+    found = xarray.open_zarr(tmp_path / "store", consolidated=False)
+    assert found.sizes["draw"] == ran.samples
     np.testing.assert_allclose(
         error[0],
-        found.air_arrival_s.std("sample", ddof=1) / np.sqrt(ran.samples),
+        found.air_arrival_s.std("draw", ddof=1) / np.sqrt(ran.samples),
         rtol=1e-12,
     )
 
 
-def test_a_share_of_nothing_yet_is_not_a_share_of_zero():
-    event = Variable("rare", "outcome", "1", "an event", "yes_no")
-    estimates = Estimates([event], Numbering(64, 1, 1, 4096, 64))
-    none = {"rare": np.zeros(998, np.int8)}
-    estimates.add(0, none)
-    assert estimates.moments["rare"].standard_error() == 0.0
-    # sqrt(p (1 - p) / n) with p = 1/1000 of 1,000 samples, two of which are added
-    assert not estimates.reached({"rare": 9.99e-4})
-    assert estimates.reached({"rare": 1e-3})
-    estimates.add(998, none)
-    assert estimates.reached({"rare": 5.01e-4})
+def test_cases_have_dimensions_and_the_keys_of_their_samples(tmp_path):
+    axes = "[axes]\ncharge_east_m = [0.0, 5.0]\n'law.scatter' = [true, false]\n"
+    study = study_in(tmp_path, STUDY + axes)
+    found = run(study)
+    assert found.air_arrival_s.dims == (
+        "draw",
+        "law.scatter",
+        "charge_east_m",
+        "sensor",
+    )
+    key = jax.random.fold_in(jax.random.key(7), 2 * 123 + 1)
+    one = outcomes(key, study, variant=1, cell=1)["air_arrival_s"]
+    np.testing.assert_allclose(one, found.air_arrival_s[123, 1, 1], rtol=1e-14)
 
 
-def test_an_infinite_value_does_not_hold_up_a_target():
-    time = Variable("time", "outcome", "s", "a time")
-    estimates = Estimates([time], Numbering(64, 1, 1, 4096, 64))
-    estimates.add(0, {"time": np.array([1.0, np.inf, 2.0, np.nan, 3.0])})
-    found = estimates.moments["time"]
-    assert (found.mean.item(), found.failed.item()) == (2.0, 2)
-    assert estimates.reached({"time": 0.6})
+def test_moments_beyond_the_stored_samples_are_those_of_all(study, tmp_path):
+    small = dataclasses.replace(study, samples=5000)
+    some = run_into(dataclasses.replace(small, keep=600), tmp_path / "some")
+    every = run_into(small, tmp_path / "all")
+    for one, other in zip(
+        *(r.moments["air_arrival_s"] for r in (some, every)), strict=True
+    ):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    assert xarray.open_zarr(tmp_path / "some", consolidated=False).sizes["draw"] == 600
 
 
 def test_a_draw_that_cannot_be_fails_alone_and_is_counted(tmp_path):

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm, qmc
 
-from jblast.study.sampling.draws import points_of
+from jblast.study.draws import points_of
 
 DRAWS, DIMENSIONS = 64, 3
 POINTS: Any = points_of("sobol", DIMENSIONS, 5)

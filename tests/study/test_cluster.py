@@ -7,11 +7,10 @@ import pytest
 
 import jblast
 from jblast.errors import InputError
-from jblast.study import run_into
-from jblast.study.sampling import work
-from jblast.study.sampling.cluster import client_of, shared, write_tile
-from tests.study.engine.test_killed import chunks
+from jblast.study import run_into, runs
+from jblast.study.runs import client_of, shared
 from tests.study.example import STUDY, study_in
+from tests.study.test_killed import chunks
 
 
 @contextlib.contextmanager
@@ -36,29 +35,24 @@ def workers_here(count):
 @pytest.mark.filterwarnings("ignore")  # of sockets that Dask leaves open
 def test_two_processes_write_the_store_that_one_does(tmp_path, monkeypatch):
     study = study_in(tmp_path, STUDY.replace("samples = 300", "samples = 200_000"))
-    monkeypatch.setattr(work, "_tile_samples", lambda _: 16_384)
     run_into(study, tmp_path / "one")
     with workers_here(2) as client:
-        store = str(tmp_path / "two")
 
-        def by_others(missing):
-            for tile in shared(client, write_tile, store, missing[:1], "9.9"):
-                yield tile, None
-
-        with pytest.raises(InputError, match="workers: expected jblast"):
-            run_into(study, store, tiles=by_others)
-
-        def tiles(missing):
+        def on_workers(address, store, missing):
             # a worker is killed with work on it; what it did not end is done again
             pids: Any = client.run(os.getpid)
-            for n, tile in enumerate(
-                shared(client, write_tile, store, missing, jblast.__version__)
-            ):
+            for n, states in enumerate(shared(client, store, missing)):
                 if n == 2:
                     os.kill(next(iter(pids.values())), signal.SIGKILL)
-                yield tile, None
+                yield states
 
-        ran = run_into(study, store, tiles=tiles, resume=True)
+        monkeypatch.setattr(runs, "on_workers", on_workers)
+        ran = run_into(study, tmp_path / "two", scheduler="tcp://here")
+        with monkeypatch.context() as patch:
+            patch.setattr(jblast, "__version__", "9.9")
+            (tmp_path / "three").mkdir()
+            with pytest.raises(InputError, match="workers: expected jblast"):
+                run_into(study, tmp_path / "three", scheduler="tcp://here")
     assert ran.complete
     assert chunks(tmp_path / "one") == chunks(tmp_path / "two")
 

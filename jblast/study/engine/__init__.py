@@ -1,1 +1,0 @@
-"""The engine of a study: tiles, devices, stores, summaries and their merging."""

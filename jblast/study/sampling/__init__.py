@@ -1,1 +1,0 @@
-"""Samples of a study: keys, draws, outcomes and the run."""
