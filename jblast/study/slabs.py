@@ -1,27 +1,26 @@
 """Computation of a study: an array with the dimensions draw, axes and sensor, in slabs.
 
 A slab is some draws of every combination of the axes, which are called cases. It is the
-unit of launch, of storage and of progress: one call of one program on one device for
-each scene, one chunk of each column and one row of moments. Sample n of a slab has its
+unit of launch, of storage and of progress: calls of one program on one device for each
+scene, one chunk of each column and one row of moments. Sample n of a slab has its
 own key, so that its numbers depend on nothing but the seed and its place in the array:
 draw times number of cells of the axes, plus cell. Scenes that differ in words share
 random numbers, so that their differences have less noise.
 
 Within a slab batches of draws follow one another: as many as stay in the cache of a
-core, or fill a GPU. Their moments are merged where they are calculated, and samples
-leave the device only if they are stored or fitted. Fits run from Python on a whole
-slab.
+core, or fill a GPU. A loop within one program would be three times as slow on a CPU.
+Their moments are merged where they are calculated, by a program of their own (fused
+into the outcomes they would change the last digit of these), and samples leave the
+device only if they are stored or fitted. Fits run from Python on a whole slab.
 """
 
 import functools
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 from jaxtyping import Array, ArrayLike, Float, Int, Key, PRNGKeyArray
 
 from jblast.errors import InputError, argument, nearest, shown, whole_number
@@ -163,8 +162,7 @@ class Slabs:
         states: list[dict[str, Moments]] = []
         with jax.default_device(device):
             for variant, parts in enumerate(self.parts):
-                program = self._program(variant, -(-needed // self.batch))
-                state, columns = program(self._given(n, draws), self._table)
+                state, columns = self._answered(variant, n, needed)
                 for part in parts:
                     if part.prepared.finish is not None:
                         flat = {q: _joined(x) for q, x in columns.items()}
@@ -217,11 +215,29 @@ class Slabs:
         both = (jax.random.fold_in(key, n) if n else key for n in (high, high + 1))
         return np.stack([np.asarray(jax.random.key_data(one)) for one in both])
 
+    def _answered(
+        self, variant: int, n: int, needed: int
+    ) -> tuple[dict[str, Moments], dict[str, Array]]:
+        """Return the moments of a slab's outcomes, and the columns of some draws."""
+        state: dict[str, Moments] = {
+            v.name: moments(jnp.zeros((0, self.cells, *v.shape)))
+            for v in self.outcomes
+            if v.name not in self._finished
+        }
+        rows: dict[str, list[Array]] = {}
+        given, program = self._given(n, self.draws_of(n)), self._program(variant)
+        for k, valid in enumerate(given.pop("valid")):
+            found = program({q: x[k] for q, x in given.items()}, self._table)
+            state = _merged(state, {q: found[q] for q in state}, valid)
+            if k * self.batch < needed:
+                for name, values in found.items():
+                    rows.setdefault(name, []).append(values)
+        return state, {q: jnp.concatenate(parts) for q, parts in rows.items()}
+
     @functools.cache  # noqa: B019  a study has few
-    def _program(self, variant: int, stored: int) -> Any:
-        """Return the program of a slab, which returns the first `stored` batches."""
+    def _program(self, variant: int) -> Any:
+        """Return the program of a batch of draws."""
         study, cells, draws = self.study, self.cells, self.batch
-        reduced = [v for v in self.outcomes if v.name not in self._finished]
         cell = jnp.tile(jnp.arange(cells), draws)
 
         def batch(one: dict[str, Array], table: Array) -> dict[str, Array]:
@@ -237,29 +253,21 @@ class Slabs:
             found = answers_of(study, variant, keys, scores, table, cell)
             return {q: x.reshape(draws, cells, *x.shape[1:]) for q, x in found.items()}
 
-        def slab(each: dict[str, Array], table: Array) -> tuple[Any, dict[str, Array]]:
-            def step(state: Any, one: dict[str, Array]) -> Any:
-                # XLA must not fuse the sums into the outcomes: the last digit of these
-                # would depend on it
-                found = lax.optimization_barrier(batch(one, table))
-                valid = jnp.arange(draws) < one["valid"]
-                return {
-                    q: merged_moments(state[q], moments(found[q], valid)) for q in state
-                }, found
+        return jax.jit(batch, **WIDE)
 
-            state: Any = {
-                v.name: moments(jnp.zeros((0, cells, *v.shape))) for v in reduced
-            }
-            rows: dict[str, Array] = {}
-            if stored:
-                some = {q: x[:stored] for q, x in each.items()}
-                state, rows = lax.scan(step, state, some)
-            if stored < len(each["valid"]):
-                rest = {q: x[stored:] for q, x in each.items()}
-                state, _ = lax.scan(lambda s, one: (step(s, one)[0], None), state, rest)
-            return state, {q: _joined(x) for q, x in rows.items()}
 
-        return jax.jit(slab, **WIDE)
+@jax.jit
+def _merged(
+    state: dict[str, Moments], found: dict[str, Array], valid: Array
+) -> dict[str, Moments]:
+    """Return moments with those of the first draws of a batch."""
+
+    def merged(name: str) -> Moments:
+        values = found[name]
+        which = jnp.arange(len(values)) < valid
+        return merged_moments(state[name], moments(values, which))
+
+    return {name: merged(name) for name in state}
 
 
 def draw(
@@ -472,7 +480,8 @@ def outcome_variables(study: Study) -> tuple[Variable, ...]:
 
 def _joined(values: Array) -> Array:
     """Return values with the first two dimensions as one; the others may be empty."""
-    return jnp.reshape(values, (math.prod(values.shape[:2]), *values.shape[2:]))
+    draws, cells, *others = values.shape
+    return values.reshape(draws * cells, *others)
 
 
 def _failed_where(good: Array | None, values: Any) -> Array:
