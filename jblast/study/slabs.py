@@ -95,11 +95,16 @@ class Slabs:
         rows = study.samples * self.cases
         most = rows if study.keep == "all" else study.keep
         self.keep = -(-min(most, rows) // self.cases)
-        families = [part.family for part in self.parts[0]]
-        width = max(1, *(len(v.sensors) for v in self.outcomes))
-        on_core = min(max(f.block, f.on_core // width) for f in families)
-        on_gpu = min(f.together for f in families)
-        together = on_core if jax.default_backend() == "cpu" else on_gpu
+        widths = {v.name: max(1, len(v.sensors)) for v in self.outcomes}
+        width = max(widths.values())
+        on_cpu = jax.default_backend() == "cpu"
+
+        def at_once(part: Part) -> int:
+            family = part.family
+            values = family.on_core if on_cpu else family.together
+            return max(family.block, values // max(widths[q] for q in part.names))
+
+        together = min(map(at_once, self.parts[0]))
         # powers of two: loops over batches and slabs have no remainder
         draws = max(1, together // self.cells)
         self.batch = 1 << min(draws.bit_length() - 1, (study.samples - 1).bit_length())

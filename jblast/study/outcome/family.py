@@ -103,8 +103,8 @@ class Family:
         prepare: Preparation for a scene.
         block: Samples computed together on a core, a power of two.
         on_core: Values computed together on a core, a power of two, if samples are
-            small: as many as stay in its cache.
-        together: Largest number of samples computed together on a GPU.
+            small: as many as stay in its cache and outlast the call of a program.
+        together: Largest number of values computed together on a GPU.
         options: Keys of [options] of the family, with their descriptions.
     """
 

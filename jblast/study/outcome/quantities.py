@@ -182,7 +182,8 @@ register_family(
         "quantities",
         1,
         prepare,
-        on_core=1 << 14,
+        on_core=1 << 16,
+        together=1 << 25,
         options={"threshold_pa": "peak overpressure of above_threshold [Pa]"},
     )
 )
