@@ -26,7 +26,7 @@ from jblast.results import Document, filled
 from jblast.study.columns import Lane, StudyColumns, read_columns
 from jblast.study.outcome.family import Outcome
 from jblast.study.outcome.quantities import LIMITS, limit_of
-from jblast.study.outcome.registry import OUTCOMES
+from jblast.study.outcome.registry import known_outcomes
 from jblast.study.runs import Ran, merged
 from jblast.study.sensitivity import Shares, lane_shares, rest_name
 from jblast.study.statistics import Moments, finish_moments, over_cases
@@ -259,7 +259,7 @@ def _known(variable: Variable, moments: Moments) -> Iterable[OutcomeKnown]:
 
 def list_answer() -> Answer:
     """Return the available outcomes with units and requirements."""
-    found = OutcomesAnswer(tuple(OUTCOMES.values()))
+    found = OutcomesAnswer(tuple(known_outcomes().values()))
     return Answer(found, View("Available outcomes", [Table(LISTED, found.outcomes)]))
 
 

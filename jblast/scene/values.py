@@ -177,11 +177,14 @@ class Whole:
 
     def read(self, value: Any, where: str) -> int | None:
         """Return the number, or None for the word."""
+        # 1e6 is a float in TOML
+        exact = isinstance(value, float) and value.is_integer()
+        number: Any = int(value) if exact else value
         # `type`, not `isinstance`: True is an int, too.
-        whole = type(value) is int and self.low <= value <= self.high
+        whole = type(number) is int and self.low <= number <= self.high
         word = bool(self.word) and value == self.word
         require(whole or word, where, self.form, shown(value))
-        return None if word else value
+        return None if word else number
 
 
 @dataclass(frozen=True)

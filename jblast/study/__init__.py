@@ -1,7 +1,8 @@
 """Monte Carlo studies of a scene: samples, outcomes and their statistics.
 
 A study draws a scene N times and computes the requested outcomes of each sample: `run`
-makes a data set of `read_study`'s study, `outcomes` is one sample as a pure function.
+makes a data set of `read_study`'s study, `outcomes` is one sample as a pure function,
+`own_outcome` describes a function of yours.
 Names are imported on first use.
 """
 
@@ -11,6 +12,7 @@ from jblast.lazy import lazy_face
 
 if TYPE_CHECKING:
     from jblast.study.file import Axis as Axis, Study as Study, read_study as read_study
+    from jblast.study.outcome.family import own_outcome as own_outcome
     from jblast.study.runs import run as run, run_into as run_into
     from jblast.study.slabs import draw as draw, outcomes as outcomes
 
@@ -19,12 +21,22 @@ HOMES = {
     "Study": "jblast.study.file",
     "draw": "jblast.study.slabs",
     "outcomes": "jblast.study.slabs",
+    "own_outcome": "jblast.study.outcome.family",
     "read_study": "jblast.study.file",
     "run": "jblast.study.runs",
     "run_into": "jblast.study.runs",
 }
 
-__all__ = ["Axis", "Study", "draw", "outcomes", "read_study", "run", "run_into"]
+__all__ = [
+    "Axis",
+    "Study",
+    "draw",
+    "outcomes",
+    "own_outcome",
+    "read_study",
+    "run",
+    "run_into",
+]
 
 
 __getattr__, __dir__ = lazy_face(__name__, HOMES)

@@ -21,21 +21,27 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
-from jblast.errors import InputError, nearest, read_text, shown
-from jblast.parameters import CLOCK_OFFSET, PARAMETERS
+from jblast.errors import InputError, nearest, read_text, require, shown
+from jblast.parameters import CLOCK_OFFSET, PARAMETERS, POSITIVE
 from jblast.scene import UncertainScene
 from jblast.scene.reader import scene_from_document
 from jblast.scene.uncertain import Free, LogUniform, Prior, Uniform, parameter_named
-from jblast.scene.values import finite
-
-KEYS = (
-    *("scene", "seed", "samples", "sd_target", "design", "keep", "outcomes"),
-    *("axes", "options"),
+from jblast.scene.values import (
+    File,
+    Number,
+    Numbers,
+    Table,
+    Text,
+    Value,
+    Whole,
+    Word,
+    known,
 )
+
 MAX_SAMPLES_FOR_TARGETS = 100_000_000
 """Default number of samples of a study that ends at its target errors.
 
@@ -44,8 +50,6 @@ the scatter.
 """
 MAX_VALUES = 100_000
 """Largest number of values of an axis, by declaration: a mistyped count is no study."""
-RANGE_KEYS = ("from", "to", "count", "scale")
-SCALES = ("linear", "log")
 Design = Literal["random", "sobol"]
 DESIGNS: tuple[Design, ...] = ("random", "sobol")
 """Kinds of samples of the priors."""
@@ -55,6 +59,23 @@ KEEP = 1_000_000
 error of 2e-4 at 5 % and 95 %."""
 MAX_SAMPLES = 2**40
 """Largest number of samples, 1e12: a sample's number is a counter of its random key."""
+KEYS: dict[str, Value] = {
+    "scene": Numbers("the path of a scene, or a list of paths", File()),
+    "seed": Whole(0, 2**63 - 1),
+    "samples": Whole(1, MAX_SAMPLES),
+    "sd_target": Table("a standard error by outcome, as { air_arrival_s = 1e-4 }"),
+    "design": Word(DESIGNS),
+    "keep": Whole(1, MAX_SAMPLES, word="all"),
+    "outcomes": Numbers("a list of names in quotes", Text()),
+    "axes": Table("a table"),
+    "options": Table("a table"),
+}
+"""Keys of a study file, and the kinds of their values."""
+RANGE: dict[str, Value] = {
+    "count": Whole(2, MAX_VALUES),
+    "scale": Word(("linear", "log")),
+}
+"""Keys of a range, besides from and to."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +170,7 @@ def read_study(path: str | os.PathLike[str], *, allow_code: bool = False) -> Stu
     document = _toml(text, source, "study")
     texts = {
         name: read_text(Path(path).parent / name, f"the scene of {source}, in TOML")
-        for name in _scene_names(document.get("scene"), source)
+        for name in _value("scene", document, source)
     }
     study = study_from_document(document, texts, source, Path(path).parent)
     return replace(study, text=text, allow_code=allow_code)
@@ -163,15 +184,17 @@ def study_from_text(
     return replace(study, text=text, allow_code=allow_code)
 
 
-def _scene_names(value: Any, source: str) -> tuple[str, ...]:
-    """Return the paths of one or several scenes."""
-    names = value if isinstance(value, list) else [value]
-    if not names or not all(isinstance(name, str) and name for name in names):
-        raise InputError(
-            f"{source}: scene: expected the path of a scene, or a list of paths, got "
-            f"{shown(value)}"
-        )
-    return tuple(names)
+def _value(key: str, document: dict[str, Any], source: str) -> Any:
+    """Return a checked value of a study file; None without one."""
+    value = document.get(key)
+    if key == "scene" and not isinstance(value, list):
+        value = [value]
+    required = key in ("scene", "outcomes")
+    return (
+        KEYS[key].read(value, f"{source}: {key}")
+        if required or key in document
+        else None
+    )
 
 
 def study_from_document(
@@ -189,14 +212,29 @@ def study_from_document(
         InputError: As in `read_study`.
     """
     for key in document:
-        if key not in KEYS:
-            raise InputError(
-                f"{source}: {key}: unknown key{nearest(key, KEYS)}; expected one of "
-                f"{', '.join(KEYS)}"
-            )
-    names = _scene_names(document.get("scene"), source)
+        known(key, KEYS, f"{source}:", "key")
+    given = {key: _value(key, document, source) for key in KEYS}
+    given = {key: value for key, value in given.items() if value is not None}
+    names, outcomes = given.pop("scene"), given["outcomes"]
+    for name in outcomes:
+        times = outcomes.count(name)
+        once = f"{source}: outcomes", "each once", f"{name} {times} times"
+        require(times == 1, *once)
+    targets = {
+        name: Number(POSITIVE).read(value, f"{source}: sd_target {name}")
+        for name, value in given.get("sd_target", {}).items()
+    }
+    for name in targets:
+        known(name, outcomes, f"{source}: sd_target", "outcome")
+    sized = bool(targets) or "samples" in given
+    require(sized, f"{source}: samples", "a number of samples, or sd_target", "neither")
+    if "samples" not in given:
+        given["samples"] = MAX_SAMPLES_FOR_TARGETS
+    if "keep" in document:
+        given["keep"] = given.get("keep", "all")
     found = [_toml(scenes[name], str(folder / name), "scene") for name in names]
-    numbers, words, drawn = read_axes(document.get("axes", {}), found[0], source)
+    axes = given.pop("axes", {})
+    numbers, words, drawn = read_axes(axes, found[0], source)
     variants, believed = [], []
     for name, scene in zip(names, found, strict=True):
         for values in itertools.product(*(axis.values for axis in words)):
@@ -212,21 +250,14 @@ def study_from_document(
         stems = tuple(Path(name).stem for name in names)
         # several scenes are an axis too, which varies slowest
         words = (Axis("scene", stems), *words)
-    samples, targets = size_of(document, source)
     return Study(
         variants=tuple(variants),
         believed=tuple(believed),
-        outcomes=outcomes_of(document.get("outcomes"), source),
-        seed=whole_of(document.get("seed", 0), f"{source}: seed", 0, 2**63 - 1),
-        samples=samples,
-        sd_target=targets,
-        design=design_of(document.get("design", "random"), source),
-        keep=keep_of(document.get("keep", KEEP), source),
         numbers=numbers,
         words=words,
-        options=options_of(document.get("options", {}), source),
         scenes=dict(scenes),
         source=source,
+        **given | {"outcomes": tuple(outcomes), "sd_target": targets},
     )
 
 
@@ -249,20 +280,8 @@ def _check_same_priors(variants: list[UncertainScene], source: str) -> None:
             )
 
 
-class Drawn(NamedTuple):
-    """Axis that is sampled.
-
-    Attributes:
-        key: Name of a scene parameter.
-        prior: Prior that replaces the one of the scene.
-    """
-
-    key: str
-    prior: Prior
-
-
 def _with_axes(
-    uncertain: UncertainScene, numbers, drawn: tuple[Drawn, ...], source: str
+    uncertain: UncertainScene, numbers, drawn: Mapping[str, Prior], source: str
 ) -> UncertainScene:
     """Return the scene with the priors of axes, without priors of listed parameters.
 
@@ -273,8 +292,7 @@ def _with_axes(
     for axis in numbers:
         # a prior of a listed parameter would only take up random numbers
         beliefs.pop(axis.key, None)
-    for one in drawn:
-        beliefs[one.key] = one.prior
+    beliefs |= drawn
     for name, belief in beliefs.items():
         if isinstance(belief, Free):
             raise InputError(
@@ -290,102 +308,9 @@ def sha256_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def size_of(document: dict[str, Any], source: str) -> tuple[int, dict[str, float]]:
-    """Return the number of samples, and the target standard errors by outcome."""
-    targets = document.get("sd_target", {})
-    if not isinstance(targets, dict):
-        raise InputError(
-            f"{source}: sd_target: expected a standard error by outcome, as "
-            f"{{ air_arrival_s = 1e-4 }}, got {shown(targets)}"
-        )
-    for name, value in targets.items():
-        number = finite(value, f"{source}: sd_target {name}", "a positive number")
-        if number <= 0:
-            raise InputError(
-                f"{source}: sd_target {name}: expected a positive number, got "
-                f"{shown(value)}"
-            )
-    outcomes = document.get("outcomes")
-    for name in targets:
-        if isinstance(outcomes, list) and name not in outcomes:
-            raise InputError(
-                f"{source}: sd_target {name}: expected one of the outcomes, got "
-                f"{name}{nearest(name, [str(one) for one in outcomes])}"
-            )
-    if "samples" not in document:
-        if not targets:
-            raise InputError(
-                f"{source}: samples: expected a number of samples, or sd_target, got "
-                "neither"
-            )
-        return MAX_SAMPLES_FOR_TARGETS, {
-            name: float(value) for name, value in targets.items()
-        }
-    samples = whole_of(document["samples"], f"{source}: samples", 1, MAX_SAMPLES)
-    return samples, {name: float(value) for name, value in targets.items()}
-
-
-def whole_of(value: Any, where: str, least: int, most: int) -> int:
-    """Return a whole number within limits."""
-    if isinstance(value, float) and value.is_integer():
-        value = int(value)  # 1e6 is a float in TOML
-    # a bool is an int in Python
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise InputError(f"{where}: expected a whole number, got {shown(value)}")
-    if not least <= value <= most:
-        raise InputError(
-            f"{where}: expected a whole number from {least} to {most:,}, got {value}"
-        )
-    return value
-
-
-def design_of(value: Any, source: str) -> Design:
-    """Return the kind of samples."""
-    if value not in DESIGNS:
-        raise InputError(
-            f"{source}: design: expected one of {', '.join(DESIGNS)}, got "
-            f"{shown(value)}{nearest(str(value), DESIGNS)}"
-        )
-    return value
-
-
-def keep_of(value: Any, source: str) -> Keep:
-    """Return which samples are stored."""
-    if value == "all":
-        return "all"
-    return whole_of(value, f"{source}: keep", 1, MAX_SAMPLES)
-
-
-def outcomes_of(value: Any, source: str) -> tuple[str, ...]:
-    """Return the names of the outcomes; the registry checks that they exist."""
-    if (
-        not isinstance(value, list)
-        or not value
-        or not all(isinstance(name, str) and name for name in value)
-    ):
-        raise InputError(
-            f"{source}: outcomes: expected a list of names, as "
-            f'["air_arrival_s"], got {shown(value)}'
-        )
-    twice = [name for name in value if value.count(name) > 1]
-    if twice:
-        raise InputError(
-            f"{source}: outcomes: expected each once, got {twice[0]} "
-            f"{value.count(twice[0])} times"
-        )
-    return tuple(value)
-
-
-def options_of(value: Any, source: str) -> dict[str, Any]:
-    """Return the options of outcomes."""
-    if not isinstance(value, dict):
-        raise InputError(f"{source}: [options]: expected a table, got {shown(value)}")
-    return dict(value)
-
-
 def read_axes(
-    table: Any, scene: dict[str, Any], source: str
-) -> tuple[tuple[Axis, ...], tuple[Axis, ...], tuple[Drawn, ...]]:
+    table: dict[str, Any], scene: dict[str, Any], source: str
+) -> tuple[tuple[Axis, ...], tuple[Axis, ...], dict[str, Prior]]:
     """Return the axes over parameters, over other scene keys, and the sampled axes.
 
     Args:
@@ -396,95 +321,59 @@ def read_axes(
     Raises:
         InputError: A parameter or key does not exist, or its values are invalid.
     """
-    if not isinstance(table, dict):
-        raise InputError(f"{source}: [axes]: expected a table, got {shown(table)}")
-    numbers, words, drawn = [], [], []
+    numbers, words, drawn = [], [], {}
     for key, value in table.items():
         where = f"{source}: [axes] {key}"
-        if not _is_number(key):
+        # "charge_mass_kg.NAME" is a parameter of one of several charges
+        base = key.partition(".")[0]
+        if base not in PARAMETERS and base != CLOCK_OFFSET:
             words.append(Axis(key, _words(key, value, scene, where)))
-        elif isinstance(value, dict) and "count" not in value:
-            low, high, scale = _bounds_and_scale(key, value, where)
-            prior = LogUniform(low, high) if scale == "log" else Uniform(low, high)
-            drawn.append(Drawn(key, prior))
-        elif isinstance(value, dict):
-            numbers.append(Axis(key, _range(key, value, where)))
+            continue
+        number = Number(parameter_named(key).bounds)
+        if not isinstance(value, dict):
+            some = "a list of values, or a range { from = 1, to = 10, count = 5 }"
+            numbers.append(Axis(key, tuple(Numbers(some, number).read(value, where))))
+            continue
+        low, high, count, scale = _range(number, value, where)
+        log = scale == "log"
+        if count is None:
+            drawn[key] = LogUniform(low, high) if log else Uniform(low, high)
         else:
-            numbers.append(Axis(key, _listed(key, value, where)))
-    return tuple(numbers), tuple(words), tuple(drawn)
+            # both end exactly at `to`, unlike sums of steps
+            spread = (np.geomspace if log else np.linspace)(low, high, count)
+            numbers.append(Axis(key, tuple(map(float, spread))))
+    return tuple(numbers), tuple(words), drawn
 
 
-def _is_number(key: str) -> bool:
-    # "charge_mass_kg.NAME" is a parameter of one of several charges
-    base = key.partition(".")[0]
-    return base in PARAMETERS or base == CLOCK_OFFSET
-
-
-def _listed(key: str, value: Any, where: str) -> tuple[float, ...]:
-    if not isinstance(value, list) or not value:
-        raise InputError(
-            f"{where}: expected a list of values, or a range such as "
-            f"{{ from = 1, to = 10, count = 5 }}, got {shown(value)}"
-        )
-    return tuple(_allowed(key, one, where) for one in value)
-
-
-def _allowed(key: str, value: Any, where: str) -> float:
-    """Return a value within the bounds of a parameter."""
-    bounds = parameter_named(key).bounds
-    return bounds.checked(finite(value, where), where, got=value)
-
-
-def _bounds_and_scale(
-    key: str, value: dict[str, Any], where: str
-) -> tuple[float, float, str]:
+def _range(
+    number: Number, value: dict[str, Any], where: str
+) -> tuple[float, float, int | None, str]:
+    """Return the ends of a range, its count and its scale."""
+    keys = {"from": number, "to": number, **RANGE}
     for name in value:
-        if name not in RANGE_KEYS:
-            raise InputError(
-                f"{where} {name}: unknown key{nearest(name, RANGE_KEYS)}; expected "
-                f"one of {', '.join(RANGE_KEYS)}"
-            )
-    low, high = (
-        _allowed(key, value.get(name), f"{where} {name}") for name in ("from", "to")
-    )
-    scale = value.get("scale", "linear")
-    if scale not in SCALES:
-        raise InputError(
-            f"{where} scale: expected one of {', '.join(SCALES)}, got {shown(scale)}"
-        )
-    if not low < high:
-        raise InputError(f"{where}: expected from < to, got {low:g} and {high:g}")
-    if scale == "log" and not low > 0:
-        raise InputError(f"{where} from: expected above 0 on a log scale, got {low:g}")
-    return low, high, scale
-
-
-def _range(key: str, value: dict[str, Any], where: str) -> tuple[float, ...]:
-    low, high, scale = _bounds_and_scale(key, value, where)
-    count = value["count"]
-    if isinstance(count, bool) or not isinstance(count, int):
-        raise InputError(f"{where} count: expected a whole number, got {shown(count)}")
-    if not 2 <= count <= MAX_VALUES:
-        raise InputError(
-            f"{where} count: expected from 2 to {MAX_VALUES:,}, got {count}"
-        )
-    # both end exactly at `to`, unlike sums of steps
-    spread = np.geomspace if scale == "log" else np.linspace
-    return tuple(float(one) for one in spread(low, high, count))
+        known(name, keys, where, "key")
+    given = {"from": None, "to": None, "scale": "linear"} | value
+    read = {
+        name: keys[name].read(one, f"{where} {name}") for name, one in given.items()
+    }
+    low, high = read["from"], read["to"]
+    require(low < high, where, "from < to", f"{low:g} and {high:g}")
+    log = read["scale"] == "log"
+    require(low > 0 or not log, f"{where} from", "above 0 on a log scale", f"{low:g}")
+    return low, high, read.get("count"), read["scale"]
 
 
 def _words(key: str, value: Any, scene: dict[str, Any], where: str) -> tuple[Any, ...]:
     """Return the values of an axis over a key of the scene file."""
     table, dot, _ = key.partition(".")
-    known = [*PARAMETERS, *scene]
-    if not dot or table not in scene:
-        raise InputError(
-            f"{where}: unknown axis{nearest(key, known)}; expected a parameter of "
-            f"the scene, one of {', '.join(PARAMETERS)}, or a key of one of its "
-            'tables, as "vehicle.model"'
-        )
-    if not isinstance(value, list) or not value:
-        raise InputError(f"{where}: expected a list of values, got {shown(value)}")
+    expected = (
+        f"a parameter of the scene, one of {', '.join(PARAMETERS)}, or a key of one of "
+        'its tables, as "vehicle.model"'
+    )
+    advice = nearest(key, [*PARAMETERS, *scene])
+    require(dot and table in scene, where, expected, f"an unknown axis{advice}")
+    some = isinstance(value, list) and value
+    require(some, where, "a list of values", shown(value))
     return tuple(value)
 
 
@@ -511,10 +400,7 @@ def put(document: dict[str, Any], key: str, value: Any, where: str) -> None:
             found = at.get(step)
         if not isinstance(found, dict | list):
             names = [str(one.get("name")) for one in at] if isinstance(at, list) else at
-            raise InputError(
-                f"{where}: the scene has no {step}{nearest(step, names)}; expected one "
-                f"of {', '.join(names)}"
-            )
+            known(step, names, f"{where}:", "table of the scene")
         at = found
     if isinstance(at, list):
         # a list of tables without a name: the value is set in all of them

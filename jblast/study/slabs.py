@@ -177,7 +177,7 @@ class Slabs:
                             for q, x in done.items()
                         }
                 host = {
-                    v.name: np.asarray(columns[v.name])[:draws]
+                    v.name: np.asarray(columns[v.name][:needed])
                     for v in (*self.inputs, *self.outcomes)
                     if v.name in columns
                 }
@@ -225,7 +225,7 @@ class Slabs:
     ) -> tuple[dict[str, Moments], dict[str, Array]]:
         """Return the moments of a slab's outcomes, and the columns of some draws."""
         state: dict[str, Moments] = {
-            v.name: moments(jnp.zeros((0, self.cells, *v.shape)))
+            v.name: moments(np.zeros((0, self.cells, *v.shape)))
             for v in self.outcomes
             if v.name not in self._finished
         }

@@ -36,13 +36,11 @@ from jblast.sensors.noise import power_spectrum
 from jblast.sensors.sources import WIND_SLOPE, share_at_height, wind_pressure
 from jblast.sensors.waves_met import mean_overpressure
 from jblast.study.outcome.family import (
+    YES_NO,
     Answers,
-    Family,
-    Outcome,
     Prepared,
     Setting,
-    register,
-    register_family,
+    family,
     yes_no,
 )
 from jblast.waves.propagation import absorption_transfer, ambient as ambient_of
@@ -61,6 +59,25 @@ OPTIONS = {
 }
 
 
+@family(
+    "detection",
+    4,
+    {
+        "detected": (YES_NO, "whether a microphone detects the blast, at each sensor"),
+        "detection_statistic": (
+            "1",
+            "output of the matched filter, in standard deviations, at each sensor",
+        ),
+        "detection_latency_s": (
+            "s",
+            "time from the arrival to the detection, at each sensor",
+        ),
+    },
+    per_sensor=True,
+    needs="[[sensor]] and noise",
+    block=64,
+    options=OPTIONS,
+)
 def prepare(setting: Setting) -> Prepared:
     """Return the prepared detectors of a scene.
 
@@ -194,27 +211,3 @@ def _positive(options: Mapping[str, Any], name: str, default: float) -> float:
     if value <= 0:
         raise InputError(f"[options] {name}: expected a positive number, got {value:g}")
     return value
-
-
-register_family(Family("detection", 4, prepare, block=64, options=OPTIONS))
-for _name, _units, _words, _yes in (
-    ("detected", "1", "whether a microphone detects the blast", True),
-    (
-        "detection_statistic",
-        "1",
-        "output of the matched filter, in standard deviations",
-        False,
-    ),
-    ("detection_latency_s", "s", "time from the arrival to the detection", False),
-):
-    register(
-        Outcome(
-            _name,
-            _units,
-            f"{_words}, at each sensor",
-            "detection",
-            kind="yes_no" if _yes else "number",
-            per_sensor=True,
-            needs="[[sensor]] and noise",
-        )
-    )

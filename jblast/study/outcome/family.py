@@ -9,7 +9,7 @@ block by block, on a GPU all of them, in its own memory.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +18,12 @@ from jaxtyping import Array, Bool, Float, Int8, Key
 from jblast.scene import UncertainScene
 from jblast.study.statistics import NO_ANSWER
 from jblast.study.store import Kind
+
+YES_NO = "yes or no"
+"""Stands for the unit of an outcome that is yes or no."""
+DESCRIBED = "_outcome"
+"""Attribute of a function of the user that has its description."""
+F = TypeVar("F", bound=Callable[..., Any])
 
 Answers = Mapping[str, Array]
 """Values by outcome, with axes sample, or sample and sensor."""
@@ -101,6 +107,7 @@ class Family:
         number: Number folded into a sample's key for the random numbers of the family.
             It never changes, so that studies stay reproducible.
         prepare: Preparation for a scene.
+        outcomes: Its outcomes.
         block: Samples computed together on a core, a power of two.
         on_core: Values computed together on a core, a power of two, if samples are
             small: as many as stay in its cache and outlast the call of a program.
@@ -111,6 +118,7 @@ class Family:
     name: str
     number: int
     prepare: Prepare
+    outcomes: tuple[Outcome, ...]
     block: int = 1024
     on_core: int = 1
     together: int = 1 << 19
@@ -118,19 +126,75 @@ class Family:
 
 
 FAMILIES: dict[str, Family] = {}
-OUTCOMES: dict[str, Outcome] = {}
 
 
-def register_family(family: Family) -> Family:
-    """Register a family."""
-    FAMILIES[family.name] = family
-    return family
+def family(
+    name: str,
+    number: int,
+    table: Mapping[str, tuple[str, str]],
+    *,
+    per_sensor: bool = False,
+    needs: str = "",
+    **how: Any,
+) -> Callable[[Prepare], Prepare]:
+    """Return a decorator that registers a preparation as a family.
+
+    Args:
+        name: Name of the family.
+        number: Its number, see `Family`.
+        table: Unit and description by outcome; `YES_NO` for the unit of yes and no.
+        per_sensor: Whether each sensor has a value.
+        needs: Required sections of the scene.
+        how: Other attributes of the family.
+    """
+    outcomes = tuple(
+        Outcome(
+            one,
+            "1" if units == YES_NO else units,
+            words,
+            name,
+            "yes_no" if units == YES_NO else "number",
+            per_sensor,
+            needs,
+        )
+        for one, (units, words) in table.items()
+    )
+
+    def registered(prepare: Prepare) -> Prepare:
+        FAMILIES[name] = Family(name, number, prepare, outcomes, **how)
+        return prepare
+
+    return registered
 
 
-def register(outcome: Outcome) -> Outcome:
-    """Register an outcome; it replaces one of the same name."""
-    OUTCOMES[outcome.name] = outcome
-    return outcome
+def own_outcome(
+    units: str = "1",
+    long_name: str = "",
+    *,
+    kind: Kind = "number",
+    per_sensor: bool = False,
+) -> Callable[[F], F]:
+    """Return a decorator that describes a function of the user as an outcome.
+
+    `python:MODULE.FUNCTION` in a study file names it. A function without a description
+    is a number without a unit.
+
+    Args:
+        units: Unit of the value.
+        long_name: Description.
+        kind: A number, or yes and no.
+        per_sensor: Whether it returns a value for each sensor.
+
+    Example:
+        `@own_outcome("m", "distance of the charge from the tower")`
+    """
+
+    def described(function: F) -> F:
+        about = Outcome("", units, long_name, "own", kind, per_sensor)
+        setattr(function, DESCRIBED, about)
+        return function
+
+    return described
 
 
 def yes_no(yes: Bool[Array, "..."], known: Bool[Array, "..."]) -> Int8[Array, "..."]:

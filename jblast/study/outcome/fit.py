@@ -27,13 +27,11 @@ from jblast.sensors import planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import STUDENT_FREEDOM, observe, student_errors
 from jblast.study.outcome.family import (
+    YES_NO,
     Answers,
-    Family,
-    Outcome,
     Prepared,
     Setting,
-    register,
-    register_family,
+    family,
     yes_no,
 )
 
@@ -57,6 +55,24 @@ HALF_WIDTH = 1.6448536269514722
 """Half width of a 90 % interval of a normal distribution [standard deviations]."""
 
 
+@family(
+    "fit",
+    3,
+    {
+        "fit_value": ("1", "fitted number, in its own unit"),
+        "fit_error": ("1", "fit minus truth; for a positive number ln of their ratio"),
+        "fit_interval_width": ("1", "width of the 90 % interval, in the same unit"),
+        BOUND: ("1", "the same by the Cramer-Rao bound, at readings without error"),
+        "fit_truth_inside": (YES_NO, "whether the 90 % interval contains the truth"),
+        "fit_converged": (
+            YES_NO,
+            "whether the fit converged; if not, the other outcomes have no answer",
+        ),
+    },
+    needs="[[sensor]] with records",
+    block=1 << 14,
+    options=OPTIONS,
+)
 def prepare(setting: Setting) -> Prepared:
     """Return the prepared fits of a scene.
 
@@ -190,28 +206,3 @@ def _compared(
         "fit_truth_inside": yes_no(inside, good),
         "fit_converged": yes_no(converged, ~bad),
     }
-
-
-register_family(Family("fit", 3, prepare, block=1 << 14, options=OPTIONS))
-for _name, _words, _yes in (
-    ("fit_value", "fitted number, in its own unit", False),
-    ("fit_error", "fit minus truth; for a positive number ln of their ratio", False),
-    ("fit_interval_width", "width of the 90 % interval, in the same unit", False),
-    (BOUND, "the same by the Cramer-Rao bound, at readings without error", False),
-    ("fit_truth_inside", "whether the 90 % interval contains the truth", True),
-    (
-        "fit_converged",
-        "whether the fit converged; if not, the other outcomes have no answer",
-        True,
-    ),
-):
-    register(
-        Outcome(
-            _name,
-            "1",
-            _words,
-            "fit",
-            kind="yes_no" if _yes else "number",
-            needs="[[sensor]] with records",
-        )
-    )

@@ -22,13 +22,11 @@ from jblast.sensors import Layout, planned_layout, record, resolve_laws
 from jblast.sensors.law_choice import law_names
 from jblast.sensors.simulated_readings import observe
 from jblast.study.outcome.family import (
+    YES_NO,
     Answers,
-    Family,
-    Outcome,
     Prepared,
     Setting,
-    register,
-    register_family,
+    family,
     yes_no,
 )
 
@@ -124,6 +122,27 @@ LIMITS = {
 probability of damage."""
 
 
+@family(
+    "quantities",
+    1,
+    {
+        name: (
+            YES_NO,
+            f"whether the peak overpressure is above {limit.words}",
+        )
+        for name, limit in LIMITS.items()
+    }
+    | {
+        quantity.name: (quantity.unit, f"{quantity.meaning}, at each sensor")
+        for quantity in QUANTITIES.values()
+        if quantity.name not in NOT_AT_SENSORS
+    },
+    per_sensor=True,
+    needs="[[sensor]]",
+    on_core=1 << 16,
+    together=1 << 25,
+    options={"threshold_pa": "peak overpressure of above_threshold [Pa]"},
+)
 def prepare(setting: Setting) -> Prepared:
     """Return the prepared quantities at the sensors of a scene (`planned`)."""
     limits = {n: limit_of(n, setting.options) for n in setting.names if n in LIMITS}
@@ -175,39 +194,3 @@ def limit_of(name: str, options: Mapping[str, Any]) -> float:
             "nothing"
         )
     return finite(options["threshold_pa"], "[options] threshold_pa")
-
-
-register_family(
-    Family(
-        "quantities",
-        1,
-        prepare,
-        on_core=1 << 16,
-        together=1 << 25,
-        options={"threshold_pa": "peak overpressure of above_threshold [Pa]"},
-    )
-)
-for _name, _limit_of in LIMITS.items():
-    register(
-        Outcome(
-            _name,
-            "1",
-            f"whether the peak overpressure is above {_limit_of.words}",
-            "quantities",
-            kind="yes_no",
-            per_sensor=True,
-            needs="[[sensor]]",
-        )
-    )
-for _quantity in QUANTITIES.values():
-    if _quantity.name not in NOT_AT_SENSORS:
-        register(
-            Outcome(
-                _quantity.name,
-                _quantity.unit,
-                f"{_quantity.meaning}, at each sensor",
-                "quantities",
-                per_sensor=True,
-                needs="[[sensor]]",
-            )
-        )

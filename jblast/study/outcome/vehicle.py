@@ -25,13 +25,11 @@ from jblast.study.flight_results import (
 )
 from jblast.study.flights import checked_scene, flight_seconds, flown_by
 from jblast.study.outcome.family import (
+    YES_NO,
     Answers,
-    Family,
-    Outcome,
     Prepared,
     Setting,
-    register,
-    register_family,
+    family,
     yes_no,
 )
 from jblast.vehicle import controller_of
@@ -45,8 +43,39 @@ OPTIONS = {
     "flight_tolerance_m": "path error within which a vehicle has recovered [m] "
     f"(default: {TOLERANCE_M:g})",
 }
+FLIGHTS_ON_DEVICE = 1 << 16
+"""Flights on a GPU at a time, whose rows take about 3 GB."""
 
 
+@family(
+    "vehicle",
+    2,
+    {
+        name: (units, f"{words}, of the scene's vehicle")
+        for name, units, words in (
+            ("peak_deviation_m", "m", "greatest path error after the blast"),
+            (
+                "recovery_time_s",
+                "s",
+                "time from the blast until back within the tolerance, if it recovers",
+            ),
+            ("recovers", YES_NO, "whether it returns to the tolerance and stays there"),
+            ("flies_on", YES_NO, "whether it neither crashes nor diverges"),
+            (
+                "survives",
+                YES_NO,
+                "whether it flies on, below each threshold of its model",
+            ),
+            ("vehicle_overpressure_pa", "Pa", "incident peak overpressure"),
+            ("vehicle_acceleration_m_s2", "m/s2", "peak acceleration by the blasts"),
+            ("vehicle_fireball_time_s", "s", "time within a glowing fireball"),
+        )
+    },
+    needs="[vehicle]",
+    block=64,
+    together=FLIGHTS_ON_DEVICE,
+    options=OPTIONS,
+)
 def prepare(setting: Setting) -> Prepared:
     """Return the prepared flights of a scene.
 
@@ -120,43 +149,3 @@ def _answers(flown: Flown, spec: VehicleSpec, seconds: float) -> dict[str, Array
         "vehicle_acceleration_m_s2": number(exposure.peak_acceleration_m_s2),
         "vehicle_fireball_time_s": number(exposure.fireball_time_s),
     }
-
-
-FLIGHTS_ON_DEVICE = 1 << 16
-"""Flights on a GPU at a time, whose rows take about 3 GB."""
-
-register_family(
-    Family(
-        "vehicle",
-        2,
-        prepare,
-        block=64,
-        together=FLIGHTS_ON_DEVICE,
-        options=OPTIONS,
-    )
-)
-for _name, _units, _words, _yes in (
-    ("peak_deviation_m", "m", "greatest path error after the blast", False),
-    (
-        "recovery_time_s",
-        "s",
-        "time from the blast until back within the tolerance, if it recovers",
-        False,
-    ),
-    ("recovers", "1", "whether it returns to the tolerance and stays there", True),
-    ("flies_on", "1", "whether it neither crashes nor diverges", True),
-    ("survives", "1", "whether it flies on, below each threshold of its model", True),
-    ("vehicle_overpressure_pa", "Pa", "incident peak overpressure", False),
-    ("vehicle_acceleration_m_s2", "m/s2", "peak acceleration by the blasts", False),
-    ("vehicle_fireball_time_s", "s", "time within a glowing fireball", False),
-):
-    register(
-        Outcome(
-            _name,
-            _units,
-            f"{_words}, of the scene's vehicle",
-            "vehicle",
-            kind="yes_no" if _yes else "number",
-            needs="[vehicle]",
-        )
-    )
