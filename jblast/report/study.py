@@ -27,7 +27,7 @@ from jblast.study.columns import Lane, StudyColumns, read_columns
 from jblast.study.outcome.family import Outcome
 from jblast.study.outcome.quantities import LIMITS, limit_of
 from jblast.study.outcome.registry import known_outcomes
-from jblast.study.runs import Ran, merged
+from jblast.study.runs import StudyRun, merged
 from jblast.study.sensitivity import Shares, lane_shares, rest_name
 from jblast.study.statistics import Moments, finish_moments, over_cases
 from jblast.study.store import Variable
@@ -219,7 +219,7 @@ def unit_of(units: str) -> str:
     return "" if units in ("", "1") else f" [{units}]"
 
 
-def run_answer(ran: Ran) -> Answer:
+def run_answer(ran: StudyRun) -> Answer:
     """Return the answer of a run: number of samples and mean of each outcome."""
     known = tuple(
         one for v in ran.slabs.outcomes for one in _known(v, ran.moments[v.name])

@@ -127,7 +127,7 @@ def film_of(
         depth=None if options.depth is None else read_depth(options.depth, camera),
         appearance=_appearance(options, camera),
     )
-    path = camera_path(source, options, uncertain, camera, times)
+    path = _path(source, options, uncertain, camera, times)
     ground = landscape_of(options, carried=path is not None)
     if ground is not None:
         light = ground if path is not None else still_landscape(ground, camera)
@@ -293,7 +293,7 @@ def folder_named(word: str | None) -> str | None:
     return None if word == SHIPPED_SET else word
 
 
-def camera_path(
+def _path(
     scene: str,
     options: FilmOptions,
     uncertain: "UncertainScene",
@@ -309,7 +309,7 @@ def camera_path(
             it is shorter than the film.
     """
     from jblast.study.flights import fly
-    from jblast.world.perceived import camera_path as flight_path
+    from jblast.world.perceived import camera_path
 
     if not camera.mount:
         if options.flight is not None:
@@ -322,7 +322,7 @@ def camera_path(
     if options.flight is None:
         # the film may continue after the default end of the flight
         flown = fly(uncertain, least_s=end, seed=options.seed)
-        path, source = flight_path(flown.trajectory), scene
+        path, source = camera_path(flown.trajectory), scene
     else:
         path, source = read_camera_path(options.flight), options.flight
     first, last = float(path.time[0]), float(path.time[-1])

@@ -242,7 +242,7 @@ def options_of(*, on_mission: bool, **given: Any) -> Options:
     for name, word in POSITIVE_OPTIONS.items():
         value = known.get(name, 1.0)
         positive = math.isfinite(value) and value > 0
-        require(positive, word, "a positive number", f"{value:g}")
+        require(positive, argument(word), "a positive number", f"{value:g}")
     alone = "profile" not in known and "profile_moments_about" in known
     words = f"it with {argument('profile')} only"
     require(not alone, argument("profile_moments_about"), words, "no profile")

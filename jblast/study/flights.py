@@ -342,7 +342,7 @@ def flown_by(
         steps = math.ceil(seconds / options.step_s)
         longest = f"{MAX_STEPS * options.step_s:g} s in steps of {options.step_s:g} s"
         few = steps <= MAX_STEPS
-        require(few, "seconds", f"at most {longest}", f"{seconds:g} s")
+        require(few, argument("seconds"), f"at most {longest}", f"{seconds:g} s")
         rows = steps if on_mission else rows_stored(seconds, options, single=single)
         flight = simulate(
             vehicle_of(spec),
@@ -459,7 +459,7 @@ def seeds_of(
     longest = 1 / Barometer().rate
     words = f"at most {longest:g} s with an estimator, the sampling interval of its "
     slow = step_s > longest * (1 + 1e-9)
-    require(not slow, "step", words + "barometer", f"{step_s:g} s")
+    require(not slow, argument("step"), words + "barometer", f"{step_s:g} s")
     # a prime above the size of usual batches: seeds of two runs do not coincide
     seeds = (seed * 1_000_003 + np.asarray(lanes, np.int64)) % 2**32
     return jnp.asarray(seeds, jnp.uint32)

@@ -32,7 +32,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.optimize import OptimizeResult, minimize
 
-from jblast.errors import InputError
+from jblast.errors import InputError, argument
 from jblast.progress import in_words
 from jblast.scene import UncertainScene, VehicleSpec
 from jblast.study.flight_results import (
@@ -474,18 +474,21 @@ def _checked(uncertain: UncertainScene, settings: TuningSettings) -> VehicleSpec
     """Return the vehicle section of a scene, after a check of the settings."""
     if settings.vehicles < 2:
         raise InputError(
-            "vehicles: expected two blasts or more to tune gains, got "
+            f"{argument('vehicles')}: expected two blasts or more to tune gains, got "
             f"{settings.vehicles}"
         )
     for name, value in (
-        ("margin-db", settings.margin_db),
-        ("margin-deg", settings.margin_deg),
+        ("margin_db", settings.margin_db),
+        ("margin_deg", settings.margin_deg),
     ):
         if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name}: expected a positive number, got {value:g}")
+            raise InputError(
+                f"{argument(name)}: expected a positive number, got {value:g}"
+            )
     if not (np.isfinite(settings.delay_s) and settings.delay_s >= 0):
         raise InputError(
-            f"delay: expected a time of 0 s or more, got {settings.delay_s:g}"
+            f"{argument('delay')}: expected a time of 0 s or more, got "
+            f"{settings.delay_s:g}"
         )
     return checked_scene(uncertain, settings.vehicles, by_profile=False)
 

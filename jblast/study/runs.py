@@ -110,7 +110,7 @@ def run(
 
 
 @dataclass
-class Ran:
+class StudyRun:
     """The result of a run.
 
     Attributes:
@@ -146,7 +146,7 @@ def run_into(
     devices: Sequence[Any] | None = None,
     scheduler: str | None = None,
     progress: Progress = False,
-) -> Ran:
+) -> StudyRun:
     """Run a study into a new or existing store.
 
     Args:
@@ -204,7 +204,7 @@ def _calculated(
     compute: Compute,
     known: Sequence[dict[str, Moments] | None],
     limit: int | None = None,
-) -> Ran:
+) -> StudyRun:
     """Compute the missing slabs of a store, in order, up to the targets."""
     size, targets = slabs.slab * slabs.cases, slabs.study.sd_target
     missing = [n for n, state in enumerate(known) if state is None]
@@ -242,7 +242,7 @@ def _calculated(
     seconds = time.monotonic() - begun
     samples = draws * slabs.cases
     ended = complete and draws < slabs.study.samples
-    return Ran(store, slabs, whole, samples, new, seconds, complete, ended, notes)
+    return StudyRun(store, slabs, whole, samples, new, seconds, complete, ended, notes)
 
 
 def _reached(
