@@ -312,7 +312,6 @@ def _weighed(
     count: int,
     rng: np.random.Generator,
     start: tuple[np.ndarray, np.ndarray],
-    more: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> Draws:
     """Return draws of a frozen mixture and of the start, by the exact likelihood.
 
@@ -323,7 +322,6 @@ def _weighed(
         count: Number of draws of the mixture.
         rng: Random numbers.
         start: Draws of the start, and ln of the density there.
-        more: A term of ln of the density, by all numbers in their units.
     """
     axes, started = density.coordinates, len(start[0])
     new = frozen.draw(count, rng)
@@ -337,10 +335,7 @@ def _weighed(
     if not density.has_few_rows:
         # by chance the mean of few scales varies the more, the more rows there are
         gain = smoothed(u, gain, np.exp(log_ratio - log_sum(log_ratio)))
-    # a further term is the difference of another density from the approximate one
-    term = gain if more is None else more(values)
-    log_ratio = log_ratio + term
-    value = value if more is None else value + term
+    log_ratio = log_ratio + gain
     log_weights, k_hat = pareto_smoothed(log_ratio)
     weights = np.exp(log_weights)
     if density.is_round:  # each draw is as probable in any bearing
@@ -383,27 +378,6 @@ def smoothed(
     root = np.sqrt(weights)[:, None]
     found = np.linalg.lstsq(root * terms, root[:, 0] * x, rcond=1e-10)[0]
     return terms @ found
-
-
-def redrawn(
-    density: Density,
-    draws: Draws,
-    seed: int,
-    more: Callable[[np.ndarray], np.ndarray],
-) -> Draws:
-    """Return draws of a density with one more term, from those without it.
-
-    Args:
-        density: The density.
-        draws: Its draws.
-        seed: Seed of all random numbers.
-        more: The term of ln of the density, by all numbers in their units.
-    """
-    rng = np.random.default_rng(seed)
-    log_weights, _ = pareto_smoothed(np.log(draws.weights) + more(draws.values))
-    mixture = components(draws.u, np.exp(log_weights), rng, CENTRES_OF_FINAL)
-    nothing = np.zeros((0, draws.u.shape[1])), np.zeros(0)
-    return _weighed(density, mixture, draws.modes, ORDINARY.final, rng, nothing, more)
 
 
 def _of_linear(density: Density, count: int, rng: np.random.Generator) -> Draws:

@@ -122,7 +122,7 @@ class TermLoss:
             return 0.5 * jnp.square(residual), residual, None, None
         slope, curvature = noise_slopes(u, self.noise)
         value = log_noise(jnp.zeros((), u.dtype), self.noise) - log_noise(u, self.noise)
-        weight = reweighted(u, curvature, self.noise, None)
+        weight = reweighted(u, curvature, self.noise)
         one, zero = jnp.ones_like(normal), jnp.zeros_like(scale)
         return (
             jnp.concatenate([value, 0.5 * jnp.square(normal), scale]),

@@ -83,7 +83,6 @@ class Posterior(eqx.Module):
         sigma: Their instrument error, same unit; 0 where none was given.
         laws: Pairs of quantity and law name.
         noise: Distribution of the independent errors.
-        lower_bound: True for readings that are lower bounds; None if none is.
         shared_error: Change of each row by one standard deviation of each error that
             readings of one record share; None if all are independent. `sigma` is then
             the remaining error of each row (see `own_and_shared_errors`).
@@ -97,7 +96,6 @@ class Posterior(eqx.Module):
     sigma: Float[Array, " row"]
     laws: tuple[tuple[str, str], ...] = eqx.field(static=True)
     noise: Noise = eqx.field(static=True, default="student")
-    lower_bound: Bool[Array, " row"] | None = None
     shared_error: Float[Array, "row effect"] | None = None
     kernels: Float[Array, " kernel"] = eqx.field(
         converter=jnp.asarray, default_factory=lambda: TYPICAL
@@ -150,7 +148,6 @@ def posterior_of(
     refuse_unresolved(observations)
     sigma, shared = own_and_shared_errors(observations)
     refuse_vast(observations, parameters.scene, layout, laws, shared.shape[1])
-    bounds = observations.bounds()
     has_direction = np.isnan(observations.slant_range)
     return Posterior(
         parameters=parameters,
@@ -159,7 +156,6 @@ def posterior_of(
         sigma=jax.device_put(sigma),
         laws=tuple(sorted(laws.items())),
         noise=noise,
-        lower_bound=jax.device_put(bounds) if bounds.any() else None,
         shared_error=jax.device_put(shared) if shared.size else None,
         neighbours=len(set(np.array(layout.group)[has_direction].tolist())) > 1,
     )
