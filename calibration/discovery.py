@@ -2,7 +2,7 @@
 
     python -m calibration.discovery [--out calibration/results/discovery.png]
         > calibration/results/discovery.txt
-    python -m calibration.discovery intervals [--seeds 200] [--workers 2]
+    python -m calibration.discovery intervals [--seeds 150] [--workers 2]
 
 Simulated: the drag of a Hummingbird in a swinging wind, and the motor lag of a
 Crazyflie under stepped commands, 50 and 200 rows a second. To each, normal noise, 20
@@ -20,7 +20,7 @@ up to two columns, and |x| x): in how many a law is told without a doubt. They a
 noise, a walk of normal steps, noise that remembers 0.8 of the row before, each of 401
 rows with and without an input, and du/dt = -0.2 u - 0.05 u^3 + push, seeds 0 to 19.
 
-Intervals: how many of discovery's 90 % intervals hold the truth, counted in 200 records
+Intervals: how many of discovery's 90 % intervals hold the truth, counted in 150 records
 of the same equations with normal noise of 0.3, 1 and 3 %? Of the records in which
 exactly the true terms came out, the share of all true coefficients inside their
 intervals; beside it two standard errors of the share, the coefficients of a record
@@ -518,7 +518,7 @@ def held(job: Job) -> Held:
 def intervals() -> None:
     """Count, print the table and keep it."""
     parser = argparse.ArgumentParser(description="Count intervals that hold the truth.")
-    parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--seeds", type=int, default=150)
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     parser.add_argument("--kept", type=Path, default=Path("out/intervals.jsonl"))
     parser.add_argument("--out", type=Path, default=RESULT)
