@@ -1,18 +1,14 @@
 """Progress of a command and of a function, by a clock that the test winds."""
 
 import io
-import subprocess
-import sys
 from typing import Any, cast
 
 import pytest
 
-from jblast import progress as progress_module
 from jblast.errors import InputError
 from jblast.progress import (
     Progress,
     ProgressLine,
-    clear,
     counted,
     each,
     heard_by,
@@ -111,20 +107,6 @@ def test_lines_in_a_pipe_become_rarer(clock):
     assert lines[0].endswith("vehicles, 10 s so far, about 5 min left")
 
 
-def test_on_a_terminal_one_line_is_overwritten_and_cleared_before_other_output(clock):
-    stream = Stream(terminal=True)
-    with heard_by(line_on(stream, clock)):
-        for _ in each(range(20), "frames"):
-            clock.now += 0.5
-        clear()
-    assert "\n" not in stream.getvalue()
-    written = stream.getvalue().split("\r")
-    first = "jblast fit: 6 of 20 frames, 3 s so far, about 7 s left"
-    assert written[1].rstrip() == first
-    assert max(map(len, written)) < 80
-    assert written[-2].strip() == written[-1] == ""
-
-
 @reported("work")
 def work(*, progress: Progress = False) -> str:
     begin = stages({"reading": 1.0, "fitting": 3.0})
@@ -139,24 +121,6 @@ def test_a_function_reports_to_the_function_of_its_caller():
     assert calls == [("reading (1 of 2)", 0.0), ("fitting (2 of 2)", 0.25)]
     with pytest.raises(InputError, match="progress: expected True, False, or a func"):
         work(progress=cast(Any, "yes"))
-
-
-def test_a_function_prints_its_progress_on_stderr(capsys, monkeypatch):
-    monkeypatch.setattr(progress_module, "QUIET_S", 0.0)
-    monkeypatch.setattr(progress_module, "REPEAT_S", 0.0)
-    assert work(progress=True) == "done"
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("jblast work: reading (1 of 2), 0 s so far")
-    assert work() == "done"
-    assert capsys.readouterr() == ("", "")
-
-
-def test_a_piped_command_of_seconds_prints_its_answer_alone():
-    command = [sys.executable, "-m", "jblast", "calc", "--mass", "1", "--range", "10"]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    assert "peak overpressure" in done.stdout
-    assert done.stderr == ""
 
 
 @pytest.mark.parametrize("terminal", [True, False])

@@ -39,22 +39,6 @@ def discovered(jblast: Command, content: str, *options: str):
     return jblast("discover", path, "--ensemble", "20", *options)
 
 
-def test_drag_is_found_and_printed_with_its_certainty(jblast):
-    code, out, err = discovered(jblast, pushed(), "--input", "push_m_s2", "--drag")
-    assert code == 0
-    assert err == ""
-    title, _, first, *_ = out.splitlines()
-    assert title == "Equation of motion of u_m_s"
-    assert first.startswith("d(u_m_s)/dt = -0.3")
-    assert "push_m_s2 - 0.0" in first
-    assert first.endswith("|u_m_s| u_m_s")
-    assert "90 % interval" in out
-    assert "ensemble" in out
-    assert "Integration from the first row: misfit" in out
-    assert "(nominal)" in out
-    assert "Held-out data, 5 segments: the squared error" in out
-
-
 def test_json_is_all_of_stdout(jblast):
     options = ("--input", "push_m_s2", "--drag", "--json")
     code, out, _ = discovered(jblast, pushed(), *options)
@@ -86,35 +70,6 @@ def test_equations_that_do_not_give_the_data_back_exit_with_four(jblast):
     code, out, _ = discovered(jblast, content)
     assert code == 4
     assert "not reproduced" in out
-
-
-def test_a_law_beyond_the_candidates_is_a_doubt_and_exit_code_four(jblast):
-    content = pushed(noise=0.02, cube=0.05)
-    options = ("--input", "push_m_s2", "--drag")
-    code, out, _ = discovered(jblast, content, *options)
-    assert code == 4
-    words = " ".join(out.split())
-    assert "Doubtful, u_m_s: the residuals correlate with u_m_s^3" in words
-    assert "One degree more d(u_m_s)/dt = " in words
-    code, out, _ = discovered(jblast, content, *options, "--json")
-    assert code == 4
-    answer = json.loads(out)
-    assert answer["certain"] is False
-    assert answer["equations"]["u_m_s"]["p_outside"] < 3e-3
-    assert "u_m_s^3" in answer["one_degree_more"]["equations"]["u_m_s"]
-
-
-def test_files_are_written_and_not_overwritten_unasked(jblast):
-    options = ("--input", "push_m_s2", "--drag", "--out", jblast.path("out"))
-    code, out, _ = discovered(jblast, pushed(), *options)
-    assert code == 0
-    assert "discover.json, discover.png, report.html" in out
-    assert json.loads(jblast.text("out/discover.json"))["schema"] == 1
-    picture = (jblast.directory / "out" / "discover.png").read_bytes()
-    assert picture.startswith(b"\x89PNG")
-    message = jblast.refused("discover", jblast.path("flight.csv"), *options)
-    assert "exists already" in message
-    assert discovered(jblast, pushed(), *options, "--force")[0] == 0
 
 
 def swings() -> list[np.ndarray]:
@@ -152,14 +107,6 @@ def test_runs_are_joined_by_a_column_and_a_jump_without_it_is_named(jblast):
     assert "states jump before row 251: if these are several runs" in " ".join(
         out.split()
     )
-
-
-def test_a_column_that_is_the_sum_of_another_and_a_constant_is_exchangeable(jblast):
-    u = 3.0 * np.exp(-0.3 * TIME) + 0.01 * np.random.default_rng(0).normal(size=301)
-    text = columns_of(TIME, u, u + 1.0, header="time_s,u,w")
-    code, out, _ = discovered(jblast, text)
-    assert code == 4
-    assert "\nDoubtful, u: u and w are exchangeable" in out
 
 
 def test_a_trajectory_in_milliseconds_with_decimal_commas_is_read(jblast):

@@ -1,4 +1,4 @@
-"""A log of ten thousand rows is answered, in memory that a laptop has."""
+"""Several logs in one command: a table, one event, and one bad log among them."""
 
 import json
 import subprocess
@@ -8,6 +8,52 @@ import numpy as np
 import pytest
 
 from jblast.waves import kingery_bulmash_arrival_time, sound_speed_in_air
+from tests.cli.cli_files import HEADER
+
+
+def log(*rows: str, columns: str = "") -> str:
+    return HEADER.replace("\n", f"{columns}\n") + "".join(rows)
+
+
+EVENT = """
+[charge]
+mass_kg = 15.0
+position_m = ["free", "free", 0.0]
+time_s = "free"
+[air]
+relative_humidity = 0.0
+[law]
+air_arrival_s = "kingery_bulmash"
+scatter = false
+"""
+
+
+@pytest.mark.slow
+def test_recordings_of_one_event_have_clocks_of_their_own(jblast):
+    at, start, late = np.array([3.0, -2.0, 0.0]), 1.5, 12.25
+    places = [(30, 0, 0), (0, 40, 0), (-50, 5, 0), (10, -60, 0), (25, 25, 0)]
+    places += [(-30, -30, 0)]
+    rows = []
+    for i, place in enumerate(places):
+        distance = float(np.linalg.norm(np.array(place) - at))
+        time = float(kingery_bulmash_arrival_time(distance, 15.0))
+        reading = start + time + late * (i % 2)
+        east, north, up = place
+        rows.append(f"s{i},air_arrival_s,{reading!r},1e-4,{east},{north},{up}\n")
+    north = jblast.file("north.csv", log(*rows[::2]))
+    south = jblast.file("south.csv", log(*rows[1::2]))
+    scene = jblast.file("scene.toml", EVENT)
+    code, said, err = jblast(
+        "fit", north, south, "--one-event", "--scene", scene, "--json"
+    )
+    assert code == 0, err
+    answer = json.loads(said)
+    estimates = answer["estimates"]
+    # sound of dry standard air is 340.292 m/s, the law's is 340.29: 1e-6 s at 60 m
+    assert estimates["clock_offset_s.south"]["value"] == pytest.approx(late, abs=1e-5)
+    assert estimates["charge_east_m"]["value"] == pytest.approx(3.0, abs=1e-3)
+    assert answer["n_observations"] == 6
+
 
 MASS, ROWS, SENSORS = 25.0, 10_000, 1000
 SIGMA = 5e-4

@@ -10,9 +10,6 @@ import soundfile
 from jsonschema import Draft202012Validator
 
 from docs.generate import documents
-from jblast.errors import InputError
-from jblast.report import world as world_module, world_figures
-from tests.report import example
 
 SCENE = """
 [world]
@@ -110,17 +107,6 @@ def test_the_page_has_all_and_needs_no_other_file(jblast, run):
     assert RUN["scene_sha256"] in page
 
 
-def test_the_page_is_replaced_but_no_other_file_is_overwritten(jblast, run):
-    page = jblast.file("mine.html", "mine")
-    for _ in range(2):
-        code, out, _ = jblast("report", run)
-        assert code == 0
-        assert f"Written: {run}/report.html" in out
-    assert "exists already" in jblast.refused("report", run, "--out", page)
-    assert jblast.text("mine.html") == "mine"
-    assert jblast("report", run, "--out", page, "--force")[0] == 0
-
-
 def test_missing_or_broken_files_are_named(jblast, run):
     assert "run.json: no such file" in jblast.refused("report", jblast.path("nowhere"))
     jblast.file("other.toml", SCENE + "\n")
@@ -132,42 +118,3 @@ def test_missing_or_broken_files_are_named(jblast, run):
     for text in ('{"schema": 1}', "[]", "{"):
         jblast.file("run/run.json", text)
         assert expected in jblast.refused("report", run)
-
-
-@pytest.fixture
-def fitted(jblast, run, monkeypatch):
-    """Return exit code and stdout of `report --fit` with these answers of the fits."""
-
-    def report(*words, **answers):
-        monkeypatch.setattr(world_module, "fit_each", lambda *_: answers)
-        # figures take seconds
-        monkeypatch.setattr(world_figures, "run_pictures", lambda *_: ())
-        code, out, _ = jblast("report", run, "--fit", *words)
-        assert list(json.loads(jblast.text("run/fits.json"))["logs"]) == list(answers)
-        return code, out
-
-    return report
-
-
-def test_an_unidentified_parameter_has_no_interval_that_misses(fitted):
-    good, bad = example.three_parameters(), example.not_identifiable()
-    code, out = fitted(**{"1": bad, "2": good})
-    assert code == 4  # mass and sound speed of the first
-    assert "Blast 1: not reliable" in out
-    # of the first its time, 1.25 s, is missed; of the second mass and time
-    assert "0 of 3 90 % intervals contain the truth." in out
-    assert out.count("misses") == 3
-    assert fitted(**dict.fromkeys("12", good))[0] == 0
-
-
-def test_failed_fits_are_problems_of_text_document_and_exit_code(fitted):
-    failed = dict.fromkeys("12", InputError("too few rows"))
-    code, out = fitted(**failed)
-    assert code == 4
-    assert "Blast 1: too few rows" in out
-    assert "intervals contain" not in out
-    code, out = fitted("--json", **failed)
-    assert code == 4
-    Draft202012Validator(documents.schema("world")).validate(json.loads(out))
-    logs = json.loads(out)["fits"]["logs"]
-    assert [one["error"] for one in logs.values()] == ["too few rows"] * 2
