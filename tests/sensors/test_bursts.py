@@ -10,7 +10,6 @@ from jblast.scene import Air, Charge, Scene, Sensor
 from jblast.sensors.forward_model import record
 from jblast.sensors.law_choice import height_notes
 from jblast.sensors.layout import planned_layout
-from jblast.waves.height_of_burst import grounded
 from jblast.waves.laws.kingery_bulmash import kingery_bulmash_impulse
 from jblast.waves.paths import path_between
 
@@ -91,13 +90,6 @@ def test_a_range_alone_leaves_a_place_as_low_as_it_allows(
     stated = jnp.array([distance if given_by == "row" else jnp.nan])
     path = path_between(Scene(charge), charge, place, stated, jnp.full(1, jnp.nan))
     assert np.broadcast_to(path.free_air, 1).tolist() == [weight]
-
-
-def test_a_charge_that_stays_on_the_ground_has_surface_curves():
-    low, high = scene(0.0), scene(2.0)
-    assert grounded(low).charge.burst == "surface"
-    assert grounded(low, {"charge_up_m"}).charge.burst is None
-    assert grounded(high).charge.burst is None
 
 
 @pytest.mark.parametrize(

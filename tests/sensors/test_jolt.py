@@ -53,6 +53,7 @@ def test_a_jolt_is_the_impulse_of_the_load_in_one_step_over_mass(model):
     assert float(elevation) == pytest.approx(np.arcsin(changed[2] / speed), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_level_vehicle_is_thrown_straight_away_from_the_charge():
     _, bearing, elevation = read_at(10.0, PLACE)
     assert float(bearing) == pytest.approx(np.arctan2(12.0, 9.0), abs=1e-12)
@@ -72,6 +73,7 @@ def test_jolts_have_the_slopes_of_finite_differences():
     np.testing.assert_allclose(forward[0], slope, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_charge_that_never_happens_jolts_nobody():
     never = replace(scene_of(), charges=(replace(scene_of().charge, time_s=jnp.inf),))
     value = record(never, LAYOUT, LAWS).value

@@ -1,5 +1,6 @@
 """Scatter of laws and errors that are drawn, and the scatter that `calc` prints."""
 
+import dataclasses
 import math
 from dataclasses import replace
 
@@ -17,6 +18,7 @@ from jblast.sensors.simulated_readings import (
     STUDENT_FREEDOM,
     independent_scale,
     student_errors,
+    written,
 )
 
 PEAK, LAW = "peak_overpressure_pa", "kingery_bulmash"
@@ -27,7 +29,9 @@ SCENE = with_values(
 )
 
 
-@pytest.fixture(scope="module", params=["student", "gaussian"])
+@pytest.fixture(
+    scope="module", params=["student", pytest.param("gaussian", marks=pytest.mark.slow)]
+)
 def peaks(request):
     """Return peaks of an exact instrument, by noise of instruments."""
     layout, sigma, _ = planned_layout(SCENE)
@@ -91,3 +95,52 @@ def test_they_have_students_distribution():
         drawn = np.asarray(student_errors(jax.random.key(1), freedom, 60_000))
         assert kstest(drawn, t(freedom).cdf).pvalue > 1e-3
         assert kstest(drawn, t(freedom + 2.0).cdf).pvalue < 1e-3
+
+
+SD = 0.05
+SOUTH = dataclasses.replace(
+    Scene(),
+    scatter=False,
+    sensors=(
+        Sensor(
+            "south",
+            jnp.array([0.0, -40.0, 0.0]),
+            records=(
+                ("bearing_rad", SD),
+                ("peak_overpressure_pa", 0.1),
+                ("air_arrival_s", 1e-3),
+            ),
+        ),
+    ),
+)
+LAWS = {
+    "bearing_rad": "line_of_sight",
+    "peak_overpressure_pa": "kingery_bulmash",
+    "air_arrival_s": "kingery_bulmash",
+}
+
+
+def test_a_bearing_about_north_is_read_on_both_sides_of_it_within_a_circle():
+    layout, sigma, _ = planned_layout(SOUTH)
+    keys = jax.random.split(jax.random.key(0), 400)
+
+    @jax.jit
+    @jax.vmap
+    def drawn(key):
+        return observe(key, SOUTH, layout, LAWS, sigma, noise="gaussian")
+
+    bearing = np.asarray(drawn(keys))[:, layout.quantity.index("bearing_rad")]
+    assert ((bearing >= 0) & (bearing < 2 * np.pi)).all()
+    off = (bearing + np.pi) % (2 * np.pi) - np.pi
+    # 400 draws know the mean to SD/20 and the sd to SD/28: four of each
+    assert abs(off.mean()) < 4 * SD / 20
+    assert abs(off.std() - SD) < 4 * SD / 28
+
+
+def test_a_written_log_has_errors_in_the_units_of_its_values():
+    layout, sigma, sensors = planned_layout(SOUTH)
+    value = np.array([6.2, 2e4, 0.1])
+    log = written(SOUTH, layout, value, np.asarray(sigma), sensors)
+    # an angle and a time as planned; a pressure's tenth in pascals
+    np.testing.assert_allclose(log.sigma, [SD, 2e3, 1e-3], rtol=1e-12)
+    assert log.sensor == ("south",) * 3

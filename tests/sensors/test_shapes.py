@@ -67,25 +67,8 @@ def test_a_column_of_another_length_is_refused_by_name(name, column, said):
         jblast.record(SCENE, layout, ARRIVAL)
 
 
-def test_a_quantity_without_a_law_is_named():
-    with pytest.raises(InputError, match=r"laws: .* got none for air_arrival_s"):
-        jblast.record(SCENE, LAYOUT, {})
-
-
 def test_what_a_bound_is_asked_at_is_a_number():
     with pytest.raises(
         InputError, match=r"at\['charge_mass_kg'\]: expected shape \(\)"
     ):
         jblast.bound(UncertainScene(SCENE), {"charge_mass_kg": np.ones(2)})  # pyright: ignore[reportArgumentType]  # what is refused
-
-
-@pytest.mark.parametrize(
-    ("ranges", "masses", "said"),
-    [
-        (np.ones(3), np.ones(2), r"charge_mass: .* a row of 3 numbers, got .* \(2,\)"),
-        (np.ones((2, 2)), 1.0, r"slant_range: expected a number or a row .* \(2, 2\)"),
-    ],
-)
-def test_the_calculator_names_the_rows_that_do_not_go_together(ranges, masses, said):
-    with pytest.raises(InputError, match=said):
-        jblast.calculate(Scene(), ranges, masses)

@@ -60,18 +60,12 @@ def same(ours, theirs):
     np.testing.assert_allclose(fields(ours), fields(theirs), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [np.uint8, np.float32])
 def test_the_stream_gives_the_events_of_whole_frames(dtype):
     frames = flicker(dtype)
     light = grey_light()[frames] if dtype == np.uint8 else frames.astype(float)
     floor = {"darkest": EIGHT_BITS} if dtype == np.uint8 else {}
     same(streamed(frames), whole(log_intensity(light, **floor)))
-
-
-def test_srgb_frames_are_decoded():
-    frames = flicker(np.uint8)
-    light = log_intensity(grey_light(srgb=True)[frames], 0.01)
-    same(streamed(frames, srgb=True, darkest=0.01), whole(light))
 
 
 @pytest.mark.parametrize(
@@ -96,19 +90,6 @@ def test_cuts_and_threads_do_not_change_the_events():
         np.testing.assert_allclose(found, known, rtol=0, atol=1e-12)
 
 
-def test_a_stream_repeats_with_its_key():
-    times, light = np.arange(33) / 4.0, np.full((33, 20, 30), 0.5)
-    noise = NoiseModel(leak_hz=0.2, shot_hz=0.2)
-    one, two, other = (
-        streamed(light, noisy_pixel(key, (0.2, 0.2), noise, (20, 30)), 8, times).time
-        for key in (KEY, KEY, jax.random.key(1))
-    )
-    np.testing.assert_array_equal(one, two)
-    assert not np.array_equal(one, other)
-    # leak and shot noise: 0.4 Hz of 600 pixels for 8 s; Poisson at most
-    assert abs(one.size - 1920) < 4.0 * np.sqrt(1920)
-
-
 def test_times_are_those_of_float64_without_the_setting_of_jax():
     """A clock of days, of which single precision resolves 8 ms."""
     times = 86400.0 + TIMES
@@ -129,20 +110,6 @@ def test_frames_out_of_order_are_refused(blocks, message):
     frames = flicker(np.uint8)
     with pytest.raises(InputError, match=message):
         list(event_stream([(TIMES[a], frames[b]) for a, b in blocks], PIXEL))
-
-
-def test_light_that_is_no_number_is_refused():
-    frames = flicker(np.float32)
-    frames[9, 2, 3] = np.nan
-    with pytest.raises(InputError, match="got nan in frame 9, row 2, column 3"):
-        streamed(frames)
-
-
-def test_frames_of_another_size_are_refused():
-    frames = flicker(np.uint8)
-    blocks = [(TIMES[:4], frames[:4]), (TIMES[4:8], frames[4:8, :, 1:])]
-    with pytest.raises(InputError, match="17 x 12 pixels as in the first, got 16 x 12"):
-        list(event_stream(blocks, PIXEL))
 
 
 def test_a_still_film_has_no_events():

@@ -52,6 +52,7 @@ def pick_of(
     return pick_jolt(part, imu, WITHOUT_DRAG, start, ROTORS[:count], OFFSET, LEVEL)
 
 
+@pytest.mark.slow
 def test_rows_within_a_wave_are_those_of_a_fine_flight():
     assert SCENE.vehicle is not None
     load, vehicle = blast_load(SCENE), vehicle_of(SCENE.vehicle)
@@ -95,6 +96,7 @@ def test_a_pulse_gives_its_integral_for_any_bias_and_heading():
     assert pick.speed_m_s[1] > MODEL_SHARE * math.hypot(ahead, up)
 
 
+@pytest.mark.slow
 def test_noise_changes_a_jolt_by_its_standard_error():
     imu = Imu(gyroscope_bias=0.0)  # `ATTITUDE_RAD` stands for it
     truth, off = PULSE.sum(axis=0) / imu.rate, []

@@ -103,6 +103,7 @@ def test_white_noise_has_its_density_by_the_allan_deviation():
         assert allan == pytest.approx(density / np.sqrt(2), rel=0.16)
 
 
+@pytest.mark.slow
 def test_a_bias_is_constant_and_walks_with_the_root_of_time():
     imu = imu_with(accelerometer_walk=0.5)
     keys = jax.random.split(jax.random.key(0), 60)

@@ -20,8 +20,7 @@ PLACE = np.array([40.0, 30.0, 0.0])
 AWAY = np.array([0.8, 0.6, 0.0])
 IDEAL = Instrument(rate=RATE)
 REAL = Instrument(RATE, 2e4, noise=0.02, bits=16, high_pass=5.0, low_pass=5e3)
-KINDS = ("pressure", "microphone", "anemometer", "geophone")
-every_kind = pytest.mark.parametrize("kind", KINDS)
+every_kind = pytest.mark.parametrize("kind", ["microphone", "anemometer"])
 
 
 def sensor_of(kind, instrument=IDEAL, place=PLACE, offset=0.0):
@@ -102,6 +101,7 @@ def moving(velocity):
     return Track(time, PLACE[None] + np.outer(time - 0.5, velocity))
 
 
+@pytest.mark.slow
 def test_the_velocity_of_an_anemometer_is_subtracted_by_its_own_clock():
     velocity = np.array([12.0, -9.0, 2.0])
     track = Track(moving(velocity).time, moving(velocity).position + 9.0)
@@ -118,6 +118,7 @@ def test_the_velocity_of_an_anemometer_is_subtracted_by_its_own_clock():
     np.testing.assert_allclose(east[1000:1002], [2.0 - 0.8, 1.0], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [-30.0, 30.0])
 def test_the_blast_wind_at_a_moving_sensor_is_that_of_the_meeting_position(speed):
     track = moving(speed * AWAY)
@@ -137,15 +138,7 @@ def test_the_blast_wind_at_a_moving_sensor_is_that_of_the_meeting_position(speed
     assert passed == pytest.approx(1.0, rel=2e-3)
 
 
-@pytest.mark.parametrize("kind", ["microphone", "anemometer"])
-def test_a_track_at_rest_is_a_position(kind):
-    still = recorded(SCENE, sensor_of(kind), start_s=0.45, track=moving(np.zeros(3)))
-    fixed = recorded(SCENE, sensor_of(kind), start_s=0.45)
-    # the meeting is found to a rounding of the clock, over a sample
-    assert np.abs(fixed).max() > 1.0
-    np.testing.assert_allclose(still, fixed, atol=1e-6 * np.abs(fixed).max())
-
-
+@pytest.mark.slow
 @every_kind
 def test_a_stream_is_the_record_to_the_last_bit(kind):
     later = Charge(mass_kg=1.0, position_m=(5.0, 0.0, 0.0), time_s=0.75, name="b")
@@ -164,6 +157,7 @@ def test_a_stream_is_the_record_to_the_last_bit(kind):
     np.testing.assert_array_equal(samples, whole[: len(samples)])
 
 
+@pytest.mark.slow
 @every_kind
 def test_a_blast_that_never_happens_is_silence_with_slopes(kind):
     def loudness(mass, time):
@@ -176,6 +170,7 @@ def test_a_blast_that_never_happens_is_silence_with_slopes(kind):
     assert (float(value), *map(float, slopes)) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_slopes_by_mass_position_and_time_are_those_of_finite_differences():
     weight = np.random.default_rng(0).normal(size=4000)
 

@@ -1,25 +1,24 @@
 """The plan of records: sensors, duration, true values, and the ambient recording."""
 
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.observations import QUANTITIES
 from jblast.observations.records.sound import write_sound
 from jblast.scene import (
     Ambient,
     Charge,
     Instrument,
-    LogNormal,
     Scene,
     Sensor,
     UncertainScene,
 )
-from jblast.sensors import simulate
 from jblast.sensors.listening import packets, plan, with_ambient
+from jblast.sensors.record_writer import record_names, write_samples
 
 NAMES = ("air_arrival_s", "peak_overpressure_pa", "positive_impulse_pa_s")
 RECORDS = tuple((name, 1e-9) for name in NAMES)
@@ -40,25 +39,6 @@ def scene_of(*sensors: Sensor, **others) -> UncertainScene:
 
 
 @pytest.mark.slow
-def test_true_values_are_those_of_simulate_for_the_same_scene_and_seed():
-    prior = {"charge_mass_kg": LogNormal(15.0, 2.0)}
-    uncertain = replace(scene_of(PHONE, FLASH, GAUGE), beliefs=prior)
-    listening = plan(uncertain, seed=5)
-    log = simulate(uncertain, 5)
-    # sensors err by 1e-9 of a value, or of a second
-    for name, sensor, value in zip(log.quantity, log.sensor, log.value, strict=True):
-        row = [each.name for each in listening.sensors].index(sensor)
-        told = listening.truth.values[name][row, 0]
-        assert told == pytest.approx(float(value), rel=1e-7)
-    assert set(log.quantity) == set(NAMES) <= set(QUANTITIES)
-    assert listening.skipped == {"light": "kind flash writes no samples over time"}
-    assert set(listening.notes) == {x for x in log.comments if "truth: " in x}
-    assert "charge_mass_kg" in listening.notes[0]
-    (said,) = [line for line in log.comments if line.startswith("laws: ")]
-    for name in NAMES:
-        assert f"{name} by {listening.truth.laws[name]}" in said
-
-
 def test_a_record_lasts_until_the_blast_has_passed():
     listening = plan(scene_of(PHONE, GAUGE))
     values = listening.truth.values
@@ -129,3 +109,49 @@ def test_unusable_ambient_recordings_are_reported(tmp_path):
     write_sound(path, np.ones(1), 4000)
     with pytest.raises(InputError, match="two or more samples"):
         with_ambient(noise, str(path))
+
+
+def numbers_in_packets(*sizes: int, end: BaseException | None = None):
+    """Packets of numbers in a row."""
+    start = 0
+    for size in sizes:
+        yield np.arange(start, start + size)[:, None] / np.array([3.0, -1.0])
+        start += size
+    if end is not None:
+        raise end
+
+
+def test_every_sensor_has_a_file_of_its_own_whatever_its_name():
+    called = ["a", "A", "truth", "../b", "c/d", "c_d", "...", "x" * 300, "Ö 1", "con\n"]
+    sensors = [Sensor(name, np.zeros(3), "pressure") for name in called]
+    names = record_names([*sensors, Sensor("phone", np.zeros(3), "microphone")])
+    assert [*names.values()] == [
+        *("a.csv", "A_2.csv", "truth_2.csv", "_b.csv", "c_d.csv", "c_d_2.csv"),
+        *("_.csv", "x" * 80 + ".csv", "Ö 1.csv", "con_.csv", "phone.wav"),
+    ]
+
+
+def test_packets_make_the_file_that_the_whole_makes(tmp_path):
+    one, many = tmp_path / "one.csv", tmp_path / "many.csv"
+    comments = ["made up", "of two\nlines"]
+    write_samples(one, numbers_in_packets(7), 4.0, ("a_pa", "b_pa"), comments)
+    write_samples(many, numbers_in_packets(2, 0, 4, 1), 4.0, ("a_pa", "b_pa"), comments)
+    assert one.read_bytes() == many.read_bytes()
+    first, second, head, *_, last = one.read_text().splitlines()
+    assert (first, second) == ("# made up", "# of two lines")
+    assert (head, last) == ("time_s,a_pa,b_pa", "1.500000000,2,-6")
+
+
+@pytest.mark.parametrize("end", [RuntimeError("broke"), KeyboardInterrupt()])
+def test_a_stream_that_breaks_keeps_the_samples_before(tmp_path, end):
+    path = tmp_path / "a.csv"
+    with pytest.raises(type(end)):
+        write_samples(
+            path, numbers_in_packets(3, 2, end=end), 4.0, ("a_pa", "b_pa"), []
+        )
+    before = path.read_text()
+    assert len(before.splitlines()) == 6
+    with pytest.raises(type(end)):  # none had come: what was there stays
+        write_samples(path, numbers_in_packets(0, end=end), 4.0, ("a_pa", "b_pa"), [])
+    assert path.read_text() == before
+    assert os.listdir(tmp_path) == ["a.csv"]

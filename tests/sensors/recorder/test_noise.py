@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jblast.sensors.noise import BLOCK, coloured_noise, power_spectrum
+from jblast.sensors.noise import BLOCK, coloured_noise
 
 RATE, LEVEL, BLOCKS = 48_000.0, 0.3, 150
 SLOPES = (-6.0, -3.0, 0.0, 3.0, 12.0)
@@ -47,12 +47,6 @@ def test_no_block_repeats_and_blocks_join_without_a_seam(samples):
     steps = np.abs(np.diff(samples[0]))
     seams = steps[BLOCK - 1 :: BLOCK]
     assert seams.mean() == pytest.approx(steps.mean(), rel=5 / len(seams) ** 0.5)
-
-
-def test_the_colour_is_flat_to_the_corner_and_changes_by_the_octave():
-    spectrum = power_spectrum(np.array([0.0, 10.0, 20.0, 40.0, 80.0]), -3.0)
-    decibels = 10 * np.log10(spectrum)
-    assert decibels == pytest.approx([0, 0, 0, -3, -6], abs=1e-12)
 
 
 def test_samples_are_linear_in_the_level_and_differentiable_in_the_slope():

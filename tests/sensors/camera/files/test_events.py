@@ -17,11 +17,11 @@ from jblast.sensors.camera.files.event_files import (
     write_events,
 )
 from jblast.sensors.camera.files.evt3 import BLOCK
-from jblast.sensors.camera.film import film_to_events
 from jblast.sensors.camera.pixel import Events
 
 HERE = Path(__file__).parent
 WRITTEN = [name for name, one in EVENT_FORMATS.items() if one.write]
+
 COLUMNS = {"x": [3, 0, 1], "y": [2, 2, 0], "t": [0, 40, 999], "p": [1, 0, 1]}
 EVT3 = b"% evt 3.0\n% format EVT3;height=480;width=640\n% end\n"
 DAT = b"% Version 2\n% Height 3\n% Width 4\n"
@@ -68,53 +68,6 @@ def test_any_events_come_back_as_they_were(tmp_path, suffix):
             np.testing.assert_array_equal(getattr(found, name), expected)
 
     check()
-
-
-OWN_FORMAT = """
-import json
-from jblast.sensors.camera.files.event_files import EventFormat, register
-from jblast.sensors.camera.files.recorded_events import Content, joined
-
-def read(path):
-    return Content(**json.loads(path.read_text()))
-
-def write(file, blocks):
-    columns = {name: values.tolist() for name, values in joined(blocks).items()}
-    size = file.width, file.height
-    file.path.write_text(json.dumps({"columns": columns, "size": size}))
-
-register(EventFormat(".toy", read, write, largest=100))
-"""
-
-
-def test_one_module_from_outside_adds_a_format(tmp_path, monkeypatch):
-    monkeypatch.setattr(EVENT_FORMATS, "_records", {**EVENT_FORMATS})
-    exec(OWN_FORMAT, {})
-    for k in range(4):
-        np.save(tmp_path / f"{k}.npy", np.full((3, 5), 1.5**k))
-    for suffix in (".toy", ".npz"):
-        film_to_events(tmp_path, tmp_path / f"a{suffix}", fps=100.0, noise=False)
-    found, known = (read_events(tmp_path / f"a{suffix}") for suffix in (".toy", ".npz"))
-    assert len(found.t) > 15
-    assert (found.width, found.height) == (5, 3)
-    for ours, theirs in zip(found[:4], known[:4], strict=True):
-        np.testing.assert_array_equal(ours, theirs)
-    with pytest.raises(InputError, match="at most 100 pixels per side"):
-        write_events(tmp_path / "a.toy", [], 101, 3)
-    broken = (tmp_path / "a.toy").read_bytes()[:-9]
-    (tmp_path / "b.toy").write_bytes(broken)
-    with pytest.raises(InputError, match=r"b\.toy: expected a complete \.toy file"):
-        read_events(tmp_path / "b.toy")
-
-
-@pytest.mark.parametrize("suffix", [".raw", ".aedat4", ".h5"])
-def test_long_streams_come_back_across_blocks_and_packets(tmp_path, suffix):
-    t = np.sort(np.random.default_rng(0).integers(0, 60 * 10**6, BLOCK // 2))
-    columns = t % 640, t % 480, t, t % 2
-    write_events(tmp_path / f"a{suffix}", [events_of(*columns)], 640, 480)
-    found = read_events(tmp_path / f"a{suffix}")
-    for name, expected in zip("xytp", columns, strict=True):
-        np.testing.assert_array_equal(getattr(found, name), expected)
 
 
 @pytest.mark.parametrize("suffix", WRITTEN)
@@ -300,24 +253,6 @@ def test_times_have_the_unit_that_gives_a_camera_s_rate(tmp_path, per_us, kind, 
     np.testing.assert_array_equal(found.t, t)
     assert note in "".join(found.notes)
     assert bool(note) == bool(found.notes)
-
-
-def test_a_sparse_stream_has_a_note_unless_its_unit_is_stated(tmp_path):
-    columns = COLUMNS | {"t": [0, 10**12, 3 * 10**12]}
-    path = saved(tmp_path / "a.npz", columns, width=4, height=3)
-    assert "1e-06 events a second over the whole" in read_events(path).notes[0]
-    path = saved(tmp_path / "b.npz", columns, width=4, height=3, t_offset=[7])
-    assert read_events(path)[-2:] == (7, ())
-
-
-def test_milliseconds_lead_to_their_first_event(tmp_path):
-    some = events_of(
-        [3, 0, 7, 7, 1], [2, 2, 0, 5, 4], [0, 40, 999, 2000, 2001], [1] * 5
-    )
-    write_events(tmp_path / "a.h5", [some], 8, 6, duration_s=4e-3)
-    with h5py.File(tmp_path / "a.h5") as file:
-        # three within the first millisecond, two within the third, to the end of 4 ms
-        assert np.asarray(file["ms_to_idx"]).tolist() == [0, 3, 3, 5, 5]
 
 
 def declared(path):

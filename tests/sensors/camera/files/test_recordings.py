@@ -56,13 +56,6 @@ def test_grey_of_the_studio_range_becomes_the_light_of_bt709(tmp_path):
     assert light[0, -1] == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_stated_curve_is_used(tmp_path):
-    half = flat(126, 126)  # 0.502 of the range
-    video, frame = first(make_video(tmp_path / "a.mp4", half, color_trc=SRGB))
-    light = video.luminance(frame)[0, 0]
-    assert light == pytest.approx(((0.502 + 0.055) / 1.055) ** 2.4, abs=0.004)
-
-
 @pytest.mark.parametrize(
     ("named", "matrix", "rows"),
     [(1, BT709, 64), (6, BT601, 64), (2, BT601, 64), (2, BT709, 720)],
@@ -132,12 +125,6 @@ def test_a_video_that_breaks_off_is_refused(tmp_path, suffix, share):
         open_recording(path)
 
 
-def test_a_video_has_its_clock_or_the_given_rate(tmp_path):
-    path = make_video(tmp_path / "a.mp4", flat(16, 126, 235))
-    np.testing.assert_allclose(open_recording(path).times, [0, 1 / 30, 2 / 30])
-    np.testing.assert_allclose(open_recording(path, 1000.0).times, [0, 1e-3, 2e-3])
-
-
 @pytest.mark.parametrize("fps", [None, 30.0])
 def test_a_varying_frame_rate_is_that_of_the_time_stamps(fps):
     path = Path("tests/data/vfr.mp4")
@@ -147,13 +134,6 @@ def test_a_varying_frame_rate_is_that_of_the_time_stamps(fps):
     assert film.times[[14, 24, 90]] == pytest.approx([0.464, 0.948, 3.151], abs=1e-3)
     with pytest.raises(InputError, match="expected a constant frame rate"):
         open_recording(path, fps)
-
-
-@pytest.mark.parametrize(("kind", "bits"), [("yuv444p", 8), ("yuv444p10le", 10)])
-def test_the_floor_of_a_video_is_half_a_step_of_its_depth(tmp_path, kind, bits):
-    path = make_video(tmp_path / "a.mkv", flat(16, 126, 235), kind=kind)
-    film = open_recording(path)
-    assert (film.bits, film.darkest) == (bits, 0.5 / (2**bits - 1))
 
 
 def folder(path, count=5, size=(24, 32), channels=1):
@@ -177,15 +157,6 @@ def test_a_folder_has_light_and_times(tmp_path):
     raw = next(linear.blocks(decoded=False))[1]
     assert raw.dtype == np.uint8
     np.testing.assert_allclose(next(linear.blocks())[1], raw / 255, rtol=1e-6)
-
-
-def test_arrays_are_frames_of_linear_light(tmp_path):
-    light = np.linspace(0.0, 3.0, 24).reshape(4, 6)
-    np.save(tmp_path / "0.npy", light)
-    np.save(tmp_path / "1.npy", np.stack([light] * 3, axis=-1).astype(np.float32))
-    film = open_recording(tmp_path, 100.0, srgb=True)
-    assert film.bits is None
-    np.testing.assert_allclose(next(film.blocks())[1], [light, light], rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -258,17 +229,6 @@ def test_a_background_is_light_an_image_or_an_image_a_frame(tmp_path):
     np.testing.assert_allclose(pictures.times, TIMES - 5.0)
     light = pictures.at(np.array([0.0, 1e-3, 1.5e-3, 3e-3]))[:, 3, 4, 0]
     np.testing.assert_allclose(light, [0.1, 0.3, 0.4, 0.7], atol=0.0045)
-
-
-def test_a_background_video_has_its_own_clock(tmp_path):
-    frames = flat(16, 235, 16, height=24, width=32)  # 30 a second
-    path = make_video(tmp_path / "a.mp4", frames)
-    pictures = background_named(str(path), EYE, 5.0 + np.arange(80) * 1e-3)
-    assert isinstance(pictures, ImageSequence)
-    light = pictures.at(np.array([0.0, 1 / 120, 1 / 30, 0.05, 0.08]))[:, 3, 4, 0]
-    np.testing.assert_allclose(light, [0.0, 0.25, 1.0, 0.5, 0.0], atol=1e-6)
-    again = pictures.at(np.array([1 / 120, 0.0]))[:, 3, 4, 0]
-    np.testing.assert_allclose(again, [0.25, 0.0], atol=1e-6)
 
 
 def test_other_backgrounds_are_refused(tmp_path):

@@ -13,7 +13,6 @@ from jblast.sensors.camera.geometry import (
     carried_camera,
     lens_rays,
     pixel_rays,
-    pixels_moved,
     surfaces_seen,
     turned_rays,
 )
@@ -74,13 +73,6 @@ def test_between_rows_it_turns_the_shorter_way_at_an_even_pace():
         np.testing.assert_allclose(path.at(jnp.asarray(time))[0][2], 5.0)
 
 
-def test_pixels_moved_are_focal_lengths_times_the_angle():
-    angles = np.linspace(0.0, 1.0, 11)
-    turns = [[0.0, 0.0, np.sin(a / 2), np.cos(a / 2)] for a in angles]
-    moved = pixels_moved(on_body(), path_of(turns, np.full((11, 3), 4.0)))
-    np.testing.assert_allclose(moved, 41.0 * angles, rtol=1e-9)
-
-
 EYE = np.array([0.0, -20.0, 3.0])
 CAMERA = small_camera(EYE, (0.0, 0.0, 2.0))
 
@@ -114,16 +106,6 @@ def test_a_wall_faces_where_its_plane_does(normal):
     assert np.asarray(wall.solid).all()
     expected = np.broadcast_to(np.array(normal)[:, None, None], wall.normal.shape)
     np.testing.assert_allclose(wall.normal, expected, atol=1e-10)
-
-
-def test_an_edge_does_not_bend_the_surfaces_on_its_sides():
-    near, far = (distance_to_plane((0, -1.0, 0), (0, y, 0)) for y in (-5.0, 30.0))
-    depth = np.where(np.arange(24) < 10, near, far)
-    walls = surfaces_seen(pixel_rays(CAMERA, depth, ground=False), image=True)
-    expected = np.broadcast_to(
-        np.array([0.0, -1.0, 0.0])[:, None, None], walls.normal.shape
-    )
-    np.testing.assert_allclose(walls.normal, expected, atol=1e-10)
 
 
 def test_a_pixel_alone_faces_the_camera_and_sky_has_no_surface():

@@ -12,7 +12,6 @@ from hypothesis import given, settings, strategies as st
 from jax.test_util import check_grads
 from scipy.optimize import brentq
 
-from jblast.errors import InputError
 from jblast.scene import Camera, look_at
 from jblast.sensors.camera.geometry import (
     distort,
@@ -52,7 +51,7 @@ PLACE = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)).map(np.array)
 jacobian_by_jax = jax.jit(jax.jacfwd(distort))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=15)
 @given(PLACE, LENS)
 def test_the_jacobian_is_symmetric_and_that_of_the_map(point, lens):
     point, lens = jnp.array(point), jnp.array(lens)
@@ -62,7 +61,7 @@ def test_the_jacobian_is_symmetric_and_that_of_the_map(point, lens):
     np.testing.assert_allclose(jacobian, [[xx, xy], [xy, yy]], atol=1e-13)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=15)
 @given(LENS)
 def test_a_place_is_unfolded_if_the_fold_lies_beyond(lens):
     angles = np.linspace(0.0, 6.0, 25)
@@ -137,15 +136,6 @@ def test_the_inverse_reaches_to_the_fold_and_ends_there(way):
         error = jnp.abs(bent_back(straight(place, lens), lens) - place).max()
         assert error < 1e-14 / short
     assert jnp.isnan(bent_back(straight(fold, lens) * (1 + 1e-6), lens)).all()
-
-
-def test_a_pixel_beyond_the_fold_is_refused_outside_jit_and_nan_inside():
-    camera = dataclasses.replace(CAMERA, distortion=BARREL)
-    pixels = np.array([[172.5, 129.5], [900.0, 129.5]])
-    with pytest.raises(InputError, match=r"inside the first fold.*got \[900.0, 129.5"):
-        unproject(camera, pixels)
-    rays = rays_of(camera, pixels)
-    assert jnp.isnan(rays).tolist() == [[False] * 3, [True] * 3]
 
 
 def test_a_masked_pixel_beyond_the_fold_has_finite_gradients():

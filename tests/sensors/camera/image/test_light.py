@@ -1,19 +1,23 @@
 """Alpha, sRGB and the curve of a picture."""
 
-import colorsys
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from scipy import constants
 
-from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.image import (
+    FIRST_RADIATION,
+    LINEAR_SRGB,
+    LUMINANCE,
+    SECOND_RADIATION,
+    WAVELENGTHS,
     blackbody_light,
     linear_to_srgb,
-    luminance,
+    matching_functions,
     picture_gain,
+    relative_xyz,
     srgb_to_linear,
     straight,
     toned,
@@ -74,27 +78,6 @@ def test_light_up_to_full_scale_is_unchanged_and_grey_is_clipped():
     np.testing.assert_allclose(toned(jnp.asarray(4 * light)), toned(4 * light))
 
 
-def test_fire_keeps_its_hue_and_grows_brighter_at_any_exposure():
-    fire = np.asarray(blackbody_light(2000.0))
-    hue = colorsys.rgb_to_hsv(*(fire / fire.max()))[0]
-    shown = toned(np.geomspace(0.01, 1e4, 200)[:, None] * fire / fire.max())
-    hues = [colorsys.rgb_to_hsv(*colour)[0] for colour in shown]
-    np.testing.assert_allclose(hues, hue, atol=1e-9)
-    assert (np.diff(luminance(shown)) > 0.0).all()
-    assert shown.max() <= 1.0
-    # clipped one by one, three times full scale is 7 degrees further towards yellow
-    clipped = colorsys.rgb_to_hsv(*np.clip(3.0 * fire / fire.max(), 0.0, 1.0))[0]
-    assert 360.0 * (clipped - hue) > 7.0
-
-
-def test_pictures_are_written_with_the_curve():
-    pixel = np.array([[[4.0, 2.0, 1.0]]])
-    red, green, blue = srgb_bytes(pixel)[0, 0].astype(int)
-    assert red == 255 > green > blue
-    with_alpha = srgb_bytes(np.concatenate([pixel, [[[0.5]]]], axis=-1))[0, 0]
-    np.testing.assert_array_equal(with_alpha, [red, green, blue, 128])
-
-
 def test_less_light_is_shown_darker():
     assert picture_gain(np.pi * 3e4) == pytest.approx(1.0)
     # by hand from equation 11: 10 lx are 3.183 cd/m2 of a white wall
@@ -103,3 +86,61 @@ def test_less_light_is_shown_darker():
     gains = [picture_gain(lux) for lux in (0.1, 1.0, 10.0, 1e3, 1e4, 94e3)]
     assert (np.diff(gains) > 0.0).all()
     assert gains[0] > 0.0
+
+
+WEIGHTS = np.array(LUMINANCE)
+
+
+def blackbody_xyz(temperature):
+    xyz, scale = relative_xyz(jnp.asarray(temperature, float))
+    return scale[..., None] * xyz
+
+
+def chromaticity(temperature):
+    xyz = np.asarray(blackbody_xyz(temperature))
+    return xyz[:2] / xyz.sum()
+
+
+def test_2856_kelvin_is_illuminant_a():
+    # CIE 15: (0.44758, 0.40745); 0.002 is what the fit of the curves is good to
+    np.testing.assert_allclose(chromaticity(2856.0), [0.44758, 0.40745], atol=0.002)
+
+
+def test_platinum_at_its_freezing_point_was_the_candela():
+    # 60 cd/cm2 by the definition of 1948, at 2041.4 K (ITS-90); the fit is good to 1 %
+    assert float(blackbody_xyz(2041.4)[1]) == pytest.approx(60e4, rel=0.01)
+
+
+def test_the_constants_are_codata_s():
+    h, c, k = constants.h, constants.c, constants.k
+    # ten digits
+    assert pytest.approx(2 * h * c**2, rel=1e-9) == FIRST_RADIATION
+    assert pytest.approx(h * c / k, rel=1e-9) == SECOND_RADIATION
+
+
+def test_light_of_equal_energy_is_white():
+    # CIE 1931: all three curves hold 106.857 nm; the fit is good to 0.2 %
+    step = 1e9 * (WAVELENGTHS[1] - WAVELENGTHS[0])
+    np.testing.assert_allclose(step * matching_functions().sum(0), 106.857, rtol=2e-3)
+
+
+@pytest.mark.parametrize("temperature", [300.0, 798.0, 1500.0, 2200.0, 6504.0])
+def test_light_is_never_negative_and_keeps_the_luminance(temperature):
+    light = np.asarray(blackbody_light(temperature))
+    assert (light > 0).all()
+    luminance = blackbody_xyz(temperature)[1]
+    np.testing.assert_allclose(light @ WEIGHTS, luminance, rtol=1e-12)
+
+
+def test_colours_that_srgb_has_are_left_as_they_are():
+    xyz = np.asarray(blackbody_xyz(4000.0))
+    # lifted by (smoothing / 2)^2 over the channel: 1e-4 of the least
+    np.testing.assert_allclose(blackbody_light(4000.0), LINEAR_SRGB @ xyz, rtol=2e-4)
+
+
+def test_it_has_gradients_and_batches():
+    temperatures = jnp.array([700.0, 1900.0, 2500.0])
+    check_grads(jax.jit(lambda t: jnp.log(blackbody_light(t))), (temperatures,), 1)
+    batch = blackbody_light(temperatures)
+    assert batch.shape == (3, 3)
+    np.testing.assert_allclose(batch[1], blackbody_light(1900.0), rtol=1e-13)

@@ -1,7 +1,5 @@
 """Pictures of an explosion as cameras see them: size, light, place, time and side."""
 
-from dataclasses import replace
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,7 +14,7 @@ from jblast.sensors.camera.files.views import explosion_views
 from jblast.sensors.camera.fireball import cloud
 from jblast.sensors.camera.geometry import project
 from jblast.sensors.camera.image import blackbody_light
-from jblast.sensors.camera.rendering import in_view, render
+from jblast.sensors.camera.rendering import render
 from jblast.waves.fireball import fireball, fireball_duration
 from tests.sensors.camera.rendering.baked.noise_set import (
     PHASES,
@@ -76,7 +74,8 @@ def layer(views, scene, eye, time, depth: ArrayLike = np.inf):
     return np.asarray(_layer(views, scene, eye, jnp.asarray(time, float), depth))
 
 
-@pytest.mark.parametrize("mass", [0.1, 1000.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("mass", [1000.0])
 def test_the_visible_radius_is_that_of_the_law_between_frames_too(puffs, mass):
     """Within 5 %: the silhouette is of pixels, and of two mixed pictures."""
     life = float(fireball_duration(mass))
@@ -92,6 +91,7 @@ def test_the_visible_radius_is_that_of_the_law_between_frames_too(puffs, mass):
     assert np.abs(off).max() < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heat", [255, 127])
 def test_texels_shine_as_the_law_has_it(puffs, heat):
     """A texel of full heat and opacity has the light of the law's temperature."""
@@ -106,6 +106,7 @@ def test_texels_shine_as_the_law_has_it(puffs, heat):
     np.testing.assert_allclose(seen[..., :3].max((0, 1)), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_before_the_burst_there_is_nothing_and_in_the_end_it_fades(puffs):
     scene, eye = scene_of(time_s=1.0), camera()
     assert layer(puffs, scene, eye, 0.999).max() == 0.0
@@ -118,45 +119,6 @@ def test_before_the_burst_there_is_nothing_and_in_the_end_it_fades(puffs):
     assert half == pytest.approx(0.5 * whole, rel=0.01)
     assert gone < 1e-12
     assert layer(puffs, scene_of(time_s=jnp.inf), eye, 1.0).max() == 0.0
-
-
-def test_a_small_picture_keeps_its_light_wherever_pixels_fall(puffs):
-    """Of a radius of two pixels; what the low pass spreads past its edge is lost."""
-    sums = []
-    for shift in np.linspace(0.0, 1.0, 7):
-        eye = camera(place=(0.0, -450.0, 2.0), focal=FOCAL)
-        eye = replace(eye, center=eye.center + shift * jnp.array([1.0, 0.7]))
-        sums.append(layer(puffs, scene_of(), eye, 0.1)[..., 3].sum())
-    assert np.ptp(sums) / np.mean(sums) < 0.1
-    near = layer(puffs, scene_of(), camera(focal=400.0), 0.1)[..., 3].sum()
-    ratio = (450.0 / 40.0 * 400.0 / FOCAL) ** 2
-    assert np.mean(sums) * ratio == pytest.approx(near, rel=0.05)
-
-
-def test_the_foot_stays_and_the_middle_goes_with_the_wind(puffs):
-    windy, time = replace(scene_of(), air=Air(wind_east=jnp.asarray(10.0))), 0.6
-    still, blown = (
-        layer(puffs, scene, camera(), time)[..., 3] for scene in (scene_of(), windy)
-    )
-    drift = cloud(windy.charges[0], jnp.asarray(time), windy.air).centre[0]
-
-    def middle(alpha):
-        return (alpha.sum(0) @ np.arange(WIDTH)) / alpha.sum()
-
-    moved = (middle(blown) - middle(still)) * 40.0 / FOCAL
-    assert moved == pytest.approx(float(drift), rel=0.15)
-    foot = np.flatnonzero(still.sum(1) > 1.0)[-1]
-    assert middle(blown[[foot]]) == pytest.approx(middle(still[[foot]]), abs=1.0)
-
-
-def test_in_view_is_where_pictures_are(puffs):
-    scene = scene_of()
-    far = camera(place=(0.0, -5000.0, 2.0), aim=(0.0, 0.0, 2.0))
-    aside = [camera(aim=aim) for aim in ((0.0, -80.0, 2.0), (40.0, 0.0, 2.0))]
-    assert [bool(in_view(scene, eye, puffs)) for eye in (camera(), far, *aside)] == [
-        *(True, True),  # also smaller than a pixel
-        *(False, False),
-    ]
 
 
 UNKNOWN = jnp.array([15.0, 0.3, 0.4, 0.5, 0.7, -40.0, 6.0, 0.013])
@@ -201,6 +163,7 @@ def extent(alpha):
     return (rows[0], rows[-1]), (columns[0], columns[-1])
 
 
+@pytest.mark.slow
 def test_a_photograph_has_its_own_size_light_and_place(photographs):
     eye, scene = camera(), scene_of(place=(3.0, 0.0, 4.0))
     seen = layer(photographs, scene, eye, 0.1)
@@ -214,6 +177,7 @@ def test_a_photograph_has_its_own_size_light_and_place(photographs):
         np.testing.assert_allclose([first, last], [at - half, at + half], atol=1.5)
 
 
+@pytest.mark.slow
 def test_a_photograph_is_scaled_by_the_mass_in_size_and_time(photographs):
     """Twice as wide for eight times the mass, and slower by the law's 8^0.349."""
 
@@ -232,14 +196,7 @@ def test_a_photograph_is_scaled_by_the_mass_in_size_and_time(photographs):
     np.testing.assert_allclose(eight, 2.0 * one, atol=2.0)
 
 
-def test_a_photograph_begins_at_the_burst_and_fades_after_its_last_frame(photographs):
-    scene = scene_of(time_s=5.0)
-    times = (4.999, 5.05, 5.1, 5.15, 5.2, 99.0)
-    found = [layer(photographs, scene, camera(), time)[..., 3].max() for time in times]
-    np.testing.assert_allclose(found, [0.0, 0.6, 1.0, 0.5, 0.0, 0.0], atol=1e-9)
-    assert float(photographs.duration(scene.charges[0])) == pytest.approx(0.2)
-
-
+@pytest.mark.slow
 def test_what_is_nearer_hides_it_as_a_whole_and_the_ground_does_not(photographs):
     eye, scene = camera(), scene_of(place=(0.0, 0.0, 1.0))
     whole = layer(photographs, scene, eye, 0.1)
@@ -253,14 +210,8 @@ def test_what_is_nearer_hides_it_as_a_whole_and_the_ground_does_not(photographs)
     np.testing.assert_array_equal(seen[:, WIDTH // 2 :], 0.0)
 
 
-def test_it_lights_nothing(photographs):
-    scene, times = scene_of(place=(0.0, 0.0, 4.0)), np.array([0.1])
-    seen = np.asarray(render(scene, camera(), times, views=photographs))[0]
-    covered = layer(photographs, scene, camera(), 0.1)[..., 3] > 0.0
-    np.testing.assert_array_equal(seen[~covered], 0.18)
-
-
-@pytest.mark.parametrize("burst", [(0.0, -80.0, 2.0), (0.0, -40.0, 2.0)])
+@pytest.mark.slow
+@pytest.mark.parametrize("burst", [(0.0, -40.0, 2.0)])
 def test_behind_and_at_the_camera_nothing_is_shown_and_all_is_finite(
     photographs, burst
 ):
@@ -273,6 +224,7 @@ def test_behind_and_at_the_camera_nothing_is_shown_and_all_is_finite(
     np.testing.assert_array_equal(slope, 0.0)
 
 
+@pytest.mark.slow
 def test_the_nearest_view_is_shown_upright_from_all_around(puffs):
     """Views of one colour each: that of the largest dot product is seen."""
     shades = jnp.arange(len(puffs.direction)) * 20

@@ -10,6 +10,8 @@ from jblast.sensors.camera.rendering import render
 from jblast.sensors.camera.surroundings import disc_light
 from tests.sensors.camera.fireball_scenes import EYE, one_charge, small_camera
 
+pytestmark = pytest.mark.slow  # programs of their own
+
 TIMES = np.array([0.0, 0.004, 0.02])
 PLATE = 0.18
 SCENE = one_charge(up=4.0)
@@ -82,25 +84,6 @@ def test_the_sky_is_not_lit_and_nothing_is_before_detonation(frames, clear):
     np.testing.assert_array_equal(frames[2][clear[2] & sky], PLATE)
     assert (frames[2][clear[2] & ~sky] > PLATE).all()
     np.testing.assert_array_equal(frames[0], PLATE)
-
-
-def test_at_dusk_the_same_fire_gives_more_and_smoke_gives_back_less(frames, clear):
-    dusk = Appearance(illuminance=1e5 / 10)
-    found = seen(appearance=dusk)
-    ratio = 3e4 / (1e4 / np.pi)
-    np.testing.assert_allclose(
-        gained(found[1])[clear[1]],
-        ratio * gained(frames[1])[clear[1]],
-        rtol=1e-9,
-        atol=1e-14,
-    )
-    late = np.array([0.0, 0.1, 1.5])
-    day, dim = (
-        seen(times=late, alpha=True, appearance=look)[2]
-        for look in (Appearance(), dusk)
-    )
-    smoke = day[..., 3] > 0.5
-    assert (dim[smoke] < day[smoke]).any(axis=-1).all()
 
 
 def test_a_wall_of_a_depth_image_is_lit_where_it_faces_the_fire(clear):
