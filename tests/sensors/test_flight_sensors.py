@@ -23,7 +23,7 @@ from jblast.sensors.flight_sensors import (
     pressure_at,
 )
 from jblast.vehicle import State, blast_load
-from tests.vehicle.loads.blast.hovering import wave_at
+from tests.vehicle.hovering import wave_at
 
 FIELD = Magnetometer(jnp.array([0.0, 0.2, -0.4]))
 PERIOD, TURNS, SPEED = 0.004, 200, 5.0

@@ -18,7 +18,6 @@ from jblast.vehicle import (
     State,
     blast_load,
     friedlander,
-    kernel,
     named,
     named_gains,
     simulate,
@@ -198,16 +197,6 @@ def test_a_device_that_is_not_there():
         simulate(CRAFT, start(), duration_s=0.01, backend="warp:cuda:9")
 
 
-def test_rows_that_do_not_fit_are_counted_in_gigabytes(monkeypatch):
-    def none_left(shape, **_):
-        raise RuntimeError("out of memory")
-
-    monkeypatch.setattr(kernel.wp, "empty", none_left)
-    # 10 steps and the start, 23 numbers of 8 bytes each, of 5 vehicles
-    with pytest.raises(InputError, match="11 rows of 5 vehicles take 1\\.01e-05 GB"):
-        simulate(CRAFT, start(), duration_s=5e-3, backend="warp:cpu")
-
-
 class Sorted(Nudge):
     """A controller with an operation that has no C code."""
 
@@ -252,19 +241,6 @@ def test_what_has_no_c_code_flies_on_jax_and_says_so(without_jax, kind, said):
     with pytest.warns(UserWarning, match=f"{said}: JAX is used"):
         simulate(CRAFT, start(), duration_s=0.001, control=control, backend="warp")
     assert without_jax == [(BATCH,)]
-
-
-def test_auto_takes_the_kernel_on_a_gpu_but_for_double_precision(
-    without_jax, monkeypatch
-):
-    asked, flown = [], []
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    monkeypatch.setattr(kernel, "device_named", asked.append)
-    monkeypatch.setattr(kernel, "fly_on", lambda *_, batch, **__: flown.append(batch))
-    simulate(CRAFT, start("float32"), duration_s=0.001)
-    assert (asked, flown, without_jax) == ([None], [(BATCH,)], [])
-    simulate(CRAFT, start(), duration_s=0.001)
-    assert (asked, flown, without_jax) == ([None], [(BATCH,)], [(BATCH,)])
 
 
 def test_flights_on_warp_have_no_derivatives():

@@ -3,7 +3,7 @@
 import numpy as np
 
 from jblast.vehicle import Trajectory
-from jblast.vehicle.metrics import flight_metrics, path_error
+from jblast.vehicle.metrics import flight_metrics
 from tests.vehicle.flights import by_hand
 
 TARGET = np.array([1.0, 0.0, 5.0])
@@ -19,11 +19,6 @@ def flight(east, *, up=None, speed=0.0, **parts) -> Trajectory:
     velocity[..., 1] = speed
     times = 0.5 * np.arange(east.shape[-1])
     return by_hand(times, position, velocity_m_s=velocity, **parts)
-
-
-def test_path_error_is_the_distance_from_the_target():
-    found = path_error(flight([0.0, -0.3], up=np.array([5.4, 5.4])), TARGET)
-    np.testing.assert_allclose(found, [0.4, 0.5])
 
 
 def test_errors_before_and_after_are_root_mean_squares():

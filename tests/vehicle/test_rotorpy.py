@@ -90,7 +90,9 @@ def flown(dtype="float64", step=5e-4, backend="jax"):
     return found
 
 
-@pytest.mark.parametrize("backend", ["jax", "warp:cpu"])
+@pytest.mark.parametrize(
+    "backend", ["jax", pytest.param("warp:cpu", marks=pytest.mark.slow)]
+)
 def test_flights_are_those_of_rotorpy(backend):
     found = flown(backend=backend)
     places, turns = stored()

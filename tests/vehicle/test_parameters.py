@@ -1,13 +1,19 @@
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jblast.constants import FLIGHT_GRAVITY
 from jblast.errors import InputError
+from jblast.scene import VehicleSpec
 from jblast.vehicle import (
     from_parameters,
     gains_from_parameters,
+    hold_of,
     named,
     named_gains,
+    start_of,
+    vehicle_of,
 )
 from jblast.vehicle.quadrotor import PARAMETERS
 from tests.vehicle.flights import at_hover
@@ -23,13 +29,6 @@ def test_names_of_rotorpy_are_taken_and_those_without_a_part_ignored():
         jax.tree.leaves(vehicle), jax.tree.leaves(named("crazyflie")), strict=True
     ):
         np.testing.assert_array_equal(ours, theirs)
-
-
-def test_what_a_blast_acts_on_may_be_left_out():
-    known = {k: v for k, v in CRAZYFLIE.items() if not k.startswith("body")}
-    del known["added_mass_coefficient"], known["pressure_centre"]
-    assert from_parameters(known).body is None
-    assert named("iris").body is not None
 
 
 def test_the_iris_has_the_numbers_of_its_model():
@@ -105,3 +104,34 @@ def test_a_name_that_is_not_there_is_refused():
 def test_a_state_that_cannot_be_is_refused(parts, message):
     with pytest.raises(InputError, match=message):
         at_hover(named("crazyflie"), **parts)
+
+
+@pytest.mark.parametrize("model", ["crazyflie", "hummingbird", "iris"])
+def test_the_start_carries_its_weight(model):
+    spec = VehicleSpec(model, jnp.array([1.0, 2.0, 3.0]), yaw=0.4)
+    vehicle, start = vehicle_of(spec), start_of(spec)
+    thrust = vehicle.thrust_coefficient * jnp.sum(start.rotor_speed_rad_s**2)
+    weight = vehicle.mass_kg * FLIGHT_GRAVITY
+    np.testing.assert_allclose(thrust, weight, rtol=1e-12)
+    assert start.position_m.tolist() == [1, 2, 3]
+
+
+TURNED = VehicleSpec("iris", jnp.array([0.0, 0.0, 2.0]), yaw=2.0)
+# i, j, k, w of a turn about up
+TURN = [0.0, 0.0, np.sin(1.0), np.cos(1.0)]
+
+
+def test_the_start_is_turned_to_its_yaw_and_is_held_there():
+    np.testing.assert_allclose(start_of(TURNED).quaternion, TURN, atol=1e-15)
+    assert float(hold_of(TURNED, integral=True).yaw_rad) == 2.0
+
+
+def test_gains_that_are_not_named_are_the_models():
+    own = {"kp_att": jnp.array(7.0), "ki_pos": jnp.array([1.0, 2.0, 3.0])}
+    spec = VehicleSpec("iris", jnp.zeros(3), gains=own)
+    usual = named_gains("iris", integral=True)
+    held = hold_of(spec, integral=True).gains
+    assert float(held.attitude) == 7.0
+    assert held.integral.tolist() == [1, 2, 3]
+    assert held.position.tolist() == usual.position.tolist()
+    assert hold_of(spec, integral=False).gains.integral.tolist() == [0, 0, 0]

@@ -19,7 +19,7 @@ from jblast.vehicle.loads.blast_wave import (
     overpressure,
     wind_speed,
 )
-from tests.vehicle.loads.blast.hovering import (
+from tests.vehicle.hovering import (
     BODY,
     CRAZYFLIE,
     HEAVY,
@@ -52,8 +52,8 @@ def gained(mass: float, distance: float, step_s: float) -> np.ndarray:
 
 
 @pytest.mark.slow  # flights; by default the impulse of one step and of many
-@pytest.mark.parametrize("step", [0.5e-3, 2e-3, 10e-3])
-@pytest.mark.parametrize(("mass", "distance"), [(1.0, 5.0), (1.0, 10.0), (15.0, 30.0)])
+@pytest.mark.parametrize("step", [0.5e-3, 10e-3])
+@pytest.mark.parametrize(("mass", "distance"), [(1.0, 5.0), (15.0, 30.0)])
 def test_a_flight_gains_the_same_velocity_at_any_step(mass, distance, step):
     """0.1 %, though the positive phase lasts 4, 5 and 13 ms."""
     expected, found = (gained(mass, distance, s) for s in (5e-5, step))
@@ -149,22 +149,6 @@ def test_rotors_before_the_wave_add_nothing_and_in_it_their_drag():
     np.testing.assert_allclose(after[0], expected, rtol=4e-3)
 
 
-def test_parts_of_a_load_can_be_left_out():
-    """Each is a property of the vehicle that a blast then does not find."""
-
-    def exposed(**parts):
-        vehicle = blast_load(scene(), **parts).exposed(CRAZYFLIE)
-        assert vehicle.body is not None
-        body = vehicle.body
-        found = (body.drag_coefficient, body.volume_m3, vehicle.rotor_drag[0])
-        return [float(x) > 0 for x in found]
-
-    assert exposed() == [True, True, True]
-    assert exposed(drag=False) == [False, True, True]
-    assert exposed(front=False) == [True, False, True]
-    assert exposed(rotors=False) == [True, True, False]
-
-
 def test_the_wave_of_a_step_is_that_halfway_through_what_passes():
     """From where the front is met to the step's end, here before half of the phase."""
     load = blast_load(scene())
@@ -238,6 +222,7 @@ def pushed(first: Charge, second: Charge, place, end_s):
     return jnp.sum(push * jnp.array([1.0, 2.0, 3.0])) + jnp.sum(turn)
 
 
+@pytest.mark.slow
 def test_charges_add_up_and_one_that_never_happens_is_as_if_it_were_not_there():
     given = HERE.position_m, jnp.asarray(0.1)
     alone, (of_real, of_never, _) = pushed(REAL, NEVER, *given)
@@ -253,21 +238,11 @@ def test_charges_add_up_and_one_that_never_happens_is_as_if_it_were_not_there():
     np.testing.assert_allclose(of_real.mass_kg, (up - down) / (2 * h), rtol=1e-6)
 
 
-def test_what_is_no_number_is_not_never():
-    load = blast_load(Scene(charges=(REAL, OTHER)))
-    for field in ("time_s", "mass_kg", "impulse_mass_kg"):
-        broken = getattr(load.waves, field).at[1].set(jnp.nan)
-        waves = dataclasses.replace(load.waves, **{field: broken})
-        broken = dataclasses.replace(load, waves=waves)
-        assert np.isnan(impulse(broken, 0.0, 0.1, HERE, CRAZYFLIE)[0]).all()
-    load = blast_load(Scene(charges=(REAL, NEVER)))
-    assert load.arrival_time_s(HERE.position_m)[1] == jnp.inf
-
-
 PLACES = np.array([[0.0, 0, 0], [0.1, 0, 0], [5.0, 0, 0], [39.0, 0, 0], [1e3, 0, 0]])
 """At the charge, within its table of ranges, and beyond [m]."""
 
 
+@pytest.mark.slow
 def test_outside_the_range_and_without_a_wave_load_and_slopes_are_finite():
     load = blast_load(scene())
     marked = np.asarray(load.in_range(jnp.asarray(PLACES)))[:, 0]

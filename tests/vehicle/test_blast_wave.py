@@ -210,9 +210,3 @@ def test_everything_is_finite_at_any_distance(burst):
     assert np.all(np.asarray(found.suction) < 1)
     for share in np.linspace(0, 20, 50):
         assert np.all(np.isfinite(wind_speed(found, share * found.duration_s)))
-
-
-def test_explosives_of_two_equivalences_scale_pressure_and_duration_apart():
-    both = wave(5.0, 1.37, impulse_mass=1.19)
-    assert float(both.peak) == float(wave(5.0, 1.37).peak)
-    assert float(both.duration_s) == float(wave(5.0, 1.19).duration_s)

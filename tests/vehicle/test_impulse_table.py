@@ -84,15 +84,6 @@ def test_files_that_cannot_be_used_are_refused(tmp_path, text, message):
         read_custom_profile(path)
 
 
-def test_no_file_and_a_duration_of_nothing_are_refused(tmp_path, cases):
-    with pytest.raises(InputError, match="no such file"):
-        read_custom_profile(tmp_path / "none.csv")
-    with pytest.raises(InputError, match="duration_s: expected a time"):
-        custom_profile(cases, (0.0, 0.0, 0.0), duration_s=0.0)
-    with pytest.raises(InputError, match="moment_point_m: expected 3 numbers"):
-        custom_profile(cases, (0.0, 0.0, 0.0), moment_point_m=(1.0, 2.0))
-
-
 CRAZYFLIE = named("crazyflie")
 UPRIGHT = jnp.array([0.0, 0.0, 0.0, 1.0])
 AHEAD = [0.020, 10.0, 90.0, 0.0, -0.2, 0.0, 0.0, 0.0, 0.001, 0.0]
