@@ -6,7 +6,7 @@ export PYTHONDONTWRITEBYTECODE =
 PYTEST = $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 # shapes and types of arguments: to check them takes as long as to import
 TYPED = --jaxtyping-packages=jblast,beartype.beartype
-.PHONY: help fit chart stability test quick test-slow test-all check check-types check-text docs tutorials format lock bench-start clean
+.PHONY: help fit chart stability test quick test-slow test-all check docs tutorials format lock bench-start clean
 
 help:
 	@echo 'make fit         fit real recordings; figures and reports go to out/'
@@ -48,14 +48,8 @@ test-slow: .venv/dev
 test-all: .venv/dev
 	$(PYTEST) $(TYPED)
 
-# types take most of the time, and one core
 check: .venv/dev
-	@$(MAKE) --no-print-directory --jobs=2 check-types check-text
-
-check-types:
-	$(BIN)/python -m pyright --pythonpath $(BIN)/python
-
-check-text:
+	$(BIN)/pyrefly check --python-interpreter-path $(BIN)/python --output-format min-text
 	$(BIN)/python -m ruff format --check .
 	$(BIN)/python -m ruff check .
 	$(BIN)/codespell

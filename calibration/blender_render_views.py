@@ -34,8 +34,8 @@ def main() -> None:
         ctypes.CDLL(None).prctl(1, 9, 0, 0, 0)
     with open(sys.argv[sys.argv.index("--") + 1], encoding="utf-8") as file:
         config = json.load(file)
-    import bpy  # pyright: ignore[reportMissingImports] (Blender's own)
-    from mathutils import Vector  # pyright: ignore[reportMissingImports]
+    import bpy  # type: ignore (Blender's own)
+    from mathutils import Vector  # type: ignore
 
     scene, domain = bpy.context.scene, bpy.data.objects["domain"]
     for thing in bpy.data.objects:

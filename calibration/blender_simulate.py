@@ -33,7 +33,7 @@ def main() -> None:
         ctypes.CDLL(None).prctl(1, 9, 0, 0, 0)
     with open(sys.argv[sys.argv.index("--") + 1], encoding="utf-8") as file:
         config = json.load(file)
-    import bpy  # pyright: ignore[reportMissingImports] (Blender's own)
+    import bpy  # type: ignore (Blender's own)
 
     for thing in list(bpy.data.objects):
         bpy.data.objects.remove(thing)

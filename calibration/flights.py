@@ -226,7 +226,7 @@ def flown(vehicle: str) -> Flights:
 
 def rows(flights: Flights) -> list[tuple[str, ...]]:
     """Return a row a controller; the peak deviation is of those that fly on."""
-    found = []
+    found: list[tuple[str, ...]] = []
     for name, held in flights.holds.items():
         on = flies_on(held)
         peak = metric(held, "peak_deviation_m")[on]

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
@@ -289,7 +290,7 @@ def _curves(quantity: str, burst: Burst) -> Curves:
     scene = Scene(Charge(burst=burst), air=Air(relative_humidity=0.0))
     ranges = np.cbrt(MASS) * SCALED_DISTANCE
     path = Rows(scene, ranges, np.full_like(ranges, MASS)).path()
-    path = dataclasses.replace(path, relative_humidity=HUMIDITY)
+    path = dataclasses.replace(path, relative_humidity=jnp.asarray(HUMIDITY))
     factor = SPEEDS[quantity] / ranges if quantity in SPEEDS else 1.0
     found = {}
     laws = (law for law in LAWS.values() if law.quantity == quantity)

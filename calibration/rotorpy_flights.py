@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 # RotorPy lives in an environment of its own.
 """Flights of RotorPy 3.0.0 (MIT), which those of jblast are held against.
 
@@ -122,8 +121,8 @@ def flown(
 def main() -> None:
     """Fly all of them, and print the table."""
     try:
-        from rotorpy.vehicles import crazyflie_params, hummingbird_params
-        from rotorpy.vehicles.multirotor import Multirotor
+        from rotorpy.vehicles import crazyflie_params, hummingbird_params  # type: ignore
+        from rotorpy.vehicles.multirotor import Multirotor  # type: ignore
     except ImportError:
         sys.exit("rotorpy is not installed: pip install rotorpy==3.0.0")
     parameters = {"crazyflie": crazyflie_params, "hummingbird": hummingbird_params}

@@ -953,7 +953,8 @@ def read() -> dict[str, list[Mode]]:
     kept: dict[str, list[Mode]] = {}
     with KEPT.open(newline="") as file:
         for row in csv.DictReader(file):
-            mode = Mode(**{**row, "boundary": float(row["boundary"])})
+            given: dict[str, Any] = {**row, "boundary": float(row["boundary"])}
+            mode = Mode(**given)
             kept.setdefault(mode.area, []).append(mode)
     return kept
 
@@ -1050,7 +1051,11 @@ def _law_map(axes: Axes, modes: Sequence[Mode]) -> None:
         Patch(color="#d8d8d8", label="extrapolated, marked"),
         Line2D([], [], color=VERMILLION, linewidth=2.0, label="limit"),
     )
-    place = {"loc": "upper center", "bbox_to_anchor": (0.45, -0.06), "ncols": 3}
+    place: dict[str, Any] = {
+        "loc": "upper center",
+        "bbox_to_anchor": (0.45, -0.06),
+        "ncols": 3,
+    }
     axes.legend(handles=entries, frameon=False, fontsize=9, labelcolor=MUTED, **place)
 
 
@@ -1060,7 +1065,7 @@ def _valid(law: Law, burst: Burst) -> np.ndarray:
     air = path.air_density, path.sedov_gamma
     energy = np.asarray(sedov_taylor_energy(path.slant_range, 1.0, *air))
     time = np.sqrt(energy / (TNT_SPECIFIC_ENERGY * MASS))
-    path = dataclasses.replace(path, time_since_detonation=time)
+    path = dataclasses.replace(path, time_since_detonation=jnp.asarray(time))
     return np.broadcast_to(np.asarray(call(law.valid, path)), Z.shape)
 
 

@@ -7,14 +7,14 @@ can be read there; on the site a link leads to the page that the file became.
 from collections.abc import Iterator
 
 # MkDocs is there where the manual is built: `make docs`
-from mkdocs.config.defaults import (  # pyright: ignore[reportMissingImports]
+from mkdocs.config.defaults import (  # type: ignore
     MkDocsConfig,
 )
-from mkdocs.structure.files import (  # pyright: ignore[reportMissingImports]
+from mkdocs.structure.files import (  # type: ignore
     File,
     Files,
 )
-from mkdocs.structure.pages import Page  # pyright: ignore[reportMissingImports]
+from mkdocs.structure.pages import Page  # type: ignore
 
 from docs.generate import blocks, pages
 from docs.generate.links import to_site

@@ -172,7 +172,8 @@ class Task:
     """
 
     def __init__(self):
-        self._listener, self._last = _LISTENER.get(), None
+        self._listener = _LISTENER.get()
+        self._last: Level | None = None
         # The depth at construction: tasks started later are nested in this one.
         self._depth = len(self._listener.levels) if self._listener else 0
 

@@ -310,7 +310,7 @@ def _schema_of_class(
             continue
         kinds = [kind for kind in get_args(hint) if kind is not type(None)]
         is_optional = type(None) in get_args(hint)
-        value = Union[*kinds] if is_optional else hint
+        value: Any = Union[*kinds] if is_optional else hint  # type: ignore
         if "among" not in meta:
             is_absent, key = meta.get("absent"), meta.get("key", name)
             schema = schema_of(value if is_absent else hint, words, names)

@@ -126,7 +126,7 @@ def unconverted(value: R, **changes: Any) -> R:
 
     Its numbers remain NumPy arrays also where JAX is loaded.
     """
-    copy = object.__new__(type(value))
+    copy: R = object.__new__(type(value))
     for name, number in (vars(value) | changes).items():
         object.__setattr__(copy, name, number)
     return copy

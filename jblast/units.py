@@ -300,7 +300,8 @@ def si_ratio(suffix: str) -> Fraction:
     ours = SUFFIXES[dimension][SI[dimension]]
     if pint == ours:
         return Fraction(1)
-    return Fraction(_registry().Quantity(Fraction(1), pint).to(ours).magnitude)
+    one: Any = _registry().Quantity(Fraction(1), pint)  # type: ignore
+    return Fraction(one.to(ours).magnitude)
 
 
 def in_other_unit(key: str, known: Collection[str]) -> str:

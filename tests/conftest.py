@@ -80,7 +80,7 @@ def reuse_contexts(uses: int = 100) -> None:
         kept.context = found, left - 1
         return found
 
-    mlir.make_ir_context = context
+    mlir.make_ir_context = context  # type: ignore
 
 
 def write_quickly() -> None:
@@ -90,7 +90,8 @@ def write_quickly() -> None:
     """
     others = (getattr(compilation_cache, name, None) for name in ("zstd", "zstandard"))
     if not any(others):
-        compilation_cache.compress_executable = lambda whole: zlib.compress(whole, 1)
+        pack = compilation_cache
+        pack.compress_executable = lambda executable: zlib.compress(executable, 1)
 
 
 def copy_arrays() -> None:

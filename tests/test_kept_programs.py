@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -41,7 +42,12 @@ class Table:
 def climb(line, x):
     """Say that it was traced; answer with arrays in modules, among other values."""
     TRACED[line.power] += 1
-    return {"total": jnp.sum(line.slope * x**line.power), "line": line, "unit": "m"}
+    whole: dict[str, Any] = {
+        "total": jnp.sum(line.slope * x**line.power),
+        "line": line,
+        "unit": "m",
+    }
+    return whole
 
 
 # as if of the package: others' functions may change without a trace

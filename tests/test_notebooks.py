@@ -1,6 +1,7 @@
 """Every notebook tells its story from top to bottom."""
 
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import pytest
@@ -11,9 +12,14 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
+def read(path) -> Any:
+    """Return a notebook."""
+    return nbformat.read(path, as_version=4)
+
+
 @each
 def test_outputs_are_stripped(path):
-    for cell in nbformat.read(path, as_version=4).cells:
+    for cell in read(path).cells:
         assert not cell.get("outputs")
         assert cell.get("execution_count") is None
 
@@ -24,7 +30,7 @@ def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     # the kernel is started by this Python, in the notebook's folder, as a reader would
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))
     run = NotebookClient(
-        nbformat.read(path, as_version=4),
+        read(path),
         timeout=900,  # a cell takes seconds, minutes on a busy machine
         kernel_name="python3",
         resources={"metadata": {"path": str(path.parent)}},

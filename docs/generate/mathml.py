@@ -3,7 +3,7 @@
 import re
 from html import unescape
 
-from latex2mathml.converter import (  # pyright: ignore[reportMissingImports]
+from latex2mathml.converter import (  # type: ignore
     convert,
 )
 

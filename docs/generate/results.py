@@ -22,11 +22,11 @@ def index_rows(root: Path) -> list[tuple[str, str, list[str], list[str], list[st
     for line in (root / INDEX).read_text("utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if line.startswith("| `") and len(cells) == 5:
-            lists = [
+            data, results, pages = (
                 [one.strip(" `") for one in cell.split(",") if one.strip()]
                 for cell in cells[2:]
-            ]
-            rows.append((cells[0].strip("`"), cells[1], *lists))
+            )
+            rows.append((cells[0].strip("`"), cells[1], data, results, pages))
     return rows
 
 

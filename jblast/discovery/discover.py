@@ -275,12 +275,11 @@ def discover(
         of_member = integrals(record, sides, candidates)
         obeying = sides.left + lacking
         errors.append(coefficients_of(of_member, obeying, kept) - own)
-        beyond = others and integrals(record, sides, others)
+        beyond = None if others is None else integrals(record, sides, others)
         shares.append(outside_share(of_member, obeying, kept, beyond)[0])
     low, high = basic_interval(own, np.stack(errors))
-    share, likest = outside_share(
-        terms, left, kept, others and integrals(record, record.sides, others)
-    )
+    beyond = None if others is None else integrals(record, record.sides, others)
+    share, likest = outside_share(terms, left, kept, beyond)
     odds = unlikely(share, np.stack(shares))
 
     begin("held-out segments")

@@ -421,7 +421,7 @@ def _smooth(
     bands[1, 1:] += penalty * (middle[:-1] * left[1:] + right[:-1] * middle[1:])
     bands[0, 2:] = penalty * right[:-2] * left[2:]
     bent = np.diff(np.diff(values, axis=0) / gaps[:, None], axis=0)
-    force = penalty * solveh_banded(bands, bent)
+    force = penalty * np.asarray(solveh_banded(bands, bent))
     off = np.zeros(values.shape)
     off[:-2] += left[:, None] * force
     off[1:-1] += middle[:, None] * force

@@ -56,7 +56,7 @@ def polynomial(
         signed_squares: Whether |x| x of each column is included, as in drag.
     """
     library = pysindy.PolynomialLibrary(degree=degree)
-    library.fit(np.zeros((1, len(columns))))  # pyright: ignore[reportArgumentType] (arrays are taken)
+    library.fit(np.zeros((1, len(columns))))  # type: ignore (arrays are taken)
     names = library.get_feature_names(list(columns))
     powers = np.asarray(library.powers_)
     if signed_squares:

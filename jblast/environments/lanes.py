@@ -5,7 +5,7 @@ itself, so both are computed in blocks of these lanes only. Results are those of
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -135,7 +135,8 @@ def _moved(
         state, action = given
         found = jax.vmap(moved, (0, 0, None))(state, action, params)
         # The constant part of the state is not copied.
-        return found._replace(state=found.state._replace(episode=()))
+        nothing: Any = ()
+        return found._replace(state=found.state._replace(episode=nothing))
 
     def in_order(given: PyTree[Array]) -> PyTree[Array]:
         shapes = jax.eval_shape(take, given)

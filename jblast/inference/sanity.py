@@ -25,6 +25,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -369,9 +370,8 @@ def slow_together(blast: Blast, slowest: float) -> list[Note]:
     begin = [float(np.mean(time - travel)), 1.0 / slowest, *place]
     # a search that does not converge, overflows or has no single best gives no speed
     with suppress(RuntimeError, ValueError), warnings.catch_warnings(action="ignore"):
-        best, covariance = curve_fit(
-            arrival, time, time, begin, sd, absolute_sigma=True
-        )
+        found: Any = curve_fit(arrival, time, time, begin, sd, absolute_sigma=True)
+        best, covariance = found
         if apart(*best[2:]).max() > STRATOSPHERE_RANGE:
             slowest = min(slowest, SLOWEST_THERMOSPHERE)
         error = np.hypot(np.sqrt(covariance[1, 1]), TRAVEL_SCATTER * best[1])

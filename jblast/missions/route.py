@@ -563,7 +563,7 @@ def legs_along(stops: list[Stop], start_m: Vector) -> Legs:
     # its end.
     kept = np.stack([before(passes), passes | True, passes], axis=1)
 
-    def legs(*parts: np.ndarray) -> np.ndarray:
+    def legs(*parts: ArrayLike) -> np.ndarray:
         return np.stack(parts, axis=1)[kept]
 
     length = legs(before(takes), np.maximum(rest - takes, 0.0), takes)

@@ -259,7 +259,7 @@ def rows_by(
 def some_rows(observations: Observations, rows: Int[np.ndarray, " _"]) -> Observations:
     """Return a log of some of the rows, by number from zero."""
     columns = {name: getattr(observations, name) for name in PER_ROW}
-    picked = {
+    picked: dict[str, Any] = {
         name: of[rows] if isinstance(of, np.ndarray) else tuple(of[row] for row in rows)
         for name, of in columns.items()
         # optional columns may be absent

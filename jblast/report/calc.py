@@ -396,9 +396,12 @@ class Calc:
         answers = [row for found in self.best() for row in found.values()]
         if question.quantity:
             (best,) = self.recommended[0].values()
-            marked = {"quantity": question.quantity, "value": question.target}
+            marked: dict[str, Any] = {
+                "quantity": question.quantity,
+                "value": question.target,
+            }
             answers = [
-                answers[0]._replace(**marked, **{place: at})
+                answers[0]._replace(**marked | {place: at})
                 for at in best.solutions or (best.value,)
             ]
         seen = [getattr(row, place) for row in answers]
@@ -782,7 +785,7 @@ def _panel(
         if not one.valid.any():
             continue
         colour, style = looks[law]
-        look = {"color": colour, "ls": style, "lw": 1.2, "label": law}
+        look: dict[str, Any] = {"color": colour, "ls": style, "lw": 1.2, "label": law}
         if law in chosen:
             look |= {"color": INK, "lw": 3.0, "label": f"{law} (recommended)"}
         # NaN ends the line at the limit of validity

@@ -509,7 +509,7 @@ def _film_document(found: FilmDetections) -> FlashAnswer:
         ),
         warnings=slow * (found.film.frames_hz < SLOW_HZ) + found.notes,
         sound_arrivals=_arrivals(found.sound.searched) if found.sound else (),
-        bang_s=bang and bang.time_s,
+        bang_s=None if bang is None else bang.time_s,
         candidates=watched.candidates,
     )  # fmt: skip
 

@@ -214,7 +214,12 @@ def _recordings_panel(axes: Axes, fit: Fit, quantity: str, shot: int) -> None:
         (rows & table.bounds(), "^", "white", "lower bound"),
     ):
         error = bars[:, some] if shape == "o" else None
-        style = {"color": INK, "elinewidth": 1.1, "zorder": 3, "markersize": 4.5}
+        style: dict[str, Any] = {
+            "color": INK,
+            "elinewidth": 1.1,
+            "zorder": 3,
+            "markersize": 4.5,
+        }
         style |= {"markerfacecolor": face, "label": label}
         if some.any():
             axes.errorbar(x[some], y[some], error, fmt=shape, **style)

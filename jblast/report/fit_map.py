@@ -113,16 +113,18 @@ def fit_map(fit: Fit, accepted: Accepted | None = None) -> Map | None:
     if not sensors:
         return None
     charges = [_charge(fit, shot, accepted) for shot in range(len(fit.scene.charges))]
-    near, notes = None, ["north up"]
+    near: np.ndarray | None = None
+    notes = ["north up"]
     for features in charges:
         areas = [f.places for f in features if f.kind in ("region", "ellipse")]
         if areas and near is None:
             near = np.concatenate(areas)
             # further away a published position would shrink the areas to a dot
             size = np.ptp(near, axis=0).max()
-            for other in (f.places for f in features if f.kind == "accepted"):
-                if np.abs(other - near.mean(axis=0)).max() < 2 * size:
-                    near = np.vstack([near, other])
+            middle = near.mean(axis=0)
+            others = [f.places for f in features if f.kind == "accepted"]
+            beside = [x for x in others if np.abs(x - middle).max() < 2 * size]
+            near = np.concatenate([near, *beside])
     air = fit.scene.air
     east, north = float(air.wind_east), float(air.wind_north)
     if (speed := math.hypot(east, north)) >= CALM_M_S:

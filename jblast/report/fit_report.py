@@ -789,7 +789,10 @@ def _picks(
     document = picks_answer(of.found, of.log)
     blocks = picks_blocks(of, title=picks_title(of.found))
     # the log is written by the command, before the fit
-    files = {"picks/picks.json": document.to_json(), "picks/picks.csv": None}
+    files: dict[str, Content | None] = {
+        "picks/picks.json": document.to_json(),
+        "picks/picks.csv": None,
+    }
     return document.picks, blocks, files
 
 

@@ -342,9 +342,10 @@ def mission_map(flown: Flights) -> Map:
     assert outcome is not None
     place = np.asarray(flight.position_m)
     # up to a divergence
-    paths = {"planned": flight.set_point_m, "flown": place[np.isfinite(place[:, 0])]}
+    planned = np.asarray(flight.set_point_m)
+    paths = {"planned": planned, "flown": place[np.isfinite(place[:, 0])]}
     features = [
-        Feature(kind, kind, [[np.asarray(path)[:: max(1, len(path) // MAX_POINTS)]]])
+        Feature(kind, kind, [[path[:: max(1, len(path) // MAX_POINTS)]]])
         for kind, path in paths.items()
     ]
     features.append(point("home", "home", mission.home_m))

@@ -116,9 +116,8 @@ def draw_features(axes: Axes, features: Sequence[Feature], view: Bbox) -> None:
                 style |= {"lw": 0.9} if feature.dashed else {}
                 axes.add_patch(PathPatch(area, **style))
             else:
-                lines = axes.plot(
-                    *rings[0][:, :2].T, **{"color": colour, **style, **layer.style}
-                )
+                style = {"color": colour, **style, **layer.style}
+                lines = axes.plot(*rings[0][:, :2].T, **style)
                 if layer.geometry == "Point":
                     lines[0].set(
                         linestyle="", markersize=feature.size * layer.style["ms"]

@@ -74,7 +74,7 @@ def tune_figure(tuned: Tuned) -> Figure:
     below.set(xlabel=label, ylabel=below_label)
     titled(above, "Record and predictions")
     titled(below, "Residuals", "record minus expected")
-    place = {"loc": "outside lower left", "ncols": 3, "frameon": False}
+    place: dict[str, Any] = {"loc": "outside lower left", "ncols": 3, "frameon": False}
     figure.legend(*above.get_legend_handles_labels(), fontsize=9, **place)
     return figure
 

@@ -345,7 +345,8 @@ class _File:
         held = not mission or "target" not in values
         require(held, f"{where} control target_m", own, "one")
         # The home of a plan is not read here.
-        return VehicleSpec(**{"position": np.zeros(3), "placed": placed} | values)
+        known: dict[str, Any] = {"position": np.zeros(3), "placed": placed}
+        return VehicleSpec(**known | values)
 
     def sensor(self, entry: dict[str, Any], where: str, of: str) -> Sensor:
         """Return a sensor; a missing position is NaN until a log gives it."""

@@ -101,7 +101,7 @@ def numbers_at(
         table: Values of the axes by cell.
         cell: Cell of each sample.
     """
-    beliefs: Mapping[str, Prior] = uncertain.beliefs  # pyright: ignore[reportAssignmentType]  the reader refuses free ones
+    beliefs: Mapping[str, Prior] = uncertain.beliefs  # type: ignore  the reader refuses free ones
     found = {
         name: belief.constrain(scores[:, n])
         for n, (name, belief) in enumerate(beliefs.items())
@@ -119,7 +119,7 @@ def allowed(
     for name, values in numbers.items():
         bounds = parameter_named(name).bounds
         if bounds != UNBOUNDED:
-            good: Any = bounds.allows(values)  # pyright: ignore[reportCallIssue, reportArgumentType]  arrays of JAX compare alike
+            good: Any = bounds.allows(values)  # type: ignore  arrays of JAX compare alike
             inside = good if inside is None else inside & good
     return inside
 
@@ -176,7 +176,7 @@ def normals(keys: Key[Array, " key"], count: int) -> Float[Array, "key number"]:
 def is_supported(keys: Key[Array, "..."]) -> bool:
     """Return whether this module computes numbers of keys: Threefry, in float64."""
     ours = str(jax.random.key_impl(keys)) == "threefry2x32"
-    streams = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]  the documented attribute
+    streams = jax.config.jax_threefry_partitionable  # type: ignore  the documented attribute
     return bool(ours and streams and jnp.zeros(()).dtype == jnp.float64)
 
 

@@ -353,7 +353,7 @@ def _range(
     for name in value:
         known(name, keys, where, "key")
     given = {"from": None, "to": None, "scale": "linear"} | value
-    read = {
+    read: dict[str, Any] = {
         name: keys[name].read(one, f"{where} {name}") for name, one in given.items()
     }
     low, high = read["from"], read["to"]
@@ -393,15 +393,12 @@ def put(document: dict[str, Any], key: str, value: Any, where: str) -> None:
     *tables, last = key.split(".")
     at: Any = document
     for step in tables:
+        named = at
         if isinstance(at, list):
-            named = [one for one in at if isinstance(one, dict)]
-            found = next((one for one in named if one.get("name") == step), None)
-        else:
-            found = at.get(step)
-        if not isinstance(found, dict | list):
-            names = [str(one.get("name")) for one in at] if isinstance(at, list) else at
-            known(step, names, f"{where}:", "table of the scene")
-        at = found
+            named = {one["name"]: one for one in at if "name" in one}
+        some = (name for name, one in named.items() if isinstance(one, dict | list))
+        known(step, some, f"{where}:", "table of the scene")
+        at = named[step]
     if isinstance(at, list):
         # a list of tables without a name: the value is set in all of them
         for one in at:

@@ -181,7 +181,7 @@ def fly(
     else:
         seconds = chosen.seconds or longest_seconds(mission, len(charges))
     flown: dict[str, list[Flown]] = {name: [] for name in controls}
-    place = uncertain.place or (mission and mission.plan.home)
+    place = uncertain.place or (None if mission is None else mission.plan.home)
     through = counted(vehicles, "vehicles")
     for lanes in _chunks(vehicles, rows_stored(seconds, chosen, single=single)):
         some, part = scenes, load

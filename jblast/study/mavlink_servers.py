@@ -244,7 +244,11 @@ def _served(
     spec = checked_scene(whole, 1, False)
     closing = contextlib.closing(Link(kind, where, name, who))
     with closing as link, _stopped_by_signal():
-        known = {"scene": str(scene), "seed": seed, "vehicle": spec.model}
+        known: dict[str, object] = {
+            "scene": str(scene),
+            "seed": seed,
+            "vehicle": spec.model,
+        }
         known["address"] = link.address
         yield whole, spec, place, link, known
 

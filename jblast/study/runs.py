@@ -482,7 +482,7 @@ def create_store(
     group = zarr.open_group(where, mode="a")
 
     def add(name: str, shape: Sequence[int], dims: Sequence[str], **more: Any) -> Any:
-        like = {
+        like: dict[str, Any] = {
             "shape": tuple(shape),
             "dimension_names": tuple(dims),
             "chunks": tuple(shape),

@@ -317,8 +317,10 @@ def fit(
     # normal equations are accurate enough: the columns are nearly orthonormal
     gram = design.T @ design + 1e-9 * len(values) * np.eye(design.shape[1])
     root = np.linalg.cholesky(gram)
-    rotated = solve_triangular(root, design.T, lower=True, check_finite=False)
-    found = solve_triangular(root.T, rotated @ values, check_finite=False)
+    rotated = np.asarray(
+        solve_triangular(root, design.T, lower=True, check_finite=False)
+    )
+    found = np.asarray(solve_triangular(root.T, rotated @ values, check_finite=False))
     # leave-one-out residuals from the leverages: one fit in place of one per sample
     left = np.maximum(1 - np.sum(rotated**2, axis=0), 1e-12)
     off = (values - design @ found) / left

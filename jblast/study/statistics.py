@@ -38,7 +38,7 @@ class Moments(NamedTuple):
         maximum: Largest value, minus infinity without values.
     """
 
-    count: Array | np.ndarray  # pyright: ignore[reportIncompatibleMethodOverride]  of a tuple, not used
+    count: Array | np.ndarray  # type: ignore  of a tuple, not used
     infinite: Array | np.ndarray
     lost: Array | np.ndarray
     mean: Array | np.ndarray

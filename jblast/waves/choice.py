@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -251,7 +251,7 @@ def compared(quantity: str, paths: Sequence[Path]) -> Compared:
     if len(parts) == 1:
         return parts[0]
     columns = ("z", "error", "valid", "law", "uncertainty", "lifted")
-    joined = {
+    joined: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts], axis=-1)
         for name in columns
     }

@@ -1,5 +1,7 @@
 """Lanes of short episodes, a blast in each: one program for all who step them."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -22,7 +24,7 @@ EPISODE_S = 0.3
 
 def params_of(task: str = "Hover", **options) -> EnvironmentParams:
     """Params of episodes in which a near blast comes within 0.1 s or so."""
-    given = {
+    given: dict[str, Any] = {
         "command": "hold",
         "episode_s": EPISODE_S,
         "spread_m": 0.0,
@@ -35,7 +37,7 @@ def params_of(task: str = "Hover", **options) -> EnvironmentParams:
         ),
         "randomisation": Randomisation(wind_east_m_s=Uniform(-2.0, 2.0)),
     }
-    return environment_params(task, **{**given, **options})
+    return environment_params(task, **given | options)
 
 
 PARAMS = params_of()

@@ -80,7 +80,7 @@ def exact(residual, sd, loading, noise, bound=None, draws=2000):
 @pytest.mark.parametrize("whole", [False, True])
 def test_normal_errors_with_shared_effects_are_one_multivariate_normal(whole):
     covariance = np.diag(SD**2) + LOADING @ LOADING.T
-    expected = stats.multivariate_normal(cov=covariance).logpdf(RESIDUAL)  # pyright: ignore[reportArgumentType]
+    expected = stats.multivariate_normal(cov=covariance).logpdf(RESIDUAL)  # type: ignore
     found = value(RESIDUAL, SD, LOADING, "gaussian", whole=whole)
     np.testing.assert_allclose(found, expected, rtol=1e-10)
 

@@ -135,7 +135,7 @@ class MadeFit(Fit):
     made_bands: tuple[Band, ...] = ()
 
     @property
-    def bands(self):  # pyright: ignore[reportIncompatibleVariableOverride]  no cache
+    def bands(self):  # type: ignore  no cache
         """The made bands."""
         return self.made_bands
 

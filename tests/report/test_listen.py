@@ -1,6 +1,7 @@
 """Records in figures: read back from their files."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,11 @@ VALUES = {
 
 def record(kind, file, column, **numbers) -> RecordAnswer:
     """Return the numbers of a record."""
-    own = {"largest": {f"largest_{column}": 4.0}, "full_scale_pa": None, "blasts": None}
+    own: dict[str, Any] = {
+        "largest": {f"largest_{column}": 4.0},
+        "full_scale_pa": None,
+        "blasts": None,
+    }
     own |= {"clipped": False, "clipped_samples": 0} | numbers
     return RecordAnswer(kind, file, 1000.0, SAMPLES.size, VALUES, **own)
 

@@ -71,4 +71,4 @@ def test_what_a_bound_is_asked_at_is_a_number():
     with pytest.raises(
         InputError, match=r"at\['charge_mass_kg'\]: expected shape \(\)"
     ):
-        jblast.bound(UncertainScene(SCENE), {"charge_mass_kg": np.ones(2)})  # pyright: ignore[reportArgumentType]  # what is refused
+        jblast.bound(UncertainScene(SCENE), {"charge_mass_kg": np.ones(2)})  # type: ignore  # what is refused

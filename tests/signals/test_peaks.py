@@ -99,7 +99,7 @@ def test_peaks_are_those_that_none_nearby_exceeds():
 @pytest.mark.parametrize("threshold", [0.0, 1.0, 3.0])
 def test_the_rate_is_that_of_two_neighbours_on_either_side(threshold):
     rho = np.cos(KERNEL.phase_step_rad)
-    pair = multivariate_normal([0.0, 0.0], [[1.0, rho], [rho, 1.0]])  # pyright: ignore[reportArgumentType] (stub: int)
+    pair = multivariate_normal([0.0, 0.0], [[1.0, rho], [rho, 1.0]])  # type: ignore (stub: int)
     one, both = norm.cdf(threshold), pair.cdf([threshold, threshold])
     expected = RATE * 3600 * (one - both)  # below, then not below
     # digits of the bivariate distribution

@@ -22,7 +22,7 @@ def workers_here(count):
         LocalCluster(
             n_workers=count,
             threads_per_worker=1,
-            dashboard_address=None,  # pyright: ignore[reportArgumentType] (none)
+            dashboard_address=None,  # type: ignore (none)
             env={"JAX_PLATFORMS": "cpu", "JAX_NUM_CPU_DEVICES": "1"},
             silence_logs=50,  # a worker that was killed
         ) as cluster,

@@ -87,7 +87,8 @@ def counts(folder: Path = PACKAGE) -> dict[str, str]:
     """Return the counts of a package."""
     texts = [path.read_text() for path in sorted(folder.rglob("*.py"))]
     trees = [ast.parse(text) for text in texts]
-    whole = Lines(*map(sum, zip(*map(lines_of, texts), strict=True)))
+    each = [lines_of(text) for text in texts]
+    whole = Lines(*(sum(column) for column in zip(*each, strict=True)))
     functions = Counter(name for tree in trees for name in functions_of(tree))
     words = Counter(
         word for text in texts for word in re.findall(r"\w+", _without_imports(text))

@@ -37,7 +37,7 @@ LIMIT = 150.0
 ENDLESS = 600.0
 """Seconds after which a mutant counts as killed: it does not end."""
 
-OPERATORS = {
+OPERATORS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"),
     ast.Sub: ("-", "+"),
     ast.Mult: ("*", "/"),

@@ -1,6 +1,7 @@
 """Batches, precision, loads and rows of a flight; what cannot be flown."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -169,7 +170,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("message", REFUSED)
 def test_what_cannot_be_flown_is_refused(message):
-    options = {"duration_s": 0.1, **REFUSED[message]}
+    options: dict[str, Any] = {"duration_s": 0.1, **REFUSED[message]}
     with pytest.raises(InputError, match=message):
         simulate(VEHICLE, at_hover(VEHICLE), **options)
 
@@ -211,7 +212,7 @@ WRONG = {
 
 @pytest.mark.parametrize(("state", "options", "said"), WRONG.values(), ids=WRONG)
 def test_what_is_for_other_vehicles_is_refused(state, options, said):
-    given = {"vehicle": CRAFT, **options}
+    given: dict[str, Any] = {"vehicle": CRAFT, **options}
     for backend in ("jax", "warp:cpu"):
         with pytest.raises(ValueError, match=said):
             simulate(state=state, duration_s=0.01, backend=backend, **given)

@@ -1,5 +1,7 @@
 """A scene with its random blasts: their names and order, and what cannot be."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -54,7 +56,7 @@ def test_where_chance_leaves_no_blast_there_is_none():
     assert world.scene.charge.never
 
 
-REFUSED = {
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "a number's name": (
         {"charge": [{"name": "1", "mass_kg": 1.0}, {"name": "b", "mass_kg": 1.0}]},
         "name: expected a name that no random blast has, got '1'",

@@ -241,13 +241,13 @@ def _scene(options: argparse.Namespace, given: "Mapping[str, Any]") -> "Scene":
         explosive = explosive_named(options.explosive, "--explosive")
     height = (0.0, 0.0, options.height or 0.0)
     charge = Charge(position_m=height, burst=options.burst, explosive=explosive)
-    fields = {
+    fields: dict[str, Any] = {
         of: _bounded(option, given, parameter)
         for option, (of, parameter) in AIR.items()
         if option in given
     }
     # dry air, as in the standard atmosphere of the tables; that of a scene is humid
-    air = replace(Air(), **{"relative_humidity": 0.0} | fields)
+    air = replace(Air(), **dict[str, Any](relative_humidity=0.0) | fields)
     # the standard atmosphere is never warm or thin enough to boil water
     most = 1.0 / water_vapour_fraction(air.temperature, air.pressure, 1.0).item()
     if air.altitude is None and air.relative_humidity.item() >= most:

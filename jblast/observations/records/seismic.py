@@ -145,7 +145,7 @@ def _records(
         if not HEADER.match(data, at):
             at += LEAST_BYTES
             continue
-        info = get_record_information(stream, offset=at)
+        info: dict[str, Any] = get_record_information(stream, offset=at)
         end = at + info["record_length"]
         if end > len(data):
             notes.append(f"cut short: the last {len(data) - at:,} bytes are no record")

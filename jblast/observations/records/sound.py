@@ -48,7 +48,7 @@ Bits = int | Literal["float"]
 """Bits of a sample: 8, 16, 24 or 32 for whole numbers, or floats of 32 bits."""
 MAX_CHANNELS = 8
 """Largest number of channels, that of FLAC and of common field recorders."""
-SUBTYPES = {
+SUBTYPES: dict[str, dict[int | str, str]] = {
     ".wav": {8: "PCM_U8", 16: "PCM_16", 24: "PCM_24", 32: "PCM_32", "float": "FLOAT"},
     ".flac": {8: "PCM_S8", 16: "PCM_16", 24: "PCM_24"},
 }

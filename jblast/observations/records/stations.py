@@ -157,7 +157,7 @@ def _kml(path: str) -> list[tuple[str, ...]]:
         for folder in root.iter(f"{KML}Folder")
         if folder.findtext(f"{KML}name") == "Sensors"
     ]
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for mark in (ours[0] if ours else root).iter(f"{KML}Placemark"):
         text = mark.findtext(f"{KML}Point/{KML}coordinates")
         if text is not None:
@@ -169,7 +169,7 @@ def _kml(path: str) -> list[tuple[str, ...]]:
 
 def _geojson(path: str) -> list[tuple[str, ...]]:
     """Return name, latitude, longitude and height of the points of GeoJSON."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     with open(path, encoding="utf-8-sig") as file:
         features = json.load(file)["features"]
     kinds = {one["properties"].get("kind") for one in features}

@@ -87,7 +87,8 @@ class RosBag:
         parts = re.split(r"^=+\nMSG: (.*)\n", DEFINITIONS.read_text(), flags=re.M)
         self._kinds = dict(line.split() for line in parts[0].splitlines())
         self._texts = dict(zip(parts[1::2], parts[2::2], strict=True))
-        self._camera, self._origin = camera, place and Frame(*place)
+        self._camera = camera
+        self._origin = None if place is None else Frame(*place)
         self._ambient_pa = float(ambient(scene.air)[1])
         self._names = _frame_names(sensor.name for sensor in scene.sensors)
         self._sensors = {sensor.name: sensor for sensor in scene.sensors}

@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import numpy as np
@@ -195,7 +195,10 @@ class Strip:
         for n, length in enumerate(lengths):
             lag = low_pass_lag(pixel, lag, logs[n], logs[n + 1], length)
             signals[:, n + 1] += lag
-        pixel, held = replace(pixel, drift=0.0, begun=0.0), held._replace(lag=0.0)
+        pixel, held = (
+            replace(pixel, drift=0.0, begun=0.0),
+            held._replace(lag=np.zeros(())),
+        )
         below, above = quiet_bounds(pixel, held)
         lane, begin, runs = np.arange(len(at)), np.zeros(len(at), int), []
         later, numbers = signals[:, 1:].astype(np.float32, "C"), np.arange(len(lengths))
@@ -267,7 +270,9 @@ def strips_of(
     edges = np.linspace(0, len(first), min(count, len(first)) + 1).astype(int)
     strips = []
     for rows in map(slice, edges[:-1], edges[1:]):
-        own = {name: v[rows].ravel() if v.ndim else v for name, v in numbers.items()}
+        own: dict[str, Any] = {
+            name: v[rows].ravel() if v.ndim else v for name, v in numbers.items()
+        }
         strips.append(Strip(rows, replace(pixel, shot=None, **own), log, first))
     return strips
 

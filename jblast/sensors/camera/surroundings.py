@@ -239,7 +239,7 @@ def _arctan_series(terms: int) -> list[float]:
 
     # Chebyshev points: nearly the best polynomial of this degree
     ends = np.polynomial.Chebyshev.interpolate(ratio, terms - 1, [0.0, 1.0])
-    return ends.convert(kind=np.polynomial.Polynomial).coef.tolist()
+    return [float(c) for c in ends.convert(kind=np.polynomial.Polynomial).coef]
 
 
 _ARCTAN = {dtype: _arctan_series(terms) for dtype, terms in TERMS.items()}

@@ -38,7 +38,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, pairwise
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -534,12 +534,13 @@ def verdict(seen: Sequence[Silhouette], earliest_s: float) -> Cause:
     beside = np.array([one.beside for one in seen[1:]])
     # the share of a patch of glitter that is already lit
     chance = np.clip(lit[:-1] / lit[-1], STRAYS, 1.0 - STRAYS)
-    evidence = {}
-    for cause, curves, jumps, touching in (
+    evidence: dict[Cause, float] = {}
+    laws: tuple[tuple[Cause, Any, Any, Any], ...] = (
         ("fireball", np.log(-np.expm1(-since / taus)), JUMPS, 1.0 - STRAYS),
         ("grows_on", powers * np.log(since + ages), JUMPS, 1.0 - STRAYS),
         ("flicker", np.zeros((1, len(seen))), FLICKERS, chance),
-    ):
+    )
+    for cause, curves, jumps, touching in laws:
         law = np.diff(curves, axis=1)
         # no law holds after an edge, another spot or soot
         law[:, max(grown - 1, 0) :] = 0.0

@@ -22,7 +22,7 @@ standard deviations of a sample, expanded about the present solution.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -185,10 +185,10 @@ class Modes:
 def joined(*parts: Modes) -> Modes:
     """Return the rows of several of one effect and sampling."""
     names = [name for name, _ in parts[0].rows()]
-    return replace(
-        parts[0],
-        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in names},
-    )
+    whole: dict[str, Any] = {
+        name: np.concatenate([getattr(p, name) for p in parts]) for name in names
+    }
+    return replace(parts[0], **whole)
 
 
 def hypotheses(unknowns, rise, negative, effect=NOTHING, instants=False) -> Modes:

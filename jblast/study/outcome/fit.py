@@ -135,7 +135,7 @@ def prepare(setting: Setting) -> Prepared:
         at = found.names.index(number)
         return found.z[:, at], found.covariance[:, at, at], found.converged
 
-    belief: Prior = believed.beliefs[number]  # pyright: ignore[reportAssignmentType]  or free, which has the same
+    belief: Prior = believed.beliefs[number]  # type: ignore  or free, which has the same
     positive = parameter_named(number).positive
     # compiled once for a scene, as `finish` runs from Python block by block
     compared = jax.jit(functools.partial(_compared, belief.constrain, positive))

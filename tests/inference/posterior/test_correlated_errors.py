@@ -82,7 +82,7 @@ def test_own_and_shared_errors_add_up_to_the_covariance(count, seed):
 def test_normal_errors_have_the_density_of_scipys_multivariate_normal():
     answer = of(picks())
     value = answer.density.of_readings(answer.values[None])[0]
-    normal = stats.multivariate_normal(cov=full_covariance())  # pyright: ignore[reportArgumentType]  SciPy's stub says int
+    normal = stats.multivariate_normal(cov=full_covariance())  # type: ignore  SciPy's stub says int
     np.testing.assert_allclose(value, normal.logpdf(answer.missed), rtol=1e-10)
 
 

@@ -2,6 +2,7 @@
 
 import datetime
 import io
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ FRAME = pd.DataFrame(
         "range (ft)": [100, 200, 300],
     }
 )
-ENGINES = {"log.xlsx": "openpyxl", "log.ods": "odf"}
+ENGINES: dict[str, Any] = {"log.xlsx": "openpyxl", "log.ods": "odf"}
 
 
 def saved(path, *parts, **where):

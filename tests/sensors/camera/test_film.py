@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ SCENE = Scene(Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0)))
 
 def camera(position=(0.0, -40.0, 2.0), target=(0.0, 0.0, 4.0), **changed) -> Camera:
     position, target = np.array(position), np.array(target)
-    entries = {
+    entries: dict[str, Any] = {
         "position": position,
         "quaternion": look_at(position, target),
         "focal": np.full(2, 30.0),

@@ -1,5 +1,7 @@
 """First light, place and growth from silhouettes of the law."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -140,7 +142,7 @@ EYE = np.array([60.0, -80.0, 1.5])
 
 
 def camera(**changed):
-    numbers = {
+    numbers: dict[str, Any] = {
         "position": EYE,
         "quaternion": look_at(EYE, np.array([0.0, 0.0, 5.0])),
         "focal": np.array([180.0, 180.0]),

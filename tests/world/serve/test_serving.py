@@ -360,7 +360,7 @@ def test_a_server_that_stops_says_so_and_drops_nobody(capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
-OPTION_ERRORS = {
+OPTION_ERRORS: dict[str, tuple[dict[str, Any], str]] = {
     "everybody": ({"address": "0.0.0.0:1234"}, "expected a loopback address"),
     "a name": ({"address": "example:1234"}, "expected a loopback address"),
     "no port": ({"address": "127.0.0.1"}, "HOST:PORT"),

@@ -82,9 +82,10 @@ def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
     # the effects count alike, in whichever order; one that loads no row has no place
     load = np.asarray(want.loading)
     assert np.any(load != 0, axis=0).sum() == rows.effects
-    shared = miss.residual[:n, 1] * want.sd[order] - want.residual[order]
+    shared = np.asarray(miss.residual[:n, 1] * want.sd[order], float)
+    shared = shared - np.asarray(want.residual, float)[order]
     if scatter:
-        with_effects, *_ = np.linalg.lstsq(load[order], -np.asarray(shared))
+        with_effects, *_ = np.linalg.lstsq(load[order], -shared)
         np.testing.assert_allclose(load[order] @ with_effects, -shared, atol=1e-9)
         assert np.abs(shared).max() > 1e-3
     else:

@@ -23,7 +23,7 @@ COLUMNS = (
 
 
 def main():
-    import cv2  # pyright: ignore[reportMissingImports]  no dependency of ours
+    import cv2  # type: ignore  no dependency of ours
 
     random = np.random.default_rng(7)
     sys.stdout.write(

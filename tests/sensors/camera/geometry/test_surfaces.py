@@ -115,7 +115,7 @@ def test_a_pixel_alone_faces_the_camera_and_sky_has_no_surface():
     alone = surfaces_seen(rays, image=True)
     assert np.flatnonzero(alone.solid).tolist() == [4 * 24 + 7]
     np.testing.assert_allclose(
-        alone.normal[:, 4, 7], -np.asarray(rays.direction[:, 4, 7]), atol=1e-12
+        alone.normal[:, 4, 7], -rays.direction[:, 4, 7], atol=1e-12
     )
     assert np.isfinite(np.asarray(alone.place)).all()
 

@@ -44,7 +44,8 @@ def fold_radius(lens, way) -> float:
     if not folded.size:
         return np.inf
     first: Any = folded[0]
-    return float(brentq(least, radii[first - 1], radii[first], xtol=1e-15))  # pyright: ignore[reportArgumentType]
+    root: Any = brentq(least, radii[first - 1], radii[first], xtol=1e-15)
+    return float(root)
 
 
 PLACE = st.tuples(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5)).map(np.array)

@@ -1,5 +1,7 @@
 """Pictures of an explosion as cameras see them: size, light, place, time and side."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -48,7 +50,7 @@ def photographs(tmp_path_factory):
 
 def camera(place=(0.0, -40.0, 2.0), aim=(0.0, 0.0, 3.0), focal=FOCAL, **changed):
     place = np.asarray(place, float)
-    entries = {
+    entries: dict[str, Any] = {
         "position": place,
         "quaternion": look_at(place, np.asarray(aim, float)),
         "focal": np.array([focal, focal]),
