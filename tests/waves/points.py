@@ -142,20 +142,20 @@ def shifted(values: dict, steps: dict, exp=jnp.exp) -> dict:
 
 
 @cache
-def compiled(law: Law, word: str):
-    """Return the program of ln y, its slopes, and their change along all arguments."""
+def compiled(law: Law, word: str, curved: bool = False):
+    """Return the program of ln y and its slopes; or of their change along all."""
 
     def log_value(steps, values):
         return jnp.log(evaluated(law, word, shifted(values, steps)))
 
-    def value_slopes_and_curvatures(values):
+    def value_and_slopes(values):
+        nothing = dict.fromkeys(numbers(law), 0.0)
+        return jax.value_and_grad(log_value)(nothing, values)
+
+    def curvatures(values):
         nothing = dict.fromkeys(numbers(law), 0.0)
         along_all = dict.fromkeys(numbers(law), 1.0)
+        slopes = jax.grad(log_value)
+        return jax.jvp(lambda x: slopes(x, values), (nothing,), (along_all,))[1]
 
-        def at(steps):
-            return jax.value_and_grad(log_value)(steps, values)
-
-        (value, slopes), (_, curvatures) = jax.jvp(at, (nothing,), (along_all,))
-        return value, slopes, curvatures
-
-    return jax.jit(jax.vmap(value_slopes_and_curvatures))
+    return jax.jit(jax.vmap(curvatures if curved else value_and_slopes))

@@ -2,7 +2,6 @@ import csv
 import json
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,8 +13,6 @@ from calibration.ground_motion import (
     records as recordings,
 )
 from jblast.registry import law_for
-from jblast.scene import Charge, Scene, Sensor, with_values
-from jblast.sensors import planned_layout, record
 from jblast.waves import ground_motion_displacement, ground_motion_velocity
 from jblast.waves.laws.ground_motion import GROUND_MOTION
 
@@ -79,21 +76,6 @@ def test_a_buried_charge_moves_the_ground_three_times_as_far():
         above, buried = (float(law(1e3, 500.0, h)) for h in (8.0, -8.0))
         assert 2.5 < buried / above < 4.5  # e^1.2 +- 0.14
         assert float(law(2e3, 500.0, 8.0)) < above
-
-
-SENSOR = Sensor(
-    "g",
-    jnp.array([300.0, 0.0, 0.0]),
-    records=tuple((quantity, 0.1) for quantity in RECORDED),
-)
-
-
-def test_what_never_happens_moves_nothing():
-    scene = Scene(Charge(mass_kg=100.0), sensors=(SENSOR,))
-    layout, _, _ = planned_layout(scene)
-    scene = with_values(scene, {"origin_time_s": np.inf})
-    laws = dict.fromkeys(RECORDED, "ground_motion")
-    assert not np.asarray(record(scene, layout, laws).value).any()
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
