@@ -223,9 +223,11 @@ def tools() -> ModuleType:
         InputError: pymavlink is not installed.
     """
     os.environ |= {"MAVLINK20": "1", "MAVLINK_DIALECT": "common"}
-    return needed(
+    found = needed(
         "pymavlink.mavutil", "mavlink", "MAVLink", "messages are packed and read"
     )
+    found.set_dialect("common")  # another program may have imported it with its own
+    return found
 
 
 def dialect() -> ModuleType:

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from jblast.cli.options import in_options
 from jblast.errors import InputError
 from jblast.observations import resolve_positions
 from jblast.scene import Air, Charge, Scene, Sensor
@@ -34,23 +33,10 @@ def test_a_place_given_twice_may_differ_by_less_than_a_millimetre(table):
         assert said in str(caught.value)
 
 
-def test_a_place_in_degrees_given_twice_names_the_origin_that_both_count_from(table):
-    degrees = "sensor,quantity,value,sigma,lat_deg,lon_deg,alt_m\n"
-    observations = table(degrees + "a,air_arrival_s,1,,47,11,500\n")
-    with pytest.raises(InputError, match=r"count from its \[place\].*\[\[sensor\]\]"):
-        resolve_positions(observations, scene(a=[0.0, 0.0, 50.0]))
-
-
 def test_a_sensor_without_a_place_is_named(table):
     observations = table(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n")
     with pytest.raises(InputError, match=r"line 3: expected east_m.*named 'b'"):
         resolve_positions(observations, scene(a=[1.0, 2.0, 3.0]))
-
-
-def test_a_scene_sensor_that_says_no_position_gives_none(table):
-    observations = table(BARE + "a,air_arrival_s,1,\n")
-    with pytest.raises(InputError, match="named 'a'"):
-        resolve_positions(observations, scene(a=[np.nan] * 3))
 
 
 def test_a_shock_radius_needs_no_place(table):
@@ -65,12 +51,6 @@ def test_one_sensor_needs_no_place_where_the_scene_gives_its_range(table):
         resolve_positions(
             table(BARE + "a,air_arrival_s,1,\nb,air_arrival_s,2,\n"), ranged
         )
-
-
-def test_ranges_are_kept_where_the_charge_stays_in_place(table):
-    observations = table(RANGE + "a,air_arrival_s,1,,20\nb,air_arrival_s,2,,30\n")
-    placed = resolve_positions(observations, Scene(), {"charge_mass_kg"})
-    np.testing.assert_array_equal(placed.slant_range, [20, 30])
 
 
 @pytest.mark.parametrize("name", ["charge_east_m", "charge_north_m"])
@@ -138,21 +118,3 @@ def test_wind_needs_a_direction_but_only_for_what_it_changes(table):
         len(resolve_positions(table(RANGE + "a,peak_overpressure_pa,1,,20\n"), windy))
         == 1
     )
-
-
-@pytest.mark.parametrize(
-    ("row", "names"),
-    [
-        ("air_arrival_s,1.4,.001", "charge_east_m,charge_north_m,origin_time_s"),
-        ("peak_overpressure_pa,5e3,100", "charge_east_m,charge_north_m"),
-    ],
-)
-def test_a_sensor_at_the_origin_is_told_what_to_free_without_a_scene(table, row, names):
-    observations = table(f"{POSITION}a,{row},0,0,0\nb,{row},150,0,0\n")
-    with pytest.raises(InputError) as refused:
-        resolve_positions(observations, Scene(), {"charge_mass_kg"}, is_default=True)
-    message = str(in_options(refused.value))
-    assert "line 2: sensor 'a' stands at [0, 0, 0] m; no scene given: " in message
-    assert message.endswith(f"the charge is assumed at the origin; add --free {names}")
-    with pytest.raises(InputError, match="where the charge is; expected a distance"):
-        resolve_positions(observations, Scene(), {"charge_mass_kg"})

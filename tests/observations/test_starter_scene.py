@@ -52,27 +52,6 @@ def test_three_sensors_around_the_charge_free_its_place_and_time(start):
     resolve_positions(observations, uncertain.scene, uncertain.beliefs)
 
 
-def test_records_of_samples_free_what_is_read_off_them(start):
-    header = "sensor,quantity,value,sigma,east_m,north_m,up_m,record\n"
-    places = ("30,0,0", "0,30,0", "-30,0,0")
-    _, uncertain, text = start(
-        header
-        + "".join(
-            f"s{i},overpressure_record,,,{at},{i}.csv\n" for i, at in enumerate(places)
-        )
-    )
-    assert "origin_time_s" in uncertain.beliefs
-    assert "charge_east_m" in uncertain.beliefs
-    assert "no sigma" not in text
-
-
-def test_sensors_in_a_line_leave_the_place_fixed(start):
-    _, uncertain, _ = start(
-        POSITION + "".join(f"s{i},air_arrival_s,1,,{i * 10},0,0\n" for i in range(1, 6))
-    )
-    assert set(uncertain.beliefs) == {"charge_mass_kg"}
-
-
 def test_one_range_goes_into_the_scene(start):
     observations, uncertain, _ = start(RANGE + "a,positive_impulse_pa_s,70,,276.25\n")
     assert uncertain.scene.charge.range_m == 276.25
@@ -95,26 +74,6 @@ def test_a_shock_radius_alone_leaves_place_and_time_fixed(start):
     assert set(uncertain.beliefs) == {"charge_mass_kg"}
     assert "position_m = [EAST" not in text
     resolve_positions(observations, uncertain.scene, uncertain.beliefs)
-
-
-def test_the_ground_is_there_where_its_wave_was_heard(start):
-    _, _, text = start(RANGE + "a,ground_arrival_s,1,,20\n")
-    assert "[ground]\np_speed_m_s = 5660.0" in text
-
-
-def test_a_sensor_that_moves_keeps_its_places_in_the_log(start):
-    observations, uncertain, _ = start(
-        POSITION + "a,air_arrival_s,1,,20,0,0\na,air_arrival_s,2,,30,0,0\n"
-    )
-    placed = resolve_positions(observations, uncertain.scene, uncertain.beliefs)
-    np.testing.assert_array_equal(placed.position, observations.position)
-
-
-def test_a_reading_of_time_zero_and_a_sigma_that_overflows_do_no_harm(start):
-    _, uncertain, _ = start(
-        RANGE + "a,air_arrival_s,0,0.1,20\na,positive_impulse_pa_s,1e-300,1e300,20\n"
-    )
-    assert uncertain.scene.sensors[0].records == (("air_arrival_s", 0.1),)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from jblast.autopilot.estimator import (
     FIX,
@@ -71,6 +72,7 @@ def test_the_transition_is_that_of_differences():
     np.testing.assert_allclose(found, differences(later), rtol=0, atol=2e-7)
 
 
+@pytest.mark.slow
 def test_the_rows_of_a_late_fix_are_those_of_an_error_carried_on_since():
     """An error of then becomes one of now; the rows take that one back."""
     then = fix_taken(in_flight(), jnp.asarray(True))

@@ -48,6 +48,7 @@ async def exchange(port: int) -> dict:
     return got
 
 
+@pytest.mark.slow
 def test_mavsdk_checks_loads_arms_starts_and_disarms_it():
     port = free_port()
     with served("udp", f"127.0.0.1:{port}"):

@@ -83,6 +83,7 @@ def heartbeat(other, wanted):
     return False
 
 
+@pytest.mark.slow
 def test_a_mission_flies_lands_and_starts_again_from_its_first_item(client):
     vehicle, other = client()
     pictures = checked_item("", 4, 2001, 2, [0] * 7)
@@ -107,6 +108,7 @@ def test_a_mission_flies_lands_and_starts_again_from_its_first_item(client):
     assert vehicle.flights == 1
 
 
+@pytest.mark.slow
 def test_a_command_in_flight_stops_it_at_the_stopping_distance(client):
     vehicle, other = client(speed=4.0)
     upload(other, ITEMS)
@@ -141,6 +143,7 @@ def test_a_command_in_flight_stops_it_at_the_stopping_distance(client):
     np.testing.assert_allclose(craft.state.position_m, 0, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_after_a_mission_that_ends_in_the_air_its_items_can_be_set(client):
     vehicle, other = client()
     assert upload(other, ITEMS) == 0

@@ -49,44 +49,11 @@ def test_what_is_written_reads_back_to_the_last_digit(tmp_path):
         np.testing.assert_array_equal(np.tril(one.matrix), np.tril(other.matrix))
 
 
-def test_a_log_and_its_side_file_may_have_quotes_in_their_path(tmp_path):
-    folder = tmp_path / """it's, "my" folder"""
-    folder.mkdir()
-    names = ("it's", '"', "# 'a', \"b\"")
-    path = folder / """the "last" log's v1.2.csv"""
-    write(path, picked(names))
-    assert covariance_file(path).name == """the "last" log's v1.2.covariance.csv"""
-    back = read(path)
-    assert [one.record for one in back.covariances] == list(names)
-    assert back.record == picked(names).record
-
-
-def test_a_log_without_covariances_takes_the_old_side_file_away(tmp_path):
-    path = written(tmp_path)
-    write(path, replace(picked(), covariances=()))
-    assert not covariance_file(path).exists()
-    assert read(path).covariances == ()
-
-
 def test_a_sigma_that_disagrees_is_refused_with_both(tmp_path):
     path = written(tmp_path)
     path.write_text(path.read_text().replace("2500.0", "2600.0", 1))
     with pytest.raises(InputError, match=r"line 2, column sigma.*2500.*2600"):
         read(path)
-
-
-def test_a_sigma_rounded_to_two_digits_is_none_that_disagrees(tmp_path):
-    path = written(tmp_path)
-    path.write_text(path.read_text().replace("2500.0", "2510.0"))
-    assert len(read(path).covariances) == 2
-
-
-def test_faults_of_the_side_file_are_gathered_and_the_log_is_kept(tmp_path):
-    path = written(tmp_path)
-    covariance_file(path).write_text("record,quantity\n")
-    faults = []
-    assert len(read(path, faults=faults)) == 6
-    assert "expected a header" in str(faults[0])
 
 
 @pytest.mark.parametrize(
@@ -126,14 +93,6 @@ def test_what_is_no_covariance_is_refused(tmp_path, text, message):
     header = "record,quantity,with,covariance\n" if text else ""
     covariance_file(path).write_text(header + text)
     with pytest.raises(InputError, match=message):
-        read(path)
-
-
-def test_a_side_file_needs_the_column_record(tmp_path):
-    path = tmp_path / "picks.csv"
-    write(path, replace(picked(), record=(), covariances=()))
-    covariance_file(path).write_text("record,quantity,with,covariance\n")
-    with pytest.raises(InputError, match="expected a column record"):
         read(path)
 
 

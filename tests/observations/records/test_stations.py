@@ -3,7 +3,6 @@
 import json
 from datetime import UTC, datetime
 
-import numpy as np
 import pytest
 
 from jblast.errors import InputError
@@ -58,16 +57,6 @@ def test_stations_in_feet_and_with_decimal_commas_are_metres(tmp_path):
     assert len(understood) == 4  # semicolons, commas, feet twice
 
 
-def test_stations_may_stand_in_a_workbook(tmp_path):
-    pandas = pytest.importorskip("pandas")
-    pytest.importorskip("openpyxl")
-    rows = {"sensor": ["a"], "lat_deg": [48.2], "lon_deg": [16.4], "alt_m": [170]}
-    pandas.DataFrame(rows).to_excel(tmp_path / "stations.xlsx", index=False)
-    (one,) = read_stations(tmp_path / "stations.xlsx").values()
-    assert one.frame is not None
-    assert one.frame.lat_deg == pytest.approx(48.2)
-
-
 def test_a_station_may_tell_when_its_record_began(tmp_path):
     text = (
         "sensor,east_m,north_m,up_m,start_utc\n"
@@ -117,18 +106,6 @@ def test_all_faults_of_a_table_are_in_one_message(tmp_path):
         InputError, match=r"column 'north'.*column 'foo'.*missing column n"
     ):
         read_stations(table(tmp_path, text))
-
-
-def test_positions_in_degrees_are_written_as_they_are_read(tmp_path):
-    text = "sensor,lat_deg,lon_deg,alt_m\na,52.37128,4.90017,1.3\nb,52.3799,4.91,7.25\n"
-    stations = read_stations(table(tmp_path, text)).values()
-    places = [
-        one.frame.to_geodetic(np.array(one.position)).tolist()
-        for one in stations
-        if one.frame
-    ]
-    # without the last digits of the conversion: 52.371280000000006
-    assert places == [[52.37128, 4.90017, 1.3], [52.3799, 4.91, 7.25]]
 
 
 KML = """<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>{}

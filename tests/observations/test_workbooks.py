@@ -102,11 +102,6 @@ def test_titles_above_the_names_are_read_with_them(tmp_path):
     assert len(read(titled)) == 3
 
 
-def test_measurements_are_no_header(tmp_path):
-    names = FRAME.assign(Sensor=["path", "sensor", "value"], Value=[1, 2, np.nan])
-    assert read(saved(tmp_path / "log.xlsx", (names, {}))).sensor == ("path", "sensor")
-
-
 @pytest.mark.parametrize(
     ("value", "said"),
     [
@@ -131,24 +126,3 @@ def test_a_damaged_file_is_told(tmp_path, name):
     (tmp_path / name).write_bytes(b"PK\x03\x04 and no more")
     with pytest.raises(InputError, match=r"expected a complete .*which cannot be read"):
         read(tmp_path / name)
-
-
-def test_a_workbook_under_the_name_of_text_is_told(tmp_path):
-    path = saved(tmp_path / "log.xlsx", (FRAME, {}))
-    path = path.rename(tmp_path / "log.csv")
-    with pytest.raises(InputError, match="a zip archive"):
-        read(path)
-
-
-def test_comments_above_the_header_and_line_breaks_in_cells_are_read(tmp_path):
-    title = pd.DataFrame({"# shot 12,\nat noon": []})
-    frame = FRAME.rename(columns={"range (ft)": "range\n(ft)"})
-    path = saved(tmp_path / "log.xlsx", (title, {}), (frame, {"startrow": 2}))
-    log = read(path)
-    assert log.comments == ("shot 12, at noon",)
-    assert log.where(0).endswith("row 4")
-
-
-def test_numbers_as_names_are_whole():
-    frame = FRAME.assign(Sensor=[1.0, 2.0, np.nan]).fillna({"Sensor": 3})
-    assert read(frame).sensor == ("1", "2", "3")

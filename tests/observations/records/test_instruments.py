@@ -6,7 +6,7 @@ import pytest
 from jblast.errors import InputError
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.units import si_factor
-from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
+from tests.observations.records.bangs import RATE_HZ, START_S, pulse, times
 
 VOLTS = 50.0
 """Sensitivity [Pa/V]."""

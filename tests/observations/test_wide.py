@@ -47,11 +47,3 @@ def test_one_column_of_shares_is_that_of_all_errors_that_are_shares(log):
     notes = {note.kind: note.numbers for note in found.understood}
     assert notes["share"]["rows"] == 1
     assert notes["no_errors"] == {"names": ["air_arrival_ms"]}
-
-
-def test_a_column_of_errors_counts_before_that_of_all(log):
-    text = (
-        "sensor,range_m,peak_overpressure_kpa,sigma_peak_overpressure_kpa,"
-        "positive_impulse_pa_s,sigma_percent\na,10,40,2,200,10\n"
-    )
-    np.testing.assert_array_equal(read(log(text), wide=True).sigma, [2000, 20])

@@ -15,7 +15,7 @@ from nptdms import ChannelObject, TdmsWriter
 from jblast.errors import InputError
 from jblast.observations.records.formats import Scaling, open_record
 from jblast.units import si_factor
-from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
+from tests.observations.records.bangs import RATE_HZ, START_S, pulse, times
 
 with warnings.catch_warnings():  # of its own age
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -66,13 +66,6 @@ def test_traces_begin_at_their_time_of_day(tmp_path, kind):
     assert not only(path).calibrated
 
 
-def test_the_rate_of_sac_is_not_rounded_to_a_microsecond(tmp_path):
-    path = tmp_path / "gate.sac"
-    header = {"sampling_rate": 44100.0}
-    obspy.Trace(np.zeros(100, np.float32), header).write(str(path), format="SAC")
-    assert only(path).rate_hz == 44100.0
-
-
 def test_ground_motion_is_no_pressure(tmp_path):
     path = tmp_path / "ground.sac"
     trace = obspy.Trace(np.zeros(100, np.float32), {"sampling_rate": 100.0})
@@ -103,20 +96,6 @@ def test_tdms_is_read_by_its_properties(tmp_path):
         assert recording.notes == ("left out, not pressure: T (degC)",)
     with pytest.raises(InputError, match="column p2: expected pressure, got V"):
         open_record(path)
-
-
-def test_tdms_with_a_channel_of_time(tmp_path):
-    path = tmp_path / "daq.tdms"
-    with TdmsWriter(path) as writer:
-        writer.write_segment(
-            [
-                ChannelObject("a", "t", 1e3 * times(), {"unit_string": "ms"}),
-                ChannelObject("a", "p", pulse(), {"unit_string": "Pa"}),
-            ]
-        )
-    recording = only(path)
-    check(recording)
-    assert recording.notes == ()
 
 
 @pytest.mark.parametrize(
@@ -151,15 +130,6 @@ def test_tdms_with_time_stamps_is_read_in_any_unit(tmp_path, name, unit, pascals
     assert (recording.names, recording.aliases) == (("daq.p",), (("daq.1", "p"),))
     assert other.names == ("daq.q",)
     assert recording.notes == ("left out, not pressure: remark (text)",)
-
-
-def test_tdms_with_times_without_a_unit_is_refused(tmp_path):
-    path = tmp_path / "daq.tdms"
-    with TdmsWriter(path) as writer:
-        p = ChannelObject("a", "p", pulse(), {"unit_string": "Pa"})
-        writer.write_segment([ChannelObject("a", "Time", times()), p])
-    with pytest.raises(InputError, match=r"as time_s or time_ms, .* got 'Time'"):
-        open_record(path)
 
 
 def test_tdms_with_a_scale_that_npTDMS_does_not_apply_is_refused(tmp_path):
@@ -199,39 +169,6 @@ def test_netcdf_is_read_by_its_units(tmp_path, engine):
     assert recording.names == ("field.1", "field.2")
     assert recording.epoch == BEGAN.replace(microsecond=0)
     np.testing.assert_allclose(recording.samples(0, 400)[1], 2 * pulse())
-
-
-@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
-def test_times_in_days_and_packed_samples_are_read(tmp_path, engine):
-    path = tmp_path / "field.nc"
-    packed = np.rint(pulse() / 0.5).astype("i2")
-    packed[7] = -999
-    days = (12 * 3600 + 7 + times()) / 86400
-    units = {"units": "Pa", "scale_factor": 0.5, "_FillValue": np.int16(-999)}
-    data = xr.Dataset(
-        {"p": ("time", packed, units)},
-        {"time": ("time", days, {"units": "days since 2026-03-01"})},
-    )
-    data.to_netcdf(path, engine=engine)
-    recording = only(path)
-    assert recording.rate_hz == pytest.approx(RATE_HZ)
-    assert recording.epoch == BEGAN.replace(microsecond=0)
-    assert recording.start_s == pytest.approx(START_S, abs=1e-8)
-    np.testing.assert_allclose(recording.samples(8, 400)[0], pulse()[8:], atol=0.26)
-    with pytest.raises(InputError, match=r"sample 8 .*: expected a finite sample"):
-        recording.samples(0, 400)
-
-
-def test_netcdf_without_attributes_is_read_by_its_names(tmp_path):
-    path = tmp_path / "named.nc"
-    named = xr.Dataset(
-        {"p_kpa": ("time_ms", pulse() / 1e3)}, {"time_ms": 1e3 * times()}
-    )
-    named.to_netcdf(path)
-    check(only(path))
-    named.assign(p_pa=named.p_kpa * 1e3).to_netcdf(path)
-    with pytest.raises(InputError, match="p_kpa and p_pa: expected one unit"):
-        only(path)
 
 
 def test_plain_hdf5_is_read_by_its_attributes(tmp_path):
@@ -282,22 +219,6 @@ def test_each_struct_of_matlab_has_its_own_times(tmp_path, seventh):
     check(mast, start_s=0.0)
     assert (gate.names, mast.names) == (("daq.gate.p",), ("daq.mast.p",))
     assert mast.notes == ("left out, not pressure: mast.T",)
-
-
-@pytest.mark.parametrize("seventh", [False, True])
-def test_matlab_is_read_by_its_names(tmp_path, seventh):
-    path = tmp_path / "daq.mat"
-    held = {"time_ms": 1e3 * times()[None], "p_kpa": pulse()[:, None] / 1e3}
-    if seventh:
-        with h5py.File(path, "w", userblock_size=512) as file:
-            for name, array in held.items():
-                file[name] = array.T
-        mark = b"MATLAB 7.3 MAT-file, written by a test".ljust(124) + b"\x00\x02IM"
-        with path.open("r+b") as file:
-            file.write(mark)
-    else:
-        scipy.io.savemat(path, held)
-    check(only(path))
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,18 @@
 """Text of samples: any unit, separator and order of columns; what is amiss is named."""
 
+import os
+from datetime import UTC, datetime
+
 import numpy as np
 import pandas as pd
 import pytest
+import soundfile
 from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
-from jblast.observations.records.formats import Scaling, open_record
-from tests.observations.records.formats.bangs import RATE_HZ, START_S, pulse, times
+from jblast.observations.records.formats import Scaling, open_record, record_files
+from jblast.observations.records.recording import PressureRecord
+from tests.observations.records.bangs import RATE_HZ, START_S, pulse, times
 
 
 @pytest.fixture(scope="module")
@@ -75,13 +80,6 @@ def test_names_may_stand_in_the_comment_that_numpy_writes(tmp_path, delimiter):
 ROWS = "0,20,on,5\n1,20,,6\n"
 
 
-def test_columns_of_something_else_are_left_out_and_named(tmp_path):
-    body = "n,time_s,temperature_c,pressure_pa,note\n1,0,20,5,\n2,1,20,6,loud\n"
-    (recording,) = open_record(text(tmp_path, body))
-    np.testing.assert_array_equal(recording.samples(0, 2), [[5.0, 6.0]])
-    assert recording.notes == ("left out, not pressure: temperature_c",)
-
-
 @pytest.mark.parametrize(
     ("head", "rows", "others"),
     [
@@ -97,12 +95,6 @@ def test_columns_named_as_keys_of_a_preamble_are_columns(tmp_path, head, rows, o
     (recording,) = open_record(text(tmp_path, body), Scaling(sensitivity=1e3))
     np.testing.assert_array_equal(recording.samples(0, 2), [[5e3, 6e3]])
     assert recording.notes == (f"left out, not pressure: {others}",)
-
-
-def test_a_blank_within_a_remark_separates_no_columns(tmp_path):
-    body = "time_s\tnote\tp_pa\n0\ta b\t5\n1\t\t6\n"
-    (recording,) = open_record(text(tmp_path, body))
-    np.testing.assert_array_equal(recording.samples(0, 2), [[5.0, 6.0]])
 
 
 def test_times_of_few_digits_give_the_rate_that_all_of_them_tell(tmp_path):
@@ -176,3 +168,98 @@ def test_an_uneven_clock_is_refused_and_a_jittering_one_is_not(tmp_path):
             continue
         with pytest.raises(InputError, match=r"steps off|gap"):
             open_record(path)
+
+
+def test_what_is_not_there_or_of_no_format_is_refused(tmp_path):
+    for name, held, said in (
+        ("a.wav", None, "a.wav: no such file"),
+        ("a", None, "a: no such file"),
+        ("a.mp3", b"ID3", r"a.mp3: expected a record of samples, its name ending in"),
+        ("a.wave", b"RIFF", r"did you mean \.wav"),
+        ("a.csv", b"", "a.csv: is empty"),
+        ("a.wav", b"time_s,p_pa\n0,1\n", "a.wav: expected a sound file"),
+        ("b.mseed", b"time_s,p_pa\n0,1\n", "b.mseed: expected a complete .mseed"),
+        ("b.tdms", b"time_s,p_pa\n0,1\n", "b.tdms: expected pressure"),
+        ("b.nc", b"time_s,p_pa\n0,1\n", "b.nc: expected a complete .nc file"),
+        ("b.mat", b"time_s,p_pa\n0,1\n" * 20, "b.mat: expected a .mat file"),
+        ("b.csv", b"\x00\x01\xff" * 50, "b.csv: line 1: expected"),
+    ):
+        path = tmp_path / name
+        if held is not None:
+            path.write_bytes(held)
+        with pytest.raises(InputError, match=said):
+            open_record(path)
+
+
+def test_a_mistaken_extension_is_told_from_what_the_file_begins_with(tmp_path):
+    path = tmp_path / "a.csv"
+    soundfile.write(path, np.zeros(9), 8000, format="WAV")
+    with pytest.raises(InputError, match=r"begins like \.wav or \.flac; rename it"):
+        open_record(path)
+
+
+def test_ten_gigabytes_of_text_are_refused_before_they_are_read(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,p_pa\n0,1\n")
+    os.truncate(path, 10**10)  # sparse: takes no room
+    with pytest.raises(InputError, match=r"at most 2 GB of \.csv.* got 10 GB"):
+        open_record(path)
+
+
+def test_a_sample_that_is_no_number_is_named_when_it_is_read(tmp_path):
+    path = tmp_path / "a.wav"
+    samples = np.zeros((100, 2), np.float32)
+    samples[40, 1] = np.nan
+    soundfile.write(path, samples, 1000, subtype="FLOAT")
+    (recording,) = open_record(path, Scaling(full_scale_pa=1.0))
+    recording.samples(0, 40)
+    with pytest.raises(InputError, match=r"a.wav: channel a.2, sample 41 \(0.04 s\)"):
+        recording.samples(20, 60)
+    samples[:, 0] = np.nan
+    soundfile.write(path, samples, 1000, subtype="FLOAT")
+    with pytest.raises(InputError, match=r"a\.1: expected samples, got no finite"):
+        recording.samples(0, 100)
+
+
+def test_a_folder_gives_its_records_by_name(tmp_path):
+    record = "time_s,p_pa\n0,1\n1,2\n"
+    for name in ("b.csv", "a.CSV", ".hidden.csv"):
+        text(tmp_path, record, name)
+    stations = text(tmp_path, "sensor,east_m,north_m,up_m\na,0,0,0\n", "places.csv")
+    other = text(tmp_path, "sensor,lat_deg,lon_deg\na,0,0\n", "degrees.csv")
+    notes = text(tmp_path, "a note", "README.md")
+    (tmp_path / "deeper").mkdir()
+    files, left_out = record_files([tmp_path], str(stations))
+    assert files == (tmp_path / "a.CSV", tmp_path / "b.csv")
+    assert left_out == (notes, other)
+    # a file that is named is taken, whatever it is
+    assert record_files([notes, tmp_path])[0] == (notes, *files)
+
+
+def test_a_folder_without_records_is_refused(tmp_path):
+    with pytest.raises(InputError, match="folder of records of samples, got none"):
+        record_files([tmp_path])
+    text(tmp_path, "a note", "README.md")
+    with pytest.raises(InputError, match="got 1 other files"):
+        record_files([tmp_path])
+
+
+def test_times_begin_where_the_record_does_and_step_by_the_rate():
+    record = PressureRecord("a", np.zeros(5), rate_hz=4.0, start_s=10.0)
+    np.testing.assert_array_equal(record.time_s, [10.0, 10.25, 10.5, 10.75, 11.0])
+    assert record.seconds == 1.25
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"rate_hz": 0.0}, "rate_hz must be positive"),
+        ({"rate_hz": float("nan")}, "rate_hz must be positive"),
+        ({"start_s": float("inf")}, "start_s must be finite"),
+        ({"epoch": datetime(2026, 1, 1)}, "epoch must have a time zone"),
+    ],
+)
+def test_what_is_no_record_is_refused(changed, named):
+    good = {"rate_hz": 1.0, "start_s": 0.0, "epoch": datetime(2026, 1, 1, tzinfo=UTC)}
+    with pytest.raises(ValueError, match=named):
+        PressureRecord("a", np.zeros(2), **(good | changed))

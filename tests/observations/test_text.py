@@ -1,12 +1,16 @@
 """Text of other programs is read as it was meant, or refused with both readings."""
 
 import io
+import math
+import re
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from jblast.errors import InputError
 from jblast.observations import read
+from jblast.units import LENGTHS, PRESSURES, TIMES, our_name, overpressure, si_factor
 from tests.observations.rows import HEADER, ROW
 
 SEMICOLONS = (HEADER + ROW).replace(",", ";")
@@ -85,28 +89,11 @@ def test_empty_values_are_left_out_and_counted(log):
     assert notes(log)["empty_skipped"]["lines"] == [*"2345789", "10"]
 
 
-def test_a_word_for_nothing_elsewhere_is_an_empty_field(log):
-    log = read(log(HEADER + "a,air_arrival_s,1,NA,-,n/a,NaN\n"))
-    assert np.isnan(log.sigma).all()
-    assert np.isnan(log.position).all()
-
-
 def test_a_height_left_out_is_zero_and_said(log):
     head = "sensor,quantity,value,sigma,east_m,north_m\n"
     log = read(log(head + "a,air_arrival_s,1,,2,3\nb,air_arrival_s,1,,,\n"))
     np.testing.assert_array_equal(log.position, [[2, 3, 0], [np.nan] * 3])
     assert "height_taken" in notes(log)
-
-
-def test_notes_empty_columns_and_empty_lines_are_left_aside(log):
-    text = (
-        "sensor;quantity;value;sigma;Note;\n"
-        "# by hand;;;;;\n;;;;;\n"
-        "a;air_arrival_s;1;;windy, loud;\n;;;;;\n"
-    )
-    log = read(log(text))
-    assert len(log) == 1
-    assert notes(log)["columns_ignored"] == {"names": ["Note"]}
 
 
 def test_a_separator_within_quotes_is_none(log):
@@ -137,9 +124,61 @@ def test_a_name_that_says_it_is_no_table_is_refused(tmp_path, name, said):
         read(tmp_path / name)
 
 
-def test_a_file_that_is_too_large_is_refused_unread(tmp_path):
-    path = tmp_path / "log.csv"
-    with path.open("wb") as file:
-        file.truncate(10_000_000_000)  # sparse: holds nothing
-    with pytest.raises(InputError, match=r"1 GB at most.*got 10 GB"):
-        read(path)
+PLAIN = settings(deadline=None, max_examples=60)
+NUMBERS = st.floats(1e-6, 1e9, allow_nan=False).map(lambda x: float(f"{x:.12g}"))
+UNITS = st.one_of(
+    st.sampled_from([("peak_overpressure", unit) for unit in PRESSURES]),
+    st.sampled_from([("positive_duration", unit) for unit in TIMES]),
+    st.sampled_from([("ground_displacement", unit) for unit in LENGTHS]),
+    st.builds(
+        lambda pressure, time: ("positive_impulse", f"{pressure}_{time}"),
+        st.sampled_from(list(PRESSURES)),
+        st.sampled_from(list(TIMES)),
+    ),
+)
+GROUPED = re.compile(r"[1-9]\d{0,2}[.,]\d{3}")
+
+
+@PLAIN
+@given(
+    UNITS,
+    st.lists(NUMBERS, min_size=1, max_size=4, unique=True),
+    st.sampled_from([",", ";", "\t"]),
+    st.sampled_from([".", ","]),
+    st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
+)
+def test_a_log_is_the_same_in_any_dialect(named, values, separator, decimal, encoding):
+    word, unit = named
+    texts = [repr(value).replace(".", decimal) for value in values]
+    rows = [
+        f'a{separator}{word}_{unit}{separator}"{text}"{separator}' for text in texts
+    ]
+    header = separator.join(["sensor", "quantity", "value", "sigma"])
+    file = io.BytesIO("\n".join([header, *rows]).encode(encoding))
+    marked = [text for text in texts if decimal in text]
+    unsure = bool(marked) and all(GROUPED.fullmatch(text) for text in marked)
+    if unsure and (decimal == "," or separator == ";"):
+        with pytest.raises(InputError, match="may be either"):
+            read(file)
+        return
+    np.testing.assert_allclose(
+        read(file).value, np.array(values) * si_factor(unit), rtol=1e-15
+    )
+
+
+@PLAIN
+@given(st.floats(-50, 220), st.floats(0.01, 20))
+def test_a_level_and_its_error_are_straight_in_ln(level, sigma):
+    text = f"sensor,quantity,value,sigma\na,peak_level_db,{level!r},{sigma!r}\n"
+    found = read(io.StringIO(text))
+    pressure = overpressure(np.array([level, level + sigma]))
+    np.testing.assert_allclose(found.value, pressure[:1], rtol=1e-14)
+    up = math.log(pressure[1] / pressure[0])
+    np.testing.assert_allclose(found.error_scale(), up, rtol=1e-9)
+
+
+@PLAIN
+@given(st.text(max_size=25))
+def test_any_name_is_ours_in_a_unit_or_none_and_nothing_else_happens(name):
+    found = our_name(name)
+    assert found is None or found.factor > 0 or found.dimension == "level"

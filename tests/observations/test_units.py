@@ -138,15 +138,6 @@ def test_a_peak_level_is_a_pressure_and_its_decibels_a_share(log):
     assert {told.kind for told in found.understood} == {"level"}
 
 
-def test_a_level_may_have_its_error_per_cent_and_a_pressure_its_in_decibels(log):
-    head = "sensor,quantity,value,sigma_percent,range_m\n"
-    found = of(log, "a,peak_level_db,154,8,1", head=head)
-    np.testing.assert_allclose(found.error_scale(), 0.08)
-    head = "sensor,quantity,value,sigma_db,range_m\n"
-    found = of(log, "a,peak_overpressure_kpa,1,1,1", head=head)
-    np.testing.assert_allclose(found.error_scale(), math.log(10) / 20)
-
-
 def test_a_date_is_no_number_to_convert_but_its_error_is(log):
     head = "sensor,quantity,value_utc,sigma,range_m\n"
     rows = [f"{t},arrival_ms,2026-03-01T12:00:0{t}.5Z,2,20" for t in (1, 3)]
@@ -166,14 +157,6 @@ def test_a_column_of_levels_holds_levels_alone(log):
             of(log, f"a,{quantity},154,1,1", head=head)
 
 
-def test_places_and_times_may_be_in_other_units(log):
-    head = "sensor,quantity,value,sigma,east_ft,north_ft,up_ft,time_ms\n"
-    found = of(log, "c,shock_radius_ft,10,1,1,2,3,0.5", head=head)
-    np.testing.assert_allclose(found.position, [[0.3048, 0.6096, 0.9144]])
-    np.testing.assert_allclose(found.time, 0.0005)
-    np.testing.assert_allclose(found.value, 3.048)
-
-
 def test_a_row_of_units_is_heeded_second_or_last(log):
     head = "sensor,quantity,value,sigma,range\n"
     rows = "a,peak_overpressure,5,1,30", "b,peak_overpressure,4,1,40"
@@ -183,10 +166,3 @@ def test_a_row_of_units_is_heeded_second_or_last(log):
         np.testing.assert_allclose(found.value, [5000, 4000])
         np.testing.assert_allclose(found.sigma, 1000)
         np.testing.assert_allclose(found.slant_range, [9.144, 12.192])
-
-
-def test_a_row_of_units_may_not_contradict_a_name(log):
-    with pytest.raises(
-        InputError, match="one unit per column, got m in its name and ft"
-    ):
-        of(log, ",,s,s,ft", "a,air_arrival_s,1,1,30")

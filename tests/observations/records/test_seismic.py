@@ -71,20 +71,6 @@ def test_a_drifting_clock_is_that_of_the_records(tmp_path):
     )
 
 
-def test_times_follow_the_records_where_the_rate_varies(tmp_path):
-    step, clock = 1 / RATE, np.arange(0, 3000, 500) / RATE
-    # a parabola of 6 ms, more than a quarter of a step
-    clock = clock + 0.024 * (clock / 25) * (1 - clock / 25)
-    records = [
-        packed(SAMPLES[500 * k : 500 * k + 500], at) for k, at in enumerate(clock)
-    ]
-    (found,) = opened(tmp_path, *records)
-    for k, at in enumerate(clock):
-        assert found.time_s(500 * k) == pytest.approx(at, abs=2e-6)
-    middle = 0.5 * (clock[1] + clock[2])
-    assert found.time_s(750) == pytest.approx(middle, abs=0.25 * step)
-
-
 def test_a_gap_gives_segments_of_one_channel(tmp_path):
     records = parts()
     late = packed(SAMPLES[2500:], 2500 / RATE + 12.0)
@@ -100,14 +86,6 @@ def test_a_file_that_ends_within_a_record_is_read_up_to_it(tmp_path):
     (found,) = opened(tmp_path, *parts()[:5], parts()[5][:1000])
     assert found.length == 2500
     assert found.notes == ("cut short: the last 1,000 bytes are no record",)
-
-
-def test_blank_records_and_control_headers_are_skipped(tmp_path):
-    one, two, *_ = parts()
-    control, blank = b"000002A ".ljust(4096), b"000003 ".ljust(512)
-    (found,) = opened(tmp_path, one, control, blank, two, bytes(600))
-    np.testing.assert_array_equal(found.samples(0, 1000)[0], SAMPLES[:1000])
-    assert found.notes == ()
 
 
 def test_a_channel_of_two_rates_is_refused(tmp_path):
