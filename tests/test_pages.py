@@ -216,7 +216,7 @@ def test_scenes_of_pages_can_be_read(path):
 
 def test_readme_names_every_verb_and_function_on_one_page():
     readme = TEXTS[ROOT / "README.md"]
-    assert len(readme.splitlines()) <= 120
+    assert len(readme.splitlines()) <= 125
     table = readme.split("## The four main verbs")[1]
     assert [v for v in VERBS if f"`{v}`" not in table] == []
     offered = " ".join(readme.split()).split("`jblast` offers")[1]
