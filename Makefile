@@ -40,10 +40,10 @@ test: .venv/dev
 quick: .venv/dev
 	packages=$$($(BIN)/python tests/tools/changed.py $(SINCE)) && $(PYTEST) -m "not slow" -o addopts= $$packages
 
-# FIRST names what comes first, as do the notebooks, the longest file: at the end one
-# worker would wait for them. After UNTIL (seconds since 1970) no test begins.
+# FIRST names what comes first; ORDER is a word that the order of the other files follows
+# from. After UNTIL (seconds since 1970) no test begins.
 test-slow: .venv/dev
-	$(PYTEST) $(TYPED) -m slow --first="$(FIRST) tests/test_notebooks.py" $(if $(UNTIL),--until=$(UNTIL))
+	$(PYTEST) $(TYPED) -m slow --first="$(FIRST)" $(if $(ORDER),--order=$(ORDER)) $(if $(UNTIL),--until=$(UNTIL))
 
 test-all: .venv/dev
 	$(PYTEST) $(TYPED)

@@ -1,12 +1,14 @@
 """How long tests take, and how to end in time.
 
 A plugin of pytest: prints the ten slowest tests in J (`import_time.py`), and with
-`--until` begins none after that moment: it names those it left out.
+`--until` begins none after that moment: it names those it left out. With `--order` all
+files come first some time.
 """
 
 import os
 import time
 from collections import defaultdict
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -31,6 +33,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="PATHS",
         help="files or folders whose tests come first, with spaces between",
     )
+    group.addoption(
+        "--order",
+        default="",
+        metavar="WORD",
+        help="other files in an order that follows from this word",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -41,7 +49,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list) -> None:
     first = [Path(path).resolve() for path in str(config.getoption("--first")).split()]
-    items.sort(key=lambda item: not any(item.path.is_relative_to(p) for p in first))
+    order = str(config.getoption("--order"))
+
+    def place(item: pytest.Item) -> tuple[bool, bytes]:
+        other = not any(item.path.is_relative_to(p) for p in first)
+        name = f"{order} {item.path.relative_to(config.rootpath)}"
+        return other, sha256(name.encode()).digest() if other and order else b""
+
+    items.sort(key=place)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:
