@@ -12,7 +12,6 @@ import pytest
 from jblast.errors import InputError
 from jblast.scene import Charge, Scene
 from jblast.vehicle import (
-    Cascade,
     Gust,
     PositionHold,
     State,
@@ -22,7 +21,6 @@ from jblast.vehicle import (
     named_gains,
     simulate,
 )
-from jblast.vehicle.loads.impulse_table import custom_profile
 from tests.vehicle.flights import at_hover
 
 CRAFT = named("hummingbird")
@@ -97,32 +95,6 @@ def test_same_flights_with_everything_at_once(dtype):
     agree(CRAFT, start(dtype), **everything())
 
 
-@pytest.mark.slow
-def test_same_flights_of_two_axes_with_parts_of_loads_that_all_share():
-    """One blast at once, one before the flight, its image; the last step is shorter."""
-    state = jax.tree.map(lambda x: jnp.stack([x, x * 1.01]), start())
-    second = Charge(
-        mass_kg=2.0,
-        position_m=(9.0, 0.0, 6.0),
-        time_s=-0.012,
-        burst="free-air",
-        name="b",
-    )
-    agree(
-        CRAFT,
-        state,
-        duration_s=0.0503,
-        control=Cascade([6.0, 1.0, 4.5], 40.0, 2.0),
-        control_period_s=1e-3,
-        wind=Gust(2 * state.velocity_m_s, jnp.full((2, BATCH), 0.01)),
-        loads=(
-            blast_load(Scene(Charge(mass_kg=1.0)), drag=False),
-            blast_load(Scene(second), front=False, rotors=False),
-        ),
-        store_every=7,
-    )
-
-
 class Nudge(eqx.Module):
     """A user's controller: a table of speeds, a counter, a loop, and lost numbers."""
 
@@ -175,21 +147,6 @@ def test_same_flights_of_a_users_controller_wind_and_load():
         loads=(spring,),
         store_every=7,
     )
-
-
-@pytest.mark.slow
-def test_same_flights_through_a_profile_of_impulses():
-    cases = np.array(
-        [[0.01, r, 1.0, 0.5, 1 / r, 2 / r, 3 / r, 0.1, 0.2, 0.3] for r in (3.0, 6.0)]
-    )
-    profile = custom_profile(cases, (0.0, 0.0, 0.0))
-    agree(CRAFT, start(), loads=(profile,))
-
-
-@pytest.mark.slow
-def test_one_vehicle_alone_and_one_that_falls_to_the_ground():
-    alone = at_hover(CRAFT, position=(0.0, 0.0, 0.4), rotor_speed_rad_s=np.zeros(4))
-    agree(CRAFT, alone, duration_s=0.5, ground_up_m=0.0, store_every=50)
 
 
 def test_a_device_that_is_not_there():

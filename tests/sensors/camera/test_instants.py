@@ -1,5 +1,3 @@
-import dataclasses
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,12 +6,10 @@ from jblast.scene import Camera, Charge, Scene
 from jblast.scene.camera import look_at
 from jblast.sensors.camera.film import (
     LEFT,
-    STAMP_ERROR,
     Film,
     subdivided,
 )
 from jblast.sensors.camera.pixel import Pixel
-from jblast.sensors.camera.scene_events import film_events
 from jblast.sensors.camera.stream import event_stream, joined
 
 BOTH = (0.2, 0.3)
@@ -46,19 +42,6 @@ def fields(parts):
     order = np.lexsort((events.time, events.polarity, events.x, events.y))
     found = np.stack([events.x, events.y, events.polarity])[:, order]
     return found, events.time[order]
-
-
-@pytest.mark.slow
-def test_times_are_within_the_bound_at_any_frame_rate():
-    film = filmed(seconds=0.1)
-    known, when = fields(film_events(film))
-    assert known.shape[1] > 150
-    for frames in (2, 400):
-        times = np.linspace(film.times[0], film.times[-1], frames)
-        other = dataclasses.replace(film, times=times)
-        found, time = fields(film_events(other, bound_s=STAMP_ERROR))
-        np.testing.assert_array_equal(found, known)
-        assert np.quantile(np.abs(time - when), 1.0 - LEFT) < STAMP_ERROR
 
 
 @pytest.mark.slow

@@ -1,8 +1,5 @@
 """Frames and events of a run, packet by packet, are those of a film."""
 
-from dataclasses import replace
-
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +8,6 @@ import pytest
 from jblast.scene import Air, Camera, Charge, Scene
 from jblast.scene.camera import FORWARD
 from jblast.sensors.camera import film_events, joined, landscape
-from jblast.sensors.camera.files.images import srgb_bytes
 from jblast.sensors.camera.film import LEFT, RUN_ERROR, STAMP_ERROR, Film
 from jblast.sensors.camera.geometry import CameraPath
 from jblast.sensors.camera.pixel import NoiseModel
@@ -60,21 +56,6 @@ def joined_packets(packets):
     times, events = zip(*packets, strict=True)
     columns = ((one.time, one.x, one.y, one.polarity) for one in events)
     return (np.concatenate(times), *map(np.concatenate, zip(*columns, strict=True)))
-
-
-@pytest.mark.slow
-def test_an_exposure_blurs_frames_but_not_events():
-    exposed = eqx.tree_at(lambda c: c.exposure_s, CARRIED, jnp.array(8e-3))
-    film = replace(MOVING, camera=exposed)
-    expected = np.concatenate([frames for _, frames in film.frames()])
-    expected = np.stack([srgb_bytes(frame) for frame in expected]).astype(int)
-    assert np.abs(film.levels(film.times) - expected).max() <= 1  # by rounding
-    assert np.abs(MOVING.levels(film.times) - expected).max() > 3
-    times, *events = joined_packets(filmed_packets(film, BOUNDS))
-    np.testing.assert_array_equal(times, film.times[:-1])
-    _, *instant = joined_packets(filmed_packets(MOVING, BOUNDS))
-    for one, other in zip(events, instant, strict=True):
-        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.slow

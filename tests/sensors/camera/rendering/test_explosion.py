@@ -180,39 +180,6 @@ def test_a_photograph_has_its_own_size_light_and_place(photographs):
 
 
 @pytest.mark.slow
-def test_a_photograph_is_scaled_by_the_mass_in_size_and_time(photographs):
-    """Twice as wide for eight times the mass, and slower by the law's 8^0.349."""
-
-    def alpha(mass, time):
-        return layer(photographs, scene_of(mass, (0.0, 0.0, 4.0)), camera(), time)[
-            ..., 3
-        ]
-
-    slow = 8**0.349
-    assert alpha(15.0, 0.05).max() == pytest.approx(0.6)
-    assert alpha(120.0, 0.05 * slow).max() == pytest.approx(0.6)
-    one, eight = (
-        np.ptp(extent(alpha(mass, time)), axis=1) + 1.0
-        for mass, time in ((15.0, 0.1), (120.0, 0.1 * slow))
-    )
-    np.testing.assert_allclose(eight, 2.0 * one, atol=2.0)
-
-
-@pytest.mark.slow
-def test_what_is_nearer_hides_it_as_a_whole_and_the_ground_does_not(photographs):
-    eye, scene = camera(), scene_of(place=(0.0, 0.0, 1.0))
-    whole = layer(photographs, scene, eye, 0.1)
-    bottom = extent(whole[..., 3])[0][1]
-    assert bottom > float(project(eye, np.zeros(3)).pixel[1]) + 2.0
-    depth = np.full((HEIGHT, WIDTH), 39.0)
-    assert layer(photographs, scene, eye, 0.1, depth).max() == 0.0
-    depth[:, : WIDTH // 2] = np.inf
-    seen = layer(photographs, scene, eye, 0.1, depth)
-    np.testing.assert_array_equal(seen[:, : WIDTH // 2], whole[:, : WIDTH // 2])
-    np.testing.assert_array_equal(seen[:, WIDTH // 2 :], 0.0)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("burst", [(0.0, -40.0, 2.0)])
 def test_behind_and_at_the_camera_nothing_is_shown_and_all_is_finite(
     photographs, burst

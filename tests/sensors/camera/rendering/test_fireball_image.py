@@ -39,17 +39,6 @@ def ball_at(scene, time=WHEN):
     return float(ball.radius), float(scene.charge.up + ball.rise)
 
 
-def test_the_growth_time_of_the_scene_is_that_of_its_clouds():
-    scene = dataclasses.replace(one_charge(), fireball_growth=jnp.asarray(0.2))
-    slow, usual = (
-        cloud(s.charges[0], jnp.asarray(WHEN), s.air, s.fireball_growth)
-        for s in (scene, one_charge())
-    )
-    law = fireball(100.0, WHEN, scene.air.temperature, 0.2)
-    assert float(slow.radius) == pytest.approx(float(law.radius), rel=1e-12)
-    assert float(slow.radius) < 0.9 * float(usual.radius)
-
-
 @pytest.mark.parametrize("ahead", [30.0, 3.0, -3.0, -30.0])
 @pytest.mark.parametrize("farthest", [np.inf, 31.0, 2.0])
 def test_the_column_is_the_integral_of_the_density(ahead, farthest):

@@ -79,13 +79,6 @@ def test_the_light_that_falls_is_the_light_that_is_seen_there():
     np.testing.assert_allclose(total, expected, rtol=1e-3)
 
 
-def test_the_sky_is_not_lit_and_nothing_is_before_detonation(frames, clear):
-    sky = ~np.isfinite(np.asarray(pixel_rays(small_camera()).farthest))
-    np.testing.assert_array_equal(frames[2][clear[2] & sky], PLATE)
-    assert (frames[2][clear[2] & ~sky] > PLATE).all()
-    np.testing.assert_array_equal(frames[0], PLATE)
-
-
 def test_a_wall_of_a_depth_image_is_lit_where_it_faces_the_fire(clear):
     way = np.asarray(pixel_rays(small_camera(), ground=False).direction)
     behind = (40.0 + 60.0) / way[1]  # a wall 40 m north of the burst, facing south
