@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,12 +13,10 @@ from jblast.observations import Observations, read, to_pandas
 from jblast.report.fit_report import fit_document
 from jblast.report.flights import flights_answer
 from jblast.report.world import run_world
-from jblast.sensors.camera.files.images import write_png
 from jblast.study.flight_results import Flights
 from jblast.study.flights import has_mission, scene_to_run
 from tests.cli.cli_files import HEADER, TWO
 
-EXAMPLE = Path(__file__).parents[2] / "calibration" / "data" / "records_example"
 FLOWN_CHARGE = "[charge]\nmass_kg = 1.0\n"
 FLIGHT = (
     FLOWN_CHARGE
@@ -51,7 +48,6 @@ name = "south"
 position_m = [10, -60, 1.5]
 records = { air_arrival_s = 1e-4, peak_overpressure_pa = "5%" }
 """
-SILENT = "time_s,pressure_pa\n" + "".join(f"{k},0\n" for k in range(20))
 SHOTS = HEADER.replace("\n", ",shot\n") + (
     "a,air_arrival_s,0.05,0.001,30,0,1,one\nb,air_arrival_s,0.09,0.001,40,0,1,two\n"
 )
@@ -93,18 +89,6 @@ def test_names_of_parameters_and_laws_are_those_of_the_command(jblast):
     )
 
 
-def test_records_without_a_bang_or_without_stations_are_refused(jblast):
-    path = jblast.file("a.csv", SILENT)
-    stations = jblast.file("stations", "sensor,east_m,north_m,up_m\na,10,0,0\n")
-    with pytest.raises(InputError, match=r"a\.csv: expected records of a blast"):
-        library.fit(path, positions=stations)
-    with pytest.raises(
-        InputError, match="is a folder; for a folder of records also pass positions"
-    ):
-        library.fit(EXAMPLE)
-    assert library.pick_files(path).found.silent == ("a",)
-
-
 def test_a_log_of_several_shots_is_one_log_each(jblast):
     path = jblast.file("log.csv", SHOTS)
     ready = fit_input(path)
@@ -123,14 +107,6 @@ def test_files_are_logs_of_their_own_or_of_one_event(jblast):
     ready = fit_input(paths, one_event=True)
     assert len(ready.only()) == 4
     assert "clock_offset_s.two" in ready.scene.beliefs
-
-
-def test_a_scene_without_a_camera_is_no_place_of_a_film(tmp_path):
-    for number in range(2):
-        write_png(tmp_path / f"{number}.png", np.zeros((6, 8, 1)))
-    scene = library.Scene(library.Charge(mass_kg=1.0))
-    with pytest.raises(InputError, match=r"^scene: expected the \[camera\]"):
-        library.detect(tmp_path, fps=1000.0, scene=scene)
 
 
 @pytest.mark.slow

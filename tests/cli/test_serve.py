@@ -2,70 +2,18 @@
 
 import asyncio
 import json
-import socket
 import threading
 
 import numpy as np
 import pytest
 
-from tests.autopilot.ground_station.mavsdk_client import (
+from tests.autopilot.mavsdk_client import (
     connected,
     free_port,
     gaps,
     plan_of,
     refused,
 )
-
-SCENE = """
-[charge]
-mass_kg = 1.0
-position_m = [30, 0, 0]
-time_s = 1000.0
-[vehicle]
-model = "iris"
-position_m = [0, 0, 0]
-"""
-
-
-def answering(port: int, turns: int, kinds: list[str]) -> None:
-    """Arm, let the rotors turn, answer so many turns and hang up."""
-    tools = pytest.importorskip("pymavlink.mavutil")
-    address = f"tcp:127.0.0.1:{port}"
-    with tools.mavlink_connection(
-        address, source_system=1, dialect="common", retries=60
-    ) as link:
-        while turns:
-            came = link.recv_match(blocking=True, timeout=60)
-            kinds.append(came.get_type())
-            if kinds[-1] == "HIL_SENSOR":
-                turns -= 1
-                controls = [0.9] * 4 + [0.0] * 12
-                link.mav.hil_actuator_controls_send(came.time_usec, controls, 129, 1)
-
-
-@pytest.mark.slow
-def test_a_flight_that_is_cut_off_keeps_its_log(jblast, tmp_path):
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    kinds: list[str] = []
-    other = threading.Thread(target=answering, args=(port, 250, kinds))
-    other.start()
-    logs = ["--tlog", str(tmp_path / "a.tlog")]
-    scene = jblast.file("scene.toml", SCENE)
-    words = ["--mavlink", f"tcp:127.0.0.1:{port}", "--seconds", "5", "--json"]
-    code, out, _ = jblast("serve", scene, *words, *logs)
-    other.join()
-    # after the lines that pymavlink prints while it waits for the server
-    told = json.loads(out[out.index("{") :])
-    assert code == 4
-    # while the step of the vehicle compiles
-    assert kinds[0] == "HEARTBEAT"
-    assert (told["turns"], told["flown"]) == (250, 250)
-    assert told["ended"] == "the autopilot has disconnected"
-    # four rotors at 0.9 of their speed carry 2.2 times the weight of an Iris
-    assert told["position_m"][2] > 1.0
-    assert (tmp_path / "a.tlog").stat().st_size > 250 * 150
-
 
 pytest.importorskip("mavsdk")
 

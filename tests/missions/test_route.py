@@ -1,16 +1,34 @@
 """What a plan asks for, in the order in which it is flown; what cannot be."""
 
+import dataclasses
 import math
 from dataclasses import replace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.missions import Item, Plan, grid_plan, mission_of, orbit_plan
+from jblast.missions import (
+    Item,
+    Mission,
+    MissionControl,
+    Plan,
+    grid_plan,
+    mission_of,
+    orbit_plan,
+)
 from jblast.missions.route import geodetic, level
 from jblast.observations.places import Frame
 from jblast.scene import Place
+from jblast.vehicle import (
+    PositionHold,
+    State,
+    named,
+    named_gains,
+    simulate,
+)
 from tests.missions.missions import HOME, LAND, UP, item, mission, plan
 
 
@@ -42,17 +60,6 @@ def test_jumps_are_unrolled_and_speeds_are_carried_along():
     assert [s.item for s in stops] == [0, 2, 3, 2, 3, 2, 3, 6, 6, 6]
     assert [s.limits.speed_m_s for s in stops[:4]] == [5.0, 3.0, 3.0, 8.0]
     assert [s.limits.acceptance_m for s in stops[:3]] == [1.0, 1.0, 2.5]
-
-
-def test_jumps_within_jumps_begin_to_count_again():
-    one = mission(
-        UP,
-        (16, (10, 0, 6), {}),
-        (177, None, {"p1": 2, "p2": 1}),
-        (177, None, {"p1": 2, "p2": 1}),
-        LAND,
-    )
-    assert [s.item for s in one.stops].count(1) == 4
 
 
 def test_heights_above_the_sea_and_above_home_are_told_apart():
@@ -190,14 +197,6 @@ def test_lanes_cover_a_field_and_turn_about():
     np.testing.assert_allclose(places(plan)[:, 2], 15)
 
 
-def test_lanes_are_no_further_apart_than_asked_for():
-    plan = grid_plan(HOME, width_m=6.0, depth_m=25.0, spacing_m=10.0, up_m=15.0)
-    norths = np.unique(places(plan)[:, 1].round(2))
-    np.testing.assert_allclose(np.diff(norths), 25 / 3, atol=1e-2)
-    with pytest.raises(InputError, match="at most 1000 lanes, got 2501"):
-        grid_plan(HOME, width_m=6.0, depth_m=25.0, spacing_m=0.01, up_m=15.0)
-
-
 def test_an_orbit_is_about_its_middle():
     plan = orbit_plan(HOME, radius_m=-20.0, turns=2.0, up_m=15.0, centre_m=(50.0, 5.0))
     np.testing.assert_allclose(places(plan)[0], (50, 5, 15), atol=2e-4)
@@ -213,3 +212,55 @@ def test_places_on_earth_and_level_places_are_each_others_inverse():
     # a degree of latitude on the meridian, WGS84 at 35.3 degrees: 110.95 km
     north = level(frame, HOME.lat_deg + 0.01, HOME.lon_deg, 200.0)
     assert math.isclose(north[1], 1109.5, abs_tol=0.5)
+
+
+STEP, SECONDS = 0.002, 40.0
+ROWS = (UP, (16, (6, 0, 6), {}), (16, (6, 5, 6), {"p1": 1.0}), LAND)
+
+
+def control_of(one: Mission, model: str) -> MissionControl:
+    return MissionControl(
+        one.guidance, PositionHold(jnp.zeros(3), named_gains(model, integral=True))
+    )
+
+
+def standing(*batch: int) -> State:
+    def none(size: int):
+        return jnp.zeros((*batch, size))
+
+    return State(none(3), none(3), none(4).at[..., 3].set(1.0), none(3), none(4))
+
+
+def flown(control, model="iris", state=None, **options):
+    return simulate(
+        named(model),
+        standing() if state is None else state,
+        duration_s=SECONDS,
+        step_s=STEP,
+        control=control,
+        ground_up_m=0.0,
+        **options,
+    )
+
+
+@pytest.mark.slow
+def test_a_batch_flies_plans_of_different_lengths_as_each_alone():
+    many = [mission(*ROWS), mission(UP, LAND)]
+    count = max(one.guidance.legs.count for one in many)
+    alike = [
+        dataclasses.replace(one.guidance, legs=one.guidance.legs.padded(count))
+        for one in many
+    ]
+
+    guidance = jax.tree.map(lambda *x: jnp.stack(x), *alike)
+    hold = control_of(many[0], "iris").hold
+    holds = jax.tree.map(lambda x: jnp.stack([x, x]), hold)
+    together = flown(
+        MissionControl(guidance, holds), state=standing(2), store_every=500
+    )
+    for n, one in enumerate(many):
+        alone = flown(control_of(one, "iris"), store_every=500)
+        np.testing.assert_allclose(together.position_m[n], alone.position_m, atol=1e-6)
+        # it stands where it landed, and its rotors stand
+        np.testing.assert_allclose(alone.position_m[-1], (0, 0, 0), atol=0.05)
+        assert np.abs(alone.rotor_speed_rad_s[-1]).max() < 1.0

@@ -57,16 +57,6 @@ def test_the_scatter_drawn_is_the_number_that_calc_prints(peaks):
     assert np.log(peaks).std() == pytest.approx(printed, rel=4 / math.sqrt(2 * COUNT))
 
 
-def test_drawn_scatter_is_normal_in_the_logarithm(peaks):
-    z = np.log(peaks)
-    z = (z - z.mean()) / z.std()
-    # four standard errors of skewness and kurtosis; half of the variance as Student-t
-    # has a kurtosis without bound
-    assert abs(np.mean(z**3)) < 4 * math.sqrt(6 / COUNT)
-    assert abs(np.mean(z**4) - 3) < 4 * math.sqrt(24 / COUNT)
-    assert abs(z).max() < 6.5  # 1 in 30,000 for a normal
-
-
 def interval_coverage(scale: float) -> float:
     """Return the coverage of 90 % intervals of many unit-normal errors fitted as t.
 

@@ -230,14 +230,6 @@ def test_the_pull_never_points_down_however_fast_it_climbs():
         assert up == pytest.approx(max(9.81 - 9 * climb, 0.24 * 9.81))
 
 
-def test_a_place_far_above_the_target_asks_for_a_descent_of_a_metre_and_a_half():
-    # where the pull is the weight it neither brakes nor falls faster
-    for height in (1.0, 5.0, 50.0):
-        pull, gained = pull_of(away=(0, 0, height), velocity=(0, 0, -1.5))
-        assert pull[2] - 9.81 == pytest.approx(-3.75 * PERIOD * height, abs=1e-9)
-        assert gained[2] == 0
-
-
 @pytest.mark.parametrize("speed", [1.0, 3.0, 10.0])
 def test_the_tilt_is_at_most_45_degrees_and_keeps_its_direction(speed):
     east, north, up = pull_of(velocity=(0.6 * speed, -0.8 * speed, 0))[0]
@@ -320,13 +312,3 @@ def test_thrust_and_wind_carry_the_weight():
     weight = float(vehicle.mass_kg) * FLIGHT_GRAVITY
     # what eight rounds of the fixed point leave
     np.testing.assert_allclose(force, [0.0, 0.0, weight], atol=1e-3 * weight)
-
-
-def test_in_calm_air_it_is_level_and_has_its_heading():
-    vehicle, yaw = IRIS, jnp.asarray(0.7)
-    state = hover_in_wind(vehicle, PLACE, yaw, jnp.zeros(3))
-    turn = [0.0, 0.0, np.sin(0.35), np.cos(0.35)]
-    np.testing.assert_allclose(state.quaternion, turn, atol=1e-12)
-    square = jnp.sum(jnp.square(state.rotor_speed_rad_s))
-    lift = float(vehicle.thrust_coefficient * square)
-    assert lift == pytest.approx(float(vehicle.mass_kg) * FLIGHT_GRAVITY)

@@ -187,16 +187,6 @@ def test_iso_9613_is_what_an_independent_package_computes():
     np.testing.assert_allclose(8.686 * iso_9613_absorption(*air), printed, rtol=1e-6)
 
 
-def test_stokes_is_the_number_of_the_thesis_and_short_of_iso_9613():
-    alpha = stokes_absorption(500.0 / (2 * np.pi), 1.2, 340.0, 313.0)
-    assert alpha == pytest.approx(6.75e-8, abs=5e-11)
-    # 20 C, 70 %; printed 270, 131, 59, 14 with the air of Stokes not stated
-    frequency = np.array([20.0, 500.0, 1e3, 8e3])
-    iso = iso_9613_absorption(frequency, 293.15, 101325.0, 0.7)
-    stokes = stokes_absorption(frequency, 1.204, 343.2, 293.15)
-    np.testing.assert_allclose(iso / stokes, [270, 131, 59, 14], rtol=0.02)
-
-
 def test_far_above_its_relaxations_dry_air_absorbs_classically():
     # viscosity, rotation (0.6 of the viscosity) and conduction (Prandtl number 0.71),
     # over viscosity alone; at 100 MHz the relaxations of 24 and 9 Hz are a millionth
@@ -207,21 +197,6 @@ def test_far_above_its_relaxations_dry_air_absorbs_classically():
     )
     # 1.84e-11 has three digits, the Prandtl number two
     assert more * classical == pytest.approx(iso_9613_absorption(1e8, *air), rel=5e-3)
-
-
-def test_absorption_of_a_given_wave_is_a_function_of_frequency_over_pressure():
-    # at one temperature and mole fraction, alpha/P depends on f/P alone
-    one = iso_9613_absorption(1000.0, 290.0, 1e5, 0.3)
-    half = iso_9613_absorption(500.0, 290.0, 5e4, 0.15)
-    assert half == pytest.approx(0.5 * one, rel=1e-12)
-
-
-def test_dry_air_has_a_gradient_to_humidity():
-    def at(humidity):
-        return iso_9613_absorption(1000.0, 293.15, 101325.0, humidity)
-
-    # half a step times a curvature of some 1e2 in units of the slope; rounding 1e-7
-    assert jax.grad(at)(0.0) == pytest.approx((at(1e-7) - at(0.0)) / 1e-7, rel=1e-4)
 
 
 RATE, BEFORE = 48e3, 1000
@@ -297,11 +272,3 @@ def test_its_phase_is_the_dispersion_of_the_relaxations_and_a_delay():
     # by the cube of frequency over rate
     np.testing.assert_allclose(left, frequency * late[0], rtol=0, atol=2e-3)
     assert np.abs(expected).max() > 0.5
-
-
-def test_no_way_leaves_a_signal_alone_and_two_ways_add_up():
-    mild = AIRS["mild"]
-    np.testing.assert_allclose(heard(0.0, *mild), IMPULSE, rtol=0, atol=1e-14)
-    half = jitted(heard(400.0, *mild), 600.0, mild[0], 101325.0, mild[1])
-    whole = np.asarray(heard(1000.0, *mild))
-    np.testing.assert_allclose(half, whole, rtol=0, atol=1e-12)

@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
 from jaxtyping import ArrayLike
 from scipy.integrate import quad
 
@@ -20,7 +19,6 @@ from jblast.waves.pulse import (
     LEVEL,
     Pulse,
     blast_pulse,
-    counted_from,
     friedlander_pressure,
     ground_pulse_of,
     pulse_of,
@@ -115,19 +113,6 @@ def test_means_over_all_samples_sum_to_the_impulses(samples):
         np.testing.assert_allclose(total, known, rtol=1e-10)
 
 
-def test_the_peak_is_reached_and_never_exceeded():
-    waves, time = pulse(SHARES, RISES), np.linspace(ARRIVAL, END, 4001)[None, :]
-    assert np.max(waves.pressure(time)) <= PEAK * (1 + 1e-12)
-    at_top = waves.pressure(ARRIVAL + RISES + 1e-15)
-    np.testing.assert_allclose(at_top, np.full_like(at_top, PEAK), rtol=1e-9)
-    assert np.all(np.asarray(waves.pressure(time + END)) == 0.0)
-
-
-@pytest.mark.parametrize("share", [-0.1, 0.0, 1.0, 1.3])
-def test_an_impossible_impulse_gives_no_number(share):
-    assert np.isnan(pulse(share).mean(ARRIVAL + 1e-3, ARRIVAL + 2e-3))
-
-
 def test_single_precision_keeps_its_digits_in_short_samples():
     edges = np.arange(-10, 2000)[None, :] * 2.0**-16  # exact in single precision
     double = pulse(SHARES, RISES, 0.0)
@@ -138,15 +123,6 @@ def test_single_precision_keeps_its_digits_in_short_samples():
     # the time since arrival over the shortest piece is good to a few roundings
     known = double.mean(edges[:, :-1], edges[:, 1:])
     np.testing.assert_allclose(means, known, atol=3e-6 * PEAK)
-
-
-def test_single_precision_resolves_a_front_far_into_a_record():
-    whole, rest = jnp.float32(3600.0), jnp.float32(0.25)
-    one = jax.tree.map(jnp.float32, pulse(arrival=0.0))
-    later = counted_from(one._replace(arrival_time=whole + 0.25), whole, rest)
-    assert float(later.arrival_time) == 0.0
-    never = counted_from(one._replace(arrival_time=jnp.float32(np.inf)), whole)
-    assert np.isposinf(never.arrival_time)
 
 
 @pytest.mark.slow
@@ -275,28 +251,6 @@ def test_decays_of_kingery_and_bulmash_are_the_published_ones(burst, side):
     for decay, (_, text) in zip(np.asarray(found), rows, strict=True):
         digits = len(text.partition(".")[2])
         assert decay == pytest.approx(float(text), abs=0.6 * 10**-digits)
-
-
-@settings(deadline=None)  # the first call compiles
-@given(st.floats(1e2, 1e7), st.floats(1e-5, 1.0), st.floats(-1.0, 20.0))
-def test_the_decay_gives_the_impulse(peak, duration, decay):
-    impulse = peak * duration * impulse_fraction(np.array(decay))
-    found = friedlander_decay(peak, impulse, duration)
-    # a rounding of k is 6k of b near zero, and b of it far away
-    np.testing.assert_allclose(found, decay, rtol=1e-14, atol=1e-14)
-
-
-def test_decays_are_exact_over_eighteen_decades_in_both_precisions():
-    fraction = np.geomspace(1e-6, 1e12, 2001)
-    # k is steep in b where b = -35: a rounding of b there is 35 of k
-    found = impulse_fraction(decay_of_fraction(jnp.asarray(fraction)))
-    np.testing.assert_allclose(found, fraction, rtol=1e-14)
-    single = np.geomspace(1e-5, 100.0, 301).astype(np.float32)
-    found = np.asarray(decay_of_fraction(jnp.asarray(single)))
-    assert found.dtype == np.float32
-    exact = decay_of_fraction(jnp.asarray(single.astype(float)))
-    # rounding of k, 6e-8, times b or 6k, whichever is more
-    np.testing.assert_allclose(found.astype(float), exact, rtol=2e-6, atol=1e-6)
 
 
 FRACTION, DECAY = with_slopes(impulse_fraction), with_slopes(decay_of_fraction)

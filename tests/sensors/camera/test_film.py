@@ -1,15 +1,12 @@
 """Films, block by block; and the thesis's clip."""
 
-import os
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from jblast.scene import Camera, Charge, Scene, look_at
-from jblast.sensors.camera import film as film_module, project
-from jblast.sensors.camera.files.views import explosion_views
+from jblast.sensors.camera import film as film_module
 from jblast.sensors.camera.film import Film
 from jblast.sensors.camera.film_writer import (
     sheet_frames,
@@ -18,7 +15,6 @@ from jblast.sensors.camera.fireball import Appearance
 from jblast.sensors.camera.image import luminance
 from jblast.sensors.camera.rendering import in_view, render
 
-REFERENCE = os.environ.get("JBLAST_REFERENCE")
 SCENE = Scene(Charge(mass_kg=15.0, position_m=(0.0, 0.0, 1.0)))
 
 
@@ -73,46 +69,6 @@ def test_in_view_says_what_rendering_shows():
     # within a pixel of the edge, and there alone, it counts though no ray meets it
     assert answers.count((True, False)) <= 1
     assert min(map(answers.count, [(True, True), (False, False)])) >= 3
-
-
-@pytest.mark.slow  # 61 views are drawn
-@pytest.mark.skipif(REFERENCE is None, reason="JBLAST_REFERENCE is not set")
-def test_the_clip_of_the_thesis_is_as_large_as_its_scale_has_it(tmp_path):
-    (tmp_path / "views.toml").write_text(
-        "frames_hz = 30.0\nmetres_per_pixel = 0.05\ncharge_mass_kg = 15.0\n"
-        "anchor_px = [164.0, 277.0]\n"  # the foot of the explosion
-        f"[[view]]\nframes = '{Path(REFERENCE or '') / 'blast_clip'}'\n"
-        "azimuth_deg = 180.0\n"
-    )
-    clip = explosion_views(tmp_path)
-    assert clip.frames.shape == (1, 62, 320, 320, 5)
-    eye = camera(
-        position=(0.0, -40.0, 3.0),
-        width=160,
-        height=120,
-        focal=np.full(2, 150.0),
-        center=np.array([79.5, 59.5]),
-        frames_hz=30.0,
-    )
-    scene = Scene(Charge(mass_kg=15.0, time_s=2.0))
-    times = 2.0 + np.arange(61) / 30.0
-    film = Film(scene, eye, times, background=0.5, views=clip)
-    assert in_view(scene, eye, clip)
-    frames = np.concatenate([frames for _, frames in film.frames()])
-    np.testing.assert_array_equal(frames[:4], 0.5)  # the clip begins empty
-    assert np.isfinite(frames).all()
-    # frame 20 spans columns 79 to 250 and rows 125 to 279, told from the file: as
-    # large as 0.05 m a pixel at 40 m with a focal length of 150 px makes it
-    rows, columns = np.nonzero(np.abs(frames[20] - 0.5).max(axis=-1) > 0.05)
-    scale = 0.05 * 150.0 / 40.0
-    place = np.asarray(project(eye, np.zeros(3)).pixel)
-    for found, clip_side, foot, at in (
-        (columns, (79, 250), 164.0, place[0]),
-        (rows, (125, 279), 277.0, place[1]),
-    ):
-        expected = at + scale * (np.array(clip_side) - foot)
-        # one pixel of rounding, and what the view from 3 m up leans
-        np.testing.assert_allclose([found.min(), found.max()], expected, atol=1.5)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 5, 11, 12, 13, 30, 1000, 100_000])

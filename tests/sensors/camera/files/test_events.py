@@ -86,19 +86,6 @@ def test_impossible_events_are_not_written(tmp_path, suffix):
     assert [*tmp_path.iterdir()] == []
 
 
-def test_limits_of_formats_are_stated(tmp_path):
-    event = events_of([0, 0], [0, 0], [0, 10**11], [1, 1])
-    for name, width, message in (
-        ("a.raw", 2049, "images of at most 2,048 pixels per side"),
-        ("a.raw", 640, "at most 24 hours between two events of EVT3"),
-        ("a.aedat4", 32768, "images of at most 32,767 pixels per side"),
-        ("a.dat", 640, r"a name ending in \.h5, \.hdf5, .* or \.txt, got \.dat"),
-    ):
-        with pytest.raises(InputError, match=message):
-            write_events(tmp_path / name, [event], width, 480)
-    assert [*tmp_path.iterdir()] == []
-
-
 @pytest.mark.parametrize("suffix", EVENT_FORMATS)
 def test_missing_empty_and_other_files_are_refused(tmp_path, suffix):
     path = tmp_path / f"a{suffix}"

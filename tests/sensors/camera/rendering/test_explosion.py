@@ -191,21 +191,3 @@ def test_behind_and_at_the_camera_nothing_is_shown_and_all_is_finite(
     value, slope = jax.jit(jax.value_and_grad(light))(jnp.asarray(burst))
     assert float(value) == pytest.approx(0.18 * HEIGHT * WIDTH * 3, rel=1e-9)
     np.testing.assert_array_equal(slope, 0.0)
-
-
-@pytest.mark.slow
-def test_the_nearest_view_is_shown_upright_from_all_around(puffs):
-    """Views of one colour each: that of the largest dot product is seen."""
-    shades = jnp.arange(len(puffs.direction)) * 20
-    texels = jnp.zeros_like(puffs.frames).at[..., 20:50, 20:50, 4].set(255)
-    texels = texels.at[..., 1].set(shades[:, None, None, None].astype(jnp.uint8))
-    marked = eqx.tree_at(lambda v: v.frames, puffs, texels)
-    for azimuth in np.radians([10.0, 100.0, 190.0, 280.0]):
-        for height in (3.0, 35.0):
-            place = (30.0 * np.sin(azimuth), 30.0 * np.cos(azimuth), height)
-            seen = layer(marked, scene_of(), camera(place, (0, 0, 3.0), 100.0), 0.3)
-            shown = seen[seen[..., 3] > 0.99][:, 0]
-            view = int(np.argmax(np.asarray(puffs.direction) @ np.asarray(place)))
-            grey = 20 * view / 255
-            light = grey / 12.92 if grey <= 0.04045 else ((grey + 0.055) / 1.055) ** 2.4
-            np.testing.assert_allclose(np.median(shown), light, atol=2e-3)

@@ -1,18 +1,18 @@
-"""Gradients of pixels against central differences, float64."""
+"""Pictures of a fireball: columns, limbs, hidden parts, light, gradients."""
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jblast.scene import Air, Charge, Scene, quaternion_matrix
+from jblast.scene import Air, Charge, Scene
 from jblast.sensors.camera.fireball import cloud, passage
-from jblast.sensors.camera.geometry import Rays, pixel_rays
+from jblast.sensors.camera.geometry import Rays, Surfaces, pixel_rays
 from jblast.sensors.camera.rendering import render
+from jblast.sensors.camera.surroundings import sphere_factor
 from jblast.waves.fireball import fireball
 from tests.sensors.camera.fireball_scenes import EYE, LUMPS, one_charge, small_camera
 
@@ -107,28 +107,6 @@ def test_the_ground_hides_what_is_below_it():
 
 
 @pytest.mark.slow
-def test_pixels_that_show_no_direction_show_no_fireball():
-    # strong barrel distortion: the model folds over before the image's corners
-    lens = jnp.array([-0.5, 0.0, 0.0, 0.0, 0.0])
-    camera = small_camera(distortion=lens, focal=[14.0, 14.0])
-    near = camera.position + 48.0 * quaternion_matrix(camera.quaternion)[:, 2]
-    camera = dataclasses.replace(camera, position=near)
-    rays = pixel_rays(camera, ground=False)
-    folded = np.asarray(rays.farthest == 0)
-    assert folded[0, 0]
-    assert not folded[8, 12]
-    alpha = alpha_of(one_charge(), camera, ground=False)
-    assert (alpha[folded] == 0).all()
-    assert alpha[8, 12] > 0.9
-
-    def total(position):
-        moved = eqx.tree_at(lambda c: c.position, camera, position)
-        return layer_of(one_charge(), moved).sum()
-
-    assert np.isfinite(jax.jit(jax.grad(total))(camera.position)).all()
-
-
-@pytest.mark.slow
 def test_the_nearer_of_two_charges_hides_the_farther():
     near = Charge(mass_kg=30.0, position_m=(0.0, -10.0, 3.0))
     far = Charge(mass_kg=200.0, position_m=(0.0, 20.0, 3.0), time_s=0.25)
@@ -216,3 +194,80 @@ def test_before_the_burst_gradients_are_zero_and_finite():
     late = UNKNOWN.at[4].set(9.0)
     gradient = gradient_of(late)
     np.testing.assert_array_equal(gradient, 0.0)
+
+
+@jax.jit
+def factor(offset, radius=1.0, tilt=0.0):
+    """Of a sphere at an offset, for a surface that leans to the east."""
+    normal = jnp.stack([jnp.sin(tilt), 0.0 * tilt, jnp.cos(tilt)])
+    at = Surfaces(jnp.zeros((3, 1, 1)), normal[:, None, None], jnp.ones((1, 1), bool))
+    return sphere_factor(jnp.asarray(offset, float), jnp.asarray(radius), at)[0, 0]
+
+
+def integral(offset, tilt):
+    """Sum over 2000 x 2000 directions of the hemisphere, of equal factors."""
+    parts = (np.arange(2000) + 0.5) / 2000
+    square, turn = np.meshgrid(parts, 2 * np.pi * parts)
+    away = np.sqrt(square)
+    x, y, z = away * np.cos(turn), away * np.sin(turn), np.sqrt(1 - square)
+    east = np.cos(tilt) * x + np.sin(tilt) * z
+    up = -np.sin(tilt) * x + np.cos(tilt) * z
+    along = offset[0] * east + offset[1] * y + offset[2] * up
+    met = (along > 0) & (np.sum(np.square(offset)) - along**2 < 1.0)
+    return met.mean()
+
+
+@pytest.mark.parametrize(
+    ("offset", "tilt"),
+    [
+        ((2.0, 1.0, 1.5), 0.0),
+        ((1.2, 0.0, 0.3), 0.0),
+        ((1.2, 0.4, -0.3), 0.0),
+        ((3.0, 0.0, 0.1), 0.7),
+        ((-1.5, 0.2, 0.9), 0.4),
+    ],
+)
+def test_it_is_the_part_of_the_hemisphere_weighed_by_the_cosine(offset, tilt):
+    # the edge of the sphere goes through some 6000 of 4e6 cells
+    expected = integral(np.array(offset), tilt)
+    assert float(factor(offset, tilt=tilt)) == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("far", [1.5, 4.0, 100.0])
+def test_a_sphere_seen_whole_falls_with_the_square_and_the_cosine(far):
+    angle = 0.5 * np.arccos(1.0 / far)
+    offset = far * np.array([np.sin(angle), 0.0, np.cos(angle)])
+    expected = np.cos(angle) / far**2
+    assert float(factor(offset)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_on_its_surface_and_within_it_depends_on_the_angle_alone():
+    for length in (1.0, 0.5, 1e-3):
+        for cosine in (-0.8, 0.0, 0.6):
+            sine = np.sqrt(1 - cosine**2)
+            offset = length * np.array([sine, 0.0, cosine])
+            found = float(factor(offset))
+            assert found == pytest.approx(0.5 + 0.5 * cosine, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "offset", [(2.0, 1.0, 1.5), (1.2, 0.0, 0.3), (1.2, 0.4, -0.3), (0.1, 0.2, 0.3)]
+)
+def test_slopes_are_those_of_differences(offset):
+    numbers = jnp.array([*offset, 1.0])
+
+    def of(values):
+        return factor(values[:3], values[3])
+
+    slope, step = np.asarray(jax.grad(of)(numbers)), 1e-6
+    for n in range(4):
+        ends = [float(of(numbers.at[n].add(side * step))) for side in (-1, 1)]
+        assert slope[n] == pytest.approx(np.diff(ends)[0] / (2 * step), abs=1e-7)
+
+
+def test_slopes_are_numbers_everywhere():
+    places = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (2.0, 0.0, 1.0)]
+    for place in [*places, (2.0, 0.0, -1.0), (0.0, 0.0, -1.0)]:
+        for radius in (0.0, 1.0):
+            slope = jax.grad(factor, (0, 1))(jnp.array(place), radius)
+            assert np.isfinite(np.concatenate([slope[0], slope[1][None]])).all()

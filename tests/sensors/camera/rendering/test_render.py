@@ -139,29 +139,6 @@ def test_a_carried_camera_that_stands_sees_what_a_fixed_one_sees():
     assert np.ptp(found) > 1.0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("roll", [0.3])
-def test_a_pixel_on_the_horizon_is_the_mean_of_finer_ones(roll):
-    eye, fine = carried(tilt=0.01, roll=roll), 8
-    finer = dataclasses.replace(
-        eye,
-        focal=fine * eye.focal,
-        center=fine * eye.center + (fine - 1) / 2,
-        width=fine * eye.width,
-        height=fine * eye.height,
-    )
-
-    def light(camera):
-        camera = carried_camera(camera, standing(), jnp.asarray(0.0))
-        rays = pixel_rays(camera)
-        return np.asarray(landscape().light(rays, 1.0 / jnp.max(camera.focal)))
-
-    mean = light(finer).reshape(3, eye.height, fine, eye.width, fine).mean((2, 4))
-    # a slanting edge fills a pixel along a curve, and not a line
-    np.testing.assert_allclose(light(eye), mean, atol=0.03)
-    assert np.ptp(mean[2]) > 0.5
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
