@@ -9,9 +9,7 @@ from typing import Any
 
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync, ActionError
-from mavsdk.asyncio.plugins.info import InfoAsync
 from mavsdk.asyncio.plugins.mission import MissionAsync, MissionItem, MissionPlan
-from mavsdk.asyncio.plugins.param import ParamAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 
 WAIT_S = 400.0
@@ -29,8 +27,8 @@ class Client:
     """MAVSDK's plugins for one vehicle."""
 
     def __init__(self, system):
-        self.action, self.info = ActionAsync(system), InfoAsync(system)
-        self.mission, self.param = MissionAsync(system), ParamAsync(system)
+        self.action = ActionAsync(system)
+        self.mission = MissionAsync(system)
         self.telemetry = TelemetryAsync(system)
 
     async def until(self, name: str, wanted) -> Any:

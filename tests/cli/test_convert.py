@@ -9,7 +9,7 @@ import pytest
 
 from jblast.observations import read, starter_scene
 from jblast.scene import read_scene
-from tests.cli.cli_files import HEADER, TWO
+from tests.cli.cli_files import HEADER
 
 FORENSIC = (
     "Sensor;Quantity;Value;Sigma;East (ft);North (ft);Note\n"
@@ -82,22 +82,6 @@ ASKED = {"six_clips": {"date": "2024-05-17", "zone": "UTC"}}
 """What the logs do not say themselves."""
 
 
-def test_a_scene_is_printed_or_written_and_never_over_another(jblast):
-    log = jblast.file("log.csv", TWO)
-    code, text, err = jblast("scene", log)
-    assert (code, err) == (0, "")
-    out = jblast.path("scene.toml")
-    code, said, _ = jblast("scene", log, "--out", out)
-    assert code == 0
-    assert f"jblast fit {log} --scene {out}" in said
-    assert jblast.text("scene.toml") == text
-    assert "exists already" in jblast.refused("scene", log, "--out", out)
-    assert jblast("scene", log, "--out", out, "--force")[0] == 0
-    assert "cannot be written" in jblast.refused(
-        "scene", log, "--out", jblast.path("log.csv/scene.toml")
-    )
-
-
 @pytest.mark.parametrize(
     "log",
     [log for log in sorted(DATA.glob("*.csv")) if log.stem not in SOURCE_TABLES],
@@ -138,17 +122,6 @@ def test_the_json_has_every_line_that_the_text_has(jblast):
     (warning,) = document["warnings"]
     assert warning["kind"] == "clock_of_another_zone"
     assert (warning["lines"], warning["sensors"]) == ([5], ["d"])
-
-
-def test_clips_are_not_doubted_for_clocks_of_their_own(jblast):
-    clips = str(DATA / "six_clips.csv")
-    code, text, _ = jblast("check", clips, "--date", "2024-05-17", "--zone", "UTC")
-    assert code == 0
-    assert text.splitlines()[0] == "The log can be fitted: no faults or warnings"
-    assert "the centre of the sensors" in " ".join(text.split())
-    code, text, _ = jblast("check", clips)
-    assert code == 2
-    assert text.count("expected a date") == 1
 
 
 @pytest.mark.parametrize(

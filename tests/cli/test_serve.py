@@ -1,4 +1,4 @@
-"""jblast serve: what it refuses from a shell, and one flight end to end."""
+"""MAVSDK flies a mission that `jblast serve` simulates, and lands."""
 
 import asyncio
 import json
@@ -7,6 +7,8 @@ import threading
 import numpy as np
 import pytest
 
+pytest.importorskip("mavsdk")
+
 from tests.autopilot.mavsdk_client import (
     connected,
     free_port,
@@ -14,9 +16,6 @@ from tests.autopilot.mavsdk_client import (
     plan_of,
     refused,
 )
-
-pytest.importorskip("mavsdk")
-
 
 STEP_DEG = 4e-4
 """Distance of two waypoints: 44 m, 3 s of the wall clock at the speed of the test."""

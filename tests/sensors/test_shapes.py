@@ -50,23 +50,6 @@ def test_a_batch_that_is_not_mapped_is_refused_by_name(scene, said):
         jblast.bound(UncertainScene(scene))
 
 
-@pytest.mark.parametrize(
-    ("name", "column", "said"),
-    [
-        (
-            "position",
-            jnp.zeros(3),
-            r"layout.position: expected shape \(1, 3\), got \(3,",
-        ),
-        ("slant_range", jnp.asarray(2.0), r"layout.slant_range: expected .* got \(\)"),
-    ],
-)
-def test_a_column_of_another_length_is_refused_by_name(name, column, said):
-    layout = with_leaf(lambda of: getattr(of, name), column, LAYOUT)
-    with pytest.raises(InputError, match=said):
-        jblast.record(SCENE, layout, ARRIVAL)
-
-
 def test_what_a_bound_is_asked_at_is_a_number():
     with pytest.raises(
         InputError, match=r"at\['charge_mass_kg'\]: expected shape \(\)"

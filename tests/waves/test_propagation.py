@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.thesis.absorption import stokes_absorption
 from jblast.constants import STANDARD_PRESSURE, STANDARD_SOUND_SPEED
 from jblast.waves.propagation import (
     absorption_transfer,
@@ -185,18 +184,6 @@ def test_iso_9613_is_what_an_independent_package_computes():
     *air, printed = INDEPENDENT.T
     # 8.686 dB to the neper, as the standard has it
     np.testing.assert_allclose(8.686 * iso_9613_absorption(*air), printed, rtol=1e-6)
-
-
-def test_far_above_its_relaxations_dry_air_absorbs_classically():
-    # viscosity, rotation (0.6 of the viscosity) and conduction (Prandtl number 0.71),
-    # over viscosity alone; at 100 MHz the relaxations of 24 and 9 Hz are a millionth
-    air = 293.15, 101325.0, 0.0
-    more = (4 / 3 + 0.6 + 0.4 / 0.71) / (4 / 3)
-    classical = stokes_absorption(
-        1e8, air_density(*air), sound_speed_in_air(*air), 293.15
-    )
-    # 1.84e-11 has three digits, the Prandtl number two
-    assert more * classical == pytest.approx(iso_9613_absorption(1e8, *air), rel=5e-3)
 
 
 RATE, BEFORE = 48e3, 1000
