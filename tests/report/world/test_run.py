@@ -104,6 +104,7 @@ def parts(run):
     return [*packets_of(run)]
 
 
+@pytest.mark.slow
 def test_frames_are_stored_while_a_fireball_is_in_view(run):
     stored = frames_in_view(run, run.film)
     assert 2 < stored.size < run.film.times.size
@@ -128,6 +129,7 @@ def files_of(path: Path) -> dict[str, bytes]:
     return found | {"run": json.dumps(document).encode(), "size": b"%d" % len(events)}
 
 
+@pytest.mark.slow
 def test_packets_follow_each_other_from_zero_to_the_end(run, parts):
     assert parts[0].start_s == 0.0
     assert parts[-1].end_s == SECONDS
@@ -137,6 +139,7 @@ def test_packets_follow_each_other_from_zero_to_the_end(run, parts):
     assert tuple(x for p in parts for x in p.perceived) == run.perceived
 
 
+@pytest.mark.slow
 def test_samples_of_packets_are_those_of_the_whole_record(run, parts):
     for sensor in run.listening.sensors:
         (whole,) = packets(run.listening, sensor)
@@ -148,6 +151,7 @@ def test_samples_of_packets_are_those_of_the_whole_record(run, parts):
         np.testing.assert_allclose(starts, counts / some[0].rate_hz - offset)
 
 
+@pytest.mark.slow
 def test_each_row_of_the_flight_and_each_frame_is_in_one_packet(run, parts):
     rows = np.concatenate([p.motion.time_s for p in parts])
     np.testing.assert_array_equal(rows, run.flight.time_s)
@@ -182,6 +186,7 @@ def test_who_watches_changes_nothing_recorded(scene, folder):
     assert found["false_alarms"] == 0
 
 
+@pytest.mark.slow
 def test_subscribers_are_finished_after_an_error(run):
     ended = []
 
