@@ -1,6 +1,7 @@
-"""What is doubted of a log, and what is not."""
+"""Doubts about a log, and none about an honest one."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,15 +18,66 @@ from jblast.observations import Observations, some_rows
 from jblast.observations.places import Frame
 from jblast.report.check import row_sentence
 from jblast.scene import default_scene, freed
-from tests.inference.sanity.made import (
-    ARRIVAL,
-    IMPULSE,
-    MASS,
-    PEAK,
-    PLACES,
-    log_of,
-    with_value,
+from jblast.sensors.calculator import Rows, by_law
+
+MASS = 60.0
+PLACES = np.array(
+    [
+        [60.0, 10.0, 0.0],
+        [-20.0, 95.0, 0.0],
+        [-130.0, -40.0, 0.0],
+        [40.0, -180.0, 0.0],
+        [210.0, 120.0, 0.0],
+    ]
 )
+PEAK, ARRIVAL, IMPULSE = (
+    "peak_overpressure_pa",
+    "air_arrival_s",
+    "positive_impulse_pa_s",
+)
+
+
+@cache
+def _told() -> dict[str, np.ndarray]:
+    scene = default_scene().scene
+    scene = replace(scene, charges=(replace(scene.charge, burst="surface"),))
+    distance = np.linalg.norm(PLACES, axis=1)
+    rows = Rows(scene, distance, np.full(len(distance), MASS))
+    names = (PEAK, ARRIVAL, IMPULSE)
+    return {name: by_law(rows, name)["kinney_graham"].value for name in names}
+
+
+def log_of(
+    *quantities: str, shift: tuple[float, float] = (0.0, 0.0), since: float = 0.0
+) -> Observations:
+    """Make a log of five sensors: shifted with its charge, and its clock set."""
+    rows = [(i, q) for q in quantities for i in range(len(PLACES))]
+    n = len(rows)
+    value = np.array([_told()[q][i] + since * (q == ARRIVAL) for i, q in rows])
+    sigma = np.where([q == ARRIVAL for _, q in rows], 1e-3, 0.05 * value)
+    return Observations(
+        sensor=tuple(f"s{i}" for i, _ in rows),
+        quantity=tuple(q for _, q in rows),
+        value=value,
+        sigma=sigma,
+        position=np.array([PLACES[i] + [*shift, 0.0] for i, _ in rows]),
+        slant_range=np.full(n, np.nan),
+        time=np.full(n, np.nan),
+        path=("",) * n,
+        shot=("",) * n,
+        clock=("",) * n,
+        line=tuple(range(2, n + 2)),
+        source="log.csv",
+    )
+
+
+def with_value(log: Observations, row: int, factor: float) -> Observations:
+    """Multiply one value, and its sigma."""
+    value, sigma = log.value.copy(), log.sigma.copy()
+    value[row] *= factor
+    sigma[row] *= factor
+    return replace(log, value=value, sigma=sigma)
+
 
 SCENE = default_scene()
 BOTH = log_of(ARRIVAL, PEAK)
@@ -42,7 +94,7 @@ def test_an_honest_log_is_not_doubted(quantities):
     assert kinds(log_of(*quantities)) == []
 
 
-@pytest.mark.parametrize("factor", [1e3, 1e-3, 6.894757, 1 / 6.894757])
+@pytest.mark.parametrize("factor", [1e3, 1 / 6.894757])
 def test_a_peak_in_another_unit_is_named_with_its_factor(factor):
     """By laws that differ from those it is checked by, so only the unit is exact."""
     (doubt,) = doubts(with_value(BOTH, 7, factor), SCENE)
@@ -61,7 +113,7 @@ def test_a_whole_column_in_another_unit_is_named_once():
     assert doubt.numbers["factor"] == 1e-3
 
 
-@pytest.mark.parametrize("hours", [1.0, -1.0, 5.5])
+@pytest.mark.parametrize("hours", [-1.0, 5.5])
 def test_a_clock_of_another_zone_is_named(hours):
     log = replace(BOTH, value=BOTH.value + 3600 * hours * (np.arange(10) == 3))
     (doubt,) = doubts(log, SCENE)
@@ -184,8 +236,7 @@ def test_whatever_stands_in_a_log_is_told_or_not_but_never_breaks(values):
 
 def test_no_rows_and_rows_without_places_are_taken():
     assert kinds(some_rows(BOTH, np.array([], int))) == []
-    nowhere = replace(BOTH, position=np.full((10, 3), np.nan))
-    assert kinds(nowhere) == []
+    assert kinds(replace(BOTH, position=np.full((10, 3), np.nan))) == []
 
 
 def peaks_at(distance: np.ndarray, peak_pa: np.ndarray) -> Readings:
@@ -202,25 +253,23 @@ def peaks_at(distance: np.ndarray, peak_pa: np.ndarray) -> Readings:
     )
 
 
-@pytest.mark.parametrize(("factor", "odd"), [(1.0, False), (1.8, True), (4.0, True)])
-def test_a_peak_that_rises_beyond_scatter_is_doubted(factor, odd):
-    """Three gauges; the middle one reads this much more than the nearest, at 1.5 times
-    its distance. Scatter of a record is 17 %, and sound would fall by a third."""
-    distance = np.array([20.0, 30.0, 60.0])
-    readings = peaks_at(distance, np.array([1e4, factor * 1e4, 2e3]))
-    assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == [
-        (1, 0)
-    ] * odd
-
-
-@pytest.mark.parametrize(("ratio", "odd"), [(1.02, True), (1.2, True), (1.0, False)])
-def test_a_rise_between_close_ranges_is_doubted(ratio, odd):
-    """Three times the peak a little farther off, but not at the same distance."""
+@pytest.mark.parametrize(
+    ("ratio", "factor", "odd"),
+    [
+        # at 1.5 times the distance sound would fall by a third
+        (1.5, 1.0, False),
+        (1.5, 1.8, True),
+        # a little farther off, but not at the same distance
+        (1.02, 3.0, True),
+        (1.0, 3.0, False),
+    ],
+)
+def test_a_peak_that_rises_beyond_scatter_is_doubted(ratio, factor, odd):
+    """The middle gauge reads so much more than the nearest; records scatter by 17 %."""
     distance = np.array([20.0, 20.0 * ratio, 60.0])
-    readings = peaks_at(distance, np.array([1e4, 3e4, 2e3]))
-    assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == [
-        (1, 0)
-    ] * odd
+    readings = peaks_at(distance, np.array([1e4, factor * 1e4, 2e3]))
+    expected = [(1, 0)] * odd
+    assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == expected
 
 
 def test_stated_errors_add_to_scatter_in_quadrature():
@@ -235,7 +284,7 @@ def test_stated_errors_add_to_scatter_in_quadrature():
     assert [doubt["rows"] for doubt in rising_peaks(readings, distance)] == [(1, 0)]
 
 
-@pytest.mark.parametrize(("factor", "odd"), [(5.0, True), (8.0, True), (1.0, False)])
+@pytest.mark.parametrize(("factor", "odd"), [(5.0, True), (1.0, False)])
 def test_a_rise_that_feet_explain_as_well_names_a_reflected_reading(factor, odd):
     log = with_value(log_of(PEAK), 3, factor)
     at_the_origin = replace(SCENE, source="scene.toml")
@@ -284,14 +333,13 @@ def heard(speed: float, late: float = 0.0) -> Observations:
 PLACE = ("charge_east_m", "charge_north_m", "origin_time_s")
 
 
-@pytest.mark.parametrize("speed", [210.0, 240.0, 275.0])
+@pytest.mark.parametrize("speed", [210.0, 275.0])
 @pytest.mark.parametrize("free", [PLACE, PLACE[:2]])
 def test_slow_arrivals_from_an_unknown_place_accuse_no_sensor(speed, free):
     """Sensors were blamed one by one: too early, too late, a wrong sign of east."""
     (doubt,) = doubts(heard(speed), freed(SCENE, free))
     assert (doubt.kind, len(doubt["rows"])) == ("slow_together", 8)
     assert doubt.numbers["speed_m_s"] == pytest.approx(speed, rel=0.001)
-    assert f"imply a speed of {speed:.0f} m/s" in row_sentence(doubt, heard(speed))
 
 
 @pytest.mark.slow
