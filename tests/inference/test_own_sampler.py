@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-PAGE = Path(__file__).parents[3] / "docs/howto/own_sampler.md"
+PAGE = Path(__file__).parents[2] / "docs/howto/own_sampler.md"
 BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.M | re.S)
 LOG = """sensor,range_m,quantity,value,sigma
 a,20,air_arrival_s,0.1301,0.001
