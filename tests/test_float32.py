@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from jblast.inference import solve
-from tests.inference.fitting.clocks_off import ASKED, heard
+from tests.inference.clocks_off import ASKED, heard
 from tests.tools.single_precision import fitted
 
 ROOT = Path(__file__).parents[1]

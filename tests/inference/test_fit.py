@@ -46,7 +46,7 @@ from jblast.waves import (
     kingery_bulmash_pressure,
 )
 from tests.catalogue import AROUND, BOTH, EXACT, MASS_FREE, TEN, TRUTH, pressures
-from tests.inference.fitting.clocks_off import ASKED, heard
+from tests.inference.clocks_off import ASKED, heard
 from tests.inference.logs import log
 
 
@@ -469,14 +469,6 @@ def test_a_recorder_that_runs_late_is_found_and_the_blast_with_it():
     (found,) = (w for w in agreeing.warnings if w.kind == "clocks_taken_to_agree")
     assert found["parameters"] == ("clock_offset_s.y",)
     assert found["clocks"] == ("x", "y")
-
-
-def test_a_clock_free_beside_the_origin_time_is_refused_with_one_arrival():
-    made = log(("a", "air_arrival_s", 1.1, 1e-3, RING[0]))
-    scene = Scene(Charge(mass_kg=15.0), sensors=(Sensor("a", np.array(RING[0])),))
-    uncertain = freed(UncertainScene(scene), ["origin_time_s", "clock_offset_s.a"])
-    with pytest.raises(InputError, match="1 clock times and 0 other readings cannot"):
-        fit(made, uncertain)
 
 
 @pytest.mark.slow

@@ -105,7 +105,7 @@ def test_laws_over_cells_are_the_laws(quantity, name):
     np.testing.assert_allclose(jnp.broadcast_to(got, want.shape), want, rtol=1e-12)
 
 
-LAWS = {
+CHOSEN = {
     "air_arrival_s": "kingery_bulmash",
     "ground_arrival_s": "wu_hao",
     "peak_overpressure_pa": "kingery_bulmash",
@@ -152,10 +152,10 @@ def test_rows_over_lanes_miss_as_the_posterior_does(scatter):
     uncertain = freed(UncertainScene(scene), FREE)
     parameters = parameters_of(uncertain)
     layout = layout_of(observations, scene)
-    posterior = posterior_of(parameters, layout, observations, LAWS, "student")
+    posterior = posterior_of(parameters, layout, observations, CHOSEN, "student")
     # batches take the scatter of neighbouring paths as independent
     posterior = dataclasses.replace(posterior, neighbours=False)
-    rows = rows_of(parameters, layout, LAWS, "student")
+    rows = rows_of(parameters, layout, CHOSEN, "student")
     values = jnp.asarray(observations.value)
     z = jnp.array([3.0, 5.0, 0.01, 5.8, 2.0, -0.02])
     v = 0.3 * jnp.arange(rows.effects, dtype=float)

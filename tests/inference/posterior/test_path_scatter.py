@@ -15,7 +15,7 @@ from jblast.scene import with_laws
 from jblast.sensors.path_scatter import KERNELS, correlations
 from tests.tools.slopes import check_slopes
 
-CASES = Path(__file__).parents[1] / "fitting" / "arrays"
+CASES = Path(__file__).parents[1] / "arrays"
 LAWS = {"air_arrival_s": "kingery_bulmash"}
 TRUE = {
     "charge_mass_kg": 1.0,

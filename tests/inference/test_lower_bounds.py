@@ -10,7 +10,6 @@ from jblast.inference import batch_of, fit
 from jblast.inference.answer import Answer
 from jblast.inference.density import LEFT_OUT_SIGMA, density_of
 from jblast.inference.fitting.goodness_of_fit import chi_squared, suspected_outliers
-from jblast.report.fit_report import fit_document, residual_table
 from jblast.scene import Scene, UncertainScene, freed, with_laws
 from jblast.sensors import layout_of, record
 from jblast.sensors.simulated_readings import Noise
@@ -37,12 +36,9 @@ def read():
     """What gauges would read of the truth, with errors of 5 %."""
     errors = 0.05 * np.array([1.1, -0.4, 0.3, -1.6, 0.8, 0.2, -0.9, 0.6])
     layout = layout_of(made(np.ones(8)), UNCERTAIN.scene)
-    exact = replace(UNCERTAIN.scene, charges=(replace_mass(UNCERTAIN.scene.charge),))
+    charge = replace(UNCERTAIN.scene.charge, mass_kg=jnp.asarray(TRUTH))
+    exact = replace(UNCERTAIN.scene, charges=(charge,))
     return np.asarray(record(exact, layout, LAWS).value) * np.exp(errors)
-
-
-def replace_mass(charge):
-    return replace(charge, mass_kg=jnp.asarray(TRUTH))
 
 
 def clipped():
@@ -64,8 +60,8 @@ def interval(table, noise: Noise = "student"):
     return np.exp(np.interp([0.05, 0.95], mass / mass[-1], LOG_MASS))
 
 
-def answer_of(table, mass=TRUTH):
-    return Answer(density_of(table, UNCERTAIN), np.array([mass]), np.ones(1))
+def answer_of(table):
+    return Answer(density_of(table, UNCERTAIN), np.array([TRUTH]), np.ones(1))
 
 
 @pytest.mark.slow
@@ -127,6 +123,3 @@ def test_a_fit_of_a_clipped_log_has_the_interval_of_quadrature():
     assert mass.q05 == pytest.approx(low, rel=0.03)
     assert mass.q95 == pytest.approx(high, rel=0.03)
     assert found.exit_code == 0
-    assert fit_document(found)["n_lower_bounds"] == 4
-    rows = residual_table(found).rows
-    assert [row[-1] == "satisfied" for row in rows] == [True] * 4 + [False] * 4
