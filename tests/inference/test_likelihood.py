@@ -17,6 +17,10 @@ from jblast.inference.likelihood import (
     exact_gain,
     log_likelihoods,
 )
+from jblast.inference.noise import (
+    log_noise,
+    noise_slopes,
+)
 from jblast.sensors.path_scatter import KERNELS
 
 ERRORS: dict[str, Any] = {"gaussian": stats.norm(), "student": stats.t(df=4)}
@@ -212,6 +216,7 @@ def test_anchors_share_what_neighbours_share():
 def test_slopes_in_jax_agree_with_differences(bound):
     rows, seen = made(RESIDUAL, SD, LOADING, "student", bound)
 
+    @jax.jit
     def of(x):
         there = jax.tree.map(jnp.asarray, seen)
         moved = there._replace(
@@ -220,7 +225,7 @@ def test_slopes_in_jax_agree_with_differences(bound):
         return log_likelihoods(jnp, rows, moved)[0][0, 0]
 
     at, step = jnp.array([0.02, 0.1]), 1e-5 * np.eye(2)
-    slope = jax.jit(jax.grad(of))(at)
+    slope = jax.grad(of)(at)
     ends = [(of(at + s) - of(at - s)) / 2e-5 for s in step]
     np.testing.assert_allclose(slope, ends, rtol=1e-5)
 
@@ -235,3 +240,20 @@ def test_one_wild_row_moves_the_shared_effect_less_under_student_errors():
         moved[noise] = log_likelihoods(np, rows, seen)[1].normal.linear[0, 0, 0]
     assert moved["gaussian"] > 2
     assert abs(moved["student"]) < 0.4
+
+
+@pytest.mark.parametrize("noise", ERRORS)
+def test_errors_have_the_density_of_scipy(noise):
+    u = np.linspace(-30, 30, 41)
+    np.testing.assert_allclose(
+        log_noise(jnp.asarray(u), noise), ERRORS[noise].logpdf(u), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("noise", ERRORS)
+def test_slopes_of_an_error_are_its_derivatives(noise):
+    u = jnp.linspace(-30, 30, 41)
+    first = jax.grad(lambda u: -log_noise(u, noise))
+    slope, curvature = noise_slopes(u, noise)
+    np.testing.assert_allclose(slope, jax.vmap(first)(u), rtol=1e-11)
+    np.testing.assert_allclose(curvature, jax.vmap(jax.grad(first))(u), rtol=1e-9)

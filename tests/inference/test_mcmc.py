@@ -1,6 +1,5 @@
 """Walkers sample the posterior, and say where they cannot."""
 
-import functools
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,9 +16,8 @@ from jblast.inference.mcmc import (
     walk,
 )
 from jblast.inference.regions import quantiles
-from jblast.inference.sample import solve as drawn
 from jblast.report.messages import sentences_of
-from tests.inference.test_density import PLACED, density
+from tests.inference.test_density import solved
 
 
 def autoregressive(rho, steps, walkers, seed=0):
@@ -105,12 +103,6 @@ def test_walkers_go_from_mode_to_mode_where_both_are_known():
     error = share.std() * np.sqrt(autocorrelation_time(chain[:, :, 0] < 0) / len(share))
     assert share.mean() == pytest.approx(1 / 3, abs=4 * error + 0.01)
     assert error < 0.02
-
-
-@functools.cache
-def solved():
-    """Five microphones about a charge, four unknowns."""
-    return drawn(density(PLACED))
 
 
 @pytest.mark.slow  # a walk

@@ -25,6 +25,7 @@ KEPT = (0.05, 0.5, 0.95)
 def test_quantiles_are_those_of_integration(apart):
     density = density_of(disagreeing(apart), MASS_FREE)
     density, draws = solve(density)
+    assert draws.reliable
     ln_mass = np.linspace(np.log(0.05), np.log(5e4), 3000)
     height = density(ln_mass[:, None])
     # what the bound on the likelihood leaves out, by many draws of the scales
@@ -35,12 +36,6 @@ def test_quantiles_are_those_of_integration(apart):
     sd = (expected[2] - expected[0]) / 3.29
     # some thousand effective draws: 0.07 sd at the ends, and of two modes their shares
     np.testing.assert_allclose(found, expected, atol=0.25 * sd)
-
-
-def test_two_groups_of_readings_leave_two_modes_and_exit_4():
-    found = fit(disagreeing(4.0), MASS_FREE)
-    assert found.solution.draws.reliable
-    assert found.summary.converged
 
 
 def test_a_log_of_linear_numbers_alone_has_the_normal_of_regression():
@@ -54,15 +49,6 @@ def test_a_log_of_linear_numbers_alone_has_the_normal_of_regression():
     # a mean of three, by two thousand draws; the sd of light is nothing
     assert time.sd == pytest.approx(0.02 / np.sqrt(3), rel=0.05)
     assert found.exit_code == 0
-
-
-def test_draws_of_equal_weight_keep_the_quantiles():
-    draws = solve(density_of(disagreeing(0.0), MASS_FREE))[1]
-    there = draws.values[draws.resampled(20_000), 0]
-    ends = np.quantile(there, KEPT)
-    np.testing.assert_allclose(
-        ends, quantiles(draws.values[:, 0], draws.weights), rtol=0.02
-    )
 
 
 def test_the_shape_of_a_pareto_tail_is_found():
