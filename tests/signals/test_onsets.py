@@ -39,7 +39,7 @@ def noise_with_bangs(
     return samples
 
 
-@pytest.mark.parametrize("block", [10_000, 24_001, 10**7])
+@pytest.mark.parametrize("block", [24_001, 10**7])
 def test_bangs_are_found_wherever_blocks_end(monkeypatch, block):
     monkeypatch.setattr(recording, "BLOCK_SAMPLES", block)
     bangs = [(4.0, 100.0), (9.0, 200.0), (14.999, 50.0)]

@@ -96,7 +96,7 @@ def test_chi_squared_of_a_true_pulse_has_its_degrees_of_freedom(bank):
     pulse = bank[nth] / np.abs(bank[nth]).max()
     test = PulseTest(bank, RATE, white_noise(1.0, RATE))
     z = []
-    for seed in range(60):
+    for seed in range(30):
         samples = np.random.default_rng(seed).standard_normal(round(1.5 * RATE))
         samples[8000 : 8000 + pulse.size] += size * pulse
         # no pick: none is louder
@@ -106,8 +106,8 @@ def test_chi_squared_of_a_true_pulse_has_its_degrees_of_freedom(bank):
         level_sd = np.sqrt(2 / (0.5 * RATE)) * fit.fit_dof
         z.append(excess / np.hypot(np.sqrt(2 * fit.fit_dof), level_sd))
         assert fit.fit_p > 0.999  # far less misfit than is accepted
-    assert abs(np.mean(z)) < 0.5  # 4 standard errors
-    assert np.std(z) == pytest.approx(1.0, abs=0.35)
+    assert abs(np.mean(z)) < 0.7  # 4 standard errors
+    assert np.std(z) == pytest.approx(1.0, abs=0.45)
 
 
 def test_a_louder_interval_raises_the_threshold(bank):

@@ -58,22 +58,11 @@ def seen(through, mass_kg, behind, frames) -> FlashDetections:
     return detect_flashes([(times, grey.astype(np.float32))], 1000.0, flash_threshold())
 
 
-@pytest.mark.slow  # renders; test_search.py has discs
-def test_an_explosion_before_grey_is_seen_within_20_ms():
-    found = seen(camera(120.0, 0.03, 120, 300.0), 50.0, 0.18, 55)  # ends at 16 px
-    (flash,) = found.flashes
-    assert flash.alarm_s - BURST_S < 0.02
-    # light on the ground comes with the fire, both between two frames
-    assert flash.growth.time_s == pytest.approx(BURST_S, abs=1e-3)
-    assert flash.growth.x_px == pytest.approx(59.5, abs=4.0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("mass_kg", "away", "above", "behind"),
     [
         (50.0, 120.0, 0.03, 0.02),
-        (50.0, 120.0, 0.03, 0.18),
         (50.0, 120.0, 0.03, 0.5),
         (200.0, 180.0, 0.2, 0.18),
         (5.0, 60.0, 0.1, 0.3),
@@ -84,6 +73,9 @@ def test_the_log_of_an_explosion_gives_its_charge_back(
 ):
     through = camera(away, above, 160, 300.0)
     found = seen(through, mass_kg, behind, 110)
+    (flash,) = found.flashes
+    # light on the ground comes with the fire, both between two frames
+    assert flash.growth.time_s == pytest.approx(BURST_S, abs=1e-3)
     log = log_of(found.flashes, through)
     assert 5 <= log.quantity.count("fireball_radius_px") <= 8
     unknown = tmp_path / "scene.toml"

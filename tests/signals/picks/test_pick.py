@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from jblast.errors import InputError
-from jblast.signals.picks import NAMES, pick
+from jblast.observations.records.recording import PressureRecord
+from jblast.signals.picks import NAMES, NOTES, pick, pick_records
 from tests.signals.picks.simulated import RATE, SAMPLES, TIME, Truth, noisy, samples_of
+from tests.signals.records import made
 
 TRUTH = Truth()
-MANY = 16
+MANY = 12
 VALUES = dict(
     air_arrival_s=TRUTH.arrival,
     peak_overpressure_pa=TRUTH.peak,
@@ -44,36 +46,38 @@ def test_without_noise_the_truth_is_found(name, exact):
     assert exact.found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_errors_are_those_of_repetitions(name, repeated):
     off = [(getattr(one, name) - VALUES[name]) / one.sd(name) for one in repeated]
-    # 16 repetitions: the mean to 0.25, the standard deviation to 0.18; errors contain
+    # 12 repetitions: the mean to 0.29, the standard deviation to 0.2; errors contain
     # forms next to the true one, so they are rather too large
-    assert abs(np.mean(off)) < 4 * 0.25
+    assert abs(np.mean(off)) < 4 * 0.29
     assert 0.2 < np.std(off) < 1.7
 
 
+@pytest.mark.slow
 def test_the_covariance_is_that_of_repetitions(repeated):
     values = np.array([[getattr(one, name) for name in NAMES[:4]] for one in repeated])
     values[:, 1:] = np.log(values[:, 1:])
     mean = np.mean([one.covariance for one in repeated], axis=0)
     sd = np.sqrt(np.diag(mean))
-    # a correlation of 16 pairs has a standard error of 0.25 at most
+    # a correlation of 12 pairs has a standard error of 0.29 at most
     made = mean / np.outer(sd, sd)
-    np.testing.assert_allclose(made, np.corrcoef(values.T), atol=4 * 0.25)
+    np.testing.assert_allclose(made, np.corrcoef(values.T), atol=4 * 0.29)
 
 
-@pytest.mark.parametrize("level", [None, 0.0, 101325.0])
+@pytest.mark.parametrize("level", [None, 101325.0])
 def test_in_noise_alone_and_in_nothing_nothing_is_found(level):
     rng = np.random.default_rng(2)
-    for _ in range(6 if level is None else 1):
+    for _ in range(3 if level is None else 1):
         samples = rng.standard_normal(SAMPLES) if level is None else 0 * TIME + level
         found = pick(TIME, samples)
         assert not found.found
         assert np.isnan(found.air_arrival_s)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(12))
 def test_short_clipped_and_odd_records_are_picked_or_poor(seed):
     # windows may be empty here, and systems of equations singular
     rng = np.random.default_rng(seed)
@@ -94,13 +98,14 @@ def test_short_clipped_and_odd_records_are_picked_or_poor(seed):
     assert found.quality == "poor" or np.isfinite(found.covariance).all()
 
 
+@pytest.mark.slow
 def test_a_faint_pulse_is_not_three_times_as_long_with_its_suction():
     off = []
-    for samples in noisy(TRUTH, 0.25 * TRUTH.peak, 8):
+    for samples in noisy(TRUTH, 0.25 * TRUTH.peak, 4):
         found = pick(TIME, samples)
         off.append(np.log(found.positive_duration_s / TRUTH.duration))
         sd = found.sd("positive_duration_s") / found.positive_duration_s
-        # four standard deviations: once in 2,000 of 8 records
+        # four standard deviations: once in 4,000 of 4 records
         assert abs(off[-1]) < 4 * sd
     assert np.median(np.abs(off)) < 0.25
 
@@ -186,3 +191,24 @@ def test_files_are_picked_without_jax(tmp_path):
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout == "4 False\n"
+
+
+def test_a_note_makes_a_pick_as_bad_as_its_row():
+    for kind, row in NOTES.items():
+        assert made.pick(notes=(kind,)).quality == row.quality
+    assert made.pick().quality == "good"
+    assert made.pick(notes=("sharp_front", "clipped")).quality == "doubtful"
+
+
+def test_a_full_scale_is_used_if_stated():
+    samples = noisy(TRUTH, 0.02 * TRUTH.peak, 2, seed=5)
+    cut = np.minimum(samples[1], 0.5 * TRUTH.peak)
+    stated = PressureRecord(
+        "stated", samples[0], rate_hz=RATE, full_scale=0.6 * TRUTH.peak
+    )
+    unstated = PressureRecord("unstated", samples[0], rate_hz=RATE)
+    equal = PressureRecord("equal", cut, rate_hz=RATE)
+    found = [one.pick for one in pick_records([stated, unstated, equal])]
+    assert [np.isfinite(one.clipped_at_pa) for one in found] == [True, False, True]
+    alone = pick(TIME, samples[0], full_scale_pa=0.6 * TRUTH.peak)
+    assert found[0].peak_overpressure_pa == alone.peak_overpressure_pa
