@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COVERAGE = (0.86, 1.0)
+COVERAGE = (0.91, 1.0)
 """Coverage of the 90 % intervals in simulated records with noise: least and largest of
 the cases and noise levels, where the true terms were found
 (calibration/results/discovery_intervals.txt)."""

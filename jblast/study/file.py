@@ -396,7 +396,13 @@ def put(document: dict[str, Any], key: str, value: Any, where: str) -> None:
         named = at
         if isinstance(at, list):
             named = {one["name"]: one for one in at if "name" in one}
-        some = (name for name, one in named.items() if isinstance(one, dict | list))
+        some = (
+            name
+            for name, one in named.items()
+            # a list of tables, not of numbers
+            for each in [one if isinstance(one, list) else [one]]
+            if all(isinstance(part, dict) for part in each)
+        )
         known(step, some, f"{where}:", "table of the scene")
         at = named[step]
     if isinstance(at, list):

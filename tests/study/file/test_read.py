@@ -24,6 +24,7 @@ SAYS = {
     "[axes]\ncharge_mass_kg = []": "expected a list of values",
     "[axes]\ncharge_mass_kg = { from = 2, to = 1 }": "expected from < to",
     "[axes]\ncharge_mass_kg = { from = 1, to = 2, counts = 3 }": "did you mean count",
+    '[axes]\n"charge.position_m.x" = [1]': "position_m: expected one of",
     '[axes]\n"charge.pos.x" = [1]': "pos: expected one of .*unknown table of the scene",
 }
 
