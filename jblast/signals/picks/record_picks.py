@@ -23,7 +23,6 @@ from jaxtyping import Float
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.results import Note, warning
-from jblast.signals.picks.evidence import UNEXPLAINED
 from jblast.signals.picks.pick import (
     NoteKind,
     Pick,
@@ -118,9 +117,9 @@ def _pick(record: PressureRecord) -> Pick:
     if pick.quality == "good" or -apart.min() <= apart.max():
         return pick
     # a sensor of reversed polarity records a blast as a fall of the pressure; a step or
-    # a drift that falls is none, and no pulse explains it
+    # a drift that falls is none, and no pulse fits it
     other = _of_sign(record, -samples, start_s, turned=True)
-    if other.pulse is None or other.quality == "poor" or other.misfit > UNEXPLAINED:
+    if other.pulse is None or other.quality == "poor" or "misfit" in other.notes:
         return pick
     fits = pick.quality != "poor" and pick.pulse is not None
     if fits and pick.misfit <= other.misfit:
