@@ -314,7 +314,7 @@ def test_where_the_curvature_is_negative_reweighted_residuals_step():
 def triangles(lanes, unknowns, seed=0):
     rng = np.random.default_rng(seed)
     j = rng.standard_normal((lanes, 12, unknowns)) * np.geomspace(1e-3, 1e3, unknowns)
-    h = np.einsum("lik,lim->lkm", j, j)
+    h = np.einsum("nik,nim->nkm", j, j)
     packed = tuple(
         tuple(jnp.asarray(h[:, k, i]) for i in range(k + 1)) for k in range(unknowns)
     )

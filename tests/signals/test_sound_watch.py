@@ -153,11 +153,11 @@ def test_a_stream_that_ends_early_has_no_blasts(bank, size):
 
 def test_samples_that_are_not_finite_leave_the_stream_as_it_was(bank, sound):
     broken, sane = SoundWatch(bank[:3], RATE), SoundWatch(bank[:3], RATE)
-    found = [*broken.push(sound[:150_000])]
+    found = [*broken.push(sound[:80_000])]
     with pytest.raises(InputError, match=r"expected finite .* nan at sample 7"):
         broken.push(np.r_[np.zeros(7), np.nan])
-    found += [*broken.push(sound[150_000:]), *broken.finish()]
-    assert found == [*sane.push(sound), *sane.finish()]
+    found += [*broken.push(sound[80_000:200_000]), *broken.finish()]
+    assert found == [*sane.push(sound[:200_000]), *sane.finish()]
 
 
 def test_memory_is_constant(bank):

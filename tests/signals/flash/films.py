@@ -8,11 +8,17 @@ RATE = 1000.0
 
 def disc(x, y, radius, shape=SHAPE, half=False):
     """How much of each pixel a disc covers, or its upper half alone: 8 x 8 points."""
-    rows, columns = ((np.arange(8 * n) - 3.5) / 8.0 for n in shape)
-    inside = np.hypot(columns[None] - x, rows[:, None] - y) <= radius
+    top, left = (max(int(at - radius) - 1, 0) for at in (y, x))
+    part = np.s_[top : int(y + radius) + 3, left : int(x + radius) + 3]
+    cover = np.zeros(shape)
+    height, width = cover[part].shape
+    rows, columns = ((np.arange(8 * n) - 3.5) / 8.0 for n in (height, width))
+    rows, columns = rows[:, None] + top, columns[None] + left
+    inside = np.hypot(columns - x, rows - y) <= radius
     if half:
-        inside &= rows[:, None] <= y
-    return inside.reshape(shape[0], 8, shape[1], 8).mean(axis=(1, 3))
+        inside &= rows <= y
+    cover[part] = inside.reshape(height, 8, width, 8).mean(axis=(1, 3))
+    return cover
 
 
 def growing(
