@@ -142,7 +142,7 @@ def test_whole_numbers_ask_what_they_stand_for(tmp_path):
 
 STILL, TIMES = np.full((4, 12, 16), 118.0), np.arange(4) * 1e-3
 NONE = np.zeros(0, int)
-NOTHING = paired(NONE, NONE, NONE, NONE, 0.0)
+NOTHING = paired(NONE, NONE, NONE.astype(float), NONE, 0.0)
 
 
 @pytest.mark.parametrize(
