@@ -116,7 +116,9 @@ class Legs(eqx.Module):
         )
 
     def at(
-        self, leg: Int[Array, ""], along_m: Float[Array, ""]
+        self,
+        leg: Int[Array | np.ndarray, ""],
+        along_m: Float[Array | np.ndarray, ""],
     ) -> tuple[Float[Array, "3"], Float[Array, "3"], Float[Array, "3"]]:
         """Return point, tangent, and the change of the tangent per metre, of one plan.
 
