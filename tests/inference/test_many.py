@@ -445,7 +445,7 @@ scatter = false
 air_arrival_s = "kingery_bulmash"
 peak_overpressure_pa = "kingery_bulmash"
 """ + "".join(SENSOR.format(n=n, east=20.0 * n) for n in range(1, 7))
-KINGERY_BULMASH = dict.fromkeys(
+KINGERY_BULMASH: dict[str, str] = dict.fromkeys(
     ("air_arrival_s", "peak_overpressure_pa"), "kingery_bulmash"
 )
 # Of 100 kg in a line of sensors, one of 384 that were drawn. Times, then pressures.

@@ -1,8 +1,8 @@
 """How long tests take, and how to end in time.
 
 A plugin of pytest: prints the ten slowest tests in J (`import_time.py`), and with
-`--until` begins none after that moment: it names those it left out. With `--order` all
-files come first some time.
+`--until` begins none after that moment: it names those it left out. With `--order` each
+file comes first some time.
 """
 
 import os
@@ -37,7 +37,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--order",
         default="",
         metavar="WORD",
-        help="other files in an order that follows from this word",
+        help="files of each of both groups in an order that follows from this word",
     )
 
 
@@ -54,7 +54,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list) -> None:
     def place(item: pytest.Item) -> tuple[bool, bytes]:
         other = not any(item.path.is_relative_to(p) for p in first)
         name = f"{order} {item.path.relative_to(config.rootpath)}"
-        return other, sha256(name.encode()).digest() if other and order else b""
+        return other, sha256(name.encode()).digest() if order else b""
 
     items.sort(key=place)
 

@@ -151,7 +151,7 @@ def read_hdf5(path: Path) -> Content:
             "events of four columns (v2e)",
             ", ".join(file) or "nothing",
         )
-        columns = dict(zip(("t", "x", "y", "p"), _values(path, events).T, strict=True))
+        columns = dict(zip("txyp", _values(path, events).T, strict=True))
         return Content(columns, in_us=False)
 
 
