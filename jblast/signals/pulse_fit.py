@@ -41,6 +41,7 @@ quiet surroundings has the form of a blast and is accepted.
 
 import math
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -88,11 +89,14 @@ FREQUENCIES_HZ = (30.0, 6000.0)
 """Lowest and highest frequency of the oscillations that compete with a pulse [Hz], a
 convention: from large doors to small metal parts."""
 PER_OCTAVE = 2.5
-"""Oscillations per octave: a third of the frequency apart, the width of a resonance of
-the lowest quality."""
+"""Frequencies per octave from which a fit starts: a third apart, the width of a
+resonance of the lowest quality."""
 QUALITIES = (3.0, 6.0, 15.0)
-"""Qualities of the oscillations. At a quality of 3 the second cycle has a third of the
-first one's amplitude; one of lower quality is nearly a blast's pulse and suction."""
+"""Qualities from which a fit starts, and the least. At a quality of 3 the second cycle
+has a third of the first one's amplitude; one of lower quality is nearly a blast's pulse
+and suction."""
+STEADY = 1e4
+"""Largest quality: the oscillation does not decay within a window."""
 LEAD_S = 0.002
 """Time before the front at which a Gaussian low-pass of 600 Hz begins [s]: 7 sd."""
 FITTED_NUMBERS = 7
@@ -345,44 +349,58 @@ class _Window:
         Args:
             starts: Possible numbers of their first sample in the window.
         """
-        length, size = self._white.size, self._size
-        rings = np.fft.rfft(self._rings(length - int(starts[0])), size)
-        around = np.fft.irfft(self._spectrum * np.conj(rings), size)[..., starts]
-        at = np.unravel_index(np.argmax(np.sum(around**2, axis=1)), around[:, 0].shape)
-        angle = 2 * np.pi / size * starts[at[1]] * np.arange(self._spectrum.size)
-        rings *= np.exp(-1j * angle)
-        left, basis, energies = self._white, np.zeros((length, 0)), []
-        for _ in range(OSCILLATIONS):
-            # each is the one that explains most of what is left
-            products = (np.conj(rings) @ np.fft.rfft(left, size)).real
-            best = rings[np.argmax(np.sum(products**2, axis=1))]
-            basis = np.append(basis, np.fft.irfft(best, size)[:, :length].T, axis=1)
-            sizes, *_ = np.linalg.lstsq(basis, self._white, rcond=None)
-            left = self._white - basis @ sizes
-            energies.append(float(np.sum((basis @ sizes) ** 2)))
-        return energies
+        from scipy.optimize import least_squares
 
-    def _rings(self, count: int) -> Float[np.ndarray, "ring 2 tap"]:
-        """Return whitened decaying oscillations, orthonormal pairs."""
+        length, size = self._white.size, self._size
         low, high = FREQUENCIES_HZ
         # below half the rate, where an oscillation is still sampled
         high = min(high, 0.45 * self._rate_hz)
         many = max(round(PER_OCTAVE * np.log2(high / low)), 2)
-        t = np.arange(count) / self._rate_hz
-        frequency = np.repeat(np.geomspace(low, high, many), len(QUALITIES))
-        quality = np.tile(QUALITIES, many)
-        decay = -np.pi * frequency / quality
-        fall, turn = np.exp(decay[:, None] * t), 2 * np.pi * frequency[:, None] * t
-        pairs = np.stack([fall * np.sin(turn), fall * np.cos(turn)], axis=1)
+        grid = np.array(list(product(np.geomspace(low, high, many), QUALITIES)))
+        pairs = self._rings(grid, length - int(starts[0])).swapaxes(1, 2)
         # orthonormal: explained energies then add up for any phase
-        return np.linalg.qr(self._whitened(pairs).swapaxes(1, 2))[0].swapaxes(1, 2)
+        rings = np.fft.rfft(np.linalg.qr(pairs)[0].swapaxes(1, 2), size)
+        around = np.fft.irfft(self._spectrum * np.conj(rings), size)[..., starts]
+        at = np.unravel_index(np.argmax(np.sum(around**2, axis=1)), around[:, 0].shape)
+        start = int(starts[at[1]])
+        rings *= np.exp(-2j * np.pi / size * start * np.arange(self._spectrum.size))
+
+        def explained(ln_rings: np.ndarray) -> Float[np.ndarray, " sample"]:
+            made = self._rings(np.exp(ln_rings).reshape(-1, 2), length - start)
+            basis, _ = np.linalg.qr(np.concatenate(made).T)
+            return np.append(np.zeros(start), basis @ (self._white[start:] @ basis))
+
+        found, model, energies = np.zeros(0), np.zeros(length), []
+        for nth in range(1, OSCILLATIONS + 1):
+            # the next is the one that explains most of what is left
+            products = np.conj(rings) @ np.fft.rfft(self._white - model, size)
+            best = grid[np.argmax(np.sum(products.real**2, axis=1))]
+            bounds = np.tile(np.log([[low, QUALITIES[0]], [high, STEADY]]), nth)
+            found = least_squares(
+                lambda ln_rings: self._white - explained(ln_rings),
+                np.append(found, np.log(best)).clip(*bounds),
+                bounds=bounds,
+                ftol=1e-4,
+            ).x
+            model = explained(found)
+            energies.append(float(model @ model))
+        return energies
+
+    def _rings(
+        self, rings: Float[np.ndarray, "ring 2"], count: int
+    ) -> Float[np.ndarray, "ring 2 tap"]:
+        """Return whitened sines and cosines of given frequency [Hz] and quality."""
+        t = np.arange(count) / self._rate_hz
+        frequency, quality = rings.T[..., None]
+        fall, turn = np.exp(-np.pi * frequency / quality * t), 2 * np.pi * frequency * t
+        return self._whitened(np.stack([fall * np.sin(turn), fall * np.cos(turn)], 1))
 
     def _whitened(
         self, rows: Float[np.ndarray, "*row sample"]
     ) -> Float[np.ndarray, "*row sample"]:
         wide = fast_length(rows.shape[-1] + self._taps.size)
-        product = np.fft.rfft(rows, wide) * np.fft.rfft(self._taps, wide)
-        return np.fft.irfft(product, wide)[..., : rows.shape[-1]]
+        spectrum = np.fft.rfft(rows, wide) * np.fft.rfft(self._taps, wide)
+        return np.fft.irfft(spectrum, wide)[..., : rows.shape[-1]]
 
 
 def _placed(pulse: np.ndarray, start: int, count: int) -> Float[np.ndarray, " sample"]:
