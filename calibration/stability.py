@@ -861,9 +861,6 @@ OUTLIER, FAILED_SHARE, PICK_LOGS = 4.0, 0.05, 5
 CLEAR, WANDER, ECHO = 100.0, 0.1, 0.3
 """Peak over noise in the rows on other effects; amplitude of the baseline and peak of
 the echo, as shares of the peak."""
-MERGED = (0.02, 0.01)
-"""Delays [durations] within about two rise times. Such an echo makes a step and a ramp,
-which is also the form of one pulse with a slow rise: it sets no boundary."""
 TWO_OF_30 = 0.07
 """Share of unmarked outliers up to which picks count as marked: chance gives 2 of 30
 with 45 % at 5 %."""
@@ -902,7 +899,6 @@ def pick_shares(recorders: Sequence[cases.Recorder]) -> np.ndarray:
 
 def pick_failures() -> Iterator[Mode]:
     """Measure every failure mode of picks of pressure records."""
-    delays, merged = (0.7, 0.4, 0.1, 0.05, *MERGED), len(MERGED)
     sets = {
         "noise": [
             (snr, cases.Recorder(snr=snr, colour=0.7))
@@ -914,7 +910,7 @@ def pick_failures() -> Iterator[Mode]:
         ],
         "echo": [
             (d, cases.Recorder(snr=CLEAR, echo=d, echo_size=ECHO, echo_rise=4.0))
-            for d in delays
+            for d in (0.7, 0.4, 0.1, 0.05, 0.02, 0.01)
         ],
     }
     for key, recorders in sets.items():
@@ -922,9 +918,6 @@ def pick_failures() -> Iterator[Mode]:
         failed, unmarked = pick_shares(cases_of_it)
         numbers: dict[str, Any] = {"share": FAILED_SHARE, "sd": OUTLIER}
         numbers |= {"wander": WANDER, "echo": ECHO}
-        numbers |= {"merged_at": MERGED[0], "merged": unmarked[-merged:].max()}
-        if key == "echo":
-            failed, unmarked = failed[:-merged], unmarked[:-merged]
         worst, silent = int(np.argmax(failed)), int(np.argmax(unmarked))
         numbers |= {"worst": failed[worst], "worst_at": levels[worst]}
         numbers |= {"unmarked": unmarked[silent], "unmarked_at": levels[silent]}

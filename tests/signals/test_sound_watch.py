@@ -140,7 +140,8 @@ def test_a_blast_after_exact_silence_is_found(rate):
     assert len(bank) == sum(one * rate >= 1 for one in DURATIONS)
     add(samples, bank[-4], 2.0, 30.0, rate)
     found, _ = watched(SoundWatch(bank, rate), samples, round(0.1 * rate))
-    assert [one.time_s for one, _ in found] == [pytest.approx(2.0, abs=0.5 / rate)]
+    # without noise only the samples on both sides of the step bound its time
+    assert [one.time_s for one, _ in found] == [pytest.approx(2.0, abs=1 / rate)]
     assert found[0][0].is_blast
 
 

@@ -150,13 +150,14 @@ def _second(window: Window, columns, unknowns, rise, negative):
     later = unknowns[:, :5].copy()
     later[:, 0] += np.exp(unknowns[:, 5])
     later[:, 1] += unknowns[:, 6]
+    later[:, 3] += unknowns[:, 7]
     more = window.means(later, rise, negative)[:, [PEAK, SUCTION]]
     return np.concatenate([columns, more], axis=1)
 
 
 def _lags(window: Window, best):
     tau = natural(best.unknowns[:1], best.rise[:1])[3][0]
-    first = 4 + 2 * tau
+    first = 1 + 0.4 * tau
     last = max(window.ends[-1] - 4, 2 * first)
     return np.exp(np.linspace(np.log(first), np.log(last), LAGS))
 
@@ -170,8 +171,16 @@ def _second_scan(window: Window, best):
 
 
 def _second_starts(window: Window, best, trial):
-    lag = np.log(_lags(window, best)[trial])
-    return np.append(best.unknowns[0], [lag, 0.0])[None]
+    """Return starts near the scanned lag; the fitted rise may contain the wave."""
+    mine, lag = best.unknowns[0], np.log(_lags(window, best)[trial])
+    return np.array(
+        [
+            [*mine[:3], mine[3] + steeper, mine[4], lag + later, 0.0, slower]
+            for steeper in (0.0, -0.8, -1.6)
+            for later in (0.0, -0.4, 0.4)
+            for slower in (0.0, 0.7)
+        ]
+    )
 
 
 def _shift(window: Window, arrival, relaxation):
@@ -273,8 +282,8 @@ EFFECTS = (
     Effect(
         "later_arrival",
         ln_odds=np.log(1 / 300),
-        centre=(3.5, 0.0),  # ln lag, ln factor on the duration
-        spread=(1.5, 0.3),
+        centre=(3.5, 0.0, 0.0),  # ln lag, ln factors on duration and rise
+        spread=(1.5, 0.3, 0.7),
         heights=(0.7, 0.2),
         columns=_second,
         scan=_second_scan,

@@ -73,7 +73,7 @@ MISFIT = 3.0
 LONGEST_STEP = np.array([4.0, 0.7, 0.7, 1.5, 0.7])
 FURTHER_STEP = 0.5
 """Largest change of an unknown in one step, where the expansion is about right."""
-DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4])
+DIFFERENCE = np.array([1e-4, 1e-5, 1e-5, *5 * (1e-4,)])
 """Differences for slopes, also of the unknowns of an effect, far above rounding and
 below any curvature."""
 ROUNDING = 1e-14
@@ -98,6 +98,9 @@ LEAST_SIGN = 4.0
 """Gain in ln likelihood of the best trial of a scan from which on an effect is
 searched. Noise has it in one record of three for a ring; the odds decide, not the
 sign."""
+UNEXPLAINED = 1.5
+"""Squared misfit of the best pulse from which on every effect is searched: one that the
+pulse imitates leaves no sign to first order."""
 START_RISES = np.array([0.5, 1.5, 3.0, 5.0, 8.0, 13.0])
 START_SHIFTS = np.array([-1.5, -0.7, 0.0, 0.7, 1.5])
 START_LENGTHS = (0.1, 0.2, 0.35, 0.6, 1.0, 1.5, 2.3)
@@ -566,7 +569,8 @@ def _with_effects(window: Window, plain: Modes) -> list[Modes]:
     again, groups = [plain], []
     for effect in EFFECTS:
         gain, trial = _sign(window, effect, best)
-        if gain < LEAST_SIGN and not effect.suspected(best):
+        sign = gain >= LEAST_SIGN or widened > UNEXPLAINED
+        if not (sign or effect.suspected(best)):
             continue
         base = best
         if not effect.all_forms:

@@ -26,6 +26,7 @@ from jblast.observations.table import RECORD_QUANTITIES
 from jblast.signals.picks.effects import through_high_pass
 from jblast.signals.picks.evidence import (
     MISFIT,
+    UNEXPLAINED,
     Modes,
     Weighted,
     covariance,
@@ -343,8 +344,18 @@ class _Fit:
 
     @property
     def fits(self) -> bool:
-        """True if a hypothesis explains the record."""
+        """True if a hypothesis explains the record well enough to be used."""
         return self.misfit < MISFIT or self.left < SLIGHT_RESIDUAL
+
+    @property
+    def explains(self) -> bool:
+        """True if nothing else need be tried."""
+        return self.misfit < UNEXPLAINED or self.left < SLIGHT_RESIDUAL
+
+    @property
+    def is_step(self) -> bool:
+        """True if the record ends above half of its peak."""
+        return bool(self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL)
 
     @cached_property
     def moments(self) -> tuple[np.ndarray, np.ndarray]:
@@ -385,9 +396,8 @@ class _Fit:
 
     def is_found(self) -> bool:
         """Return True if there is a pulse."""
-        step = self.record.samples[-STEP_SAMPLES:].mean() > STEP_LEVEL
         clear = self.sd[1] < FOUND_SD or np.any(self.record.clipped > 0)
-        return bool(clear and (self.alone or not step))
+        return bool(clear and (self.alone or not self.is_step))
 
     def is_hopeless(self) -> bool:
         """Return True if the best hypothesis explains next to nothing."""
@@ -427,11 +437,11 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
     longest, best = np.inf, _fit_of(record)
     for _ in range(2):
         longest = SHORTER * record.start_duration(longest)
-        if best.fits or longest < 0.5 * FEW_SAMPLES:
+        if best.explains or longest < 0.5 * FEW_SAMPLES:
             break
         tried = _fit_of(record, longest=longest)
         best = min(best, tried, key=lambda fit: fit.misfit)
-    if not best.fits:
+    if not best.explains:
         top = record.samples.max()
         flat = (record.samples > top - FLAT_TOP_SD * record.sigma) * 1.0
         high = top > 2 * FLAT_TOP_SD * record.sigma
@@ -439,9 +449,10 @@ def _fitted(samples, full_scale: float | None, high_pass: float | None) -> _Fit:
             clipped = np.maximum(record.clipped, flat)
             other = Prepared(samples, full_scale, clipped, high_pass)
             tried = _fit_of(other)
-            best = tried if tried.fits else best
+            best = tried if tried.fits and tried.misfit < best.misfit else best
+    is_step = best.is_step
     for part in FRONT_PARTS:
-        if best.fits:
+        if best.fits or is_step:
             break
         front, duration = record.front, record.start_duration(longest)
         until = int(front + max(BEHIND_DURATIONS * duration / part, LEAST_FRONT))

@@ -23,6 +23,7 @@ from jaxtyping import Float
 
 from jblast.observations.records.recording import PressureRecord
 from jblast.results import Note, warning
+from jblast.signals.picks.evidence import UNEXPLAINED
 from jblast.signals.picks.pick import (
     NoteKind,
     Pick,
@@ -117,9 +118,9 @@ def _pick(record: PressureRecord) -> Pick:
     if pick.quality == "good" or -apart.min() <= apart.max():
         return pick
     # a sensor of reversed polarity records a blast as a fall of the pressure; a step or
-    # a drift that falls is none, and no pulse fits it
+    # a drift that falls is none, and no pulse explains it
     other = _of_sign(record, -samples, start_s, turned=True)
-    if other.pulse is None or other.quality == "poor" or "misfit" in other.notes:
+    if other.pulse is None or other.quality == "poor" or other.misfit > UNEXPLAINED:
         return pick
     fits = pick.quality != "poor" and pick.pulse is not None
     if fits and pick.misfit <= other.misfit:

@@ -22,6 +22,8 @@ RESONANCE_HZ, DAMPING = 12e3, 0.03
 SLOW = TRUTH._replace(rise=7.6e-5)
 HIDDEN_HZ, HIDDEN_DAMPING, HIDDEN_SIGMA = 19.5e3, 0.05, 770.0
 SECOND = TRUTH._replace(arrival=TRUTH.arrival + 1.1e-3, peak=1.5e4, suction=3e3)
+SHARP = TRUTH._replace(rise=5e-6)
+NEAR = TRUTH._replace(arrival=TRUTH.arrival + 1e-4, peak=9e3, suction=2e3)
 CORNER_HZ = 30.0
 
 
@@ -50,6 +52,7 @@ def records():
         "clipped": np.clip(plain + noise[1], None, FULL_SCALE),
         "rings": filtered([omega**2], [1.0, 2 * DAMPING * omega, omega**2]) + noise[2],
         "second": plain + samples_of(SECOND) + noise[3],
+        "near": samples_of(SHARP) + samples_of(NEAR) + noise[7],
         "high_passed": filtered([1.0, 0.0], [1.0, 2 * np.pi * CORNER_HZ]) + noise[4],
         "cut": samples_of(TRUTH._replace(arrival=(SAMPLES - 90) / RATE)) + noise[5],
         "drifts": plain + noise[6] + 0.2 * TRUTH.peak * np.cos(2 * np.pi * TIME / 0.04),
@@ -112,6 +115,14 @@ def test_a_further_front_has_its_time_and_leaves_the_first_as_it_was(found):
     np.testing.assert_allclose(one.later_arrival_s, SECOND.arrival, atol=2e-5)
     assert abs(apart(found, "second", "air_arrival_s", TRUTH.arrival)) < 4
     np.testing.assert_allclose(one.peak_overpressure_pa, TRUTH.peak, rtol=0.03)
+
+
+def test_an_echo_within_the_positive_phase_leaves_arrival_and_peak(found):
+    assert "later_arrival" in found["near"].notes
+    assert abs(apart(found, "near", "air_arrival_s", TRUTH.arrival)) < 4
+    np.testing.assert_allclose(
+        found["near"].peak_overpressure_pa, TRUTH.peak, rtol=0.03
+    )
 
 
 def test_a_clipped_record_has_its_level_and_a_larger_error(found):
