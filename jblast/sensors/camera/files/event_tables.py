@@ -151,7 +151,9 @@ def read_hdf5(path: Path) -> Content:
             "events of four columns (v2e)",
             ", ".join(file) or "nothing",
         )
-        columns = dict(zip("txyp", _values(path, events).T, strict=True))
+        columns: dict[str, Any] = dict(
+            zip("txyp", _values(path, events).T, strict=True)
+        )
         return Content(columns, in_us=False)
 
 
