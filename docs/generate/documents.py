@@ -15,7 +15,6 @@ from jblast.report.flights import FlightsAnswer, MissionAnswer
 from jblast.report.listen import ListenAnswer
 from jblast.report.picks import PickAnswer, PicksAnswer
 from jblast.report.study import (
-    MergeAnswer,
     OutcomesAnswer,
     StudyAnswer,
     StudyReportAnswer,
@@ -51,7 +50,6 @@ DOCUMENTS: dict[str, type] = {
     "world": WorldAnswer,
     "study_report": StudyReportAnswer,
     "study_list": OutcomesAnswer,
-    "study_merge": MergeAnswer,
     "serve": ServedAnswer,
     "serve_mavlink": LockstepAnswer,
     "serve_ground_station": WatchedAnswer,

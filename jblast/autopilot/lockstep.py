@@ -60,6 +60,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
+from jblast.vehicle.from_scene import wind_of
 from jblast.vehicle.rollout import FlightState, Simulator
 from jblast.vehicle.state import four, joined
 from jblast.waves.propagation import ambient
@@ -345,12 +346,6 @@ def suite_of(scene: Scene, place: Place | None, load: object, rate: float) -> Su
         wind_m_s=wind_of(scene),
         blasts=load if isinstance(load, BlastLoad) else None,
     )
-
-
-def wind_of(scene: Scene) -> Float[Array, "3"]:
-    """Return the velocity of a scene's air: east, north, up [m/s]."""
-    air = scene.air
-    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east])
 
 
 def flight_of(

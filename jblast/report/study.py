@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from jblast.errors import InputError
 from jblast.report.output import Answer
 from jblast.report.view import (
     Block,
@@ -27,7 +26,7 @@ from jblast.study.columns import Lane, StudyColumns, read_columns
 from jblast.study.outcome.family import Outcome
 from jblast.study.outcome.quantities import LIMITS, limit_of
 from jblast.study.outcome.registry import known_outcomes
-from jblast.study.runs import StudyRun, merged
+from jblast.study.runs import StudyRun
 from jblast.study.sensitivity import Shares, lane_shares, rest_name
 from jblast.study.statistics import Moments, finish_moments, over_cases
 from jblast.study.store import Variable
@@ -121,25 +120,6 @@ class OutcomesAnswer(Document):
     """
 
     outcomes: tuple[Outcome, ...]
-
-
-@dataclass(frozen=True)
-class MergeAnswer(Document):
-    """The answer of `jblast study merge`.
-
-    Attributes:
-        store: Folder of the merged store.
-        complete: Whether no sample is missing.
-        slabs: Number of its stored slabs.
-        slabs_of_study: Number of slabs of the complete study.
-        stores: Number of merged stores.
-    """
-
-    store: str
-    complete: bool
-    slabs: int
-    slabs_of_study: int
-    stores: int
 
 
 @dataclass(frozen=True)
@@ -261,24 +241,6 @@ def list_answer() -> Answer:
     """Return the available outcomes with units and requirements."""
     found = OutcomesAnswer(tuple(known_outcomes().values()))
     return Answer(found, View("Available outcomes", [Table(LISTED, found.outcomes)]))
-
-
-def merge_answer(stores: Sequence[str], out: str | None = None) -> Answer:
-    """Merge stores, into the first one by default, and return the answer.
-
-    Raises:
-        InputError: There are fewer than two stores, they belong to different studies,
-            or the output exists.
-    """
-    if len(stores) < 2:
-        raise InputError(f"merge: expected at least two stores, got {len(stores)}")
-    store, slabs = merged(stores, out or stores[0])
-    complete = bool(store.attributes["complete"])
-    state = "complete" if complete else "not complete"
-    of = store.slabs
-    found = MergeAnswer(str(store.path), complete, slabs, of, len(stores))
-    title = f"{store.path}: {slabs:,} of {of:,} slabs from {len(stores)} stores"
-    return Answer(found, View(f"{title}; {state}"))
 
 
 def store_answer(path: str) -> Answer:

@@ -80,6 +80,7 @@ from jblast.vehicle import (
     start_of,
     vehicle_of,
 )
+from jblast.vehicle.from_scene import wind_of
 from jblast.vehicle.quadrotor import in_precision
 from jblast.vehicle.state import LENGTHS
 from jblast.world import draw_world, with_nevers
@@ -220,7 +221,7 @@ def fly(
         drawn=drawn_values(uncertain, scenes),
         blasts=names,
         places_m=np.stack(places, axis=-2) if places else np.zeros((0, 3)),
-        wind_m_s=np.stack([scenes.air.wind_east, scenes.air.wind_north], axis=-1),
+        wind_m_s=np.asarray(wind_of(scenes))[..., :2],
         holds=holds,
         own=own,
         outcome=outcome,
@@ -331,7 +332,7 @@ def flown_by(
             return EstimatedControl(control, suite, start, seed)
 
         controller = mapped(by_instruments, scenes, load, seeds)
-    wind = Gust(steady_wind(scenes), 0 * scenes.air.wind_east)
+    wind = Gust(wind_of(scenes), 0 * scenes.air.wind_east)
     begin = jax.tree.map(lambda x: jnp.broadcast_to(x, (*count, *x.shape)), start)
     # GPUs and Warp are several times faster in single precision
     if jax.default_backend() != "cpu" or options.backend.startswith("warp"):
@@ -406,12 +407,6 @@ def lasting(flight: Trajectory, seconds: float) -> Trajectory:
         return flight
     flight = flight.at(np.append(np.arange(flight.time_s.size), -1))
     return replace(flight, time_s=flight.time_s.at[-1].set(seconds))
-
-
-def steady_wind(scenes: Scene) -> Float[Array, "*batch 3"]:
-    """Return the velocity of a scene's air: east, north, up [m/s]."""
-    air = scenes.air
-    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east], axis=-1)
 
 
 def unwatched(scenes: Scene) -> Scene:

@@ -47,7 +47,6 @@ from jblast.study.flights import (
     checked_scene,
     drawn_scenes,
     flight_seconds,
-    steady_wind,
 )
 from jblast.vehicle import (
     STEP_S,
@@ -66,6 +65,7 @@ from jblast.vehicle import (
 from jblast.vehicle.control.position_hold import Gains
 from jblast.vehicle.control.stability import Margins, decay_rate, hold_margins
 from jblast.vehicle.controllers import gains_controller
+from jblast.vehicle.from_scene import wind_of
 
 MAX_STEPS = 60
 """Limit of the steps of the search; the best gains so far are used beyond it."""
@@ -642,7 +642,7 @@ def drawn_flights(
     return (
         DrawnFlights(
             load=load,
-            wind=steady_wind(scenes),
+            wind=wind_of(scenes),
             arrival_s=came.min(axis=-1),
             start=start,
             # a name is static: it would compile the program again for each vehicle

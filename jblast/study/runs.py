@@ -590,37 +590,3 @@ def _flat(tables: Any, name: str = "") -> dict[str, Any]:
     for key, value in pairs:
         found |= _flat(value, key)
     return found
-
-
-def merged(
-    paths: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
-) -> tuple[Store, int]:
-    """Merge stores of one study, parts of which were computed in several places.
-
-    Args:
-        paths: Folders of the stores.
-        out: New folder, or the first store, to which slabs of the others are added.
-
-    Returns:
-        Merged store, complete if no slab is missing, and its number of slabs.
-
-    Raises:
-        InputError: A folder is no store, or belongs to another study.
-        OSError: The output cannot be written.
-    """
-    stores = [opened_store(path) for path in paths]
-    slabs = Slabs(study_of(stores[0]), stores[0].slab)
-    for store in stores:
-        check_same_study(store, slabs)
-        if store.slab != slabs.slab:
-            raise InputError(f"{store.path}: expected slabs of {slabs.slab} draws")
-
-    whole = open_store(out) or create_store(out, out, slabs, attributes_of(slabs))
-    for n in range(whole.slabs):
-        for store in stores:
-            if whole.states(n) is None and (states := store.states(n)) is not None:
-                whole.write(n, store.samples(n), states)
-    known = [whole.states(n) for n in range(whole.slabs)]
-    none: Computed = iter(())
-    _calculated(slabs, whole, lambda missing: none, known, 0)
-    return whole, sum(state is not None for state in known)

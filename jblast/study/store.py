@@ -165,12 +165,6 @@ class Store:
             whole = np.stack([np.asarray(part, float) for part in state])
             array[n] = whole.reshape(array.shape[1:])
 
-    def samples(self, n: int) -> dict[str, np.ndarray]:
-        """Return the stored samples of a slab, for `write`."""
-        if n * self.slab >= self.keep:
-            return {}
-        return {q: np.asarray(self.array(q)[self.rows(n)]) for q in self.columns}
-
     def array(self, name: str) -> "zarr.Array[Any]":
         """Return an array of the store."""
         found = cast("zarr.Array[Any]", self.group[name])

@@ -54,7 +54,6 @@ def blast_load(
     drag: bool = True,
     front: bool = True,
     rotors: bool = True,
-    reflection: bool = True,
 ) -> BlastLoad:
     """Return the loads of a scene's blasts.
 
@@ -66,7 +65,6 @@ def blast_load(
         drag: Include the drag of the blast wind on the body.
         front: Include the impulse of the front that crosses the body.
         rotors: Include the rotors' forces in the blast wind.
-        reflection: Include ground reflections of bursts in free air.
 
     Raises:
         InputError: A charge has a range instead of a position, or a charge above the
@@ -81,18 +79,24 @@ def blast_load(
     images = [
         image_of(blast)
         for blast, (charge, weight) in zip(blasts, pairs, strict=True)
-        if reflection and _may_exceed_0(charge.up) and _may_exceed_0(weight)
+        if _may_exceed_0(charge.up) and _may_exceed_0(weight)
     ]
     return BlastLoad(
         waves=jax.tree.map(lambda *x: jnp.stack(x), *blasts, *images),
         charges=len(blasts),
         pressure_pa=ambient(air)[1],
         sound_speed_m_s=sound_speed_of(air),
-        wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
+        wind_m_s=wind_of(scene),
         drag=drag,
         front=front,
         rotors=rotors,
     )
+
+
+def wind_of(scene: Scene) -> Float[Array, "*batch 3"]:
+    """Return the velocity of the air of a scene, or of each of a batch [m/s]."""
+    air = scene.air
+    return jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east], axis=-1)
 
 
 def _may_exceed_0(value: float | Array) -> bool:

@@ -46,6 +46,7 @@ from jblast.signals.picks.pick import LEAST_SAMPLES
 from jblast.signals.picks.pick_log import kept_quantities, log_value
 from jblast.vehicle import BlastLoad, State, Trajectory, Vehicle, blast_load, vehicle_of
 from jblast.vehicle.control.allocation import hover_in_wind
+from jblast.vehicle.from_scene import wind_of
 from jblast.vehicle.loads.load import Pulse
 from jblast.vehicle.quadrotor import required_body
 from jblast.world.drawn import VEHICLE, DrawnWorld, with_nevers
@@ -196,7 +197,6 @@ def _pick(
         return "expected samples within the search interval", 0
     part, flight = slice(some[0], some[-1] + 1), record.flight
     middle = jnp.asarray(common[part] + 0.5 / record.imu.rate)
-    air = world.scene.air
     # The vehicle's estimator would remove the gyroscope's bias; here it is the mean
     # difference from the truth over the first samples.
     rates = record.samples.rate[part]
@@ -212,7 +212,7 @@ def _pick(
         states_at(flight, middle).rotor_speed_rad_s,
         record.sensor.offset_m,
         record.sensor.quaternion,
-        wind_m_s=jnp.stack([air.wind_east, air.wind_north, 0 * air.wind_east]),
+        wind_m_s=wind_of(world.scene),
     )
     return pick, int(some[0])
 

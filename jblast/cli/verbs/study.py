@@ -2,15 +2,13 @@
 
 `jblast study STUDY.toml --out STUDY.zarr` runs the study of a file. --resume continues
 an interrupted run without computing a sample twice. `jblast study report STUDY.zarr
---out DIR` writes a page of results. `jblast study merge A.zarr B.zarr --out C.zarr`
-merges stores.
+--out DIR` writes a page of results.
 
 example:
   jblast study study.toml --out study.zarr
 
 input:
-  [STUDY...]           path; study file; or `report` and a store; or `merge` and the
-                       stores to merge
+  [STUDY...]           path; study file; or `report` and a store
 model:
   --limit N            integer; approximate number of samples to compute in this run
                        (default: all)
@@ -38,24 +36,23 @@ USES = {
     "run": {"out", "limit", "resume", "devices", "scheduler", "allow_code"},
     "list": {"list"},
     "report": {"out", "force"},
-    "merge": {"out"},
 }
 """Options of each task, next to --json."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run or continue a study, list outcomes, report on a store, or merge stores."""
+    """Run or continue a study, list outcomes, or report on a store."""
     from jblast.cli.jax_start import start_jax
 
     first = "".join(options.study[:1])
-    task = "list" if options.list else first if first in ("report", "merge") else "run"
+    task = "list" if options.list else first if first == "report" else "run"
     paths = options.study[1:] if task == first else options.study
     for name in sorted(set().union(*USES.values()) - USES[task]):
         if getattr(options, name):
             raise InputError(
                 f"{argument(name)}: expected no such option of study {task}, got one"
             )
-    if task != "list" and len(paths) != 1 and task != "merge":
+    if task != "list" and len(paths) != 1:
         expected = "STUDY.toml" if task == "run" else "store"
         got = " ".join(paths) or "nothing"
         raise InputError(f"study {task}: expected one {expected}, got {got}")
@@ -63,19 +60,14 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(
             f"{argument('out')}: expected the folder of the store, got nothing"
         )
-    # with a scheduler this process only distributes slabs; merging compiles nothing
-    if task != "merge":
-        start_jax(
-            all_cores=task == "run" and not options.scheduler, quick=task != "run"
-        )
+    # with a scheduler this process only distributes slabs
+    start_jax(all_cores=task == "run" and not options.scheduler, quick=task != "run")
     from jblast.files import check_out
     from jblast.report import study as report
     from jblast.report.output import deliver
 
     if task == "list":
         return deliver(report.list_answer(), options)
-    if task == "merge":
-        return deliver(report.merge_answer(paths, options.out), options)
     if task == "report":
         if options.out:
             check_out(options.out, report.NAMES, force=options.force)

@@ -53,12 +53,13 @@ from jblast.vehicle.state import (
 )
 
 # Defaults of PX4, by parameter; the module's docstring names files and commits.
-POSITION = (0.95, 0.95, 1.0)  # MPC_XY_P, MPC_Z_P
-VELOCITY = (1.8, 1.8, 4.0)  # MPC_XY_VEL_P_ACC, MPC_Z_VEL_P_ACC
-VELOCITY_INTEGRAL = (0.4, 0.4, 2.0)  # MPC_XY_VEL_I_ACC, MPC_Z_VEL_I_ACC
-ACCELERATION = (0.2, 0.2, 0.0)  # MPC_XY_VEL_D_ACC, MPC_Z_VEL_D_ACC
-ATTITUDE = (6.5, 6.5, 2.8)  # MC_ROLL_P, MC_PITCH_P, MC_YAW_P
-RATE_INTEGRAL = (4 / 3, 4 / 3, 1 / 2)  # MC_ROLLRATE_I / _P, MC_YAWRATE_I / _P
+POSITION = (0.95, 0.95, 1.0)  # k_p [1/s]: MPC_XY_P, MPC_Z_P
+VELOCITY = (1.8, 1.8, 4.0)  # k_v [1/s]: MPC_XY_VEL_P_ACC, MPC_Z_VEL_P_ACC
+VELOCITY_INTEGRAL = (0.4, 0.4, 2.0)  # k_i [1/s2]: MPC_XY_VEL_I_ACC, MPC_Z_VEL_I_ACC
+ACCELERATION = (0.2, 0.2, 0.0)  # k_a [1]: MPC_XY_VEL_D_ACC, MPC_Z_VEL_D_ACC
+ATTITUDE = (6.5, 6.5, 2.8)  # k_q [1/s]: MC_ROLL_P, MC_PITCH_P, MC_YAW_P
+# k_j / k_omega [1/s]: MC_ROLLRATE_I / _P, MC_YAWRATE_I / _P
+RATE_INTEGRAL = (4 / 3, 4 / 3, 1 / 2)
 # MC_ROLLRATE_MAX, MC_PITCHRATE_MAX and MC_YAWRATE_MAX of PX4, there in degrees per
 # second.
 MAX_BODY_RATE = (math.radians(220), math.radians(220), math.radians(200))
@@ -101,27 +102,11 @@ class Cascade(eqx.Module):
         target_m: East, north, up [m].
         body_rate: $k_\omega$, gain of the innermost loop [1/s].
         yaw_rad: Heading of body x, from east to north [rad].
-        position: $k_p$ [1/s].
-        velocity: $k_v$ [1/s].
-        velocity_integral: $k_i$ [1/s2].
-        acceleration: $k_a$ [1].
-        attitude: $k_q$ [1/s].
-        rate_integral: $k_j / k_\omega$ [1/s].
     """
 
     target_m: Float[Array, "3"] = eqx.field(converter=floats)
     body_rate: Float[Array, ""] = eqx.field(converter=floats)
     yaw_rad: Float[Array, ""] = eqx.field(converter=floats, default=0.0)
-    position: Float[Array, "3"] = eqx.field(converter=floats, default=POSITION)
-    velocity: Float[Array, "3"] = eqx.field(converter=floats, default=VELOCITY)
-    velocity_integral: Float[Array, "3"] = eqx.field(
-        converter=floats, default=VELOCITY_INTEGRAL
-    )
-    acceleration: Float[Array, "3"] = eqx.field(converter=floats, default=ACCELERATION)
-    attitude: Float[Array, "3"] = eqx.field(converter=floats, default=ATTITUDE)
-    rate_integral: Float[Array, "3"] = eqx.field(
-        converter=floats, default=RATE_INTEGRAL
-    )
 
     def start(self) -> CascadeState:
         """Return the controller's state at the start: zeros."""
@@ -147,7 +132,7 @@ class Cascade(eqx.Module):
         along = jnp.maximum(dot(pull, upward), THRUST_FLOOR * FLIGHT_GRAVITY)
         error = attitude_error(quaternion, pull, self.yaw_rad)
         wanted = jnp.clip(
-            self.attitude * jnp.stack(error),
+            jnp.asarray(ATTITUDE) * jnp.stack(error),
             -jnp.asarray(MAX_BODY_RATE),
             jnp.asarray(MAX_BODY_RATE),
         )
@@ -155,7 +140,7 @@ class Cascade(eqx.Module):
         # The clip is PX4's protection against integrator windup.
         most = self.body_rate * jnp.asarray(MAX_RATE_INTEGRAL)
         turned = memory.rate_rad_s2 + (
-            self.body_rate * self.rate_integral * period_s * missed
+            self.body_rate * jnp.asarray(RATE_INTEGRAL) * period_s * missed
         )
         turned = jnp.clip(turned, -most, most)
         turn = three(self.body_rate * missed + turned)
@@ -175,7 +160,7 @@ def _commanded_acceleration(
     period_s: Float[Array, ""],
 ) -> tuple[Vector, Float[Array, "3"], Float[Array, "3"]]:
     """Return commanded acceleration, updated velocity integral and filtered rate."""
-    wanted = loops.position * (loops.target_m - state.position_m)
+    wanted = jnp.asarray(POSITION) * (loops.target_m - state.position_m)
     across = jnp.sum(wanted[:2] ** 2)
     fast = across > MAX_HORIZONTAL_SPEED**2
     # The horizontal set point is scaled, not clipped per axis, so it keeps its
@@ -191,7 +176,8 @@ def _commanded_acceleration(
     # before it, so its finite difference is masked by `begun`.
     passed = -jnp.expm1(-ACCELERATION_CUTOFF * period_s) * memory.begun
     gained = memory.gained_m_s2 + passed * (rate - memory.gained_m_s2)
-    command = loops.velocity * missed + memory.pull_m_s2 - loops.acceleration * gained
+    command = jnp.asarray(VELOCITY) * missed + memory.pull_m_s2
+    command = command - jnp.asarray(ACCELERATION) * gained
     east, north, up = three(command)
     pull, leans, low, high = limited_pull(vehicle, (east, north, up + FLIGHT_GRAVITY))
     # Conditional integration: an axis at its limit does not wind up further.
@@ -202,7 +188,7 @@ def _commanded_acceleration(
             (low & (missed[2] < 0)) | (high & (missed[2] > 0)),
         ]
     )
-    more = jnp.where(stays, 0.0, loops.velocity_integral * period_s * missed)
+    more = jnp.where(stays, 0.0, jnp.asarray(VELOCITY_INTEGRAL) * period_s * missed)
     sums = jnp.clip(
         memory.pull_m_s2 + more, -MAX_VELOCITY_INTEGRAL, MAX_VELOCITY_INTEGRAL
     )
