@@ -24,9 +24,7 @@ READ = {
 }
 REFUSED = {
     "tcp:0.0.0.0:4560": r"mavlink: expected a loopback address, .* no authentication",
-    "tcp:example.org:1": "mavlink: expected a loopback address",
     "serial:127.0.0.1:1": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",
-    "tcp:127.0.0.1:x": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",
     "tcp:[::1]:7": r"mavlink: expected tcp:HOST:PORT or udp:HOST:PORT, got",
     f"tcp:127.0.0.1:{'9' * 5000}": r"mavlink: expected tcp:HOST:PORT or udp",
     "udp:127.0.0.1:70000": "mavlink: expected a port of 0 to 65535, got 70000",

@@ -11,7 +11,7 @@ from jblast.discovery.discover import (
 )
 from jblast.discovery.prediction import flow, restarts
 from jblast.discovery.record import half_width, smoothed, trajectory_record, windows
-from jblast.discovery.sparse_regression import Candidates, polynomial
+from jblast.discovery.sparse_regression import polynomial
 from jblast.errors import InputError
 from jblast.report.discovery import discovery_view
 from jblast.report.view import terminal
@@ -57,14 +57,6 @@ def test_a_window_integrates_by_parts():
     left = cut.derivative @ cut.time**3
     # three nodes a piece, eight pieces a window, whose ends cut pieces in two
     np.testing.assert_allclose(left, cut.integral @ (3.0 * cut.time**2), rtol=5e-4)
-
-
-def test_a_wide_gap_between_rows_is_cut_into_pieces():
-    time = np.concatenate([np.linspace(0.0, 1.0, 20), np.linspace(3.0, 4.0, 20)])
-    cut = windows(time, 0.3)
-    left = cut.derivative @ np.sin(cut.time)
-    right = cut.integral @ np.cos(cut.time)
-    np.testing.assert_allclose(left, right, atol=5e-4 * np.max(np.abs(right)))
 
 
 def test_windows_are_as_wide_as_the_motion_asks():
@@ -125,16 +117,7 @@ def test_the_drag_of_a_vehicle_is_found(drag):
             # the frame's drag is a fifth of the rotors': 1 % of noise makes it 3 %
             assert found.coefficients[state, place] == pytest.approx(value, rel=0.05)
     assert found.reproduced == (True, True)
-
-
-@pytest.mark.slow
-def test_the_lag_of_a_motor_is_found():
-    case = motor_case()
-    found = found_in_case(case, 0.01)
-    assert found.terms(0) == ("speed", "command")
-    lag = 1.0 / found.coefficients[0, 2]
-    assert lag == pytest.approx(0.072, rel=0.01)  # a Crazyflie's
-    assert found.reproduced == (True,)
+    assert found.exchangeable == ((), ())
 
 
 @pytest.mark.slow
@@ -152,6 +135,7 @@ def test_held_inputs_need_to_be_said():
     truth = 1.0 / 0.072
     error = [abs(f.coefficients[0, 2] / truth - 1.0) for f in (held, linear)]
     assert error[0] < 1e-3 < error[1]
+    assert held.terms(0) == ("speed", "command")
 
 
 def test_so_much_noise_that_terms_are_lost_is_no_certainty(drag):
@@ -173,17 +157,6 @@ def test_a_term_that_repeats_another_is_left_out_and_named():
     )
     assert found.repeated == ("|u| u",)
     assert found.terms(0) == ("u",)
-
-
-def test_without_the_right_candidates_the_data_do_not_come_back():
-    candidates = Candidates(
-        ("1", "x^2"), lambda v: np.stack([v[:, 0] ** 0, v[:, 0] ** 2], 1)
-    )
-    states = pendulum(0.01)
-    found = discover(
-        TIME, states, names=("x", "rate"), candidates=candidates, members=5
-    )
-    assert found.reproduced == (False, False)
 
 
 def test_a_candidate_that_overflows_is_named():
@@ -261,9 +234,3 @@ def test_collinear_inputs_are_exchangeable_unless_the_record_distinguishes_them(
     apart = discovered(noisy, np.stack([push, far], axis=1), ("x", "push", "pull"))
     assert apart.terms(0) == ("x", "push")
     assert apart.exchangeable == ((),)
-
-
-@pytest.mark.slow
-def test_terms_of_a_true_law_are_not_exchangeable(drag):
-    found = found_in_case(drag, 0.01)
-    assert found.exchangeable == ((), ())

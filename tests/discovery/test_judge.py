@@ -66,7 +66,7 @@ def test_one_degree_more_is_the_whole_of_it():
     assert found.judged[0].whole
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.01, 0.05])
+@pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_a_true_law_is_not_doubted(noise):
     found = found_in(pushed(square=0.08, cube=0.0, noise=noise))
     assert set(found.terms(0)) == {"u", "push", "|u| u"}

@@ -7,7 +7,6 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode
 
 from jblast.environments import NAMES, QuadrotorBlast, QuadrotorEnv
 from jblast.errors import InputError
@@ -53,19 +52,6 @@ def test_gymnasiums_own_checker_passes_as_registered(name):
         assert seen in many.observation_space
         assert np.isfinite(seen).all()
         assert np.isfinite(reward).all()
-
-
-@pytest.mark.slow  # a vector of lanes is compiled; test_lanes.py has its core
-def test_a_vector_has_the_shapes_and_types_that_it_says(lanes):
-    seen, info = lanes.reset(seed=3)
-    assert seen in lanes.observation_space
-    assert info == {}
-    assert lanes.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    found = lanes.step(np.zeros((3, 3), np.float32))
-    assert found[0] in lanes.observation_space
-    assert [x.shape for x in found[1:4]] == [(3,)] * 3
-    assert [x.dtype for x in found[1:4]] == [np.float64, bool, bool]
-    assert found[4]["peak_deviation_m"].shape == (3,)
 
 
 @pytest.mark.slow  # a vector of lanes is compiled

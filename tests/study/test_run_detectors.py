@@ -2,13 +2,11 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import soundfile
-from scipy.signal import butter, lfilter
 
 from jblast.scene import Camera, Charge, Instrument, Scene, Sensor
 from jblast.sensors.camera.geometry import CameraPath, carried_camera, project
@@ -93,20 +91,6 @@ def test_sounds_are_attributed_to_blasts_or_are_false_alarms(scene, noise):
     assert 0.5 < first.latency_s < 0.8
     packets = (first.reported_s - START_S) / PACKET_S
     assert packets == pytest.approx(round(packets))
-
-
-@pytest.mark.slow
-def test_the_time_of_a_sound_is_that_of_its_pick(scene):
-    # the best pulse of the bank begins before a pulse behind a high-pass of 60 Hz
-    sound = sound_of([], noise=1e-3)
-    clock = np.arange(sound.size) / RATE - 2.0
-    x = np.maximum(clock, 0.0) / 0.03
-    high_pass: Any = butter(1, 60.0 / (RATE / 2), "high")
-    sound += lfilter(high_pass[0], high_pass[1], (clock >= 0) * (1 - x) * np.exp(-x))
-    (found,) = run(RunDetectors(scene, arrivals(), SHOTS), sound)
-    assert found.shot == "shot 1"
-    assert found.sigma_s < 1e-3
-    assert found.time_s == pytest.approx(5.0, abs=3 * found.sigma_s)
 
 
 def test_a_wave_through_the_ground_is_no_false_alarm(scene):

@@ -1,16 +1,21 @@
+"""Moments of parts and shares: against NumPy and SciPy."""
+
 import functools
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from scipy.stats import binomtest
 
 from jblast.study.statistics import (
     finish_moments,
+    finish_share,
     merged_moments,
     moments,
     share_error,
     standard_error,
+    wilson_interval,
 )
 
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False, width=32)
@@ -68,3 +73,26 @@ def test_any_cuts_end_in_the_moments_of_the_whole(values, one, other):
     assert found["variance"] == pytest.approx(
         np.var(values, ddof=1), rel=1e-9, abs=1e-12 * scale**2 + 1e-300
     )
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.sampled_from([-1, 0, 1]), min_size=1, max_size=50))
+def test_a_share_has_the_interval_of_wilson(flags):
+    found = finish_share(moments(np.array(flags, np.int8)))
+    yes, known = flags.count(1), len(flags) - flags.count(-1)
+    assert (found["yes"], found["count"]) == (yes, known)
+    assert found["lost"] == flags.count(-1)
+    if not known:
+        assert np.isnan(found["share"])
+        assert (found["low"], found["high"]) == (0.0, 1.0)
+        return
+    theirs = binomtest(yes, known).proportion_ci(0.90, method="wilson")
+    assert found["share"] == yes / known
+    assert found["low"] == pytest.approx(theirs.low, abs=1e-12)
+    assert found["high"] == pytest.approx(theirs.high, abs=1e-12)
+
+
+def test_ends_that_are_exact_stay_so():
+    low, high = wilson_interval(np.array([0.0, 1.0]), np.array([10.0, 10.0]))
+    assert low[0] == 0.0
+    assert high[1] == 1.0
