@@ -40,7 +40,7 @@ from jblast.autopilot.mavlink import (
     scalar_first,
     whole,
 )
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.observations.places import Frame
 from jblast.scene import Imu, Place, Scene, VehicleSpec
 from jblast.sensors.flight_sensors import (
@@ -219,17 +219,12 @@ def _answer(link: Link, flight: Lockstep, stamp: int, wait_s: float) -> Any | No
             return None
         if came.get_type() != "HIL_ACTUATOR_CONTROLS":
             continue
-        if not came.flags & LOCKSTEP:
-            raise InputError(
-                "expected an autopilot in lockstep, bit 0 of the flags of "
-                f"HIL_ACTUATOR_CONTROLS, got flags {came.flags}; build PX4 with "
-                "lockstep, as its SITL is by default"
-            )
-        if came.time_usec > stamp:
-            raise InputError(
-                f"expected controls for the sent time, {stamp} us, or earlier, got "
-                f"controls for {came.time_usec} us: messages out of order"
-            )
+        words = "an autopilot in lockstep, bit 0 of the flags"
+        got = f"{came.flags}; build PX4 with lockstep, as its SITL is by default"
+        require(came.flags & LOCKSTEP, "HIL_ACTUATOR_CONTROLS", words, got)
+        words = f"controls for the sent time, {stamp} us, or earlier"
+        got = f"controls for {came.time_usec} us: messages out of order"
+        require(came.time_usec <= stamp, "HIL_ACTUATOR_CONTROLS", words, got)
         # Answers to samples sent before the lockstep began; skipping them restores it.
         if came.time_usec == stamp:
             return came
@@ -315,11 +310,9 @@ def rotors_of(vehicle: Vehicle) -> Rotors:
     """
     signs = np.sign(np.asarray(vehicle.rotor_position_m))[:, :2].astype(int)
     places = [(int(x), int(y)) for x, y in signs]
-    if sorted(places) != sorted(CORNERS):
-        raise InputError(
-            f"vehicle {vehicle.name!r}: expected rotors at the corners of an X, as "
-            f"PX4's generic quadrotor has them, got the signs {places} of (x, y)"
-        )
+    words = "rotors at the corners of an X, as PX4's generic quadrotor has them"
+    crossed, got = sorted(places) == sorted(CORNERS), f"the signs {places} of (x, y)"
+    require(crossed, f"vehicle {vehicle.name!r}", words, got)
     # Motors are matched by the signs of their positions, because arms may differ in
     # length.
     order = np.array([places.index(corner) for corner in CORNERS])
@@ -363,11 +356,8 @@ def flight_of(
         InputError: The vehicle starts below ground.
     """
     up, start = float(spec.position[2]), start_of(spec)
-    if up < 0:
-        raise InputError(
-            f"{source or 'scene'}: [vehicle] position_m: expected a vehicle that is "
-            f"not below ground, got up {up:g} m"
-        )
+    where = f"{source or 'scene'}: [vehicle] position_m"
+    require(up >= 0, where, "a vehicle that is not below ground", f"up {up:g} m")
     if up == 0:
         start = replace(start, rotor_speed_rad_s=0 * start.rotor_speed_rad_s)
     wind = wind_of(scene)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float, Num
 
 from jblast.addresses import host_and_port
-from jblast.errors import InputError, argument, needed, shown
+from jblast.errors import InputError, argument, needed, require, shown
 from jblast.missions.route import geodetic
 from jblast.observations.places import Frame
 
@@ -207,8 +207,7 @@ def read_address(text: str, name: str, ports: dict[str, int]) -> tuple[str, str]
     kind, _, rest = text.partition(":")
     where, expected = argument(name), "tcp:HOST:PORT or udp:HOST:PORT"
     # pymavlink's links have no IPv6 addresses, which have more colons.
-    if kind not in ports or rest.count(":") > 1:
-        raise InputError(f"{where}: expected {expected}, got {shown(text)}")
+    require(kind in ports and rest.count(":") < 2, where, expected, shown(text))
     host, colon, port = rest.partition(":")
     whole = f"{host or '127.0.0.1'}:{port if colon else ports[kind]}"
     host, number = host_and_port(whole, where, expected, got=text)

@@ -23,7 +23,7 @@ from jblast.discovery.discover import (
     discover,
 )
 from jblast.discovery.sparse_regression import polynomial
-from jblast.errors import InputError, argument, nearest, read_bytes, shown
+from jblast.errors import InputError, argument, nearest, read_bytes, require, shown
 from jblast.observations.text_table import Table, text_table
 from jblast.progress import stages
 from jblast.units import our_name
@@ -133,12 +133,12 @@ def discover_law(
         data = read_trajectory(data, states, inputs)
     columns = len(data.names)
     terms = _terms(columns, degree, drag)
-    if terms > MAX_TERMS:
-        raise InputError(
-            f"{columns} columns to degree {degree}: expected at most {MAX_TERMS} "
-            f"candidates, got {terms}; name fewer by {argument('states')} and "
-            f"{argument('inputs')}, or lower {argument('degree')}"
-        )
+    got = (
+        f"{terms}; name fewer by {argument('states')} and {argument('inputs')}, or "
+        f"lower {argument('degree')}"
+    )
+    where = f"{columns} columns to degree {degree}"
+    require(terms <= MAX_TERMS, where, f"at most {MAX_TERMS} candidates", got)
 
     def find(degree: int) -> Discovery:
         candidates, outside = (
@@ -181,11 +181,8 @@ def check_search(*, degree: int = DEGREE, members: int = MEMBERS) -> None:
         ("degree", degree, DEGREES, ""),
         ("members", members, ENSEMBLES, "; fewer have no 5 % and 95 % quantiles"),
     ):
-        if not least <= value <= most:
-            raise InputError(
-                f"{argument(name)}: expected a whole number from {least} to {most}, "
-                f"got {value}{why}"
-            )
+        words = f"a whole number from {least} to {most}"
+        require(least <= value <= most, argument(name), words, f"{value}{why}")
 
 
 def _terms(columns: int, degree: int, drag: bool) -> int:
@@ -234,34 +231,26 @@ def read_trajectory(
     lines = np.array(table.lines)[order].tolist()
     firsts = np.flatnonzero(np.diff(runs[order], prepend=np.nan) != 0.0)
     fewest = int(np.diff(firsts, append=len(lines)).min())
-    if fewest < MIN_ROWS:
-        raise InputError(
-            f"{path}: expected at least {MIN_ROWS} rows after the header"
-            f"{', in each run' if several else ''}, got {fewest}"
-        )
+    words = f"at least {MIN_ROWS} rows after the header"
+    words += ", in each run" if several else ""
+    require(fewest >= MIN_ROWS, path, words, fewest)
     for column, row in np.argwhere(np.abs(values) >= MAX_VALUE).tolist():
-        raise InputError(
-            f"{table.at(lines[row], header[wanted[column]])}: expected a number "
-            f"between -1e100 and 1e100, got {values[column, row]:g}"
-        )
+        where = table.at(lines[row], header[wanted[column]])
+        words = "a number between -1e100 and 1e100"
+        require(False, where, words, f"{values[column, row]:g}")
     time = seconds * values[0]
     # the spline and the windows need increasing times
     steps = np.diff(time)
     for row in (np.flatnonzero(steps <= 0.0) + 1).tolist():
-        if row in firsts:
-            continue
-        raise InputError(
-            f"{table.at(lines[row], table.header[clock])}: expected times that "
-            f"rise, got {values[0, row]:g} after {values[0, row - 1]:g}"
-        )
+        where = table.at(lines[row], table.header[clock])
+        got = f"{values[0, row]:g} after {values[0, row - 1]:g}"
+        require(row in firsts, where, "times that rise", got)
+    leave = f"leave it out by {argument('states')} or {argument('inputs')}"
     for name, column in zip(names, values[1:], strict=True):
         # a constant column equals the constant term
-        if np.ptp(column) == 0.0:
-            raise InputError(
-                f"{path}: column {name}: expected values that change, got "
-                f"{column[0]:g} in every row; leave it out by "
-                f"{argument('states')} or {argument('inputs')}"
-            )
+        varies = np.ptp(column) > 0.0
+        got = f"{column[0]:g} in every row; {leave}"
+        require(varies, f"{path}: column {name}", "values that change", got)
     steps[firsts[1:] - 1] = np.median(steps)
     count = len(chosen[0])
     return TrajectoryColumns(
@@ -284,21 +273,15 @@ def _clock(table: Table) -> tuple[int, float]:
     where, header = table.at(table.header_line), table.header
     found = {}
     for at, (name, unit) in enumerate(zip(header, table.units, strict=True)):
-        if not name:
-            raise InputError(f"{where}: expected a name for each column, got an empty")
-        if header.count(name) > 1:
-            raise InputError(
-                f"{where}: expected column {shown(name)} once, got it twice"
-            )
+        require(name, where, "a name for each column", "an empty")
+        once = header.count(name) == 1
+        require(once, where, f"column {shown(name)} once", "it twice")
         ours = our_name(f"{name}_{unit}" if unit else name)
         if ours is not None and ours.name == TIME:
             found[at] = ours.factor
-    if len(found) != 1:
-        raise InputError(
-            f"{where}: expected one column {TIME}, got "
-            + (", ".join(header[at] for at in found) or ", ".join(header))
-            + ("" if found else nearest(TIME, header))
-        )
+    got = ", ".join(header[at] for at in found)
+    got = got or ", ".join(header) + nearest(TIME, header)
+    require(len(found) == 1, where, f"one column {TIME}", got)
     return found.popitem()
 
 
@@ -311,22 +294,16 @@ def _chosen(
         (argument("inputs"), inputs),
     ):
         for name in names:
-            if name == TIME:
-                raise InputError(f"{option}: expected another column than {TIME}")
+            require(name != TIME, option, f"another column than {TIME}")
             if name not in header:
                 raise InputError(
                     f"{where}: missing column {shown(name)}, which {option} names; got "
                     f"{', '.join(header)}{nearest(name, header)}"
                 )
-            if [*states, *inputs].count(name) > 1:
-                raise InputError(
-                    f"{option}: expected each column once among states and inputs, got "
-                    f"{name} twice"
-                )
+            once = [*states, *inputs].count(name) == 1
+            words = "each column once among states and inputs"
+            require(once, option, words, f"{name} twice")
     left = [name for name in header if name not in (TIME, RUN, *inputs)]
     chosen = tuple(states) or tuple(left)
-    if not chosen:
-        raise InputError(
-            f"{where}: expected a column that is no input beside {TIME}, got none"
-        )
+    require(chosen, where, f"a column that is no input beside {TIME}", "none")
     return chosen, tuple(inputs)

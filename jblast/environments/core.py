@@ -27,7 +27,7 @@ from jblast.environments.episode import (
     simulator_of,
 )
 from jblast.environments.tasks import TASKS, default_guidance, distance
-from jblast.errors import InputError, nearest
+from jblast.errors import InputError, nearest, require
 from jblast.missions import Guidance
 from jblast.scene import Air, ByCount, Uniform, WorldSpec
 from jblast.scene.uncertain import Prior
@@ -95,22 +95,19 @@ def environment_params(
         ("task", task, TASKS),
         ("command", command or TASKS.get(task, TASKS["Hover"]).command, COMMANDS),
     ):
-        if name not in known:
-            raise InputError(
-                f"{what} {name!r}: expected {', '.join(known)}{nearest(name, known)}"
-            )
+        words = f"{', '.join(known)}{nearest(name, known)}"
+        require(name in known, f"{what} {name!r}", words)
     kind = TASKS[task]
     command = command or kind.command
     if task == "Mission":
         guidance = default_guidance() if guidance is None else guidance
-    elif guidance is not None:
-        raise InputError(f"guidance: expected none but for Mission, got one for {task}")
+    else:
+        none = guidance is None
+        require(none, "guidance", "none but for Mission", f"one for {task}")
     world = default_world() if world is None else world
-    if not isinstance(world.occurrence, ByCount) or world.occurrence.count < 1:
-        raise InputError(
-            "world occurrence: expected ByCount of 1 or more (all lanes have the same "
-            f"number of blasts), got {world.occurrence}"
-        )
+    fixed = isinstance(world.occurrence, ByCount) and world.occurrence.count > 0
+    words = "ByCount of 1 or more (all lanes have the same number of blasts)"
+    require(fixed, "world occurrence", words, f"{world.occurrence}")
     flies = named(vehicle)
     gains = named_gains(vehicle, integral=True)
     gains_controller(controller)  # an unknown one is an error here
@@ -124,14 +121,10 @@ def environment_params(
     }
     episode_s = kind.episode_s if episode_s is None else episode_s
     for name, value in {**numbers, "episode_s": episode_s}.items():
-        if not value > 0:
-            raise InputError(f"{name}: expected a positive number, got {value:g}")
+        require(value > 0, name, "a positive number", f"{value:g}")
     limit = step_limit(float(flies.motor_lag_s), gains, 1)
-    if step_s > limit:
-        raise InputError(
-            f"step_s: expected at most {limit:.4g} s, the stability limit of the "
-            f"position controller with {vehicle}, got {step_s:g} s"
-        )
+    words = f"at most {limit:.4g} s, the stability limit of the position controller "
+    require(step_s <= limit, "step_s", f"{words}with {vehicle}", f"{step_s:g} s")
     randomisation = Randomisation() if randomisation is None else randomisation
     target = jnp.asarray(kind.target_m if target_m is None else target_m, float)
     found = EnvironmentParams(
@@ -316,10 +309,8 @@ def _max_delay(delay: Float[Array, ""] | Prior, step_s: float) -> int:
         raise InputError(f"delay_s: expected a number or a Uniform, got {delay}")
     else:
         low = high = float(delay)
-    # The negation also rejects NaN; an infinite bound fails the comparison.
-    if not (low >= 0 and high / step_s < MAX_DELAY + 0.5):
-        raise InputError(
-            f"delay_s: expected 0 to {MAX_DELAY * step_s:g} s, {MAX_DELAY} steps, "
-            f"got {low:g} to {high:g} s"
-        )
+    # NaN and an infinite bound fail the comparisons.
+    fits = low >= 0 and high / step_s < MAX_DELAY + 0.5
+    words = f"0 to {MAX_DELAY * step_s:g} s, {MAX_DELAY} steps"
+    require(fits, "delay_s", words, f"{low:g} to {high:g} s")
     return round(high / step_s)

@@ -18,7 +18,7 @@ from jblast.environments.episode import (
     one_wave,
     vehicle_in,
 )
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.vehicle import BlastLoad, State, Vehicle
 from jblast.vehicle.dynamics import Wrench
 from jblast.vehicle.rollout import CHUNK_BYTES, over_devices, tick_of
@@ -54,11 +54,9 @@ def in_chunks(
         InputError: The number of lanes is not a multiple of chunks and devices.
     """
     count = jax.tree.leaves(lanes)[0].shape[0]
-    if count < 1 or count % (chunk * devices):
-        raise InputError(
-            f"lanes: expected a multiple of {chunk} times {devices} devices, got "
-            f"{count:,}"
-        )
+    whole = count > 0 and count % (chunk * devices) == 0
+    words = f"a multiple of {chunk} times {devices} devices"
+    require(whole, "lanes", words, f"{count:,}")
     parts = jax.tree.map(lambda x: x.reshape(-1, chunk, *x.shape[1:]), lanes)
 
     def here(parts: PyTree[Array]) -> PyTree[Array]:

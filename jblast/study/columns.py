@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jblast.errors import InputError
+from jblast.errors import InputError, require
 from jblast.study.statistics import (
     Moments,
     finish_moments,
@@ -189,8 +189,7 @@ def read_columns(path: str | os.PathLike[str]) -> StudyColumns:
         raise InputError(
             f"{path}: slab {n}: {fault}; a resumed study computes damaged slabs again"
         )
-    if not states:
-        raise InputError(f"{path}: expected samples, got a store without any")
+    require(states, path, "samples", "a store without any")
     rows = min(store.keep, len(states) * store.slab)
     with xarray.open_zarr(store.path, consolidated=False, chunks=None) as dataset:
         return columns_of(dataset.isel(draw=slice(rows)).load(), str(path), states)
@@ -212,11 +211,9 @@ def columns_of(
         InputError: It has another layout or schema, or no samples.
     """
     schema = dataset.attrs.get("jblast_study_schema")
-    if schema != SCHEMA or "draw" not in dataset.sizes:
-        raise InputError(
-            f"{source}: expected samples and jblast_study_schema {SCHEMA}, "
-            f"got {schema} and the dimensions {', '.join(map(str, dataset.sizes))}"
-        )
+    right = schema == SCHEMA and "draw" in dataset.sizes
+    got = f"{schema} and the dimensions {', '.join(map(str, dataset.sizes))}"
+    require(right, source, f"samples and jblast_study_schema {SCHEMA}", got)
     names = dataset.attrs["columns"]
     columns = {name: dataset[name] for name in names}
     dims = next(iter(columns.values())).dims

@@ -271,13 +271,11 @@ def _toml(text: str, source: str, kind: str) -> dict[str, Any]:
 def _check_same_priors(variants: list[UncertainScene], source: str) -> None:
     """Check that all scenes have priors of the same parameters, in one order."""
     first = tuple(variants[0].beliefs)
+    words = "priors of the same parameters in each scene, in one order: "
+    words += ", ".join(first) or "none"
     for one in variants[1:]:
-        if tuple(one.beliefs) != first:
-            raise InputError(
-                f"{source}: scene: expected priors of the same parameters in each "
-                f"scene, in one order: {', '.join(first) or 'none'}; got "
-                f"{', '.join(one.beliefs) or 'none'} in {one.source}"
-            )
+        got = f"{', '.join(one.beliefs) or 'none'} in {one.source}"
+        require(tuple(one.beliefs) == first, f"{source}: scene", words, got)
 
 
 def _with_axes(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from jblast.errors import InputError, argument
+from jblast.errors import InputError, argument, require
 from jblast.scene import Camera, draw_scene, quaternion_matrix
 from jblast.sensors.camera.files.backgrounds import background_named, read_camera_path
 from jblast.sensors.camera.files.images import read_colours, read_depth
@@ -106,14 +106,11 @@ def film_of(
     if uncertain.scene.camera is None:
         raise InputError(f"{source}: expected a [camera], got none")
     scene = draw_scene(jax.random.key(options.seed), uncertain)
-    if all(charge.never for charge in scene.charges):
-        raise InputError(f"{source}: [charge]: expected a blast to film, got none")
-    for charge in scene.charges:
-        if charge.range_m is not None:
-            raise InputError(
-                f"{source}: [charge] range_m: expected position_m, which a camera "
-                "needs; got a range"
-            )
+    happens = not all(charge.never for charge in scene.charges)
+    require(happens, f"{source}: [charge]", "a blast to film", "none")
+    placed = all(charge.range_m is None for charge in scene.charges)
+    words = "position_m, which a camera needs"
+    require(placed, f"{source}: [charge] range_m", words, "a range")
     camera = _camera(uncertain.scene.camera, options)
     views = None
     if options.views:
@@ -196,9 +193,9 @@ def _times(
 
     # each charge has its own time: the film covers all fireballs
     bursts = [float(charge.time_s) for charge in scene.charges]
-    if options.times is not None and options.seconds is not None:
-        both = argument("times"), argument("seconds")
-        raise InputError(f"{both[0]}: expected either {both[0]} or {both[1]}, got both")
+    words = f"either {argument('times')} or {argument('seconds')}"
+    one = options.times is None or options.seconds is None
+    require(one, argument("times"), words, "both")
     start, bound = min(bursts), math.inf
     if options.times is not None:
         start, stop = options.times
@@ -214,12 +211,10 @@ def _times(
     count = min(math.ceil(seconds * hz - 1e-6), bound)
     # events are changes between two frames at least
     fewest = 1 if options.mode == "rgb" else 2
-    if not fewest <= count <= MAX_FRAMES:
-        raise InputError(
-            f"{argument('times' if options.times else 'seconds')}: expected {fewest} "
-            f"to {MAX_FRAMES:,} frames, got {max(count, 0):,.0f} of {hz:g} Hz in "
-            f"{seconds:g} s"
-        )
+    where = argument("times" if options.times else "seconds")
+    got = f"{max(count, 0):,.0f} of {hz:g} Hz in {seconds:g} s"
+    words = f"{fewest} to {MAX_FRAMES:,} frames"
+    require(fewest <= count <= MAX_FRAMES, where, words, got)
     return start + np.arange(int(count)) / hz
 
 
@@ -242,17 +237,15 @@ def _check_moving_camera(film: "Film", options: FilmOptions) -> None:
     Raises:
         InputError: A depth or a single image is given.
     """
-    if options.depth is not None:
-        raise InputError(
-            f"{argument('depth')}: expected a fixed camera, got a moving one, whose "
-            "background moves"
-        )
-    if isinstance(film.background, np.ndarray) and film.background.ndim > 1:
-        raise InputError(
-            f"{argument('background')}: expected sky, light, a folder with an image "
-            "for each frame or a video, for a moving camera, got the image "
-            f"{options.background!r}"
-        )
+    got = "a moving one, whose background moves"
+    require(options.depth is None, argument("depth"), "a fixed camera", got)
+    image = isinstance(film.background, np.ndarray) and film.background.ndim > 1
+    words = (
+        "sky, light, a folder with an image for each frame or a video, for a moving "
+        "camera"
+    )
+    got = f"the image {options.background!r}"
+    require(not image, argument("background"), words, got)
 
 
 def _check_blast_in_view(film: "Film", source: str) -> None:
@@ -312,11 +305,8 @@ def _path(
     from jblast.world.perceived import camera_path
 
     if not camera.mount:
-        if options.flight is not None:
-            raise InputError(
-                f'{argument("flight")}: expected a camera with mount = "vehicle" in '
-                f"{scene}, got a fixed one"
-            )
+        words = f'a camera with mount = "vehicle" in {scene}'
+        require(options.flight is None, argument("flight"), words, "a fixed one")
         return None
     end = float(times[-1]) + float(camera.exposure_s)
     if options.flight is None:
@@ -326,11 +316,9 @@ def _path(
     else:
         path, source = read_camera_path(options.flight), options.flight
     first, last = float(path.time[0]), float(path.time[-1])
-    if not first <= times[0] <= end <= last:
-        raise InputError(
-            f"{source}: expected a flight as long as the film, {times[0]:g} to "
-            f"{end:g} s, got one from {first:g} to {last:g} s"
-        )
+    words = f"a flight as long as the film, {times[0]:g} to {end:g} s"
+    got = f"one from {first:g} to {last:g} s"
+    require(first <= times[0] <= end <= last, source, words, got)
     return path
 
 
@@ -345,11 +333,9 @@ def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
 
     sky = carried or options.background == SKY or options.ground is not None
     if options.background not in (None, SKY):
-        if options.ground is not None:
-            raise InputError(
-                f"{argument('ground')}: expected no {argument('background')} but {SKY} "
-                f"with it, got {options.background!r}"
-            )
+        words = f"no {argument('background')} but {SKY} with it"
+        got = repr(options.background)
+        require(options.ground is None, argument("ground"), words, got)
         return None
     if options.ground is None:
         return landscape() if sky else None
@@ -358,11 +344,9 @@ def landscape_of(options: FilmOptions, *, carried: bool) -> "Landscape | None":
         metres = float(scale)
     except ValueError:
         metres = math.nan
-    if not (colon and name and 0.0 < metres < math.inf):
-        raise InputError(
-            f"{argument('ground')}: expected IMAGE.png:METRES_PER_PIXEL, as "
-            f"field.png:0.05, got {options.ground!r}"
-        )
+    right = colon and name and 0.0 < metres < math.inf
+    words = "IMAGE.png:METRES_PER_PIXEL, as field.png:0.05"
+    require(right, argument("ground"), words, repr(options.ground))
     return landscape(read_colours(Path(name)), metres)
 
 

@@ -32,7 +32,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.optimize import OptimizeResult, minimize
 
-from jblast.errors import InputError, argument
+from jblast.errors import InputError, argument, require
 from jblast.progress import in_words
 from jblast.scene import UncertainScene, VehicleSpec
 from jblast.study.flight_results import (
@@ -472,24 +472,15 @@ _SLOPES = eqx.filter_jit(jax.jacfwd(margins_to_spare))
 
 def _checked(uncertain: UncertainScene, settings: TuningSettings) -> VehicleSpec:
     """Return the vehicle section of a scene, after a check of the settings."""
-    if settings.vehicles < 2:
-        raise InputError(
-            f"{argument('vehicles')}: expected two blasts or more to tune gains, got "
-            f"{settings.vehicles}"
-        )
-    for name, value in (
-        ("margin_db", settings.margin_db),
-        ("margin_deg", settings.margin_deg),
-    ):
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(
-                f"{argument(name)}: expected a positive number, got {value:g}"
-            )
-    if not (np.isfinite(settings.delay_s) and settings.delay_s >= 0):
-        raise InputError(
-            f"{argument('delay')}: expected a time of 0 s or more, got "
-            f"{settings.delay_s:g}"
-        )
+    count, delay_s = settings.vehicles, settings.delay_s
+    words = "two blasts or more to tune gains"
+    require(count >= 2, argument("vehicles"), words, count)
+    for name in ("margin_db", "margin_deg"):
+        value = getattr(settings, name)
+        positive = np.isfinite(value) and value > 0
+        require(positive, argument(name), "a positive number", f"{value:g}")
+    known = np.isfinite(delay_s) and delay_s >= 0
+    require(known, argument("delay"), "a time of 0 s or more", f"{delay_s:g}")
     return checked_scene(uncertain, settings.vehicles, by_profile=False)
 
 

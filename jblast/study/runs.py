@@ -32,7 +32,7 @@ import jax
 import numpy as np
 
 import jblast
-from jblast.errors import InputError, needed, shown
+from jblast.errors import InputError, needed, require, shown
 from jblast.progress import Level, Progress, Task, reported
 from jblast.study.file import Study, read_study, sha256_of, study_from_text
 from jblast.study.slabs import Slabs
@@ -165,14 +165,10 @@ def run_into(
             the store belongs to another study, or no scheduler answers.
         OSError: A slab cannot be written; the slabs before it are kept.
     """
-    if limit is not None and limit < 1:
-        raise InputError(f"limit: expected a positive whole number, got {limit}")
+    require(limit is None or limit > 0, "limit", "a positive whole number", limit)
     store = open_store(path)
-    if store is not None and not resume:
-        raise InputError(
-            f"{path}: expected a new store, got an existing one; resume it, or write "
-            "to another"
-        )
+    got = "an existing one; resume it, or write to another"
+    require(store is None or resume, path, "a new store", got)
     study = study if isinstance(study, Study) else read_study(study)
     slabs = Slabs(study, None if store is None else store.slab)
     if store is not None:
@@ -324,8 +320,7 @@ def shared(
     """Compute and write slabs on the workers of a client; yield their moments."""
     # -1 for all workers: the default lists the first few
     there = client.scheduler_info(n_workers=-1)["workers"]
-    if not there:
-        raise InputError("scheduler: expected at least one worker, got none")
+    require(there, "scheduler", "at least one worker", "none")
     # workers may have another current folder
     path, left = str(store.path.resolve()), iter(missing)
 
@@ -337,10 +332,8 @@ def shared(
     while waiting:
         version, states = waiting.pop(0).result()
         # another version would compute other samples
-        if version != jblast.__version__:
-            raise InputError(
-                f"workers: expected jblast {jblast.__version__}, as here, got {version}"
-            )
+        own = jblast.__version__
+        require(version == own, "workers", f"jblast {own}, as here", version)
         yield states
         waiting += [begun(n) for n in itertools.islice(left, 1)]
 

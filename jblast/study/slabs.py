@@ -23,9 +23,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, Key, PRNGKeyArray
 
-from jblast.errors import InputError, argument, nearest, shown, whole_number
+from jblast.errors import InputError, argument, require, shown, whole_number
 from jblast.kept_programs import WIDE
 from jblast.scene import parameter_named
+from jblast.scene.values import known
 from jblast.study.draws import (
     allowed,
     folded,
@@ -322,17 +323,11 @@ def outcomes(
     found = draw(key, study, cell=cell)
     given = {name: jnp.asarray(value) for name, value in (numbers or {}).items()}
     for name in given:
-        if name not in found:
-            raise InputError(
-                f"numbers: expected names of {', '.join(found) or '(none)'}, got "
-                f"{name!r}{nearest(name, found)}"
-            )
+        known(name, found, "numbers:", "parameter")
     for part in parts_of(study, variant):
-        if part.prepared.finish is not None:
-            raise InputError(
-                f"{study.source}: expected outcomes of single samples, got "
-                f"{part.names[0]}, which jblast.study.run computes for whole batches"
-            )
+        got = f"{part.names[0]}, which jblast.study.run computes for whole batches"
+        pure = part.prepared.finish is None
+        require(pure, study.source, "outcomes of single samples", got)
     answers = answers_of(
         study,
         variant,
@@ -368,7 +363,9 @@ def parts_of(study: Study, variant: int) -> tuple[Part, ...]:
         families = families_of(
             outcomes_named(study.outcomes, study.source, allow_code=study.allow_code)
         ).values()
-        _check_options(study, [family for family, _ in families])
+        options = sorted({key for family, _ in families for key in family.options})
+        for key in study.options:
+            known(key, options, f"{study.source}: [options]", "key")
         with jax.ensure_compile_time_eval():  # also while JAX traces a caller
             study.prepared[variant] = tuple(
                 Part(family, tuple(names), prepared)
@@ -465,11 +462,10 @@ def outcome_variables(study: Study) -> tuple[Variable, ...]:
         study.outcomes, study.source, allow_code=study.allow_code
     )
     names = {tuple(s.name for s in one.scene.sensors) for one in study.variants}
-    if len(names) > 1 and any(outcome.per_sensor for outcome in requested):
-        raise InputError(
-            f"{study.source}: [axes]: expected the same sensors in each variant of the "
-            f"scene for outcomes at sensors, got {len(names)} different sets"
-        )
+    alike = len(names) == 1 or not any(outcome.per_sensor for outcome in requested)
+    words = "the same sensors in each variant of the scene for outcomes at sensors"
+    got = f"{len(names)} different sets"
+    require(alike, f"{study.source}: [axes]", words, got)
     return tuple(
         Variable(
             o.name,
@@ -497,14 +493,3 @@ def _failed_where(good: Array | None, values: Any) -> Array:
     if jnp.issubdtype(values.dtype, jnp.inexact):
         return jnp.where(good, values, jnp.nan)
     return jnp.where(good, values.astype(jnp.int8), jnp.int8(NO_ANSWER))
-
-
-def _check_options(study: Study, families: list[Family]) -> None:
-    """Check that each option belongs to a requested outcome."""
-    known = sorted({key for family in families for key in family.options})
-    for key in study.options:
-        if key not in known:
-            raise InputError(
-                f"{study.source}: [options] {key}: unknown key{nearest(key, known)}; "
-                f"expected one of {', '.join(known) or '(none of these outcomes)'}"
-            )

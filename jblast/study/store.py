@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 import numpy as np
 
-from jblast.errors import InputError, shown
+from jblast.errors import InputError, require, shown
 from jblast.study.statistics import Moments
 
 if TYPE_CHECKING:
@@ -240,11 +240,8 @@ def open_store(path: str | os.PathLike[str]) -> Store | None:
     schema = group.attrs.get("jblast_study_schema")
     if schema is None:
         return None  # a run killed before it wrote the attributes
-    if schema != SCHEMA:
-        raise InputError(
-            f"{path}: expected schema {SCHEMA}, got {shown(schema)}: another version "
-            "of jblast wrote it"
-        )
+    got = f"{shown(schema)}: another version of jblast wrote it"
+    require(schema == SCHEMA, path, f"schema {SCHEMA}", got)
     return Store(group, folder)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from jblast.errors import InputError
+from jblast.errors import InputError, require
 from jblast.registry import Registry
 from jblast.scene import VehicleSpec
 from jblast.vehicle.control.cascade import Cascade
@@ -55,11 +55,9 @@ def hold_of(spec: VehicleSpec, *, integral: bool) -> PositionHold:
     Raises:
         InputError: A gain is invalid, or the vehicle flies a mission.
     """
-    if spec.mission is not None:
-        raise InputError(
-            f"[vehicle] mission: {spec.mission}: expected a vehicle without a mission, "
-            "got one with a mission; jblast fly and world support missions"
-        )
+    where, words = f"[vehicle] mission: {spec.mission}", "a vehicle without a mission"
+    got = "one with a mission; jblast fly and world support missions"
+    require(spec.mission is None, where, words, got)
     gains = parameters_of(spec.model) | spec.gains
     return PositionHold(
         target_m=spec.held,

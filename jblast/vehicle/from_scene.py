@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.errors import InputError
+from jblast.errors import InputError, require
 from jblast.scene import Charge, Scene, VehicleSpec
 from jblast.vehicle.control.allocation import rotor_speeds
 from jblast.vehicle.loads.blast import BlastLoad
@@ -141,11 +141,8 @@ def _free_air(charge: Charge, scene: Scene) -> float | Float[Array, ""]:
 
 
 def _blast(charge: Charge, free_air: float | Float[Array, ""]) -> Blast:
-    if charge.range_m is not None:
-        raise InputError(
-            "charge range: expected a position of the charge for a scene with a "
-            "vehicle, got a distance"
-        )
+    words = "a position of the charge for a scene with a vehicle"
+    require(charge.range_m is None, "charge range", words, "a distance")
     return Blast(
         position_m=jnp.stack(charge.position_m),
         time_s=charge.time_s,

@@ -74,15 +74,9 @@ def _check_length(quaternion: Float[np.ndarray, "... 4"]) -> None:
     with np.errstate(over="ignore", under="ignore"):
         square = np.sum(np.square(quaternion), axis=-1)
     usable = (square > np.finfo(quaternion.dtype).tiny) & np.isfinite(square)
-    if not np.all(usable):
-        wrong = np.asarray(quaternion, float)[~usable][0]
-        # Scaled first, because the square can underflow in float64, too.
-        size = np.abs(wrong).max()
-        got = "zero"
-        if size > 0:
-            length = size * np.linalg.norm(wrong / size)
-            got = f"one of {length:.3g} in {quaternion.dtype}"
-        raise InputError(f"quaternion: expected one of length 1, got {got}")
+    wrong = np.asarray(quaternion, float)[~usable][:1].tolist()
+    words = "one of length 1, or one that can be scaled to it"
+    require(not wrong, "quaternion", words, f"{wrong} in {quaternion.dtype}")
 
 
 class Trajectory(eqx.Module):

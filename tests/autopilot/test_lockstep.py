@@ -110,7 +110,7 @@ ENDS = {
     "hung up": (["gone"], "the connection was closed"),
     "silent": ([None], "no answer came within 0.05 s"),
     "early": ([{"time_usec": 10**9}], "controls for 1000000000 us: messages out of"),
-    "not in lockstep": ([{"flags": 0}], "expected an autopilot in lockstep, bit 0"),
+    "not in lockstep": ([{"flags": 0}], "an autopilot in lockstep, bit 0"),
 }
 
 

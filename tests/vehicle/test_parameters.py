@@ -85,9 +85,9 @@ def test_a_name_that_is_not_there_is_refused():
 @pytest.mark.parametrize(
     ("parts", "message"),
     [
-        ({"quaternion": np.zeros(4)}, "quaternion: expected one of length 1, got zero"),
-        ({"quaternion": np.full(4, 1e-170)}, "got one of 2e-170 in float64"),
-        ({"quaternion": np.full(4, np.float32(1e30))}, "got one of 2e[+]30 in float32"),
+        ({"quaternion": np.zeros(4)}, "quaternion: expected one of length 1.*0.0"),
+        ({"quaternion": np.full(4, 1e-170)}, "got .*1e-170.* in float64"),
+        ({"quaternion": np.full(4, np.float32(1e30))}, "got .*e[+]30.* in float32"),
         (
             {"velocity_m_s": np.zeros((2, 3))},
             "velocity_m_s: expected the shape",

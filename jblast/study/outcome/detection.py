@@ -27,7 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.scene import Scene, Sensor
 from jblast.scene.uncertain import with_values
 from jblast.scene.values import finite
@@ -43,6 +43,7 @@ from jblast.study.outcome.family import (
     family,
     yes_no,
 )
+from jblast.study.outcome.quantities import check_sensors
 from jblast.waves.propagation import absorption_transfer, ambient as ambient_of
 
 RATE_HZ, SECONDS, BEFORE_S = 2000.0, 1.0, 0.02
@@ -85,19 +86,11 @@ def prepare(setting: Setting) -> Prepared:
         InputError: A sensor has no position or no noise, or there is no sensor.
     """
     scene, source = setting.uncertain.scene, setting.uncertain.source or "scene"
+    check_sensors(scene, source, "for detection")
+    words = "noise for detection: noise_pa, wind_noise or [ambient] level_pa"
     for sensor in scene.sensors:
-        if not np.isfinite(np.asarray(sensor.position_m)).all():
-            raise InputError(
-                f"{source}: [[sensor]] {sensor.name!r} position_m: expected [east, "
-                "north, up] for detection, got nothing"
-            )
-        if not _noises(scene, sensor):
-            raise InputError(
-                f"{source}: [[sensor]] {sensor.name!r}: expected noise for detection: "
-                "noise_pa, wind_noise or [ambient] level_pa, got none"
-            )
-    if not scene.sensors:
-        raise InputError(f"{source}: [[sensor]]: expected a microphone, got none")
+        where = f"{source}: [[sensor]] {sensor.name!r}"
+        require(_noises(scene, sensor), where, words, "none")
     rate = _positive(setting.options, "detector_rate_hz", RATE_HZ)
     alarms = _positive(setting.options, "false_alarms_per_hour", FALSE_ALARMS_PER_HOUR)
     # Rice's rate of false alarms (module docstring): 1800 = 3600 s / 2
@@ -208,6 +201,5 @@ def whitened(spectrum, power, count: int):
 
 def _positive(options: Mapping[str, Any], name: str, default: float) -> float:
     value = finite(options.get(name, default), f"[options] {name}")
-    if value <= 0:
-        raise InputError(f"[options] {name}: expected a positive number, got {value:g}")
+    require(value > 0, f"[options] {name}", "a positive number", f"{value:g}")
     return value

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jblast.errors import InputError, nearest
+from jblast.errors import nearest, require
 from jblast.inference.many.fit_many import fit_many
 from jblast.inference.many.lanes import ManyFits
 from jblast.scene import UncertainScene, freed, parameter_named
@@ -88,10 +88,8 @@ def prepare(setting: Setting) -> Prepared:
     scene = setting.uncertain.scene
     laws = law_names(resolve_laws(scene, layout, np.asarray(sigma)))
     tries = options.get("fit_tries", 4)
-    if isinstance(tries, bool) or not isinstance(tries, int) or tries < 1:
-        raise InputError(
-            f"[options] fit_tries: expected a whole number from 1, got {tries!r}"
-        )
+    whole = type(tries) is int and tries > 0
+    require(whole, "[options] fit_tries", "a whole number from 1", repr(tries))
 
     with_bound = BOUND in setting.names
     sigmas = np.asarray(sigma)
@@ -148,16 +146,14 @@ def prepare(setting: Setting) -> Prepared:
 def _believed(setting: Setting, number: str) -> UncertainScene:
     """Return the scene with the priors of the fit."""
     free = setting.options.get("fit_free", [])
-    if not isinstance(free, list) or not all(isinstance(name, str) for name in free):
-        raise InputError(f"[options] fit_free: expected a list of names, got {free!r}")
+    names = isinstance(free, list) and all(isinstance(name, str) for name in free)
+    require(names, "[options] fit_free", "a list of names", repr(free))
     believed = freed(setting.believed, free) if free else setting.believed
-    if number not in believed.beliefs:
-        known = names_in(believed.scene)
-        hint = "" if number in known else nearest(number, known)
-        raise InputError(
-            f"[options] fit_number: expected a fitted parameter, one of "
-            f"{', '.join(believed.beliefs) or '(none)'}, got {number}{hint}"
-        )
+    known = names_in(believed.scene)
+    hint = "" if number in known else nearest(number, known)
+    words = f"a fitted parameter, one of {', '.join(believed.beliefs) or '(none)'}"
+    fitted = number in believed.beliefs
+    require(fitted, "[options] fit_number", words, f"{number}{hint}")
     scene = replace(believed.scene, law=setting.uncertain.scene.law)
     return replace(believed, scene=scene)
 

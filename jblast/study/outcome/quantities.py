@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jblast.constants import PSI
-from jblast.errors import InputError
+from jblast.errors import require
 from jblast.quantities import BY_CAMERA, BY_VEHICLE, PLACELESS, QUANTITIES, TIMED
 from jblast.scene import Scene, UncertainScene
 from jblast.scene.uncertain import with_values
@@ -46,32 +46,33 @@ def planned(
     """
     scene = uncertain.scene
     source = uncertain.source or "scene"
-    if not scene.sensors:
-        raise InputError(
-            f"{source}: [[sensor]]: expected at least one for the outcome "
-            f"{quantities[0]}, got none"
-        )
-    for sensor in scene.sensors:
-        if not np.isfinite(np.asarray(sensor.position_m)).all():
-            raise InputError(
-                f"{source}: [[sensor]] {sensor.name!r} position_m: expected [east, "
-                f"north, up] for the outcome {quantities[0]}, got nothing"
-            )
+    of = f"for the outcome {quantities[0]}"
+    check_sensors(scene, source, of)
     records = tuple((quantity, OWN_SIGMA) for quantity in quantities)
     # the outcomes replace the records that the scene specifies
     sensors = tuple(replace(sensor, records=records) for sensor in scene.sensors)
     layout, _, _ = planned_layout(replace(scene, sensors=sensors))
     shots = 1 + max(layout.shot)
-    if shots > 1:
-        raise InputError(
-            f"{source}: [[charge]]: expected one charge for the outcome "
-            f"{quantities[0]} at sensors, got {len(scene.charges)}"
-        )
+    words = f"one charge {of} at sensors"
+    require(shots == 1, f"{source}: [[charge]]", words, len(scene.charges))
     # a layout is sorted by sensor; transposed, each quantity is one slice
     order = np.arange(len(layout.quantity)).reshape(len(sensors), len(quantities)).T
     layout = layout.only(order.ravel())
     laws = law_names(resolve_laws(scene, layout))
     return scene, layout, laws
+
+
+def check_sensors(scene: Scene, source: str, of: str) -> None:
+    """Check that there are sensors, and that each has a position.
+
+    Raises:
+        InputError: There is none, or one has no position; `of` names what needs it.
+    """
+    require(scene.sensors, f"{source}: [[sensor]]", f"at least one {of}", "none")
+    for sensor in scene.sensors:
+        placed = np.isfinite(np.asarray(sensor.position_m)).all()
+        where = f"{source}: [[sensor]] {sensor.name!r} position_m"
+        require(placed, where, f"[east, north, up] {of}", "nothing")
 
 
 class Limit(NamedTuple):
@@ -188,9 +189,8 @@ def limit_of(name: str, options: Mapping[str, Any]) -> float:
     value = LIMITS[name].value
     if value is not None:
         return value
-    if "threshold_pa" not in options:
-        raise InputError(
-            f"[options] threshold_pa: expected the threshold of {name} [Pa], got "
-            "nothing"
-        )
-    return finite(options["threshold_pa"], "[options] threshold_pa")
+    where = "[options] threshold_pa"
+    require(
+        "threshold_pa" in options, where, f"the threshold of {name} [Pa]", "nothing"
+    )
+    return finite(options["threshold_pa"], where)

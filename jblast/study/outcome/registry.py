@@ -18,8 +18,9 @@ import jblast.study.outcome.detection as _detection
 import jblast.study.outcome.fit as _fit
 import jblast.study.outcome.quantities as _quantities
 import jblast.study.outcome.vehicle as _vehicle
-from jblast.errors import InputError, argument, nearest, shown
+from jblast.errors import InputError, argument, require, shown
 from jblast.scene.uncertain import with_values
+from jblast.scene.values import known
 from jblast.study.outcome.family import (
     DESCRIBED,
     FAMILIES,
@@ -55,22 +56,15 @@ def outcomes_named(
     Raises:
         InputError: An outcome is unknown; the message has the nearest name.
     """
-    found, known = [], known_outcomes()
+    found, there, where = [], known_outcomes(), f"{source}: outcomes"
     for name in names:
         if name.startswith(CODE):
-            if not allow_code:
-                raise InputError(
-                    f"{source}: outcomes: expected {argument('allow_code')} with "
-                    f"the Python function {shown(name)}, got none"
-                )
+            words = f"{argument('allow_code')} with the Python function {shown(name)}"
+            require(allow_code, where, words, "none")
             found.append(_own(name))  # fails here, before the first sample
-        elif name in known:
-            found.append(known[name])
         else:
-            raise InputError(
-                f"{source}: outcomes: unknown outcome {shown(name)}"
-                f"{nearest(name, known)}; expected one of {', '.join(known)}"
-            )
+            known(name, there, f"{where}:", "outcome")
+            found.append(there[name])
     return tuple(found)
 
 
@@ -95,11 +89,8 @@ def prepare(setting: Setting) -> Prepared:
         for name, (outcome, function) in functions.items():
             value = jnp.asarray(function(key, drawn))
             shape = (len(drawn.sensors),) if outcome.per_sensor else ()
-            if value.shape != shape:
-                raise InputError(
-                    f"{name}: expected the shape {shape} for a sample, got "
-                    f"{value.shape}"
-                )
+            words = f"the shape {shape} for a sample"
+            require(value.shape == shape, name, words, f"{value.shape}")
             number = outcome.kind == "number"
             found[name] = (
                 value.astype(float) if number else yes_no(value, value == value)
@@ -126,6 +117,5 @@ def _function(name: str) -> Callable[..., Any]:
         found = getattr(import_module(module), function)
     except (ImportError, AttributeError, ValueError) as error:
         raise InputError(f"{shown(name)}: cannot be imported: {error}") from None
-    if not callable(found):
-        raise InputError(f"{shown(name)}: expected a function, got {shown(found)}")
+    require(callable(found), shown(name), "a function", shown(found))
     return found
