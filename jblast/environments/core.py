@@ -169,11 +169,6 @@ class Step(NamedTuple):
     info: dict[str, Any]
 
 
-def actions_of(params: EnvironmentParams) -> int:
-    """Return the length of an action."""
-    return COMMANDS[params.command]
-
-
 def reset(
     key: PRNGKeyArray, params: EnvironmentParams
 ) -> tuple[EnvironmentState, Float[Array, " seen"]]:

@@ -10,8 +10,8 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from jblast.environments.core import actions_of, environment_params
-from jblast.environments.episode import EnvironmentParams
+from jblast.environments.core import environment_params
+from jblast.environments.episode import COMMANDS, EnvironmentParams
 from jblast.environments.lanes import reset_lanes, step_lanes
 from jblast.errors import InputError, require, shown
 from jblast.kept_programs import kept, kept_between_runs
@@ -70,7 +70,7 @@ class QuadrotorBlast(VectorEnv):
         _, seen = jax.eval_shape(
             lambda: reset_lanes(jax.random.key(0), jnp.arange(1), self.params)
         )
-        self.single_action_space = Box(-1.0, 1.0, (actions_of(self.params),))
+        self.single_action_space = Box(-1.0, 1.0, (COMMANDS[self.params.command],))
         # No bounds: a displaced vehicle has any distance and speed.
         self.single_observation_space = Box(-np.inf, np.inf, (seen.shape[-1],))
         self.action_space = batch_space(self.single_action_space, self.num_envs)

@@ -48,6 +48,7 @@ from jblast.vehicle.state import (
     Vector,
     dot,
     joined,
+    root,
     rotation,
     three,
 )
@@ -208,9 +209,7 @@ def _away(motion: StateComponents, aim: Aim) -> Vector:
 def distance(motion: StateComponents, aim: Aim) -> Float[Array, ""]:
     """Return the distance of a vehicle from its aim [m], with a gradient of 0 at 0."""
     away = _away(motion, aim)
-    square = dot(away, away)
-    some = square > 0
-    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)
+    return root(dot(away, away))
 
 
 TASKS: dict[str, Task] = {

@@ -46,7 +46,7 @@ from jblast.constants import FLIGHT_GRAVITY
 from jblast.kept_programs import kept
 from jblast.types import as_numbers
 from jblast.vehicle import Gains, PositionHold, State, Trajectory, Vehicle
-from jblast.vehicle.state import three
+from jblast.vehicle.state import length_of, three
 
 IDLE_SHARE = 0.2
 """Idle speed of armed rotors over their hover speed; declared."""
@@ -190,7 +190,7 @@ class Guidance(eqx.Module):
         left = jnp.maximum(length - now.along_m, 0.0)
         brake = jnp.sqrt(end * end + 2 * rate * left + 1e-12)
         most = jnp.minimum(legs.speed_m_s[leg], brake)
-        away = _length(state.position_m - place)
+        away = length_of(state.position_m - place)
         share = jnp.clip(1 - (away - NEAR_M) / (FAR_M - NEAR_M), 0.0, 1.0)
         change = rate * period_s
         speed = jnp.clip(share * most, now.speed_m_s - change, now.speed_m_s + change)
@@ -201,12 +201,14 @@ class Guidance(eqx.Module):
 
         along, since = now.along_m + speed * period_s, now.since_s + period_s
         waits, at_end = end == 0, along >= length - END_TOLERANCE_M
-        near = _length(state.position_m - legs.goal_m[leg]) <= legs.acceptance_m[leg]
+        near = length_of(state.position_m - legs.goal_m[leg]) <= legs.acceptance_m[leg]
         # A waiting time continues once begun, even if a blast displaces the vehicle.
         holds = waits & at_end & (near | (now.since_s > 0))
         follows = jnp.where(waits, holds & near & (since >= legs.hold_s[leg]), at_end)
         follows = follows & flies
-        low = (state.position_m[2] <= LOW_M) & (_length(state.velocity_m_s) <= SLOW_M_S)
+        low = (state.position_m[2] <= LOW_M) & (
+            length_of(state.velocity_m_s) <= SLOW_M_S
+        )
         # Only the last leg has no end.
         rests = low & jnp.isinf(legs.hold_s[leg])
         steps_on = (rests | ~flies) & (
@@ -351,10 +353,3 @@ def _hover_speed(vehicle: Vehicle) -> Float[Array, ""]:
     """Return the rotor speed of hover in still air [rad/s]."""
     weight = vehicle.mass_kg * FLIGHT_GRAVITY
     return jnp.sqrt(weight / (4 * vehicle.thrust_coefficient))
-
-
-def _length(vector: Float[Array, "3"]) -> Float[Array, ""]:
-    """Return the length of a vector, with a gradient of 0 at 0."""
-    square = jnp.sum(vector * vector)
-    some = square > 0
-    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1.0)), 0.0)

@@ -27,16 +27,4 @@ HOMES = {
     "run_into": "jblast.study.runs",
 }
 
-__all__ = [
-    "Axis",
-    "Study",
-    "draw",
-    "outcomes",
-    "own_outcome",
-    "read_study",
-    "run",
-    "run_into",
-]
-
-
 __getattr__, __dir__ = lazy_face(__name__, HOMES)

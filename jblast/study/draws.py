@@ -63,17 +63,12 @@ def points_of(design: Design, dimensions: int, seed: int) -> Points | None:
         engine = qmc.Sobol(dimensions, scramble=True, bits=BITS, rng=seed)
         if begin:  # SciPy rejects a step of 0
             engine.fast_forward(begin)
+        # 0 and 1 would be infinite: the bounds are the finest step of a float near 1
+        tiny = 2.0**-53
         with np.errstate(all="ignore"):
-            return _scores(engine.random(count))
+            return ndtri(np.clip(engine.random(count), tiny, 1 - tiny))
 
     return sobol
-
-
-def _scores(unit: np.ndarray) -> np.ndarray:
-    """Return standard normal coordinates of points in the unit cube."""
-    # 0 and 1 would be infinite: the bounds are the finest step of a float near 1
-    tiny = 2.0**-53
-    return ndtri(np.clip(unit, tiny, 1 - tiny))
 
 
 def normal_scores(

@@ -507,7 +507,6 @@ def load_of(scenes: Scene, options: Options) -> FlightLoad:
         return _happening(mapped(options.load, scenes))
     profile = custom_profile(
         options.profile,
-        (0.0, 0.0, 0.0),
         moment_point_m=options.profile_moments_about,
         vehicle=None if scenes.vehicle is None else vehicle_of(scenes.vehicle),
     )

@@ -118,8 +118,8 @@ class Outcomes(eqx.Module):
     """
 
     metrics: FlightMetrics
-    time_s: Float[np.ndarray, " time"]
-    error_m: Float[np.ndarray, "flight time"]
+    time_s: Float[Array, " time"]
+    error_m: Float[Array, "flight time"]
 
     @property
     def peaks_m(self) -> Float[np.ndarray, " flight"]:
@@ -574,7 +574,7 @@ def _of(flights: DrawnFlights, lanes: Int[np.ndarray, " flight"]) -> DrawnFlight
 
 def known_peaks(tried: EvaluatedGains) -> Float[np.ndarray, " flight"]:
     """Return the peak deviations [m], infinite for a diverged vehicle."""
-    lost = ~np.isfinite(tried.outcomes.error_m).all(axis=-1)
+    lost = ~np.isfinite(np.asarray(tried.outcomes.error_m)).all(axis=-1)
     return np.where(lost, np.inf, tried.outcomes.peaks_m)
 
 
@@ -686,14 +686,9 @@ def smooth_peaks(
     return (jax.nn.logsumexp(rows, axis=-1) + jnp.log(ROW_S)) / power
 
 
+@eqx.filter_jit
 def outcomes_of(gains: Gains, flights: DrawnFlights) -> Outcomes:
     """Return the results of flights with the given gains."""
-    metrics, time, error = _outcomes(gains, flights)
-    return Outcomes(metrics, np.asarray(time), np.asarray(error))
-
-
-@eqx.filter_jit
-def _outcomes(gains: Gains, flights: DrawnFlights):
     trajectory = flown_with(gains, flights)
     metrics = flight_metrics(
         trajectory,
@@ -702,4 +697,5 @@ def _outcomes(gains: Gains, flights: DrawnFlights):
         tolerance_m=flights.options.tolerance_m,
         ground_up_m=GROUND_UP_M,
     )
-    return metrics, trajectory.time_s, path_error(trajectory, flights.target_m)
+    error_m = path_error(trajectory, flights.target_m)
+    return Outcomes(metrics, trajectory.time_s, error_m)

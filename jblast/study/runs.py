@@ -311,12 +311,7 @@ def on_workers(address: str, store: Store, missing: Sequence[int]) -> Computed:
         yield from shared(client, store, missing)
 
 
-def shared(
-    client: Any,
-    store: Store,
-    missing: Sequence[int],
-    task: Callable[..., Any] | None = None,
-) -> Computed:
+def shared(client: Any, store: Store, missing: Sequence[int]) -> Computed:
     """Compute and write slabs on the workers of a client; yield their moments."""
     # -1 for all workers: the default lists the first few
     there = client.scheduler_info(n_workers=-1)["workers"]
@@ -325,7 +320,7 @@ def shared(
     path, left = str(store.path.resolve()), iter(missing)
 
     def begun(n: int) -> Any:
-        return client.submit(task or write_slab, path, n, pure=False, retries=RETRIES)
+        return client.submit(write_slab, path, n, pure=False, retries=RETRIES)
 
     # a few tasks per worker: thousands would fill the memory of the scheduler
     waiting = [begun(n) for n in itertools.islice(left, AHEAD * len(there))]

@@ -39,6 +39,7 @@ from jblast.vehicle.state import (
     cross,
     dot,
     four,
+    root,
     rows,
     three,
     times,
@@ -196,10 +197,7 @@ def net_wrench(
 
 def _frame_drag(vehicle: Vehicle, u: Vector) -> Vector:
     """Drag of the frame; its gradient at rest is zero, not NaN."""
-    square = dot(u, u)
-    # The guard is on the input of the root: masking its result would give 0 * inf.
-    moving = square > 0
-    speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1)), 0)
+    speed = root(dot(u, u))
     c_x, c_y, c_z = three(vehicle.frame_drag)
     return -speed * c_x * u[0], -speed * c_y * u[1], -speed * c_z * u[2]
 

@@ -212,6 +212,18 @@ def dot(a: Vector, b: Vector) -> Number:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
+def root(square: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Square root with a gradient of 0 at 0, not of NaN; NaN stays NaN."""
+    # The guard is on the input: masking the result would give 0 * inf.
+    some = ~(square <= 0)
+    return jnp.where(some, jnp.sqrt(jnp.where(some, square, 1)), 0)
+
+
+def length_of(vector: Float[Array, "3"]) -> Float[Array, ""]:
+    """Length of a vector, with a gradient of 0 at 0."""
+    return root(jnp.sum(vector * vector))
+
+
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
     return (

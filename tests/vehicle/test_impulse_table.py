@@ -92,7 +92,7 @@ def away(distance) -> np.ndarray:
 
 @pytest.mark.parametrize("row", [0, 1])
 def test_at_a_case_the_pulse_is_that_case(cases, row):
-    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    profile = custom_profile(cases)
     place = jnp.asarray(away(ROWS[row][1]))
     push, turn, delay = profile.impulse_at(place, UPRIGHT)
     np.testing.assert_allclose(push, ROWS[row][4:7], rtol=1e-9)
@@ -102,7 +102,7 @@ def test_at_a_case_the_pulse_is_that_case(cases, row):
 
 
 def test_past_the_cases_the_impulse_falls_with_the_square_and_is_marked(cases):
-    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    profile = custom_profile(cases)
     place = jnp.asarray(away(2 * 17.32))
     push, _, delay = profile.impulse_at(place, UPRIGHT)
     np.testing.assert_allclose(push, np.array(ROWS[1][4:7]) / 4, rtol=1e-9)
@@ -113,7 +113,7 @@ def test_past_the_cases_the_impulse_falls_with_the_square_and_is_marked(cases):
 
 def test_directions_are_the_body_s_and_impulses_turn_with_it(cases):
     """A quarter turn to the left: what lay at -135 degrees lies at 135."""
-    profile = custom_profile(cases, (0.0, 0.0, 0.0))
+    profile = custom_profile(cases)
     half = np.sqrt(0.5)
     turned = jnp.array([0.0, 0.0, half, half])
     place = away(8.66) * np.array([-1.0, 1.0, 1.0])
@@ -127,7 +127,7 @@ def test_directions_are_the_body_s_and_impulses_turn_with_it(cases):
 def test_moments_of_a_far_point_are_taken_about_the_vehicle(cases):
     """The lever of 100 m leaves what a vehicle feels: millinewton metre seconds."""
     arm = (100.0, 0.0, 0.0)
-    profile = custom_profile(cases, (0.0, 0.0, 0.0), moment_point_m=arm)
+    profile = custom_profile(cases, moment_point_m=arm)
     place = jnp.asarray(away(8.66))
     _, turn, _ = profile.impulse_at(place, UPRIGHT)
     expected = np.array(ROWS[0][7:]) - np.cross(arm, ROWS[0][4:7])
@@ -137,7 +137,7 @@ def test_moments_of_a_far_point_are_taken_about_the_vehicle(cases):
 def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
     """The sample's lever is 21/0.25 m; a Crazyflie's rotors are 4.3 cm away."""
     with pytest.raises(InputError) as caught:
-        custom_profile(cases, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+        custom_profile(cases, vehicle=CRAZYFLIE)
     turn, push = (np.linalg.norm(ROWS[0][a:b]) for a, b in ((7, 10), (4, 7)))
     said = str(caught.value)
     assert (
@@ -146,10 +146,10 @@ def test_moments_about_a_far_point_are_refused_unless_it_is_named(cases):
     assert "about another point moment_point_m" in said
     assert said.endswith(f"got one of {turn / push:.3g} m")
     for point in ((100.0, 0.0, 0.0), (0.0, 0.0, 0.0)):
-        custom_profile(cases, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE, moment_point_m=point)
+        custom_profile(cases, vehicle=CRAZYFLIE, moment_point_m=point)
     own = cases.copy()
     own[:, 7:] = np.cross([0.0, 0.0, 0.05], own[:, 4:7])
-    custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+    custom_profile(own, vehicle=CRAZYFLIE)
     own[:, 4:7] = 0.0  # a moment without an impulse has no lever
     with pytest.raises(InputError, match="got one of inf m"):
-        custom_profile(own, (0.0, 0.0, 0.0), vehicle=CRAZYFLIE)
+        custom_profile(own, vehicle=CRAZYFLIE)

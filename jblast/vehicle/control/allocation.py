@@ -42,6 +42,7 @@ from jblast.vehicle.state import (
     components,
     cross,
     dot,
+    root,
     rows,
     three,
     times,
@@ -113,12 +114,7 @@ def rotor_speeds(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:
         Speeds [rad/s]; negative for a downward thrust.
     """
     thrusts = jnp.stack([jnp.stack(row) for row in mixer(vehicle)]) @ jnp.stack(wanted)
-    square = jnp.abs(thrusts) / vehicle.thrust_coefficient
-    # The square root has an infinite gradient at zero thrust, so its input is replaced
-    # there.
-    turns = square > 0
-    speeds = jnp.sign(thrusts) * jnp.sqrt(jnp.where(turns, square, 1))
-    return jnp.where(turns, speeds, 0)
+    return jnp.sign(thrusts) * root(jnp.abs(thrusts) / vehicle.thrust_coefficient)
 
 
 def speeds_within(vehicle: Vehicle, wanted: Four) -> Float[Array, "4"]:

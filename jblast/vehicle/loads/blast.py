@@ -72,6 +72,7 @@ from jblast.vehicle.state import (
     add,
     components,
     cross,
+    root,
     rotation,
     three,
     times,
@@ -340,9 +341,6 @@ def drag_force(
     x, y, z = past
     r_x, r_y, r_z = times_transposed(attitude, past)
     a, b, c = three(body.area_m2)
-    square = (a * r_x) ** 2 + (b * r_y) ** 2 + (c * r_z) ** 2
-    # Negated, so that an area of NaN gives NaN and not zero drag.
-    blows = ~(square <= 0)
-    size = jnp.where(blows, jnp.sqrt(jnp.where(blows, square, 1.0)), 0.0)
+    size = root((a * r_x) ** 2 + (b * r_y) ** 2 + (c * r_z) ** 2)
     half = 0.5 * density * body.drag_coefficient * size
     return half * x, half * y, half * z

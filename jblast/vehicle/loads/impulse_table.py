@@ -36,7 +36,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jblast.errors import argument, read_text, require, shown
-from jblast.parameters import POSITIVE
 from jblast.types import as_numbers
 from jblast.vehicle.quadrotor import Vehicle
 from jblast.vehicle.state import (
@@ -49,6 +48,8 @@ from jblast.vehicle.state import (
     unit,
 )
 
+DURATION_S = 1e-3
+"""Duration over which an impulse is applied: that of the thesis."""
 SOLE_DIRECTION_RAD = 0.1
 """Angle up to which a single case counts as in range, 6 degrees; declared.
 
@@ -85,7 +86,6 @@ class CustomProfile(eqx.Module):
         spacing_rad: Angle up to which a direction counts as in range.
         charge_m: Position of the charge: east, north, up.
         time_s: Time of its detonation; infinite: it never happens.
-        duration_s: Duration over which the impulse is applied.
     """
 
     direction: Float[Array, "way 3"] = eqx.field(converter=as_numbers)
@@ -93,7 +93,6 @@ class CustomProfile(eqx.Module):
     spacing_rad: Float[Array, ""] = eqx.field(converter=as_numbers)
     charge_m: Float[Array, "3"] = eqx.field(converter=as_numbers)
     time_s: Float[Array, ""] = eqx.field(converter=as_numbers)
-    duration_s: Float[Array, ""] = eqx.field(converter=as_numbers)
 
     def impulse_at(
         self, position_m: Float[Array, "3"], quaternion: Float[Array, "4"]
@@ -124,11 +123,11 @@ class CustomProfile(eqx.Module):
         never = jnp.isposinf(self.time_s)
         # An infinite time would give NaN gradients, although it is masked below.
         time_s = jnp.where(never, end_s, self.time_s)
-        first = (start_s - time_s - delay) / self.duration_s
+        first = (start_s - time_s - delay) / DURATION_S
 
         def share(place: Float[Array, "3"]) -> Float[Array, ""]:
             later = self.impulse_at(place, state.quaternion)[2]
-            last = (end_s - time_s - later) / self.duration_s
+            last = (end_s - time_s - later) / DURATION_S
             return jnp.clip(last, 0, 1) - jnp.clip(first, 0, 1)
 
         ahead = state.position_m + state.velocity_m_s * step
@@ -171,39 +170,28 @@ class CustomProfile(eqx.Module):
 
 def custom_profile(
     cases: Float[np.ndarray, "case 10"],
-    charge_m: Sequence[float] | Float[Array, "3"],
     *,
-    time_s: float = 0.0,
-    duration_s: float = 1e-3,
     moment_point_m: Sequence[float] | None = None,
     vehicle: Vehicle | None = None,
 ) -> CustomProfile:
-    """Return the pulse of tabulated cases.
+    """Return the pulse of tabulated cases, of a charge at the origin at 0 s.
 
     Args:
         cases: Table as returned by `read_custom_profile`: delay [s], distance [m],
             polar and azimuthal angle [rad], impulses x, y, z [N s], angular impulses
             [N m s].
-        charge_m: Position of the charge: east, north, up [m].
-        time_s: Time of detonation [s].
-        duration_s: Duration over which the impulse is applied [s]; 1 ms in the thesis.
         moment_point_m: Vector from the reference point of the moments to the vehicle's
             centre of mass, body axes [m]; None: they refer to the centre of mass.
         vehicle: Vehicle whose size limits the levers if there is no reference point;
             None: no check.
 
     Raises:
-        InputError: The duration is not positive, a point does not have three numbers,
-            or a lever is too long.
+        InputError: The point does not have three numbers, or a lever is too long.
     """
-    POSITIVE.checked(duration_s, "duration_s", "a time [s]")
     if moment_point_m is None and vehicle is not None:
         check_levers(cases, vehicle)
     arm = (0.0, 0.0, 0.0) if moment_point_m is None else moment_point_m
-    points = {"moment_point_m": arm, "charge_m": charge_m}
-    for name, point in points.items():
-        got = np.shape(point)
-        require(got == (3,), name, "3 numbers [m]", got)
+    require(np.shape(arm) == (3,), "moment_point_m", "3 numbers [m]", np.shape(arm))
     delay, distance, polar, azimuth = cases[:, :4].T
     push = cases[:, 4:7]
     # About the centre of mass: M_c = M_p - r x J, with r from the point to it.
@@ -226,9 +214,8 @@ def custom_profile(
         direction=toward[first],
         cases=rows[table],
         spacing_rad=_spacing(toward[first]),
-        charge_m=charge_m if isinstance(charge_m, jax.Array) else np.array(charge_m),
-        time_s=time_s,
-        duration_s=duration_s,
+        charge_m=np.zeros(3),
+        time_s=0.0,
     )
 
 

@@ -8,7 +8,7 @@ sample belongs to exactly one packet at any pair of rates.
 import bisect
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -89,10 +89,6 @@ class Knot(Module):
     time_s: float = field(converter=float, default=0.0)
 
 
-def _all(values: Iterable[Any]) -> tuple[Any, ...]:
-    return tuple(values)
-
-
 class Entity(Module):
     """A participant of a world; its constructor checks its properties.
 
@@ -109,8 +105,8 @@ class Entity(Module):
     """
 
     name: str = field(static=True)
-    senses: tuple[str, ...] = field(static=True, converter=_all, default=())
-    path: tuple[Knot, ...] = field(converter=_all, default=())
+    senses: tuple[str, ...] = field(static=True, converter=tuple, default=())
+    path: tuple[Knot, ...] = field(converter=tuple, default=())
     vehicle: str = field(static=True, default="")
     samples_hz: float = field(static=True, converter=float, default=8000.0)
 
