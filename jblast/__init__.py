@@ -61,28 +61,4 @@ __all__ = [
     "simulate",
 ]
 
-# Spelled out for a fast import: a scan of the packages would import them.
-_HOMES = {
-    "Charge": "jblast.scene",
-    "Scene": "jblast.scene",
-    "bound": "jblast.inference",
-    "calculate": "jblast.sensors",
-    "choose": "jblast.waves.choice",
-    "detect": "jblast.signals",
-    "discover_law": "jblast.discovery.law_search",
-    "events": "jblast.sensors.camera",
-    "fit": "jblast.inference",
-    "fit_each": "jblast.inference",
-    "fit_many": "jblast.inference",
-    "fly": "jblast.study.flights",
-    "pick": "jblast.signals.picks",
-    "pick_files": "jblast.signals.picks",
-    "read": "jblast.observations",
-    "read_scene": "jblast.scene",
-    "record": "jblast.sensors",
-    "render": "jblast.sensors.camera",
-    "simulate": "jblast.sensors",
-}
-
-
-__getattr__, __dir__ = lazy_face(__name__, _HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

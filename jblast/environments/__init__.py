@@ -28,22 +28,9 @@ if TYPE_CHECKING:
         step_lanes as step_lanes,
     )
 
-_HOMES = {
-    **dict.fromkeys(
-        ("COMMANDS", "EnvironmentParams", "EnvironmentState", "Randomisation"),
-        "jblast.environments.episode",
-    ),
-    **dict.fromkeys(
-        ("QuadrotorBlast", "QuadrotorEnv"), "jblast.environments.gymnasium_classes"
-    ),
-    **dict.fromkeys(
-        ("Step", "environment_params", "reset", "step"), "jblast.environments.core"
-    ),
-    **dict.fromkeys(("reset_lanes", "step_lanes"), "jblast.environments.lanes"),
-}
 NAMES = ("Hover", "Rates", "Mission")
 """Tasks, registered with Gymnasium as `jblast/Hover-v0` and so on."""
-_imported, __dir__ = lazy_face(__name__, _HOMES)
+_imported, __dir__ = lazy_face(__name__)
 
 
 def _register() -> None:

@@ -38,26 +38,4 @@ if TYPE_CHECKING:
         posterior_of as posterior_of,
     )
 
-HOMES = {
-    "Band": "jblast.inference.fitting.fit",
-    "Batch": "jblast.inference.many.fit_many",
-    "Bound": "jblast.inference.design.cramer_rao",
-    "BoundMap": "jblast.inference.design.sensor_map",
-    "Ensemble": "jblast.inference.mcmc",
-    "Fit": "jblast.inference.fitting.fit",
-    "ManyFits": "jblast.inference.many.lanes",
-    "Posterior": "jblast.inference.posterior.posterior",
-    "Solution": "jblast.inference.fitting.solution",
-    "batch_of": "jblast.inference.many.fit_many",
-    "bound": "jblast.inference.design.cramer_rao",
-    "bound_map": "jblast.inference.design.sensor_map",
-    "ensemble": "jblast.inference.mcmc",
-    "fit": "jblast.inference.fitting.fit",
-    "fit_each": "jblast.inference.fitting.fit",
-    "fit_many": "jblast.inference.many.fit_many",
-    "information_of_layout": "jblast.inference.posterior.fisher_information",
-    "posterior_of": "jblast.inference.posterior.posterior",
-    "solve": "jblast.inference.fitting.solution",
-}
-
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -29,21 +29,4 @@ if TYPE_CHECKING:
         planned_seconds as planned_seconds,
     )
 
-HOMES = {
-    **dict.fromkeys(
-        ("Guidance", "Legs", "MissionControl", "Progress", "replay"),
-        "jblast.missions.guidance",
-    ),
-    **dict.fromkeys(
-        (
-            *("Limits", "Mission", "grid_plan", "mission_of", "orbit_plan"),
-            "planned_seconds",
-        ),
-        "jblast.missions.route",
-    ),
-    **dict.fromkeys(
-        ("Item", "Plan", "plan_text", "read_plan", "write_plan"), "jblast.missions.plan"
-    ),
-}
-
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -23,12 +23,4 @@ if TYPE_CHECKING:
     from jblast.observations.placement import resolve_positions as resolve_positions
     from jblast.observations.scenes import starter_scene as starter_scene
 
-HOMES = {
-    "read": "jblast.observations.log_io",
-    "resolve_positions": "jblast.observations.placement",
-    "starter_scene": "jblast.observations.scenes",
-    "to_pandas": "jblast.observations.log_io",
-    "write": "jblast.observations.log_io",
-}
-
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

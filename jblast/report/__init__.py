@@ -15,13 +15,5 @@ if TYPE_CHECKING:
     )
     from jblast.report.world import run_world as run_world
 
-HOMES = {
-    "law_reason": "jblast.report.choice",
-    "reason_for": "jblast.report.choice",
-    "summary": "jblast.report.fit_report",
-    "write_report": "jblast.report.fit_report",
-    "run_world": "jblast.report.world",
-}
-
 # a calculation needs nothing of a fit
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -40,29 +40,4 @@ if TYPE_CHECKING:
         waves as waves,
     )
 
-HOMES = {
-    "Calculated": "jblast.sensors.calculator",
-    "DEFAULT_RECORD_LAWS": "jblast.sensors.waves_met",
-    "Layout": "jblast.sensors.layout",
-    "Question": "jblast.sensors.calculator",
-    "Recording": "jblast.sensors.forward_model",
-    "Roots": "jblast.sensors.calculator",
-    "Track": "jblast.sensors.waves_met",
-    "Wave": "jblast.sensors.waves_met",
-    "calculate": "jblast.sensors.calculator",
-    "layout_of": "jblast.sensors.layout",
-    "observe": "jblast.sensors.simulated_readings",
-    "overpressure": "jblast.sensors.waves_met",
-    "planned_layout": "jblast.sensors.layout",
-    "readings": "jblast.sensors.simulated_readings",
-    "record": "jblast.sensors.forward_model",
-    "record_laws": "jblast.sensors.waves_met",
-    "recording": "jblast.sensors.recorder",
-    "resolve_laws": "jblast.sensors.law_choice",
-    "roots": "jblast.sensors.calculator",
-    "sampled_by": "jblast.sensors.sources",
-    "simulate": "jblast.sensors.simulated_readings",
-    "waves": "jblast.sensors.waves_met",
-}
-
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

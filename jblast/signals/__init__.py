@@ -48,29 +48,4 @@ if TYPE_CHECKING:
         blast_template as blast_template,
     )
 
-HOMES = {
-    "Channel": "jblast.signals.sound_watch",
-    "Detection": "jblast.signals.detection",
-    "Direction": "jblast.signals.arrays",
-    "FilmDetections": "jblast.signals.detect_files",
-    "MatchedKernel": "jblast.signals.matched_filter",
-    "NoiseSpectrum": "jblast.signals.noise",
-    "RelativeTimes": "jblast.signals.arrays",
-    "Searched": "jblast.signals.sound_watch",
-    "SoundDetections": "jblast.signals.detect_files",
-    "SoundWatch": "jblast.signals.sound_watch",
-    "bank_of_pulses": "jblast.signals.templates",
-    "blast_template": "jblast.signals.templates",
-    "detect": "jblast.signals.detect_files",
-    "direction": "jblast.signals.arrays",
-    "false_alarms_at": "jblast.signals.matched_filter",
-    "filtered": "jblast.signals.matched_filter",
-    "matched_kernel": "jblast.signals.matched_filter",
-    "noise_spectrum": "jblast.signals.noise",
-    "relative_times": "jblast.signals.arrays",
-    "search": "jblast.signals.sound_watch",
-    "threshold_for": "jblast.signals.matched_filter",
-    "white_noise": "jblast.signals.noise",
-}
-
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)

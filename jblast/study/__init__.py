@@ -16,15 +16,4 @@ if TYPE_CHECKING:
     from jblast.study.runs import run as run, run_into as run_into
     from jblast.study.slabs import draw as draw, outcomes as outcomes
 
-HOMES = {
-    "Axis": "jblast.study.file",
-    "Study": "jblast.study.file",
-    "draw": "jblast.study.slabs",
-    "outcomes": "jblast.study.slabs",
-    "own_outcome": "jblast.study.outcome.family",
-    "read_study": "jblast.study.file",
-    "run": "jblast.study.runs",
-    "run_into": "jblast.study.runs",
-}
-
-__getattr__, __dir__ = lazy_face(__name__, HOMES)
+__getattr__, __dir__ = lazy_face(__name__)
