@@ -45,7 +45,7 @@ from jblast.sensors.camera.fireball import Appearance
 from jblast.signals import NoiseSpectrum
 from jblast.signals.picks import RecordPick
 from jblast.signals.picks.pick_log import covariance_of, log_value
-from jblast.waves.fireball import fireball_duration
+from jblast.waves.fireballs import fireball_duration
 from jblast.waves.paths import Path
 from jblast.waves.pulse import pulse_of
 

@@ -51,7 +51,7 @@ from scipy.signal import lfilter
 from calibration import run_part
 from jblast import vehicle
 from jblast.constants import FLIGHT_GRAVITY
-from jblast.discovery.discover import CLOSE, Discovery, discover, misfit
+from jblast.discovery.equations import CLOSE, Discovery, discover, misfit
 from jblast.discovery.sparse_regression import Candidates, polynomial
 from jblast.files import write_text
 from jblast.report.colours import COLOURS

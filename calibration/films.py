@@ -25,7 +25,7 @@ from jblast.scene import Camera, Charge, Scene, look_at
 from jblast.sensors.camera.explosion import ExplosionViews
 from jblast.sensors.camera.image import luminance
 from jblast.sensors.camera.rendering import render
-from jblast.waves.fireball import LARGEST_RADIUS
+from jblast.waves.fireballs import LARGEST_RADIUS
 
 FOCAL = 140.0
 """Focal length [px]: a horizontal field of view of 60 degrees."""

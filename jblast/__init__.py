@@ -17,7 +17,7 @@ from jblast.lazy import lazy_face
 
 # Type checkers and editors see the names, which only exist at their first use.
 if TYPE_CHECKING:
-    from jblast.discovery.law_search import discover_law as discover_law
+    from jblast.discovery import discover_law as discover_law
     from jblast.inference import (
         bound as bound,
         fit as fit,
@@ -60,5 +60,6 @@ __all__ = [
     "render",
     "simulate",
 ]
+
 
 __getattr__, __dir__ = lazy_face(__name__)

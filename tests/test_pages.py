@@ -118,6 +118,8 @@ def test_imports_of_pages_and_notebooks_exist(path):
         base = (node.module or "") if isinstance(node, ast.ImportFrom) else ""
         if isinstance(node, ast.ImportFrom) and base.partition(".")[0] == "jblast":
             module = importlib.import_module(base)
+            # users import from packages, and from modules at the root
+            assert hasattr(module, "__path__") or base.count(".") == 1, base
             for alias in node.names:
                 assert hasattr(module, alias.name), f"{base}.{alias.name}"
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jblast.discovery.discover import (
+from jblast.discovery.equations import (
     FEWEST_OF_INTERVAL,
     MEMBERS,
     THRESHOLD,

@@ -37,5 +37,6 @@ if TYPE_CHECKING:
         Posterior as Posterior,
         posterior_of as posterior_of,
     )
+    from jblast.inference.tuning.tune_recording import tune as tune
 
 __getattr__, __dir__ = lazy_face(__name__)

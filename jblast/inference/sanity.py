@@ -59,7 +59,7 @@ from jblast.observations.scenes import far_from_origin, for_log
 from jblast.quantities import QUANTITIES
 from jblast.results import Note, warning
 from jblast.scene import Charge, UncertainScene
-from jblast.waves.fireball import LARGEST_RADIUS
+from jblast.waves.fireballs import LARGEST_RADIUS
 from jblast.waves.propagation import sound_speed_of
 
 FREE = {"not_at_the_origin": "charge_east_m", "not_at_time_0": "origin_time_s"}

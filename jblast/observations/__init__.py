@@ -21,6 +21,8 @@ if TYPE_CHECKING:
         write as write,
     )
     from jblast.observations.placement import resolve_positions as resolve_positions
+    from jblast.observations.records.formats import Scaling as Scaling
+    from jblast.observations.records.stations import read_stations as read_stations
     from jblast.observations.scenes import starter_scene as starter_scene
 
 __getattr__, __dir__ = lazy_face(__name__)

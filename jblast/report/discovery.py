@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from jblast.discovery.discover import Discovery
+from jblast.discovery.equations import Discovery
 from jblast.discovery.law_search import LawSearch
 from jblast.report.colours import BLUE, VERMILLION
 from jblast.report.messages import sentence

@@ -102,7 +102,7 @@ def _time(fit: Fit, name: str) -> str:
     return f"{text} UTC ± {half:.{decimals}f} s (90 %)"
 
 
-def fit_map(fit: Fit, accepted: Accepted | None = None) -> Map | None:
+def map_of_fit(fit: Fit, accepted: Accepted | None = None) -> Map | None:
     """Return the map of a fit; None if no sensor's position is known.
 
     Args:
@@ -147,7 +147,7 @@ def fit_map(fit: Fit, accepted: Accepted | None = None) -> Map | None:
 
 def place_files(fit: Fit, accepted: Accepted | None = None) -> dict[str, str]:
     """Return the map in WGS84 as files, if the log has positions on the Earth."""
-    shown, name = fit_map(fit, accepted), log_name(fit)
+    shown, name = map_of_fit(fit, accepted), log_name(fit)
     if shown is None or shown.frame is None:
         return {}
     title = f"Blast fit: {name}" if name else "Blast fit"

@@ -716,10 +716,10 @@ def pictures(fit: Fit, accepted: Accepted | None = None) -> list[Block]:
 
 
 def _map(fit: Fit, accepted: Accepted | None) -> "Figure":
-    from jblast.report.fit_map import fit_map
+    from jblast.report.fit_map import map_of_fit
     from jblast.report.map_figures import map_figure
 
-    shown = fit_map(fit, accepted)
+    shown = map_of_fit(fit, accepted)
     assert shown is not None
     return map_figure(shown)
 

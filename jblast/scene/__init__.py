@@ -55,3 +55,4 @@ from jblast.scene.uncertain import (
     with_laws as with_laws,
     with_values as with_values,
 )
+from jblast.scene.values import Number as Number, SceneKey as SceneKey

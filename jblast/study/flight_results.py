@@ -50,7 +50,7 @@ from jblast.vehicle.from_scene import free_air_at
 from jblast.vehicle.loads.blast_wave import Blast
 from jblast.vehicle.loads.impulse_table import custom_profile
 from jblast.vehicle.metrics import THRESHOLDS
-from jblast.waves.fireball import fireball_duration
+from jblast.waves.fireballs import fireball_duration
 from jblast.waves.height_of_burst import burst_notes, scaled_height
 from jblast.waves.paths import slant_range
 from jblast.waves.scaling import scaled_distance

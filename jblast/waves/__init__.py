@@ -1,6 +1,9 @@
 """Laws of blast waves, one a file and registered where defined, and wave models."""
 
+from typing import TYPE_CHECKING
+
 from jblast import registry
+from jblast.lazy import lazy_face
 from jblast.waves.laws.acoustic import acoustic_arrival_time as acoustic_arrival_time
 from jblast.waves.laws.dna_1kt import (
     dna_1kt_arrival_time as dna_1kt_arrival_time,
@@ -74,10 +77,20 @@ from jblast.waves.laws.wu_hao import (
 from jblast.waves.paths import Path as Path, evaluate as evaluate
 from jblast.waves.propagation import (
     air_density as air_density,
+    ambient as ambient,
     iso_9613_absorption as iso_9613_absorption,
     sound_speed_in_air as sound_speed_in_air,
 )
 from jblast.waves.scaling import scaled_distance as scaled_distance
 from jblast.waves.shock import blast_wind as blast_wind
+
+if TYPE_CHECKING:
+    from jblast.waves.fireballs import (
+        fireball as fireball,
+        fireball_duration as fireball_duration,
+    )
+    from jblast.waves.pulse import blast_pulse as blast_pulse
+
+__getattr__, __dir__ = lazy_face(__name__)
 
 registry.mark_packaged()

@@ -26,6 +26,10 @@ filter at all frequencies, only one up to half the sampling rate. It delays the 
 by $\ln 2\,f_s\,c\,d/\pi^2$ for an absorption of $c f^2$ (0.3 ms at 5 km and 48 kHz).
 """
 
+from typing import Any
+
+from jaxtyping import Complex
+
 from jblast.constants import (
     AIR_HEAT_CAPACITY_RATIO,
     DRY_AIR_GAS_CONSTANT,
@@ -270,7 +274,7 @@ def absorption_transfer(
     temperature: Number,
     pressure: Number,
     relative_humidity: Number,
-) -> Numbers:
+) -> Complex[Any, " frequency"]:
     """Return the transfer function at 0, rate / count, ... to half the rate [-].
 
     Args:

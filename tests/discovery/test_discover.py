@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from calibration.discovery import drag_case, motor_case, noisy_states
-from jblast.discovery.discover import (
+from jblast.discovery.equations import (
     basic_interval,
     discover,
     interval_level,

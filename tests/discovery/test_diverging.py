@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jblast.discovery.discover import discover
+from jblast.discovery.equations import discover
 from jblast.discovery.sparse_regression import polynomial
 from jblast.report.discovery import discovery_view
 from jblast.report.view import terminal

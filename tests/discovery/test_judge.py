@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import make_smoothing_spline
 
 from calibration.discovery import held
-from jblast.discovery.discover import (
+from jblast.discovery.equations import (
     discover,
     outside_share,
     unlikely,

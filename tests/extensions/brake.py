@@ -5,8 +5,7 @@ from dataclasses import replace
 import equinox as eqx
 import jax.numpy as jnp
 
-from jblast.vehicle import CONTROLLERS, ControllerKind, hold_of
-from jblast.vehicle.control.position_hold import PositionHold
+from jblast.vehicle import CONTROLLERS, ControllerKind, PositionHold, hold_of
 
 
 class Brake(eqx.Module):

@@ -3,10 +3,9 @@
 import jax.numpy as jnp
 
 from jblast.parameters import Bounds
-from jblast.scene import SENSOR_KINDS, SensorKind
-from jblast.scene.values import Number, SceneKey
+from jblast.scene import SENSOR_KINDS, Number, SceneKey, SensorKind
 from jblast.sensors import overpressure, sampled_by
-from jblast.waves.propagation import ambient
+from jblast.waves import ambient
 
 WITHIN_5 = Bounds(at_least=-5.0, at_most=5.0)
 

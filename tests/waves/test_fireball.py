@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from jblast.constants import STANDARD_GRAVITY, STANDARD_TEMPERATURE
 from jblast.waves import fireball_law_radius, fireball_law_radius_in_image
-from jblast.waves.fireball import (
+from jblast.waves.fireballs import (
     DRAPER_POINT,
     HOTTEST,
     LARGEST_RADIUS,

@@ -25,7 +25,7 @@ from jaxtyping import Array, Float
 from jblast.quantities import BY_CAMERA, FIREBALL_RADII
 from jblast.scene import Free, Scene, UncertainScene, parameter_named, with_values
 from jblast.scene.uncertain import Belief
-from jblast.waves.fireball import fireball_growth_time
+from jblast.waves.fireballs import fireball_growth_time
 
 GROWTH = "fireball_growth_s"
 NORMAL_Q95 = 1.6448536269514722

@@ -25,7 +25,7 @@ from jblast.scene import SENSOR_KINDS, Camera, Charge, Scene
 from jblast.study.running import CameraEvents, Packet, RunDetection
 from jblast.study.thinning import extremes, first_of_each
 from jblast.vehicle import Trajectory
-from jblast.waves.fireball import LARGEST_RADIUS
+from jblast.waves.fireballs import LARGEST_RADIUS
 
 CLOCK = "time"
 """The only timeline: the clock of the run."""

@@ -13,6 +13,8 @@ from jblast.sensors.camera.files.recordings import (
     open_recording as open_recording,
 )
 from jblast.sensors.camera.files.views import explosion_views as explosion_views
+from jblast.sensors.camera.film import Film as Film, film_to_events as film_to_events
+from jblast.sensors.camera.film_writer import write_film as write_film
 from jblast.sensors.camera.fireball import Appearance as Appearance
 from jblast.sensors.camera.geometry import (
     CameraPath as CameraPath,

@@ -83,7 +83,7 @@ from jblast.sensors.camera.tiles import (
     without_direction,
 )
 from jblast.types import as_numbers
-from jblast.waves.fireball import (
+from jblast.waves.fireballs import (
     LARGEST_RADIUS,
     fireball_duration,
     fireball_growth_time,

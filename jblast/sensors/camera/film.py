@@ -56,7 +56,7 @@ from jblast.sensors.camera.pixel import (
 from jblast.sensors.camera.rendering import View, view_of
 from jblast.sensors.camera.stream import Block, event_stream
 from jblast.sensors.camera.surroundings import Landscape
-from jblast.waves.fireball import fireball_growth_time
+from jblast.waves.fireballs import fireball_growth_time
 
 PIXELS = 1 << 22
 """Pixels of a block of frames: 100 MB of three channels in float64. Larger blocks use

@@ -22,7 +22,7 @@ because at its limb even a small alpha is much light; black smoke has a soft lim
 The light is a black body's, interpolated between the middle and the cooler limb by
 $h^2$, as if the temperature fell with $b^2$. Soot reflects an even sky above and a
 ground a fifth as bright: $0.6 + 0.4\,n_z$, $n$ the normal at the entry of the ray. The
-wind carries the cloud (`waves/fireball.py`). The light of the fire on its surroundings
+wind carries the cloud (`waves/fireballs.py`). The light of the fire on its surroundings
 is in `surroundings.py`.
 """
 
@@ -39,7 +39,7 @@ from jblast.sensors.camera.geometry import Rays
 from jblast.sensors.camera.image import FULL_SUN, blackbody_light, luminance
 from jblast.sensors.camera.tiles import SLACK, over_corners, without_direction
 from jblast.types import as_numbers, as_optional_number
-from jblast.waves.fireball import fireball
+from jblast.waves.fireballs import fireball
 from jblast.waves.propagation import ambient
 
 WHITE = FULL_SUN

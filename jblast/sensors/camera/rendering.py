@@ -74,7 +74,7 @@ from jblast.sensors.camera.tiles import (
     turns,
 )
 from jblast.types import as_numbers
-from jblast.waves.fireball import fireball_duration
+from jblast.waves.fireballs import fireball_duration
 
 BATCH = 256
 """Pixels whose light is calculated simultaneously by `light_at`."""

@@ -18,7 +18,7 @@ The radii are fitted by least squares with
 
 $$R(t) = R_\infty \left(1 - e^{-(t - t_0)/\tau}\right)$$
 
-(`waves.fireball`). First light lies between the ends of the exposures of the last dark
+(`waves.fireballs`). First light lies between the ends of the exposures of the last dark
 frame, without light above noise at the later fireball, and of the next one. Without a
 known exposure it lies between the time stamps of the last dark frame and of the first
 silhouette. Its density there is that of the fit, plus a small uniform share $\epsilon$

@@ -83,7 +83,7 @@ Image = Float[np.ndarray, "height width"]
 Mask = Bool[np.ndarray, "height width"]
 SLOWEST_S = 0.02
 """Time constant of the slowest fireball [s]: twice that of 1 t by the law, which is
-known to a factor of two (`waves.fireball`). The test is tuned for up to 1 t."""
+known to a factor of two (`waves.fireballs`). The test is tuned for up to 1 t."""
 UNRESOLVED = 8.0
 """The same, at least, in frame intervals: burning fuel grows for a third of a second
 (the thesis's fireball in 12 frames), inflated objects in all 60 that are measured."""

@@ -15,7 +15,7 @@ import numpy as np
 from jblast.registry import Law, declared_scatter, register
 from jblast.types import namespace
 from jblast.waves.arguments import Number, checked
-from jblast.waves.fireball import (
+from jblast.waves.fireballs import (
     fireball_duration,
     fireball_growth_time,
     fireball_radius,

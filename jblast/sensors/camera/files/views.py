@@ -73,7 +73,7 @@ from jblast.sensors.camera.files.images import (
     read_webp,
 )
 from jblast.sensors.camera.image import linear_to_srgb
-from jblast.waves.fireball import fireball_duration
+from jblast.waves.fireballs import fireball_duration
 
 INDEX = "views.toml"
 SHIPPED = Path(__file__).parents[1] / "explosion"

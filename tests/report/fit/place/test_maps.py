@@ -12,7 +12,7 @@ from jblast.inference.fitting.place import LEVELS
 from jblast.observations.places import Frame
 from jblast.report import map_figures, maps
 from jblast.report.figures import figure_bytes
-from jblast.report.fit_map import fit_map, place_files
+from jblast.report.fit_map import map_of_fit, place_files
 from tests.report.fit.place.located import BEIRUT, arc, around, located, normal_draws
 
 COVARIANCE = [[60.0, 20.0], [20.0, 30.0]]
@@ -46,7 +46,7 @@ CASES = {
 
 
 def drawn(fit, accepted=None):
-    shown = fit_map(fit, accepted)
+    shown = map_of_fit(fit, accepted)
     assert shown is not None
     return map_figures.map_figure(shown)
 

@@ -8,7 +8,7 @@ from PIL import Image
 
 from jblast.errors import InputError
 from jblast.sensors.camera.files.views import explosion_views
-from jblast.waves.fireball import fireball_duration
+from jblast.waves.fireballs import fireball_duration
 from tests.sensors.camera.rendering.baked.noise_set import (
     ANCHOR,
     PHASES,

@@ -17,7 +17,7 @@ from jblast.sensors.camera.fireball import cloud
 from jblast.sensors.camera.geometry import project
 from jblast.sensors.camera.image import blackbody_light
 from jblast.sensors.camera.rendering import render
-from jblast.waves.fireball import fireball, fireball_duration
+from jblast.waves.fireballs import fireball, fireball_duration
 from tests.sensors.camera.rendering.baked.noise_set import (
     PHASES,
     visible_radius,

@@ -13,7 +13,7 @@ from jblast.sensors.camera.fireball import cloud, passage
 from jblast.sensors.camera.geometry import Rays, Surfaces, pixel_rays
 from jblast.sensors.camera.rendering import render
 from jblast.sensors.camera.surroundings import sphere_factor
-from jblast.waves.fireball import fireball
+from jblast.waves.fireballs import fireball
 from tests.sensors.camera.fireball_scenes import EYE, LUMPS, one_charge, small_camera
 
 WHEN = 0.3
