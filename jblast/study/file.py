@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from jaxtyping import Float
 
 from jblast.errors import InputError, nearest, read_text, require, shown
 from jblast.parameters import CLOCK_OFFSET, PARAMETERS, POSITIVE
@@ -143,6 +144,11 @@ class Study:
     def cells(self) -> tuple[tuple[float, ...], ...]:
         """Combinations of the values of `numbers`; a single empty one without axes."""
         return tuple(itertools.product(*(axis.values for axis in self.numbers)))
+
+    @property
+    def table(self) -> Float[np.ndarray, "cell axis"]:
+        """The same as an array; a study without axes has one cell with no values."""
+        return np.array(self.cells, float).reshape(len(self.cells), -1)
 
     @property
     def drawn(self) -> tuple[str, ...]:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from jblast.scene import Scene, UncertainScene
     from jblast.sensors.camera.explosion import ExplosionViews
     from jblast.sensors.camera.film import Film
-    from jblast.sensors.camera.fireball import Appearance
     from jblast.sensors.camera.geometry import CameraPath
     from jblast.sensors.camera.surroundings import Landscape
 
@@ -99,6 +98,8 @@ def film_of(
 
     from jblast.sensors.camera.files.views import views_of
     from jblast.sensors.camera.film import Film
+    from jblast.sensors.camera.fireball import Appearance
+    from jblast.sensors.camera.image import picture_gain
     from jblast.study.flights import scene_to_run
 
     source, options = os.fspath(scene_file), options or FilmOptions()
@@ -116,19 +117,24 @@ def film_of(
     if options.views:
         views = views_of(scene, camera, folder_named(options.views))
     times = _times(scene, float(camera.frames_hz), views, options)
+    daylight = camera.daylight if options.daylight is None else options.daylight
+    appearance, gain = Appearance(flash=options.flash), 1.0
+    if daylight is not None:  # a film that is exposed for less than full sun
+        white, gain = float(daylight) / math.pi, picture_gain(float(daylight))
+        appearance = Appearance(white=white, flash=options.flash)
     film = Film(
         scene,
         camera,
         times,
         views=views,
         depth=None if options.depth is None else read_depth(options.depth, camera),
-        appearance=_appearance(options, camera),
+        appearance=appearance,
     )
     path = _path(source, options, uncertain, camera, times)
     ground = landscape_of(options, carried=path is not None)
     if ground is not None:
         light = ground if path is not None else still_landscape(ground, camera)
-        film = replace(film, background=light, gain=_gain(options, camera))
+        film = replace(film, background=light, gain=gain)
     elif options.background is not None:
         light = background_named(options.background, camera, times)
         film = replace(film, background=light)
@@ -154,32 +160,6 @@ def _camera(camera: "Camera", options: FilmOptions) -> "Camera":
             )
         camera = replace(camera, frames_hz=hz)
     return camera
-
-
-def _daylight(options: FilmOptions, camera: "Camera") -> float | None:
-    """Return the illuminance by sky and sun [lx]; None for full sun."""
-    if options.daylight is None and camera.daylight is not None:
-        return float(camera.daylight)
-    return options.daylight
-
-
-def _gain(options: FilmOptions, camera: "Camera") -> float:
-    """Return the gain of ground and sky, smaller in less daylight."""
-    from jblast.sensors.camera.image import picture_gain
-
-    daylight = _daylight(options, camera)
-    return 1.0 if daylight is None else picture_gain(daylight)
-
-
-def _appearance(options: FilmOptions, camera: "Camera") -> "Appearance":
-    """Return the brightness of the fire in a film that is exposed for the daylight."""
-    from jblast.sensors.camera.fireball import Appearance
-
-    flash = options.flash
-    daylight = _daylight(options, camera)
-    if daylight is None:
-        return Appearance(flash=flash)
-    return Appearance(white=daylight / math.pi, flash=flash)
 
 
 def _times(

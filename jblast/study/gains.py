@@ -218,11 +218,6 @@ class TunedGains:
 
 def keys_of_gains(gains: Gains) -> dict[str, float | tuple[float, ...]]:
     """Return gains by the names of `[vehicle] control`, rounded to four digits."""
-
-    # far finer than any effect on the margins, and short in a scene file
-    def few(value: Any) -> float:
-        return float(f"{float(value):.4g}")
-
     keys: dict[str, float | tuple[float, ...]] = {
         "kp_pos": tuple(map(few, gains.position)),
         "kd_pos": tuple(map(few, gains.velocity)),
@@ -343,11 +338,12 @@ def tune_gains(
 
 def _rounded(gains: Gains) -> Gains:
     """Return gains rounded to the four printed digits, which are then evaluated."""
+    return jax.tree.map(lambda x: jnp.asarray(np.vectorize(few)(x)), gains)
 
-    def few(value: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-        return np.array([float(f"{x:.4g}") for x in value.ravel()]).reshape(value.shape)
 
-    return jax.tree.map(lambda x: jnp.asarray(few(np.asarray(x))), gains)
+def few(value: Any) -> float:
+    """Return four digits: finer than any effect on the margins, and short in a file."""
+    return float(f"{float(value):.4g}")
 
 
 class DrawnFlights(eqx.Module):

@@ -120,8 +120,7 @@ class Slabs:
         if self.slab < self.keep:  # whole slabs have rows, or none
             self.keep = min(-(-self.keep // self.slab) * self.slab, study.samples)
         self._points = points_of(study.design, len(study.drawn), study.seed)
-        # a study without axes has one cell with no values
-        self._table = np.array(study.cells, float).reshape(self.cells, -1)
+        self._table = study.table
         notes = [note for part in self.parts[0] for note in part.prepared.notes]
         self.notes = tuple(dict.fromkeys(notes))
 
@@ -288,7 +287,9 @@ def draw(
     """
     scores = normal_scores(key[None], len(study.drawn))
     cells = jnp.full((1,), cell)
-    found = numbers_at(study.uncertain, scores, study.numbers, _table(study), cells)
+    found = numbers_at(
+        study.uncertain, scores, study.numbers, jnp.asarray(study.table), cells
+    )
     return {name: values[0] for name, values in found.items()}
 
 
@@ -333,15 +334,11 @@ def outcomes(
         variant,
         key[None],
         normal_scores(key[None], len(study.drawn)),
-        _table(study),
+        jnp.asarray(study.table),
         jnp.full((1,), cell),
         {name: value[None] for name, value in given.items()},
     )
     return {name: answers[name][0] for name in study.outcomes}
-
-
-def _table(study: Study) -> Float[Array, "cell axis"]:
-    return jnp.asarray(study.cells, float).reshape(len(study.cells), -1)
 
 
 class Part(NamedTuple):
@@ -387,7 +384,7 @@ def parts_of(study: Study, variant: int) -> tuple[Part, ...]:
 
 def _pilot(study: Study, variant: int) -> dict[str, np.ndarray]:
     """Return the parameters of pilot samples, which include each cell of the axes."""
-    cells = np.array(study.cells, float).reshape(len(study.cells), -1)
+    cells = study.table
     count = min(max(MIN_PILOTS, len(cells)), MAX_PILOTS)
     # a fixed seed: preparation must not depend on the seed of the study
     scores = np.random.default_rng(0).standard_normal((count, len(study.drawn)))

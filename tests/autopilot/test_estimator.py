@@ -30,7 +30,7 @@ from jblast.autopilot.estimator import (
 from jblast.sensors.flight_sensors import Fix, Magnetometer, Sample, Suite
 from jblast.sensors.imu import Inertial
 from jblast.vehicle import State, Trajectory
-from tests.vehicle.flights import by_hand
+from tests.vehicle.flights import by_hand, stacked
 
 FIELD = jnp.array([0.01, 0.2, -0.43])
 SUITE = Suite(Magnetometer(FIELD))
@@ -145,13 +145,6 @@ def test_thrown_off_by_far_it_finds_back_by_fixes():
     np.testing.assert_allclose(after.position_m, true, atol=0.5)
 
 
-def controls(seeds: jnp.ndarray, flights) -> EstimatedControl:
-    one = eqx.filter_vmap(
-        lambda start, seed: EstimatedControl(None, SUITE, start, seed)
-    )
-    return one(jax.tree.map(lambda x: x[:, 0], flights.states), seeds)
-
-
 def squares(control: EstimatedControl, flight, period) -> jnp.ndarray:
     """The error's square along a flight in units of its covariance."""
 
@@ -164,24 +157,20 @@ def squares(control: EstimatedControl, flight, period) -> jnp.ndarray:
     return jax.lax.scan(turn, control.known(), rows)[1]
 
 
-def estimates(count: int, seconds: float, *along):
-    """What some functions give along random flights, one a lane."""
-    flights = jax.tree.map(
-        lambda *x: jnp.stack(x), *(swinging(n, seconds) for n in range(count))
-    )
-    many = controls(jnp.arange(count, dtype=jnp.uint32), flights)
-    lanes = (eqx.if_array(0), eqx.if_array(0), None)
-    found = [
-        eqx.filter_jit(eqx.filter_vmap(one, in_axes=lanes))(many, flights, PERIOD)
-        for one in along
-    ]
-    return flights, many, *found
-
-
 @pytest.mark.slow
 def test_over_random_flights_its_errors_are_as_large_as_it_says():
     count = 60
-    _, _, found, square = estimates(count, 12.0, followed, squares)
+    flights = stacked([swinging(n, 12.0) for n in range(count)])
+    control = eqx.filter_vmap(
+        lambda start, seed: EstimatedControl(None, SUITE, start, seed)
+    )
+    starts = jax.tree.map(lambda x: x[:, 0], flights.states)
+    many = control(starts, jnp.arange(count, dtype=jnp.uint32))
+    lanes = (eqx.if_array(0), eqx.if_array(0), None)
+    found, square = (
+        eqx.filter_jit(eqx.filter_vmap(one, in_axes=lanes))(many, flights, PERIOD)
+        for one in (followed, squares)
+    )
     # independent lanes: the mean of their squares is chi square's
     low, high = stats.chi2.ppf([0.0005, 0.9995], 15 * count) / count
     means = np.asarray(square).mean(axis=0)[250::250]

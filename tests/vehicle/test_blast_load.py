@@ -36,30 +36,6 @@ HIGH = Scene(Charge(1.0, (0.0, 0.0, 40.0), burst="free-air"))
 BESIDE = (14.0, 0.0, 20.0)
 
 
-@functools.cache
-def gained(mass: float, distance: float, step_s: float) -> np.ndarray:
-    """Return the velocity after a flight of 0.12 s through a blast."""
-    flight = simulate(
-        PLAIN,
-        hovering(PLAIN, (distance, 0.0, 2.0)),
-        duration_s=0.12,
-        step_s=step_s,
-        loads=(blast_load(scene(mass)),),
-        store_every=10000,
-        backend="jax",
-    )
-    return np.asarray(flight.velocity_m_s[-1])
-
-
-@pytest.mark.slow  # flights; by default the impulse of one step and of many
-@pytest.mark.parametrize("step", [0.5e-3, 10e-3])
-@pytest.mark.parametrize(("mass", "distance"), [(1.0, 5.0), (15.0, 30.0)])
-def test_a_flight_gains_the_same_velocity_at_any_step(mass, distance, step):
-    """0.1 %, though the positive phase lasts 4, 5 and 13 ms."""
-    expected, found = (gained(mass, distance, s) for s in (5e-5, step))
-    assert np.linalg.norm(found - expected) / np.linalg.norm(expected) < 1e-3
-
-
 @pytest.mark.parametrize("drag", [True, False])
 @pytest.mark.parametrize(("made", "place"), [(scene(), (5.0, 0, 2)), (HIGH, BESIDE)])
 def test_an_impulse_is_complete_however_steps_cut_it(made, place, drag):

@@ -36,7 +36,7 @@ from jblast.scene import Charge, Instrument, Scene, Sensor, VehicleSpec
 from jblast.sensors import Track, recording, waves
 from jblast.sensors.noise import BLOCK
 from jblast.vehicle import BlastLoad, State, Vehicle, blast_load, named, rotor_speeds
-from jblast.vehicle.from_scene import image_of
+from jblast.vehicle.from_scene import image_of, wind_of
 from jblast.vehicle.loads.blast_wave import Blast
 from jblast.waves.propagation import ambient, sound_speed_of
 from jblast.waves.pulse import Pulse
@@ -160,9 +160,8 @@ class Packet(NamedTuple):
 
 def air_of(scene: Scene) -> Air:
     """Return the ambient air of a scene."""
-    air = scene.air
-    wind = np.array([float(air.wind_east), float(air.wind_north), 0.0])
-    return Air(float(ambient(air)[1]), float(sound_speed_of(air)), wind)
+    pressure, sound = ambient(scene.air)[1], sound_speed_of(scene.air)
+    return Air(float(pressure), float(sound), np.asarray(wind_of(scene), float))
 
 
 def announced_load(
