@@ -1,15 +1,28 @@
-"""The posterior of a fit as a plain function for samplers of other libraries."""
+"""Laws, likelihoods and samplers of a user: the code of two pages of the manual."""
 
 import re
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.stats import multivariate_normal
 
-PAGE = Path(__file__).parents[2] / "docs/howto/own_sampler.md"
-BLOCKS = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.M | re.S)
+import jblast.waves  # registers its laws
+from jblast.registry import LAWS, Law, declared_scatter
+
+HOWTO = Path(__file__).parents[2] / "docs/howto"
+
+
+def blocks(page):
+    """Return the Python of a page."""
+    return re.findall(r"^```python\n(.*?)^```", (HOWTO / page).read_text(), re.M | re.S)
+
+
+BLOCKS = blocks("own_sampler.md")
 LOG = """sensor,range_m,quantity,value,sigma
 a,20,air_arrival_s,0.1301,0.001
 b,40,air_arrival_s,0.1801,0.001
@@ -89,3 +102,63 @@ def test_an_optimiser_of_others_finds_the_optimum(names):
     # in standard deviations: both are the optimum of one function
     off = np.linalg.solve(names["root"], best - names["found"].start)
     np.testing.assert_allclose(off, 0.0, atol=1e-4)
+
+
+@pytest.mark.slow
+def test_a_law_and_a_likelihood_of_a_user_are_fitted_and_compared(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "log.csv").write_text(LOG)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    before = dict(LAWS)
+    try:
+        for block in blocks("own_models.md"):
+            exec(block, names)
+    finally:
+        LAWS.clear()
+        LAWS.update(before)
+    fits, best = names["fits"], names["found"].values(names["best"].value)
+    assert fits["our_range"].log_evidence == names["found"].log_evidence
+    mass = fits["our_range"].summary.estimates["charge_mass_kg"]
+    assert mass.q05 < float(best["charge_mass_kg"]) < mass.q95
+
+
+@pytest.mark.slow
+def test_the_evidence_of_two_scatters_is_that_of_an_integral_of_normal_densities():
+    ranges, value = np.array([30.0, 50.0, 70.0]), np.array([2.1e4, 9.3e3, 5e3])
+    relative = np.array([0.05, 0.06, 0.06])
+    log = pd.DataFrame(
+        {
+            "sensor": ["a", "b", "c"],
+            "quantity": "peak_overpressure_pa",
+            "value": value,
+            "sigma": relative * value,
+            "range_m": ranges,
+        }
+    )
+    ln_mass = np.linspace(-5.0, 12.0, 4001)
+    away = np.log(value) - np.log(6e5) + 1.6 * (np.log(ranges) - ln_mass[:, None] / 3)
+    evidence, exact = [], []
+    for shot, record in ((0.3, 0.1), (0.0, 0.0)):
+        law = Law(
+            quantity="peak_overpressure_pa",
+            name="power",
+            function=lambda slant_range, charge_mass: (
+                6e5 * (slant_range / jnp.cbrt(charge_mass)) ** -1.6
+            ),
+            range="everywhere",
+            source="this test",
+            valid=lambda slant_range: slant_range > 0,
+            scatter=declared_scatter(shot=shot, record=record),
+            scatter_source="declared",
+        )
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setitem(LAWS, (law.quantity, law.name), law)
+            found = jblast.fit(log, laws="power", noise="gaussian")
+        evidence.append(found.log_evidence)
+        covariance = np.diag(relative**2 + record**2) + shot**2
+        density = multivariate_normal(np.zeros(3), covariance).pdf(away)
+        exact.append(np.log(np.trapezoid(density, ln_mass)))
+    # each evidence has a standard error of about 0.02 from its draws
+    assert np.diff(evidence) == pytest.approx(np.diff(exact), abs=0.1)

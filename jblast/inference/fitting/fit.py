@@ -169,6 +169,15 @@ class Fit:
         """Names of the fitted parameters, in the order of `start`."""
         return self.answer.names
 
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the probability of the log, to compare laws on one log.
+
+        It is the integral of likelihood and priors, in the units of `sd`, with an error
+        of some hundredths.
+        """
+        return self.solution.draws.log_evidence
+
     @cached_property
     def start(self) -> Float[np.ndarray, " free"]:
         """The optimum of `log_density`, in its coordinates."""
