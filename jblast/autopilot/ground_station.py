@@ -31,7 +31,7 @@ from jblast.autopilot.mavlink import (
     message,
 )
 from jblast.autopilot.protocols import UNKNOWN, Missions, Parameters, motion_fields
-from jblast.errors import InputError
+from jblast.errors import InputError, require
 from jblast.missions import Item, Mission, MissionControl, Plan, Progress, mission_of
 from jblast.missions.guidance import ENDED, FLYING, Legs
 from jblast.missions.plan import GLOBAL, RELATIVE, Nav, checked_item
@@ -454,8 +454,8 @@ class GroundStation:
     def _disarm(self) -> None:
         """Disarm on the ground."""
         # Disarming in flight would stop the rotors.
-        if self._craft.flies and self._craft.in_air:
-            raise InputError("disarming: expected a vehicle on the ground")
+        flies = self._craft.flies and self._craft.in_air
+        require(not flies, "disarming", "a vehicle on the ground")
         if self._craft.armed:
             self._craft.stand()
 
@@ -535,12 +535,10 @@ class GroundStation:
 
     def _take_off(self, up_m: float = 0.0) -> None:
         """Take off to a height above the sea; 0 or NaN: by default."""
-        if self._craft.flies:
-            raise InputError("take-off: expected a vehicle on the ground")
+        require(not self._craft.flies, "take-off", "a vehicle on the ground")
         home_m, up = self.missions.home.alt_m, self._parameters.takeoff_up_m
         up = up if math.isnan(up_m) or up_m == 0 else up_m - home_m
-        if up <= 0:
-            raise InputError(f"take-off: expected more than {home_m:g} m")
+        require(up > 0, "take-off", f"more than {home_m:g} m")
         self._fly([_item(Nav.TAKEOFF, up)], MODE_TAKEOFF)
 
     def _go(self, lat: float, lon: float, alt: float, frame: int) -> None:

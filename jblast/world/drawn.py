@@ -132,7 +132,11 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     expected = "none in a scene with [world] to fit with"
     require(scene.charge.never, where, expected, got)
     beliefs: dict[str, Belief] = {}
-    low, high = _bounds(world.region)
+    if isinstance(world.region, Box):
+        low, high = world.region.low, world.region.high
+    else:
+        high = world.region.outer * jnp.array([1.0, 1.0, 0.0])
+        low = -high
     # The median of the prior, as for every uncertain number of a scene.
     place = 0.5 * (low + high)
     for axis, name in enumerate(CHARGE_POSITION):
@@ -154,14 +158,6 @@ def scene_of_one_blast(uncertain: UncertainScene, world: WorldSpec) -> Uncertain
     laws = dict(scene.law) | record_laws(scene)
     scene = replace(scene, charges=(charge,), law=tuple(laws.items()))
     return replace(uncertain, scene=scene, beliefs={**uncertain.beliefs, **beliefs})
-
-
-def _bounds(region: Box | Ring) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
-    """Return the lowest and highest coordinates of a region."""
-    if isinstance(region, Box):
-        return region.low, region.high
-    high = region.outer * jnp.array([1.0, 1.0, 0.0])
-    return -high, high
 
 
 def read_run_scene(
