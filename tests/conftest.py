@@ -16,6 +16,7 @@ from pathlib import Path
 CACHE = Path(__file__).parents[1] / ".jax_cache"
 os.environ["XDG_CACHE_HOME"] = str(CACHE)
 os.environ.setdefault("MPLBACKEND", "agg")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in commands: half the time
 os.environ["JBLAST_KEEP_PROGRAMS"] = "0"  # tests put other numbers into the package
 
 import jax  # noqa: E402 (after what it reads from the environment)
