@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     )
     from jblast.report.fit_map import map_of_fit as map_of_fit
     from jblast.report.fit_report import (
+        fit_document as fit_document,
         summary as summary,
         write_report as write_report,
     )
